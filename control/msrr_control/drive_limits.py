@@ -1,0 +1,46 @@
+"""Magnitude and rate limits of a drive."""
+
+from __future__ import annotations
+
+from typing import overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@overload
+def nested_limit(
+    speed: float, wish: float, max_speed: float, max_rate: float, kappa: float, dt: float
+) -> float: ...
+@overload
+def nested_limit(
+    speed: Array, wish: Array, max_speed: float, max_rate: float, kappa: float, dt: float
+) -> Array: ...
+def nested_limit(
+    speed: float | Array, wish: float | Array, max_speed: float, max_rate: float, kappa: float, dt: float
+) -> float | Array:
+    r"""Advance one speed behind its nested magnitude and rate limits by ``dt``.
+
+    .. math:: \dot v_s = \mathrm{sat}(-a, \kappa(\mathrm{sat}(-V, v_d, V) - v_s), a)
+
+    Source: Zheng et al., eq. 3; the loop gain is written out (printed kappa = 1 1/s never docks).
+
+    Args:
+        speed: Present speed v_s, any shape [m/s or rad/s].
+        wish: Commanded speed v_d, same shape.
+        max_speed: V > 0.
+        max_rate: a > 0 [per second].
+        kappa: Bandwidth of the inner loop [1/s]; ``kappa * dt`` above 1 is cut to 1, so that no step overshoots.
+        dt: Step [s].
+
+    Returns:
+        The speed one step later, same shape.
+    """
+    if isinstance(speed, float) and isinstance(wish, float):
+        wish = min(max(wish, -max_speed), max_speed)
+        change = min(kappa * dt, 1.0) * (wish - speed)
+        return speed + min(max(change, -max_rate * dt), max_rate * dt)
+    change_ = min(kappa * dt, 1.0) * (np.clip(wish, -max_speed, max_speed) - speed)
+    return speed + np.clip(change_, -max_rate * dt, max_rate * dt)

@@ -1,0 +1,1 @@
+"""From pixels to poses: detection, joint pose, line of sight, filter. Knows no truth and no simulator."""

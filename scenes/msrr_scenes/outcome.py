@@ -1,0 +1,26 @@
+"""How a trial ended."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class Outcome(Enum):
+    """Verdict of a trial: what was physically true, and whether the robot knew it.
+
+    A verdict is formed by the judge from truth; ``FALSE_DOCK`` and ``FALSE_ABORT`` are the two ways in which
+    belief and truth can part.
+    """
+
+    DOCKED = "docked"  # seated, locked, the lock held the pull, and the robot says so
+    JAMMED = "jammed"  # the pins stopped at the port, too far off its axis to enter
+    NOT_SEATED = "not_seated"  # the pins are in line with the holes and did not reach their bottom
+    LOCK_FAILED = "lock_failed"  # seated and closed, but the lock gave way under the pull
+    TARGET_LOST = "target_lost"  # the marker was seen and lost, and no attempt was left
+    NEVER_DETECTED = "never_detected"  # the marker was never seen
+    COLLISION = "collision"  # bodies other than the docking pair touched
+    CLEARANCE_VIOLATED = "clearance_violated"  # bodies came closer than the scene allows
+    LEFT_ARENA = "left_arena"
+    TIMEOUT = "timeout"
+    FALSE_DOCK = "false_dock"  # the robot says docked; the pins are not seated or the lock holds nothing
+    FALSE_ABORT = "false_abort"  # the robot gave up although it was seated

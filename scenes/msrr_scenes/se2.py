@@ -1,0 +1,86 @@
+"""SE(2): poses in the plane, written in monogram notation (``X_WU`` is frame U seen from frame W)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def wrap_angle(angle: float) -> float:
+    """Return ``angle`` [rad] wrapped to (-pi, pi]."""
+    wrapped = math.remainder(angle, 2.0 * math.pi)
+    return math.pi if wrapped == -math.pi else wrapped
+
+
+@dataclass(frozen=True, slots=True)
+class SE2:
+    """A rigid motion of the plane.
+
+    Attributes:
+        x: Translation along x [m].
+        y: Translation along y [m].
+        yaw: Rotation, counter-clockwise positive [rad]; kept in (-pi, pi].
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "x", float(self.x))
+        object.__setattr__(self, "y", float(self.y))
+        object.__setattr__(self, "yaw", wrap_angle(float(self.yaw)))
+
+    @classmethod
+    def exp(cls, dx: float, dy: float, dyaw: float) -> SE2:
+        """Integrate the constant body twist ``(dx, dy, dyaw)`` [m, m, rad] over unit time."""
+        if abs(dyaw) < 1e-6:  # series: sin(t)/t and (1-cos(t))/t lose digits before this
+            sinc, cosc = 1.0 - dyaw * dyaw / 6.0, dyaw / 2.0
+        else:
+            sinc, cosc = math.sin(dyaw) / dyaw, (1.0 - math.cos(dyaw)) / dyaw
+        return cls(sinc * dx - cosc * dy, cosc * dx + sinc * dy, dyaw)
+
+    def log(self) -> Array:
+        """Return the body twist ``(dx, dy, dyaw)``, shape (3,), whose :meth:`exp` is this pose."""
+        half = self.yaw / 2.0
+        k = 1.0 - half * half / 3.0 if abs(half) < 1e-6 else half / math.tan(half)
+        return np.array([k * self.x + half * self.y, -half * self.x + k * self.y, self.yaw])
+
+    def __matmul__(self, other: SE2) -> SE2:
+        """Compose: ``X_AC = X_AB @ X_BC``."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return SE2(
+            self.x + c * other.x - s * other.y, self.y + s * other.x + c * other.y, self.yaw + other.yaw
+        )
+
+    def inverse(self) -> SE2:
+        """Return ``X_BA`` of this ``X_AB``."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return SE2(-c * self.x - s * self.y, s * self.x - c * self.y, -self.yaw)
+
+    def act(self, points: ArrayLike) -> Array:
+        """Map points of frame B, shape (..., 2) [m], into frame A."""
+        p = np.asarray(points, dtype=np.float64)
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return np.stack(
+            [self.x + c * p[..., 0] - s * p[..., 1], self.y + s * p[..., 0] + c * p[..., 1]], axis=-1
+        )
+
+    def adjoint(self) -> Array:
+        """Return the (3, 3) matrix that takes a body twist ``(x, y, yaw)`` in B to the same twist in A."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return np.array([[c, -s, self.y], [s, c, -self.x], [0.0, 0.0, 1.0]])
+
+    @property
+    def translation(self) -> Array:
+        """Position, shape (2,) [m]."""
+        return np.array([self.x, self.y])
+
+    def as_array(self) -> Array:
+        """Return ``(x, y, yaw)``, shape (3,) [m, m, rad]."""
+        return np.array([self.x, self.y, self.yaw])
