@@ -79,7 +79,7 @@ class Contact(_Record):
         time_s: Simulated time.
         lateral_m: Distance of the front port from the axis of the dock frame D.
         yaw_rad: Angle between the unit's heading and that axis, not negative.
-        estimate_error: Estimate minus truth of the unit in D at that instant; None when there was no estimate.
+        estimate_error: Estimate minus truth of the unit in D at that instant; None without an estimate.
     """
 
     time_s: Distance

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
 from msrr_scenes.se2 import SE2
 
@@ -22,6 +22,15 @@ class Spec(BaseModel):
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, strict=False, arbitrary_types_allowed=True
     )
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_flag_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
+        # Left alone, pydantic reads `yes` in a scene file as the number 1.
+        wanted = cls.model_fields[info.field_name].annotation if info.field_name else Any
+        if isinstance(value, bool) and wanted is not bool:
+            raise ValueError(f"expected a value, found the flag {str(value).lower()}")
+        return value
 
 
 class Choice(Spec):
