@@ -38,7 +38,7 @@ def resolve(kind: str, name: str, table: Mapping[str, Callable[..., T]]) -> Call
     try:
         found: Any = importlib.import_module(module_name)
     except ModuleNotFoundError as error:
-        # Only a path that leads nowhere is the scene's mistake; a module that fails inside is the user's to see.
+        # Only a path that leads nowhere is a bad name; a module that fails inside is for its author to see.
         if error.name is None or not f"{module_name}.".startswith(f"{error.name}."):
             raise
         raise UnknownNameError(kind, name, table, f"No module named {error.name!r}. {_HINT}") from None
