@@ -47,6 +47,13 @@ class Solid:
     size: tuple[float, ...]
     mesh: Path | None = None
 
+    def outline(self) -> Array:
+        """Return points in U, shape (N, 2) [m], whose convex hull is the shape's shadow on the ground.
+
+        Round shapes are given by 32 points on the circle.
+        """
+        return _outline(self)
+
 
 def tag_corners(size: float) -> Array:
     """Return the corners of a tag's black border in T, shape (4, 3) [m]: bottom left, then counter-clockwise.
