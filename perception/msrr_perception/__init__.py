@@ -1,1 +1,1 @@
-"""From pixels to poses: detection, joint pose, line of sight, filter. Knows no truth and no simulator."""
+"""Perception: pixels to tag corners to poses, the line of sight, and the filter. It never sees truth."""

@@ -1,0 +1,88 @@
+"""From pixels to AprilTag corners: the detector protocol and the implementations that ship."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Protocol
+
+import numpy as np
+
+from msrr_perception import native_apriltag
+from msrr_perception.native_apriltag import DetectorError, NativeSettings
+from msrr_scenes.messages import Pixels, TagDetection
+from msrr_scenes.pinhole import Window
+
+__all__ = ["DETECTORS", "Detector", "DetectorError", "PupilDetector"]
+
+#: The AprilTag library counts pixels from their edges, this project from their centres.
+EDGE_TO_CENTRE_PX = 0.5
+
+#: Smaller images hold no tag and make the library's tiles degenerate.
+_SMALLEST_EDGE_PX = 8
+
+
+class Detector(Protocol):
+    """Finds tags in one window of one frame."""
+
+    def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
+        """Return the tags in ``pixels``, mono8 of shape (window.height, window.width).
+
+        Corners are pixels of the FULL frame, counted from pixel centres, in the order of
+        :func:`msrr_scenes.unit_geometry.tag_corners`; tags are sorted by id.
+        """
+        ...
+
+
+class PupilDetector:
+    """AprilTag 3 by way of pupil-apriltags.
+
+    Every instance of a process shares one native detector (see :mod:`msrr_perception.native_apriltag`).
+
+    Attributes:
+        family: Tag family.
+        max_hamming: Detections with more corrected bits are dropped.
+        min_decision_margin: Detections with a smaller margin are dropped [grey levels].
+        settings: What the native detector is told.
+    """
+
+    def __init__(
+        self,
+        family: str = "tag36h11",
+        quad_decimate: float = 1.0,
+        quad_sigma: float = 0.0,
+        decode_sharpening: float = 1.0,
+        min_white_black_diff: int = 30,
+        max_hamming: int = 1,
+        min_decision_margin: float = 10.0,
+    ) -> None:
+        """See :class:`NativeSettings` for the native parameters.
+
+        Raises:
+            DetectorError: A parameter out of its range.
+        """
+        if quad_decimate < 1.0 or quad_sigma < 0.0 or decode_sharpening < 0.0:
+            raise DetectorError("quad_decimate must be >= 1, quad_sigma and decode_sharpening >= 0")
+        if not 0 < min_white_black_diff < 256:
+            raise DetectorError(f"min_white_black_diff must lie in 1..255, not {min_white_black_diff}")
+        self.family = family
+        self.max_hamming = max_hamming
+        self.min_decision_margin = min_decision_margin
+        self.settings = NativeSettings(quad_decimate, quad_sigma, decode_sharpening, min_white_black_diff)
+
+    def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
+        """Return the tags of one window; see :meth:`Detector.detect`."""
+        if pixels.shape != (window.height, window.width):
+            raise DetectorError(f"{pixels.shape} pixels do not fill a window of {window}")
+        if min(pixels.shape) < _SMALLEST_EDGE_PX:
+            return ()
+        offset = np.array([window.x - EDGE_TO_CENTRE_PX, window.y - EDGE_TO_CENTRE_PX])
+        found = [
+            TagDetection(t.tag_id, t.corners + offset, float(t.decision_margin), t.hamming)
+            for t in native_apriltag.detect(pixels, self.family, self.settings)
+            if t.hamming <= self.max_hamming and t.decision_margin >= self.min_decision_margin
+        ]
+        return tuple(sorted(found, key=lambda t: (t.tag_id, -t.decision_margin)))
+
+
+DETECTORS: Mapping[str, Callable[..., Detector]] = MappingProxyType({"pupil": PupilDetector})
