@@ -1,0 +1,44 @@
+"""The log of a trial: one MCAP file that holds every message, and from which all else is derived."""
+
+from msrr_bullet.log import topics
+from msrr_bullet.log.codec import LogError
+from msrr_bullet.log.header import LogHeader
+from msrr_bullet.log.mcap_recorder import McapRecorder
+from msrr_bullet.log.reader import LOG_NAME, Log, LogRecord, read_log
+from msrr_bullet.log.recorder import MemoryRecorder, NullRecorder, Recorder
+from msrr_bullet.log.records import (
+    CameraWindow,
+    Clearance,
+    Event,
+    FrameLink,
+    FrameLinks,
+    Level,
+    StartPoses,
+    StepStart,
+    TruePose,
+)
+from msrr_bullet.log.tap import RecordedRobot
+
+__all__ = [
+    "LOG_NAME",
+    "CameraWindow",
+    "Clearance",
+    "Event",
+    "FrameLink",
+    "FrameLinks",
+    "Level",
+    "Log",
+    "LogError",
+    "LogHeader",
+    "LogRecord",
+    "McapRecorder",
+    "MemoryRecorder",
+    "NullRecorder",
+    "RecordedRobot",
+    "Recorder",
+    "StartPoses",
+    "StepStart",
+    "TruePose",
+    "read_log",
+    "topics",
+]

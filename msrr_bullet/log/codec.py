@@ -1,0 +1,159 @@
+"""Frozen dataclasses to JSON and back, bit for bit.
+
+Floats are written by ``repr``, the shortest text that reads back as the same double; numbers that JSON does
+not know are the strings ``"NaN"``, ``"Infinity"`` and ``"-Infinity"`` (the convention of protobuf's JSON
+mapping). Fields keep the order of their class, so that equal messages give equal bytes and, the other way
+round, equal bytes mean equal bits.
+
+A class is read once, from its type hints; a new message type needs nothing but annotations.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import types
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum
+from functools import cache
+from typing import Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_scenes.errors import MsrrError
+
+T = TypeVar("T")
+
+#: What ``json`` makes of a value: dict, list, str, int, float, bool or None.
+Json = Any
+
+_compact = json.JSONEncoder(separators=(",", ":"), allow_nan=False, check_circular=False)
+
+
+class LogError(MsrrError):
+    """A log that cannot be written or read."""
+
+
+@dataclass(frozen=True, slots=True)
+class Codec(Generic[T]):
+    """How values of one type become JSON and back.
+
+    Attributes:
+        encode: Value to what ``json`` can write.
+        decode: The inverse.
+        schema: JSON Schema of the encoded value.
+    """
+
+    encode: Callable[[T], Json]
+    decode: Callable[[Json], T]
+    schema: dict[str, Json]
+
+
+def to_bytes(value: Json) -> bytes:
+    """Return the one compact JSON text of a value, as UTF-8."""
+    return _compact.encode(value).encode()
+
+
+def _float_out(x: float) -> float | str:
+    x = float(x)
+    if math.isfinite(x):
+        return x
+    return "NaN" if math.isnan(x) else ("Infinity" if x > 0.0 else "-Infinity")
+
+
+def _array_out(array: NDArray[np.float64]) -> Json:
+    if array.dtype != np.float64 or array.size == 0:
+        raise LogError(
+            f"a log holds arrays of doubles, not empty; this is {array.dtype} of shape {array.shape}"
+        )
+    return array.tolist() if np.isfinite(array).all() else _nested(_float_out, array.tolist())
+
+
+def _nested(convert: Callable[[float], Json], values: Json) -> Json:
+    return [_nested(convert, v) for v in values] if isinstance(values, list) else convert(values)
+
+
+def _array_in(values: Json) -> NDArray[np.float64]:
+    return np.array(_nested(float, values), dtype=np.float64)
+
+
+_SCALARS: dict[Any, Codec[Any]] = {
+    bool: Codec(bool, bool, {"type": "boolean"}),
+    int: Codec(int, int, {"type": "integer"}),
+    float: Codec(_float_out, float, {"type": ["number", "string"]}),
+    str: Codec(str, str, {"type": "string"}),
+    type(None): Codec(lambda _: None, lambda _: None, {"type": "null"}),
+}
+
+
+@cache
+def codec(kind: Any) -> Codec[Any]:
+    """Return the codec of a type.
+
+    Scalars, enums, tuples, dictionaries by string, optional values, arrays of doubles, and dataclasses of
+    these.
+
+    Raises:
+        TypeError: A type that has no JSON form here. It is a mistake in the message class, not in its data.
+    """
+    if kind in _SCALARS:
+        return _SCALARS[kind]
+    origin, args = get_origin(kind), get_args(kind)
+    if origin is np.ndarray:
+        return Codec(_array_out, _array_in, {"type": "array"})
+    if origin is tuple:
+        return _tuple_codec(args)
+    if origin is dict and args[0] is str:
+        inner = codec(args[1])
+        return Codec(
+            lambda value: {k: inner.encode(v) for k, v in value.items()},
+            lambda value: {k: inner.decode(v) for k, v in value.items()},
+            {"type": "object", "additionalProperties": inner.schema},
+        )
+    if origin in (Union, types.UnionType) and len(args) == 2 and type(None) in args:
+        inner = codec(args[0] if args[1] is type(None) else args[1])
+        return Codec(
+            lambda value: None if value is None else inner.encode(value),
+            lambda value: None if value is None else inner.decode(value),
+            {"anyOf": [inner.schema, {"type": "null"}]},
+        )
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        members = [m.value for m in kind]
+        return Codec(lambda value: value.value, kind, {"enum": members})
+    if isinstance(kind, type) and is_dataclass(kind):
+        return _dataclass_codec(kind)
+    raise TypeError(f"{kind!r} has no JSON form in a log")
+
+
+def _tuple_codec(args: tuple[Any, ...]) -> Codec[Any]:
+    if len(args) == 2 and args[1] is Ellipsis:
+        item = codec(args[0])
+        return Codec(
+            lambda values: [item.encode(v) for v in values],
+            lambda values: tuple(item.decode(v) for v in values),
+            {"type": "array", "items": item.schema},
+        )
+    items = tuple(codec(a) for a in args)
+    return Codec(
+        lambda values: [c.encode(v) for c, v in zip(items, values, strict=True)],
+        lambda values: tuple(c.decode(v) for c, v in zip(items, values, strict=True)),
+        {"type": "array", "prefixItems": [c.schema for c in items]},
+    )
+
+
+def _dataclass_codec(kind: type) -> Codec[Any]:
+    hints = get_type_hints(kind)
+    parts = [(f.name, codec(hints[f.name])) for f in fields(kind)]
+    encoders = [(name, part.encode) for name, part in parts]
+    decoders = [(name, part.decode) for name, part in parts]
+    return Codec(
+        lambda value: {name: encode(getattr(value, name)) for name, encode in encoders},
+        lambda value: kind(**{name: decode(value[name]) for name, decode in decoders}),
+        {
+            "title": f"msrr.{kind.__name__}",
+            "type": "object",
+            "properties": {name: part.schema for name, part in parts},
+        },
+    )

@@ -1,0 +1,136 @@
+"""What a log says about its own trial: the scene, the seed, the units' URDFs, the packages that ran it.
+
+A log is complete in itself. The scene is stored as it was run, overrides included, and with it the URDF of
+every unit (and the meshes of its collision shapes), so that a recording can be replayed where the scene's
+folder is gone or has changed.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any
+from xml.etree import ElementTree
+
+from pydantic import ValidationError
+
+from msrr_bullet.log.codec import LogError
+from msrr_scenes.assets import find_urdf
+from msrr_scenes.scene import Scene
+
+METADATA = "msrr"
+
+
+@dataclass(frozen=True)
+class LogHeader:
+    """The head of a log.
+
+    Attributes:
+        scene: The scene as it was run. When read from a log, its URDFs are those of the log only after
+            :meth:`unpacked`.
+        seed: Seed of all random streams.
+        versions: Packages that ran it.
+        files: URDFs and meshes by their name in the log, contents as bytes.
+        urdfs: Unit to the name in the log of its URDF.
+    """
+
+    scene: Scene
+    seed: int
+    versions: dict[str, str]
+    files: dict[str, bytes]
+    urdfs: dict[str, str]
+
+    @classmethod
+    def of(cls, scene: Scene, seed: int, versions: dict[str, str]) -> LogHeader:
+        """Collect the head of a trial's log, with the files that the scene names.
+
+        Raises:
+            SceneError: A URDF is missing.
+            LogError: A URDF or one of its meshes cannot be read.
+        """
+        beside = scene.source.parent if scene.source else None
+        names: dict[Path, str] = {}
+        files: dict[str, bytes] = {}
+        urdfs: dict[str, str] = {}
+        for unit, spec in scene.units.items():
+            path = find_urdf(spec.urdf, beside).resolve()
+            if path not in names:
+                names[path] = f"urdf/{len(names)}/{path.name}"
+                files |= _bundle(path, names[path])
+            urdfs[unit] = names[path]
+        return cls(scene, seed, versions, files, urdfs)
+
+    def unpacked(self, folder: Path) -> LogHeader:
+        """Write the files of the log into ``folder`` and return this head with a scene that names them there.
+
+        Raises:
+            LogError: The log names a file outside its own folder.
+        """
+        for name, content in self.files.items():
+            path = PurePosixPath(name)
+            if path.is_absolute() or ".." in path.parts:
+                raise LogError(f"the log holds a file with the unsafe name {name!r}")
+            target = folder / path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content)
+        units = {
+            unit: spec.model_copy(update={"urdf": str(folder.resolve() / self.urdfs[unit])})
+            for unit, spec in self.scene.units.items()
+        }
+        return replace(self, scene=self.scene.model_copy(update={"units": units, "source": None}))
+
+    def metadata(self) -> dict[str, str]:
+        """Return the head as the text fields of an MCAP metadata record (files travel as attachments)."""
+        return {
+            "scene": self.scene.model_dump_json(),
+            "seed": str(self.seed),
+            "versions": json.dumps(self.versions, sort_keys=True),
+            "urdfs": json.dumps(self.urdfs),
+        }
+
+    @classmethod
+    def from_metadata(cls, fields: dict[str, str], files: dict[str, bytes]) -> LogHeader:
+        """Read the head back.
+
+        Raises:
+            LogError: A field is missing or is not what it should be.
+        """
+        try:
+            return cls(
+                scene=Scene.model_validate_json(fields["scene"]),
+                seed=int(fields["seed"]),
+                versions=_texts(fields["versions"]),
+                files=files,
+                urdfs=_texts(fields["urdfs"]),
+            )
+        except (KeyError, ValueError, TypeError, ValidationError) as error:
+            raise LogError(f"the head of the log cannot be read: {error}") from error
+
+
+def _texts(text: str) -> dict[str, str]:
+    values: Any = json.loads(text)
+    if not isinstance(values, dict):
+        raise TypeError(f"{text!r} is not a JSON object")
+    return {str(k): str(v) for k, v in values.items()}
+
+
+def _bundle(urdf: Path, name: str) -> dict[str, bytes]:
+    """Return the URDF and the meshes of its collision shapes, which lie beside it under numbered names."""
+    try:
+        text = urdf.read_bytes()
+        root = ElementTree.fromstring(text)
+        meshes = [m for c in root.iter("collision") for m in c.iter("mesh")]
+        if not meshes:
+            return {name: text}
+        files: dict[str, bytes] = {}
+        renamed: dict[str, str] = {}
+        for mesh in meshes:
+            old = mesh.attrib["filename"]
+            if old not in renamed:
+                renamed[old] = f"{len(renamed)}_{PurePosixPath(old).name}"
+                files[str(PurePosixPath(name).parent / renamed[old])] = (urdf.parent / old).read_bytes()
+            mesh.set("filename", renamed[old])
+        return {name: ElementTree.tostring(root), **files}
+    except (OSError, ElementTree.ParseError, KeyError) as error:
+        raise LogError(f"{urdf}: cannot be put into the log: {error}") from error

@@ -1,0 +1,93 @@
+"""Records everything that passes between a trial and its robot, in the order in which a replay needs it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from msrr_bullet.log import topics
+from msrr_bullet.log.recorder import Recorder
+from msrr_bullet.log.records import StepStart
+from msrr_scenes.messages import (
+    Action,
+    Detections,
+    Exposure,
+    Fetch,
+    LosObservation,
+    Pixels,
+    PoseEstimate,
+    SensorMessage,
+)
+from msrr_scenes.pinhole import Window
+
+
+class Robot(Protocol):
+    """What a trial and a replay see of :class:`msrr_bullet.autonomy.Autonomy`."""
+
+    def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
+        """Look at an exposure through ``fetch``."""
+        ...
+
+    def receive(self, message: SensorMessage) -> None:
+        """Take in a message that has arrived."""
+        ...
+
+    def step(self, now_ns: int) -> Action:
+        """Decide."""
+        ...
+
+    @property
+    def estimate(self) -> PoseEstimate | None:
+        """Belief on which the last decision was taken."""
+        ...
+
+    @property
+    def los(self) -> LosObservation | None:
+        """Line of sight on which the last decision was taken."""
+        ...
+
+
+class RecordedRobot:
+    """A robot whose every input and output goes to the log; apart from that, the same robot."""
+
+    def __init__(self, robot: Robot, unit: str, recorder: Recorder, index: int, start_ns: int) -> None:
+        """Tap ``robot``, which docks ``unit`` in step ``index`` of the plan, from ``start_ns`` on."""
+        self._robot = robot
+        self._unit = unit
+        self._recorder = recorder
+        recorder.write(topics.STEPS, start_ns, StepStart(start_ns, index, unit))
+
+    @property
+    def estimate(self) -> PoseEstimate | None:
+        """Belief on which the last decision was taken."""
+        return self._robot.estimate
+
+    @property
+    def los(self) -> LosObservation | None:
+        """Line of sight on which the last decision was taken."""
+        return self._robot.los
+
+    def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
+        """Record the exposure and the windows that the robot asks for."""
+        self._recorder.write(topics.exposure(exposure.camera), exposure.stamp_ns, exposure)
+
+        def recorded(window: Window) -> Pixels:
+            pixels = fetch(window)
+            self._recorder.window(exposure, window, pixels)
+            return pixels
+
+        return self._robot.expose(exposure, recorded)
+
+    def receive(self, now_ns: int, message: SensorMessage) -> None:
+        """Record a message as it arrives."""
+        self._recorder.write(topics.sensor(self._unit, message), now_ns, message)
+        self._robot.receive(message)
+
+    def step(self, now_ns: int) -> Action:
+        """Record the decision, and the belief it was taken on."""
+        action = self._robot.step(now_ns)
+        self._recorder.write(topics.action(self._unit), now_ns, action)
+        if (estimate := self._robot.estimate) is not None:
+            self._recorder.write(topics.estimate(self._unit), now_ns, estimate)
+        if (los := self._robot.los) is not None:
+            self._recorder.write(topics.los(self._unit), now_ns, los)
+        return action

@@ -1,0 +1,98 @@
+"""Where a trial's wall-clock time goes, by named stage.
+
+The figures go to the bench and nowhere else: nothing in a trial may depend on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from time import perf_counter_ns
+from types import TracebackType
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Hands out the context manager that times a stage: ``with clock("physics"): ...``."""
+
+    def __call__(self, stage: str) -> AbstractContextManager[object]:
+        """Return the context manager of ``stage``."""
+        ...
+
+
+class StageClock:
+    """Adds up the wall-clock time spent in each stage, exclusively.
+
+    A stage entered inside another one stops the outer one, so that no nanosecond is counted twice and the sum
+    of all stages is the time spent under the outermost ones. A stage may enter itself.
+    """
+
+    def __init__(self, now_ns: Callable[[], int] = perf_counter_ns) -> None:
+        """Read the time from ``now_ns`` [ns], a monotonic clock."""
+        self._now = now_ns
+        self._stages: dict[str, _Stage] = {}
+        self._running: list[_Stage] = []
+        self._since = 0
+
+    def __call__(self, stage: str) -> _Stage:
+        """Return the context manager that times ``stage``."""
+        found = self._stages.get(stage)
+        if found is None:
+            found = self._stages[stage] = _Stage(self)
+        return found
+
+    @property
+    def spent_ns(self) -> dict[str, int]:
+        """Wall-clock time of each stage [ns], in the order in which they were first named."""
+        return {name: stage.spent_ns for name, stage in self._stages.items()}
+
+    @property
+    def total_ns(self) -> int:
+        """Wall-clock time of all stages together [ns]."""
+        return sum(stage.spent_ns for stage in self._stages.values())
+
+    def _enter(self, stage: _Stage) -> None:
+        now = self._now()
+        if self._running:
+            self._running[-1].spent_ns += now - self._since
+        self._running.append(stage)
+        self._since = now
+
+    def _exit(self) -> None:
+        now = self._now()
+        self._running.pop().spent_ns += now - self._since
+        self._since = now
+
+
+class _Stage:
+    """Context manager of one stage; entered any number of times."""
+
+    __slots__ = ("_clock", "spent_ns")
+
+    def __init__(self, clock: StageClock) -> None:
+        self._clock = clock
+        self.spent_ns = 0
+
+    def __enter__(self) -> None:
+        self._clock._enter(self)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._clock._exit()
+
+
+class NullClock:
+    """A clock that times nothing: what a trial carries unless somebody wants to know."""
+
+    def __call__(self, stage: str) -> NullClock:
+        """Return a context manager that does nothing."""
+        return self
+
+    def __enter__(self) -> None:
+        """Do nothing."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Do nothing."""
