@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from msrr_scenes.se2 import SE2
 
@@ -23,14 +23,16 @@ class Spec(BaseModel):
         frozen=True, extra="forbid", allow_inf_nan=False, strict=False, arbitrary_types_allowed=True
     )
 
-    @field_validator("*", mode="before")
+    @model_validator(mode="before")
     @classmethod
-    def _no_flag_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
+    def _no_flag_for_a_number(cls, data: Any) -> Any:
         # Left alone, pydantic reads `yes` in a scene file as the number 1.
-        wanted = cls.model_fields[info.field_name].annotation if info.field_name else Any
-        if isinstance(value, bool) and wanted is not bool:
-            raise ValueError(f"expected a value, found the flag {str(value).lower()}")
-        return value
+        if isinstance(data, dict):
+            for key, value in data.items():
+                field = cls.model_fields.get(key)
+                if isinstance(value, bool) and field is not None and field.annotation is not bool:
+                    raise ValueError(f"{key}: expected a value, found the flag {str(value).lower()}")
+        return data
 
 
 class Choice(Spec):
