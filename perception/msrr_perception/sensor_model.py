@@ -1,0 +1,110 @@
+"""What lens and sensor do to an ideal image: Gaussian blur, read noise, whole grey levels.
+
+Every pixel is a function of the camera's key, the frame's number and the pixel's place in the full frame;
+so a window read out alone equals the crop of the whole frame, noise included. Library normal generators
+cannot give that (they use a varying number of random words per sample) and cost 3 ms per VGA frame; here a
+tile of noise is drawn once per camera, and a hash of the frame number says where on the periodic tile the
+frame lies and which of its eight mirror images is laid.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_scenes.messages import Pixels
+from msrr_scenes.pinhole import Window
+
+#: Edge of the noise tile [px].
+_TILE = 1024
+
+
+class SensorModel:
+    """Lens blur and read noise of one camera.
+
+    The read noise is Gaussian and independent of the light; shot noise is not modelled.
+    """
+
+    def __init__(self, key: int, blur_px: float, noise_grey: float) -> None:
+        """Set up a sensor.
+
+        Args:
+            key: Up to 128 bits that stand for the seed and the camera.
+            blur_px: Standard deviation of the lens blur [px]; 0 is a perfect lens.
+            noise_grey: Standard deviation of the read noise [grey levels]; 0 is a perfect sensor.
+        """
+        self._key = key.to_bytes(16, "little")
+        self._blur = blur_px
+        self._radius = math.ceil(3.0 * blur_px)
+        self._tile = _noise_tile(key, noise_grey) if noise_grey > 0.0 else None
+
+    @property
+    def margin(self) -> int:
+        """Pixels around a window that its blur draws on."""
+        return self._radius
+
+    def read_out(self, ideal: Pixels, window: Window, frame: int) -> Pixels:
+        """Return what the sensor delivers for ``window`` of frame number ``frame``.
+
+        Args:
+            ideal: Noise-free pixels of ``window.padded(self.margin)``.
+            window: The pixels wanted, in the full frame.
+            frame: Number of the frame.
+
+        Raises:
+            ValueError: ``ideal`` has not the shape of the padded window.
+        """
+        r = self._radius
+        if ideal.shape != (window.height + 2 * r, window.width + 2 * r):
+            raise ValueError(f"{ideal.shape} pixels given for {window} with a margin of {r}")
+        pixels = ideal
+        if r:
+            # OpenCV blurs mono8 in fixed point, the same at every place of an image.
+            blurred = cv2.GaussianBlur(ideal, (2 * r + 1, 2 * r + 1), self._blur)
+            pixels = np.asarray(blurred[r:-r, r:-r], dtype=np.uint8)
+        if self._tile is None:
+            return np.ascontiguousarray(pixels)
+        return self._add_noise(pixels, self._tile, window, frame)
+
+    def _add_noise(self, pixels: Pixels, tile: NDArray[np.int16], window: Window, frame: int) -> Pixels:
+        digest = hashlib.blake2b(frame.to_bytes(8, "little"), key=self._key, digest_size=9).digest()
+        x = (int.from_bytes(digest[:4], "little") + window.x) % _TILE
+        y = (int.from_bytes(digest[4:8], "little") + window.y) % _TILE
+        variant = digest[8]
+        if variant & 1:
+            tile = tile.T
+        tile = tile[:: -1 if variant & 2 else 1, :: -1 if variant & 4 else 1]
+        out = np.empty(pixels.shape, dtype=np.uint8)
+        for out_y, tile_y, height in _runs(y, window.height):
+            for out_x, tile_x, width in _runs(x, window.width):
+                part = slice(out_y, out_y + height), slice(out_x, out_x + width)
+                noise = tile[tile_y : tile_y + height, tile_x : tile_x + width]
+                out[part] = np.clip(pixels[part] + noise, 0, 255)
+        return out
+
+
+def _runs(start: int, length: int) -> list[tuple[int, int, int]]:
+    """Split ``length`` pixels from ``start`` on the periodic tile: (offset, place on the tile, length)."""
+    runs, offset = [], 0
+    while offset < length:
+        place = (start + offset) % _TILE
+        step = min(length - offset, _TILE - place)
+        runs.append((offset, place, step))
+        offset += step
+    return runs
+
+
+def _noise_tile(key: int, sigma: float) -> NDArray[np.int16]:
+    """Return Gaussian noise in whole grey levels, shape (1024, 1024).
+
+    What it is added to is whole already, so rounding here is the sensor's own rounding, once per trial
+    instead of once per pixel.
+    """
+    rng = np.random.Generator(np.random.PCG64(key))
+    noise = sigma * rng.standard_normal((_TILE, _TILE), dtype=np.float32)
+    whole: NDArray[np.int16] = np.rint(np.clip(noise, -255.0, 255.0)).astype(np.int16)
+    return whole
