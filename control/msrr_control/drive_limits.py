@@ -32,7 +32,7 @@ def nested_limit(
         wish: Commanded speed v_d, same shape.
         max_speed: V > 0.
         max_rate: a > 0 [per second].
-        kappa: Bandwidth of the inner loop [1/s]; ``kappa * dt`` above 1 is cut to 1, so that no step overshoots.
+        kappa: Bandwidth of the inner loop [1/s]; ``kappa * dt`` above 1 counts as 1: no step overshoots.
         dt: Step [s].
 
     Returns:
