@@ -9,20 +9,13 @@ from typing import Any
 import yaml
 
 from msrr_scenes.errors import SceneError
-
-#: Where a value sits in a scene: keys of mappings and indices of lists.
-KeyPath = tuple[str | int, ...]
+from msrr_scenes.problems import KeyPath, dotted
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 24
 MAX_VALUES = 20_000
 
 _PLAIN = {f"tag:yaml.org,2002:{kind}" for kind in ("null", "bool", "int", "float", "str", "timestamp")}
-
-
-def dotted(path: KeyPath) -> str:
-    """Return a key path as it is written on the command line: ``units.a.pose.x_m``."""
-    return ".".join(str(part) for part in path)
 
 
 @dataclass

@@ -129,6 +129,24 @@ def base_pose(scene: Scene, pose: PoseSpec, units: Mapping[str, SE2]) -> SE2:
     return units[unit] @ scene.geometry(unit).dock_frame(port)
 
 
+def nominal_units(scene: Scene) -> dict[str, SE2]:
+    """Return ``X_WU`` of every unit at the middle of its start distribution."""
+    units: dict[str, SE2] = {}
+
+    def place(unit: str) -> None:
+        pose = scene.units[unit].pose
+        frame = split_frame(pose.frame)
+        if frame and frame[0] not in units:
+            place(frame[0])
+        X_PU = scene.geometry(unit).port(FRONT).inverse() if frame else SE2()
+        units[unit] = base_pose(scene, pose, units) @ pose.nominal @ X_PU
+
+    for unit in scene.units:
+        if unit not in units:
+            place(unit)
+    return units
+
+
 def _waits_for(scene: Scene, unit: str, steps: Mapping[str, DockStep]) -> set[str]:
     frame = split_frame(scene.units[unit].pose.frame)
     waits = {frame[0]} if frame else set()
