@@ -19,6 +19,7 @@ class CameraSpec(Spec):
         blur_px: Standard deviation of the Gaussian lens blur [px].
         dropout: Probability that a frame is lost between camera and computer.
         samples: Edge of the sub-pixel grid the renderer averages over (1: no anti-aliasing).
+        readout: What the sensor can deliver: any windows of a frame, or nothing but whole frames.
     """
 
     width_px: int = Field(default=640, ge=16, le=4096)
@@ -31,6 +32,7 @@ class CameraSpec(Spec):
     dropout: Probability = 0.0
     renderer: Choice = Choice(name="tiny")
     samples: int = Field(default=2, ge=1, le=8)
+    readout: Literal["windows", "frames"] = "windows"
 
     @property
     def pinhole(self) -> PinholeCamera:
