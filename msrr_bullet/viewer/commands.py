@@ -1,0 +1,116 @@
+"""Commands to meshcat's page in the form in which it takes them: msgpack, one per change.
+
+Meshcat's own Python client starts a server that listens on every interface and outlives its parent, and its
+``static_html`` needs that server. Its page needs neither: it takes the same bytes from any websocket, or from
+the page itself. So this project uses meshcat's geometry and page, and brings the bytes there by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import umsgpack  # type: ignore[import-untyped]
+from meshcat.geometry import Geometry, Material, Mesh, Object
+from numpy.typing import NDArray
+
+from msrr_scenes.se3 import SE3
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One change of the scene in the page.
+
+    Attributes:
+        key: What it changes; of two commands with one key only the later counts.
+        data: The message.
+    """
+
+    key: str
+    data: bytes
+
+
+def viewer_script() -> str:
+    """Return meshcat's page script, which is all the code that a page needs."""
+    return (files("meshcat") / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")
+
+
+def _rename(value: Any, names: dict[str, str]) -> Any:
+    if isinstance(value, dict):
+        return {key: _rename(entry, names) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_rename(entry, names) for entry in value]
+    return names.get(value, value) if isinstance(value, str) else value
+
+
+def _uuids(value: Any) -> list[str]:
+    if isinstance(value, dict):
+        own = [value["uuid"]] if "uuid" in value else []
+        return own + [uuid for entry in value.values() for uuid in _uuids(entry)]
+    return [uuid for entry in value for uuid in _uuids(entry)] if isinstance(value, list) else []
+
+
+def set_object(path: str, geometry: Geometry, material: Material, kind: type[Object] = Mesh) -> Command:
+    """Put a shape at ``path``. Meshcat names its parts by clock and machine; here they are named by ``path``."""
+    lowered = kind(geometry, material).lower()
+    names = {uuid: f"{path}#{i}" for i, uuid in enumerate(dict.fromkeys(_uuids(lowered)))}
+    message = {"type": "set_object", "path": path, "object": _rename(lowered, names)}
+    return Command(f"object {path}", umsgpack.packb(message))
+
+
+def set_transform(path: str, X: SE3, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> Command:
+    """Place ``path`` in its parent, stretched along its own axes by ``scale``."""
+    matrix: Array = X.matrix() @ np.diag([*scale, 1.0])
+    message = {"type": "set_transform", "path": path, "matrix": matrix.T.ravel().tolist()}
+    return Command(f"transform {path}", umsgpack.packb(message))
+
+
+def set_property(path: str, name: str, value: bool | float | Sequence[float]) -> Command:
+    """Set a property of ``path``, such as ``visible``."""
+    listed = value if isinstance(value, (bool, float)) else [float(v) for v in value]
+    message = {"type": "set_property", "path": path, "property": name, "value": listed}
+    return Command(f"property {path} {name}", umsgpack.packb(message))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """One animated property of one path: ``values`` (N, k) at ``times`` (N,) [s]."""
+
+    path: str
+    name: str
+    kind: str
+    times: Array
+    values: NDArray[np.float64] | NDArray[np.bool_]
+
+    def thinned(self) -> Track:
+        """Return the track without the keys in the middle of a stretch of equal values."""
+        same = (self.values[1:] == self.values[:-1]).reshape(len(self.times) - 1, -1).all(axis=1)
+        keep = np.ones(len(self.times), dtype=np.bool_)
+        keep[1:-1] = ~(same[:-1] & same[1:])
+        return Track(self.path, self.name, self.kind, self.times[keep], self.values[keep])
+
+
+def set_animation(tracks: Sequence[Track]) -> Command:
+    """Animate; the page is told to stand still at the beginning."""
+    clips: dict[str, list[dict[str, Any]]] = {}
+    for track in tracks:
+        clips.setdefault(track.path, []).append(
+            {
+                "name": f".{track.name}",
+                "type": track.kind,
+                "times": track.times.tolist(),
+                "values": track.values.ravel().tolist(),
+            }
+        )
+    # One frame a second: the times of the keys are seconds.
+    animations = [
+        {"path": path, "clip": {"fps": 1, "name": "trial", "tracks": entries}}
+        for path, entries in clips.items()
+    ]
+    message = {"type": "set_animation", "animations": animations, "options": {"play": True}, "path": ""}
+    return Command("animation", umsgpack.packb(message))

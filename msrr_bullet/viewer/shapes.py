@@ -1,0 +1,125 @@
+"""Shapes of the page: solids of a URDF, tag plates, ribbons, sectors, wireframes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import cv2
+import meshcat.geometry as g
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from msrr_bullet.tag_assets import PLATE_RATIO, plate_texture
+from msrr_bullet.viewer.commands import Command, set_object, set_transform
+from msrr_scenes.se3 import SE3, rotation_from_rpy
+from msrr_scenes.unit_geometry import Solid
+
+Array = NDArray[np.float64]
+
+#: From a URDF cylinder (axis z) to meshcat's (axis y).
+_X_CYLINDER = SE3(rotation_from_rpy(math.pi / 2, 0.0, 0.0))
+#: From a tag frame (z into the tag, y down) to the front of a box (z outwards, y up).
+_X_FRONT = SE3(rotation_from_rpy(math.pi, 0.0, 0.0))
+
+PLATE_THICKNESS = 0.001
+
+
+def paint(colour: int, opacity: float = 1.0) -> g.Material:
+    """Return a shaded, matt material of an RGB ``colour``."""
+    return g.MeshLambertMaterial(color=colour, opacity=opacity, transparent=opacity < 1.0)
+
+
+def ink(colour: int, opacity: float = 1.0) -> g.Material:
+    """Return a material that shows exactly its ``colour``, whatever the light; for drawings, not bodies."""
+    see_through = opacity < 1.0
+    return g.MeshBasicMaterial(
+        color=colour, opacity=opacity, transparent=see_through, depthWrite=not see_through
+    )
+
+
+def solid(path: str, shape: Solid, material: g.Material) -> Iterator[Command]:
+    """Draw a collision shape of a URDF under the node of its body."""
+    X_UG, scale = shape.X_UG, (1.0, 1.0, 1.0)
+    if shape.kind == "box":
+        geometry: g.Geometry = g.Box(list(shape.size))
+    elif shape.kind == "cylinder":
+        geometry, X_UG = g.Cylinder(shape.size[1], shape.size[0]), X_UG @ _X_CYLINDER
+    elif shape.kind == "sphere":
+        geometry = g.Sphere(shape.size[0])
+    else:
+        assert shape.mesh is not None
+        geometry = g.ObjMeshGeometry.from_file(str(shape.mesh))
+        scale = (shape.size[0], shape.size[1], shape.size[2])
+    yield set_object(path, geometry, material)
+    yield set_transform(path, X_UG, scale)
+
+
+def tag_plate(path: str, X_BT: SE3, size: float, tag_id: int | None) -> Iterator[Command]:
+    """Draw a tag with black square of edge ``size`` [m] at tag frame T of body B; ``None`` is a blank plate."""
+    encoded, png = cv2.imencode(".png", plate_texture(tag_id))
+    assert encoded
+    texture = g.ImageTexture(image=g.PngImage(png.tobytes()))
+    edge = PLATE_RATIO * size
+    yield set_object(path, g.Box([edge, edge, PLATE_THICKNESS]), g.MeshLambertMaterial(map=texture))
+    yield set_transform(path, X_BT @ _X_FRONT)
+
+
+def cylinder(path: str, radius: float, height: float, material: g.Material) -> Iterator[Command]:
+    """Draw an upright cylinder that stands in its origin."""
+    yield set_object(path, g.Cylinder(height, radius), material)
+    yield set_transform(path, SE3(p=np.array([0.0, 0.0, 0.5 * height])) @ _X_CYLINDER)
+
+
+def box(path: str, size: tuple[float, float, float], material: g.Material) -> Iterator[Command]:
+    """Draw a box of full edges ``size`` [m] that stands in its origin."""
+    yield set_object(path, g.Box(list(size)), material)
+    yield set_transform(path, SE3(p=np.array([0.0, 0.0, 0.5 * size[2]])))
+
+
+def strip(points: ArrayLike, width: float, z: float) -> g.Geometry:
+    """Return a flat band of ``width`` [m] at height ``z`` along ``points``, shape (N >= 2, 2) [m].
+
+    WebGL draws lines one pixel wide whatever is asked, so paths are bands.
+    """
+    p = np.asarray(points, dtype=np.float64)
+    a, b = p[:-1], p[1:]
+    along = b - a
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    along = 0.5 * width * np.divide(along, length, out=np.zeros_like(along), where=length > 0.0)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    # Square ends, half a width beyond the point, close the gaps at the bends.
+    corners = np.stack([a - along + across, a - along - across, b + along - across, b + along + across], 1)
+    vertices = np.column_stack([corners.reshape(-1, 2), np.full(4 * len(a), z)])
+    first = 4 * np.arange(len(a))[:, None]
+    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+    return g.TriangularMeshGeometry(vertices, faces)
+
+
+def sector(start: float, end: float, radius: float) -> g.Geometry:
+    """Return a flat sector of a circle about the origin, from angle ``start`` to ``end`` [rad], at z = 0."""
+    angles = np.linspace(start, end, 24)
+    rim = radius * np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
+    i = np.arange(1, len(angles))
+    faces = np.stack([np.zeros_like(i), i, i + 1], axis=1)
+    return g.TriangularMeshGeometry(np.concatenate([np.zeros((1, 3)), rim]), faces)
+
+
+def extrusion(outline: ArrayLike, height: float) -> g.Geometry:
+    """Return the walls and the top over a convex ``outline``, shape (N, 2) [m]."""
+    p = np.asarray(outline, dtype=np.float64)
+    n = len(p)
+    vertices = np.concatenate(
+        [np.column_stack([p, np.full(n, 0.001)]), np.column_stack([p, np.full(n, height)])]
+    )
+    i, j = np.arange(n), (np.arange(n) + 1) % n
+    walls = np.concatenate([np.stack([i, j, n + j], 1), np.stack([i, n + j, n + i], 1)])
+    top = np.stack([np.full(n - 2, n), n + np.arange(1, n - 1), n + np.arange(2, n)], axis=1)
+    return g.TriangularMeshGeometry(vertices, np.concatenate([walls, top]))
+
+
+def wires(path: str, ends: ArrayLike, colour: int, opacity: float = 1.0) -> Command:
+    """Draw thin lines between pairs of points, shape (2 N, 3) [m]."""
+    points = np.asarray(ends, dtype=np.float32).T
+    material = g.LineBasicMaterial(color=colour, opacity=opacity, transparent=opacity < 1.0)
+    return set_object(path, g.PointsGeometry(points), material, g.LineSegments)

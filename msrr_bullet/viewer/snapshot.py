@@ -1,0 +1,49 @@
+"""One instant of a trial as the viewer and the picture show it: truth and belief side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from msrr_bullet.clearance import Clearance
+from msrr_scenes.messages import LosObservation, Phase
+from msrr_scenes.plan import DockStep
+from msrr_scenes.se2 import SE2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """One instant of a trial.
+
+    Attributes:
+        stamp_ns: Simulated time.
+        units: Truth, ``X_WU`` of every unit.
+        obstacles: Truth, ``X_WB`` of every obstacle that is there.
+        step: The step of the plan in progress: who docks to which port.
+        estimate: Where the docking unit believes to be, ``X_WU``; None while it believes nothing.
+        phase: Its phase.
+        attempt: Counted from 1; 0 before the first.
+        los: Its line of sight to the target.
+        clearance: The smallest clearance of any pair, docking pair included.
+    """
+
+    stamp_ns: int
+    units: Mapping[str, SE2]
+    obstacles: Mapping[str, SE2] = field(default_factory=dict)
+    step: DockStep | None = None
+    estimate: SE2 | None = None
+    phase: Phase | None = None
+    attempt: int = 0
+    los: LosObservation | None = None
+    clearance: Clearance | None = None
+
+
+class Viewer(Protocol):
+    """Something that a running trial is shown to. It learns everything and answers nothing."""
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Show the trial at one instant; instants come in order."""
+
+    def close(self) -> None:
+        """Release what the viewer holds; calling it twice is fine."""
