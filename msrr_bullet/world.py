@@ -1,0 +1,272 @@
+"""The PyBullet world: floor, units and obstacles in one DIRECT client, nothing else.
+
+One world owns one client; it is closed by leaving the ``with`` block. The same scene, placement and commands
+give the same bits in any process: PyBullet has no random numbers, all its settings are given here explicitly,
+and bodies are created in the order of the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from msrr_bullet.dressing import Dressing
+from msrr_scenes.bodies import CylinderSpec
+from msrr_scenes.errors import GeometryError, MsrrError, UnknownNameError
+from msrr_scenes.messages import Twist
+from msrr_scenes.placement import Placement
+from msrr_scenes.scene import Scene
+from msrr_scenes.se2 import SE2
+from msrr_scenes.se3 import SE3
+from msrr_scenes.unit_geometry import UnitGeometry
+
+Array = NDArray[np.float64]
+
+GRAVITY_MPS2 = 9.80665
+#: Friction of the floor; PyBullet multiplies it with the other body's.
+FLOOR_FRICTION = 1.0
+OBSTACLE_FRICTION = 0.5
+OBSTACLE_RGBA = (0.55, 0.55, 0.55, 1.0)
+SOLVER_ITERATIONS = 50
+#: Link index by which PyBullet names a body's root link.
+ROOT = -1
+
+
+@dataclass(frozen=True, eq=False)
+class UnitBody:
+    """A unit in the world.
+
+    Attributes:
+        body: PyBullet's id.
+        links: Index of every link; the root link has :data:`ROOT`.
+        geometry: Read from the unit's URDF.
+        X_IU: Frame U seen from the root's *inertial* frame, which is what PyBullet calls the base pose.
+        wheels: Indices of the left and the right wheel's joint.
+    """
+
+    body: int
+    links: Mapping[str, int]
+    geometry: UnitGeometry
+    X_IU: SE3
+    wheels: tuple[int, int]
+
+    def link(self, name: str) -> int:
+        """Return the index of a link; an unknown name lists the ones that exist."""
+        try:
+            return self.links[name]
+        except KeyError:
+            raise UnknownNameError("link", name, self.links) from None
+
+    def links_named(self, prefix: str) -> tuple[str, ...]:
+        """Return the names of the links that begin with ``prefix``, in the order of the URDF."""
+        return tuple(name for name in self.links if name.startswith(prefix))
+
+
+class BulletWorld:
+    """Floor, units and obstacles of a scene.
+
+    The floor is a plane for contact only and has no visual mesh: the cameras composite it.
+
+    Attributes:
+        client: PyBullet's physics client id; pass it to every call.
+        scene: What the world was built from.
+        floor: Body id of the floor.
+        units: Every unit, by name.
+        obstacles: Body id of every obstacle that stands in the world at this time, by name.
+    """
+
+    def __init__(self, scene: Scene, placement: Placement, *, dressing: Dressing | None = None) -> None:
+        """Build the world.
+
+        Args:
+            scene: A checked scene.
+            placement: Where units and obstacles stand at the start.
+            dressing: Puts tags on units and obstacles; None leaves the plates blank.
+        """
+        self.scene = scene
+        self._placement = placement
+        self._dressing = dressing
+        self.units: dict[str, UnitBody] = {}
+        self.obstacles: dict[str, int] = {}
+        self.client: int = pybullet.connect(pybullet.DIRECT)
+        if self.client < 0:
+            raise MsrrError("PyBullet gave no DIRECT client; too many are open in this process")
+        try:
+            self._configure()
+            self.floor = self._add_floor()
+            for name in scene.units:
+                self._add_unit(name, placement.units[name])
+            self.reveal(0.0)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> BulletWorld:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the client; a second call does nothing."""
+        if self.client >= 0:
+            with suppress(pybullet.error):  # the process may be on its way out and the client gone already
+                pybullet.disconnect(physicsClientId=self.client)
+            self.client = -1
+
+    def step(self) -> None:
+        """Advance the physics by one tick of 1 / ``scene.physics_hz``."""
+        pybullet.stepSimulation(physicsClientId=self.client)
+
+    def unit(self, name: str) -> UnitBody:
+        """Return a unit by name."""
+        try:
+            return self.units[name]
+        except KeyError:
+            raise UnknownNameError("unit", name, self.units) from None
+
+    def reveal(self, now_s: float) -> None:
+        """Put up the obstacles whose time has come and that are not there yet."""
+        for name, spec in self.scene.obstacles.items():
+            if name not in self.obstacles and spec.appears_at_s <= now_s:
+                self.obstacles[name] = self._add_obstacle(name)
+
+    def pose3(self, name: str) -> SE3:
+        """Return the true ``X_WU``: the middle of the axle on the ground, pitch and roll included."""
+        unit = self.unit(name)
+        position, quaternion = pybullet.getBasePositionAndOrientation(unit.body, physicsClientId=self.client)
+        return SE3.from_quaternion_xyzw(position, quaternion) @ unit.X_IU
+
+    def pose(self, name: str) -> SE2:
+        """Return the true ``X_WU`` in the plane."""
+        return self.pose3(name).to_se2()
+
+    def link_pose(self, name: str, link: str) -> SE3:
+        """Return the true pose ``X_WL`` of a unit's link, joints included."""
+        unit = self.unit(name)
+        index = unit.link(link)
+        if index == ROOT:
+            return self.pose3(name) @ unit.geometry.frame(link)
+        state = pybullet.getLinkState(
+            unit.body, index, computeForwardKinematics=True, physicsClientId=self.client
+        )
+        return SE3.from_quaternion_xyzw(state[4], state[5])
+
+    def twist(self, name: str) -> Twist:
+        """Return the true velocity of U, seen from U: forward and counter-clockwise."""
+        unit = self.unit(name)
+        linear, angular = (
+            np.array(a) for a in pybullet.getBaseVelocity(unit.body, physicsClientId=self.client)
+        )
+        X_WU = self.pose3(name)
+        p_WI = (X_WU @ unit.X_IU.inverse()).p
+        forward = X_WU.R[:, 0]
+        v_WU = linear + np.cross(angular, X_WU.p - p_WI)
+        return Twist(float(v_WU @ forward), float(angular[2]))
+
+    def wheel_angles(self, name: str) -> tuple[float, float]:
+        """Return the true angles of the left and the right wheel [rad]."""
+        unit = self.unit(name)
+        left, right = (
+            float(pybullet.getJointState(unit.body, joint, physicsClientId=self.client)[0])
+            for joint in unit.wheels
+        )
+        return left, right
+
+    def place(self, name: str, X_WU: SE2, wheels: tuple[float, float]) -> None:
+        """Put a unit on the floor at ``X_WU`` with its wheels at these angles [rad], all at rest."""
+        unit = self.unit(name)
+        # PyBullet moves the centre of mass here, not the link frame.
+        X_WI = SE3.from_se2(X_WU) @ unit.X_IU.inverse()
+        pybullet.resetBasePositionAndOrientation(
+            unit.body, X_WI.p.tolist(), X_WI.quaternion_xyzw().tolist(), physicsClientId=self.client
+        )
+        for joint, angle in zip(unit.wheels, wheels, strict=True):
+            pybullet.resetJointState(unit.body, joint, angle, 0.0, physicsClientId=self.client)
+
+    def _configure(self) -> None:
+        pybullet.setGravity(0.0, 0.0, -GRAVITY_MPS2, physicsClientId=self.client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=1.0 / self.scene.physics_hz,
+            numSubSteps=0,
+            numSolverIterations=SOLVER_ITERATIONS,
+            deterministicOverlappingPairs=1,
+            physicsClientId=self.client,
+        )
+
+    def _add_floor(self) -> int:
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], physicsClientId=self.client
+        )
+        floor: int = pybullet.createMultiBody(
+            baseMass=0.0, baseCollisionShapeIndex=shape, physicsClientId=self.client
+        )
+        pybullet.changeDynamics(floor, ROOT, lateralFriction=FLOOR_FRICTION, physicsClientId=self.client)
+        return floor
+
+    def _add_unit(self, name: str, X_WU: SE2) -> None:
+        geometry = self.scene.geometry(name)
+        urdf = self._dressing.unit_urdf(name) if self._dressing else geometry.urdf
+        body = _load(urdf, self.client)
+        root = pybullet.getBodyInfo(body, physicsClientId=self.client)[0].decode()
+        links = {root: ROOT}
+        for joint in range(pybullet.getNumJoints(body, physicsClientId=self.client)):
+            links[pybullet.getJointInfo(body, joint, physicsClientId=self.client)[12].decode()] = joint
+        info = pybullet.getDynamicsInfo(body, ROOT, physicsClientId=self.client)
+        X_RI = SE3.from_quaternion_xyzw(info[3], info[4])
+        X_IU = X_RI.inverse() @ geometry.frame(root).inverse()
+        wheels = (links["wheel_left"], links["wheel_right"])
+        self.units[name] = UnitBody(body, links, geometry, X_IU, wheels)
+        self.place(name, X_WU, (0.0, 0.0))
+        if self._dressing:
+            self._dressing.dress_unit(self.client, body, name)
+
+    def _add_obstacle(self, name: str) -> int:
+        spec = self.scene.obstacles[name]
+        X_WB = self._placement.obstacles[name]
+        if isinstance(spec, CylinderSpec):
+            shape = pybullet.GEOM_CYLINDER
+            collision, visual = (
+                {"radius": spec.radius_m, "height": spec.height_m},
+                {"radius": spec.radius_m, "length": spec.height_m},
+            )
+        else:
+            shape = pybullet.GEOM_BOX
+            half = [0.5 * spec.length_m, 0.5 * spec.width_m, 0.5 * spec.height_m]
+            collision = visual = {"halfExtents": half}
+        X_WG = SE3.from_se2(X_WB, 0.5 * spec.height_m)
+        body: int = pybullet.createMultiBody(
+            baseMass=0.0,
+            baseCollisionShapeIndex=pybullet.createCollisionShape(
+                shape, **collision, physicsClientId=self.client
+            ),
+            baseVisualShapeIndex=pybullet.createVisualShape(
+                shape, **visual, rgbaColor=OBSTACLE_RGBA, physicsClientId=self.client
+            ),
+            basePosition=X_WG.p.tolist(),
+            baseOrientation=X_WG.quaternion_xyzw().tolist(),
+            physicsClientId=self.client,
+        )
+        pybullet.changeDynamics(body, ROOT, lateralFriction=OBSTACLE_FRICTION, physicsClientId=self.client)
+        if self._dressing and spec.tag_id is not None:
+            self._dressing.dress_obstacle(self.client, name, X_WB)
+        return body
+
+
+def _load(urdf: Path, client: int) -> int:
+    try:
+        body: int = pybullet.loadURDF(
+            str(urdf), useFixedBase=False, flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client
+        )
+    except pybullet.error as error:
+        raise GeometryError(f"{urdf}: PyBullet cannot load this URDF ({error})") from None
+    return body
