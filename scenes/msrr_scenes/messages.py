@@ -222,4 +222,40 @@ class Action:
     reason: str = ""
 
 
+class Conviction(Enum):
+    """What the robot holds true about a docking step."""
+
+    UNDECIDED = "undecided"
+    DOCKED = "docked"
+    UNDOCKED = "undocked"
+    GAVE_UP = "gave_up"
+
+
+class Setback(Enum):
+    """Why an attempt ended, as far as the robot can tell."""
+
+    NEVER_DETECTED = "never_detected"  # no measurement of the target in the whole step
+    TARGET_LOST = "target_lost"  # seen before, not seen any more
+    UNREADY = "unready"  # seen, but never well enough or never inside the cone
+    OFF_AXIS = "off_axis"  # at the port, too far off its axis for the pins to enter
+    STALLED = "stalled"  # no progress towards the port, or no seat behind it
+    NOT_LATCHED = "not_latched"  # the cam did not report closed, or the switches opened meanwhile
+    NOT_VERIFIED = "not_verified"  # latched, but what is seen is not a seated unit
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """What the robot says about the docking step; the judge knows better.
+
+    Attributes:
+        conviction: Its verdict so far.
+        setback: Why the last attempt failed; None while none has.
+        reason: The same in words, with figures.
+    """
+
+    conviction: Conviction = Conviction.UNDECIDED
+    setback: Setback | None = None
+    reason: str = ""
+
+
 SensorMessage = Detections | PoseMeasurement | WheelOdometry | SeatSwitches | LockFeedback
