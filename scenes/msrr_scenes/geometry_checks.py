@@ -67,12 +67,11 @@ def _too_wide(scene: Scene) -> Iterator[Problem]:
         geometry = scene.geometry(step.unit)
         reach = geometry.control_offset(step.port) - float(geometry.frame("camera").p[0])
         if los.angle_at_contact(reach) >= los.inner:
-            depth = reach + los.setback_m
+            widest = (reach + los.setback_m) * math.tan(los.inner)
             text = (
                 f"the target of plan step {i} ({step.unit} to {step.to}) is too wide for the cone: "
                 f"at contact its edges are at {math.degrees(los.angle_at_contact(reach)):.1f} deg, the "
-                f"inner bound is {los.inner_deg:g}; lower half_width_m below {depth * math.tan(los.inner):.4f}, "
-                "or raise inner_deg"
+                f"inner bound is {los.inner_deg:g}; lower half_width_m below {widest:.4f}, or raise inner_deg"
             )
             yield Problem(("los", "half_width_m"), text)
 

@@ -88,7 +88,8 @@ def _validate(document: Marked, path: Path) -> Scene:
     try:
         scene = Scene.model_validate(document.data)
     except ValidationError as error:
-        _refuse(document, [explain(e, document) for e in error.errors(include_url=False)])
+        found = [explain(e, document) for e in error.errors(include_url=False)]
+        _refuse(document, [problem for problem in found if problem is not None])
         raise AssertionError("a validation error explains itself") from error
     return scene.model_copy(update={"source": path.resolve()})
 

@@ -75,14 +75,24 @@ def _compose(text: str, origin: str) -> yaml.Node | None:
         for event in yaml.parse(text, Loader=yaml.SafeLoader):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_DEPTH:
-                raise SceneError(f"{origin}: nested more than {MAX_DEPTH} levels deep")
+                raise SceneError(
+                    f"{_at(origin, event.start_mark.line if event.start_mark else 0)}: nested more than {MAX_DEPTH} levels deep"
+                )
         return yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        place = f"{origin}:{mark.line + 1}" if mark and not origin.startswith("--") else origin
+        place = _at(origin, mark.line) if mark else origin
         raise SceneError(f"{place}: not valid YAML: {error.problem or error.context}") from None
-    except yaml.YAMLError as error:  # characters that YAML forbids
-        raise SceneError(f"{origin}: not valid YAML: {' '.join(str(error).split())}") from None
+    except yaml.reader.ReaderError as error:
+        place = _at(origin, text.count("\n", 0, error.position))
+        raise SceneError(
+            f"{place}: not valid YAML: the character U+{error.character:04X} is not allowed"
+        ) from None
+
+
+def _at(origin: str, line: int) -> str:
+    """Return the origin with its line (given from 0); an option of the command line has none."""
+    return origin if origin.startswith("--") else f"{origin}:{line + 1}"
 
 
 class _Reader:

@@ -31,6 +31,6 @@ class Problem:
 
 
 def nearest(name: object, valid: Iterable[str]) -> str:
-    """Return ``; did you mean 'x'?`` for the valid name most like ``name``, or nothing."""
+    """Return ``; did you mean 'x'?`` for the valid name most like ``name``, or just the full stop."""
     near = difflib.get_close_matches(str(name), list(valid), n=1)
-    return f"; did you mean {near[0]!r}?" if near else ""
+    return f"; did you mean {near[0]!r}?" if near else "."

@@ -6,6 +6,7 @@ import math
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
 
 from msrr_scenes.se2 import SE2
 
@@ -31,8 +32,25 @@ class Spec(BaseModel):
             for key, value in data.items():
                 field = cls.model_fields.get(key)
                 if isinstance(value, bool) and field is not None and field.annotation is not bool:
-                    raise ValueError(f"{key}: expected a value, found the flag {str(value).lower()}")
+                    context = {"key": key, "shown": str(value).lower()}
+                    raise PydanticCustomError("flag", "{key}: expected a value, found {shown}", context)
         return data
+
+    @model_validator(mode="before")
+    @classmethod
+    def _complete_choices(cls, data: Any) -> Any:
+        # `docking: c2` is a choice without parameters, `docking: {params: ...}` one with the default's name.
+        if not isinstance(data, dict):
+            return data
+        completed = dict(data)
+        for key, value in data.items():
+            default = cls.model_fields[key].default if key in cls.model_fields else None
+            if isinstance(default, Choice):
+                if isinstance(value, str):
+                    completed[key] = {"name": value}
+                elif isinstance(value, dict) and "name" not in value:
+                    completed[key] = {"name": default.name, **value}
+        return completed
 
 
 class Choice(Spec):

@@ -22,34 +22,46 @@ _NAME = "a name of lower-case letters, digits and underscores that starts with a
 _NOT_KEYS = {"source"}  # fields that the program fills in
 
 
-def explain(error: ErrorDetails, document: Marked) -> Problem:
-    """Turn one pydantic error into a problem of the document it was found in."""
-    kind, loc = error["type"], error["loc"]
+def explain(error: ErrorDetails, document: Marked) -> Problem | None:
+    """Turn one pydantic error into a problem of the document it was found in.
+
+    Returns:
+        None for an error that only repeats another one.
+    """
+    kind, loc, given = error["type"], error["loc"], error["input"]
     path = _written_path(loc, document.data)
-    found = _shown(error["input"])
+    found = _shown(given)
     context = error.get("ctx", {})
     if kind == "extra_forbidden":
         keys = _keys_at(loc[:-1])
         return Problem(path, f"unknown key{nearest(loc[-1], keys)} Keys here: {', '.join(keys)}")
     if kind == "missing":
-        return Problem((*path, str(loc[-1])), "this key is required and missing", rank=1)
-    if kind in ("union_tag_invalid", "union_tag_not_found"):
-        key = context["discriminator"].strip("'")
-        if kind == "union_tag_not_found":
-            return Problem(
-                (*path, key), f"this key is required and missing; it tells which of {_tags(loc)} is meant"
-            )
-        tags = _tags(loc)
-        return Problem(
-            (*path, key), f"expected one of {tags}, found {context['tag']!r}{nearest(context['tag'], tags)}"
+        return Problem((*path, str(loc[-1])), "required, and missing", rank=1)
+    if kind == "flag":
+        return Problem((*path, context["key"]), f"expected a value, found the flag {context['shown']}")
+    if kind == "too_short":
+        # pydantic counts the items that passed: a list whose only item is wrong is "too short" as well.
+        enough = len(given) >= context["min_length"]
+        return (
+            None
+            if enough
+            else Problem(path, f"expected at least {context['min_length']} entry, found {found}")
         )
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        return _wrong_tag((*path, context["discriminator"].strip("'")), _tags(loc), context.get("tag"))
     if kind == "literal_error":
         valid = [part.strip("'") for part in context["expected"].replace(" or ", ", ").split(", ")]
-        return Problem(path, f"expected {context['expected']}, found {found}{nearest(error['input'], valid)}")
+        return Problem(path, f"expected {context['expected']}, found {found}{nearest(given, valid)}")
     if kind == "string_pattern_mismatch":
-        expected = _PATTERNS.get(str(loc[-1]), _NAME)
-        return Problem(path, f"expected {expected}, found {found}")
+        return Problem(path, f"expected {_PATTERNS.get(str(loc[-1]), _NAME)}, found {found}")
     return Problem(path, _plainly(error["msg"], found))
+
+
+def _wrong_tag(path: KeyPath, tags: list[str], tag: str | None) -> Problem:
+    valid = " or ".join(repr(t) for t in tags)
+    if tag is None:
+        return Problem(path, f"required, and missing; expected {valid}")
+    return Problem(path, f"expected {valid}, found {tag!r}{nearest(tag, tags)}")
 
 
 def _plainly(message: str, found: str) -> str:
@@ -62,7 +74,8 @@ def _plainly(message: str, found: str) -> str:
     if head.startswith("Input should be "):
         wanted = head.removeprefix("Input should be ").replace("a valid tuple", "a list")
         bound = "a number " if wanted.startswith(("greater", "less")) else ""
-        return f"expected {bound}{wanted.replace('valid ', '')}, found {found}"
+        wanted = wanted.replace("valid ", "").replace("a integer", "an integer")
+        return f"expected {bound}{wanted}, found {found}"
     return f"{message[0].lower()}{message[1:]} (found {found})"
 
 
@@ -70,9 +83,9 @@ def _shown(value: Any) -> str:
     if value is None:
         return "nothing"
     if isinstance(value, Mapping):
-        return "keys with values" if value else "an empty mapping"
+        return "keys with values" if value else "none"
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return f"a list of {len(value)}"
+        return f"a list of {len(value)}" if value else "none"
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 

@@ -47,7 +47,9 @@ class LimitsSpec(Spec):
     @classmethod
     def _fill_in(cls, data: Any) -> Any:
         if isinstance(data, dict):
-            return {**LIMIT_SETTINGS.get(str(data.get("setting", "normal")), {}), **data}
+            # An unknown setting is refused as such, not by every value that it leaves open.
+            values = LIMIT_SETTINGS.get(str(data.get("setting", "normal")), LIMIT_SETTINGS["normal"])
+            return {**values, **data}
         return data
 
 
