@@ -75,9 +75,8 @@ def _compose(text: str, origin: str) -> yaml.Node | None:
         for event in yaml.parse(text, Loader=yaml.SafeLoader):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_DEPTH:
-                raise SceneError(
-                    f"{_at(origin, event.start_mark.line if event.start_mark else 0)}: nested more than {MAX_DEPTH} levels deep"
-                )
+                place = _at(origin, event.start_mark.line) if event.start_mark else origin
+                raise SceneError(f"{place}: nested more than {MAX_DEPTH} levels deep")
         return yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
