@@ -24,6 +24,7 @@ from msrr_bullet.log.records import (
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.messages import (
     Action,
+    Belief,
     Detections,
     Exposure,
     GlobalPose,
@@ -133,7 +134,7 @@ _FORMATS: dict[type, Format] = {
     f.kind: f
     for f in (
         *map(_plain, (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, Detections, Exposure)),
-        *map(_plain, (LosObservation, Action, Clearance, StepStart, StartPoses)),
+        *map(_plain, (LosObservation, Action, Belief, Clearance, StepStart, StartPoses)),
         _well_known(PoseEstimate, "foxglove.PoseInFrame", _show_estimate),
         _well_known(
             GlobalPose,

@@ -9,6 +9,7 @@ from msrr_bullet.log.recorder import Recorder
 from msrr_bullet.log.records import StepStart
 from msrr_scenes.messages import (
     Action,
+    Belief,
     Detections,
     Exposure,
     Fetch,
@@ -45,6 +46,11 @@ class Robot(Protocol):
         """Line of sight on which the last decision was taken."""
         ...
 
+    @property
+    def belief(self) -> Belief:
+        """Verdict on the step as of the last decision."""
+        ...
+
 
 class RecordedRobot:
     """A robot whose every input and output goes to the log; apart from that, the same robot."""
@@ -65,6 +71,11 @@ class RecordedRobot:
     def los(self) -> LosObservation | None:
         """Line of sight on which the last decision was taken."""
         return self._robot.los
+
+    @property
+    def belief(self) -> Belief:
+        """Verdict on the step as of the last decision."""
+        return self._robot.belief
 
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
         """Record the exposure and the windows that the robot asks for."""
@@ -90,4 +101,5 @@ class RecordedRobot:
             self._recorder.write(topics.estimate(self._unit), now_ns, estimate)
         if (los := self._robot.los) is not None:
             self._recorder.write(topics.los(self._unit), now_ns, los)
+        self._recorder.write(topics.belief(self._unit), now_ns, self._robot.belief)
         return action

@@ -56,6 +56,11 @@ def action(unit: str) -> str:
     return f"/control/{unit}/action"
 
 
+def belief(unit: str) -> str:
+    """Return the topic of a unit's verdict on its step."""
+    return f"/control/{unit}/belief"
+
+
 def global_pose(name: str) -> str:
     """Return the topic of a body's pose as the overhead camera locates it."""
     return f"/perception/{name}/global_pose"
