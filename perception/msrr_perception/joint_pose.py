@@ -136,6 +136,29 @@ def joint_pose(
     return _report(fits, tuple(sorted(t.tag_id for t in known)))
 
 
+def consistent_pose(
+    target: TargetModel, tags: Sequence[TagDetection], noise: CornerNoise = CornerNoise()
+) -> JointPose | None:
+    """Return the joint pose of tags that agree with each other: to start from when nothing is known.
+
+    With three tags or more, the one that disagrees is left out; two that disagree tell nothing.
+    """
+    pose = joint_pose(target, tags, noise)
+    if pose is None or _agree(pose):
+        return pose
+    if len(pose.tags) < 3:
+        return None
+    rest = ([t for t in tags if t.tag_id != odd] for odd in pose.tags)
+    poses = [p for p in (joint_pose(target, some, noise) for some in rest) if p is not None]
+    best = min(poses, key=lambda p: p.chi2, default=None)
+    return best if best is not None and _agree(best) else None
+
+
+def _agree(pose: JointPose) -> bool:
+    # Twice the degrees of freedom, and some: rendered corners are not quite independent.
+    return pose.chi2 <= 2.0 * (8 * len(pose.tags) - 3) + 12.0
+
+
 def _report(fits: list[CornerFit], tags: tuple[int, ...]) -> JointPose:
     best = fits[0]
     covariance, alternative, gap = best.covariance[:3, :3], None, math.inf
