@@ -34,6 +34,10 @@ class CornerNoise:
     tilt_sigma: float = math.radians(0.3)
 
 
+#: What suits rendered images with anti-aliasing.
+DEFAULT_CORNER_NOISE = CornerNoise()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class JointPose:
     """A relative pose from one exposure.
@@ -99,7 +103,7 @@ def one_tag_poses(target: TargetModel, tag: TagDetection) -> tuple[SE2, ...]:
 
 
 def joint_pose(
-    target: TargetModel, tags: Sequence[TagDetection], noise: CornerNoise = CornerNoise()
+    target: TargetModel, tags: Sequence[TagDetection], noise: CornerNoise = DEFAULT_CORNER_NOISE
 ) -> JointPose | None:
     """Estimate the relative pose from the corners of every tag of the target.
 
@@ -137,7 +141,7 @@ def joint_pose(
 
 
 def consistent_pose(
-    target: TargetModel, tags: Sequence[TagDetection], noise: CornerNoise = CornerNoise()
+    target: TargetModel, tags: Sequence[TagDetection], noise: CornerNoise = DEFAULT_CORNER_NOISE
 ) -> JointPose | None:
     """Return the joint pose of tags that agree with each other: to start from when nothing is known.
 

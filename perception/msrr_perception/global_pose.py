@@ -1,0 +1,154 @@
+"""Where units and obstacles stand in the world, from the overhead camera: pixel rays cut with a plane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from msrr_scenes.errors import SceneError
+from msrr_scenes.messages import Array, Detections, GlobalPose, TagDetection
+from msrr_scenes.pinhole import PinholeCamera
+from msrr_scenes.scene import Scene
+from msrr_scenes.se2 import SE2
+from msrr_scenes.se3 import SE3
+from msrr_scenes.sensors import OverheadCameraSpec
+from msrr_scenes.unit_geometry import tag_corners
+
+#: An obstacle's tag lies flat on its top: image right is the body's x, image up its y.
+_R_FLAT_TAG: Array = np.diag([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlatTag:
+    """A level tag on top of a body.
+
+    Attributes:
+        name: The unit or obstacle that carries it.
+        corners_B: Corners in the body frame B (z = 0 the floor), shape (4, 3) [m]; all of one height.
+    """
+
+    name: str
+    corners_B: Array
+
+    @property
+    def height(self) -> float:
+        """Height above the floor [m]."""
+        return float(self.corners_B[:, 2].mean())
+
+
+def overhead_pose(spec: OverheadCameraSpec) -> SE3:
+    """Return X_WC of the overhead camera: straight down, image right along world x, image down along -y."""
+    return SE3(np.diag([1.0, -1.0, -1.0]), np.array([spec.x_m, spec.y_m, spec.height_m]))
+
+
+def rays_to_plane(camera: PinholeCamera, X_WC: SE3, pixels: Array, height: float) -> tuple[Array, Array]:
+    """Cut pixel rays with the plane z = ``height`` of W.
+
+    Args:
+        camera: Intrinsics.
+        X_WC: Pose of the camera.
+        pixels: Shape (N, 2).
+        height: Of the plane [m].
+
+    Returns:
+        Points in W, shape (N, 2) [m], and their derivatives by the pixel, shape (N, 2, 2) [m/px].
+
+    Raises:
+        SceneError: A ray that does not meet the plane in front of the camera.
+    """
+    d = camera.rays(pixels) @ X_WC.R.T
+    t = (height - X_WC.p[2]) / d[:, 2]
+    if not np.all(np.isfinite(t)) or float(t.min()) <= 0.0:
+        raise SceneError(f"the camera does not look at the plane z = {height} m")
+    points = X_WC.p[:2] + t[:, None] * d[:, :2]
+    # d(point)/d(pixel): the ray turns by the rotation's first two columns over f, sliding along the plane.
+    turn = X_WC.R[:, :2] / camera.focal
+    jacobian = t[:, None, None] * (turn[None, :2, :] - d[:, :2, None] * (turn[2] / d[:, 2:3])[:, None, :])
+    return points, jacobian
+
+
+class GlobalLocalizer:
+    """Locates bodies by their top tags in overhead detections."""
+
+    def __init__(
+        self, camera: PinholeCamera, X_WC: SE3, tags: Mapping[int, FlatTag], corner_sigma_px: float = 0.3
+    ) -> None:
+        """Set up.
+
+        Args:
+            camera: Intrinsics of the overhead camera.
+            X_WC: Its pose, by calibration.
+            tags: Tag id -> where it sits on which body.
+            corner_sigma_px: Standard deviation of each corner coordinate.
+        """
+        self.camera = camera
+        self.X_WC = X_WC
+        self.tags = MappingProxyType(dict(tags))
+        self._sigma = corner_sigma_px
+
+    @classmethod
+    def from_scene(cls, scene: Scene, corner_sigma_px: float = 0.3) -> GlobalLocalizer:
+        """Build for the scene's overhead camera, units and tagged obstacles.
+
+        Raises:
+            SceneError: The scene has no overhead camera.
+        """
+        spec = scene.cameras.overhead
+        if spec is None:
+            raise SceneError("cameras.overhead: this scene has no overhead camera")
+        tags = {}
+        for unit in scene.units:
+            geometry = scene.geometry(unit)
+            if "tag_top" in geometry.tag_slots:
+                corners = geometry.frame("tag_top").act(tag_corners(scene.tag_size("tag_top")))
+                tags[scene.tag_ids(unit)["tag_top"]] = FlatTag(unit, corners)
+        for name, obstacle in scene.obstacles.items():
+            if obstacle.tag_id is not None:
+                X_BT = SE3(_R_FLAT_TAG, np.array([0.0, 0.0, obstacle.height_m]))
+                tags[obstacle.tag_id] = FlatTag(name, X_BT.act(tag_corners(obstacle.tag_m)))
+        return cls(spec.pinhole, overhead_pose(spec), tags, corner_sigma_px)
+
+    def locate(self, detections: Detections) -> tuple[GlobalPose, ...]:
+        """Return the pose of every known body seen, in the order of the tags."""
+        return tuple(
+            self._locate(tag, self.tags[tag.tag_id], detections.exposure.stamp_ns)
+            for tag in detections.tags
+            if tag.tag_id in self.tags
+        )
+
+    def _locate(self, seen: TagDetection, tag: FlatTag, stamp_ns: int) -> GlobalPose:
+        points, by_pixel = rays_to_plane(self.camera, self.X_WC, seen.corners, tag.height)
+        X_WB = fit_se2(tag.corners_B[:, :2], points)
+        # Both sides are linear near the solution: the pose's covariance follows from the corners'.
+        A = _pose_jacobian(X_WB, tag.corners_B[:, :2])
+        normal = np.linalg.inv(A.T @ A)
+        spread = np.zeros((8, 8))
+        for i, J in enumerate(by_pixel):
+            spread[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = self._sigma**2 * (J @ J.T)
+        covariance = normal @ A.T @ spread @ A @ normal
+        return GlobalPose(tag.name, stamp_ns, X_WB, 0.5 * (covariance + covariance.T))
+
+
+def fit_se2(points_B: Array, points_A: Array) -> SE2:
+    """Return X_AB that maps ``points_B`` onto ``points_A``, both (N, 2), with the least squared error.
+
+    Source: Umeyama, "Least-squares estimation of transformation parameters", PAMI 13, 1991; in the plane.
+    """
+    mean_B, mean_A = points_B.mean(axis=0), points_A.mean(axis=0)
+    b, a = points_B - mean_B, points_A - mean_A
+    yaw = math.atan2(float((b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0]).sum()), float((b * a).sum()))
+    turned = SE2(0.0, 0.0, yaw).act(mean_B)
+    return SE2(float(mean_A[0] - turned[0]), float(mean_A[1] - turned[1]), yaw)
+
+
+def _pose_jacobian(X_WB: SE2, points_B: Array) -> Array:
+    """Return the derivatives of the points in W by (x, y, yaw), shape (2 N, 3)."""
+    p = X_WB.act(points_B) - X_WB.translation
+    A = np.zeros((2 * len(points_B), 3))
+    A[0::2, 0] = A[1::2, 1] = 1.0
+    A[0::2, 2], A[1::2, 2] = -p[:, 1], p[:, 0]
+    return A

@@ -1,0 +1,136 @@
+"""The line of sight to the docking target: the angles of its edges, measured in the image."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from msrr_perception.estimator import Estimator
+from msrr_perception.target import TargetModel
+from msrr_scenes.errors import SceneError
+from msrr_scenes.messages import NS_PER_S, Detections, LosObservation, LosStatus, PoseMeasurement
+from msrr_scenes.se2 import SE2
+
+
+@dataclass(frozen=True, slots=True)
+class _Bearings:
+    """Edge bearings (left, right) [rad] of one exposure; None where an edge was not seen."""
+
+    stamp_ns: int
+    edges: tuple[float | None, float | None]
+
+
+def edge_bearings(target: TargetModel, X_DU: SE2) -> tuple[float, float]:
+    """Return the bearings (left, right) of the target's edges from a pose, counter-clockwise positive [rad].
+
+    Source: Zheng et al., eq. 21, with the camera anywhere on the unit and looking along its own axis.
+    """
+    p_U = X_DU.inverse().act(target.edge_points_D[:, :2])
+    points = np.column_stack([p_U, target.edge_points_D[:, 2]])
+    p_C = target.X_CU.act(points)
+    left, right = np.arctan2(-p_C[:, 0], p_C[:, 2])
+    return float(left), float(right)
+
+
+def measured_bearings(target: TargetModel, detections: Detections) -> tuple[float | None, float | None]:
+    """Return the bearings (left, right) of those edges whose tag was read [rad].
+
+    An upright edge stands upright in the image of a level camera; the mean of its two corners' columns is it.
+    """
+    corners = {t.tag_id: t.corners for t in detections.tags}
+
+    def bearing(side: int) -> float | None:
+        edge = target.edges[side]
+        if edge.tag_id not in corners:
+            return None
+        return float(target.camera.bearing(corners[edge.tag_id][list(edge.corners), 0].mean()))
+
+    return bearing(0), bearing(1)
+
+
+class LosEstimator:
+    """Tells control under which angles the target's edges are seen.
+
+    An edge seen in the newest exposure is *seen*; with delay compensation it is turned on by as much as the
+    estimator's poses say it has moved since. An edge that was not seen is *predicted* from the estimator's
+    pose. Without a pose that rests on a recent sight of any tag, the target is *lost*.
+    """
+
+    def __init__(self, target: TargetModel, max_age_s: float = 0.3, lost_after_s: float = 0.5) -> None:
+        """Set up an estimator that has seen nothing yet.
+
+        Args:
+            target: Camera and map of the tags.
+            max_age_s: For how long a seen edge counts as seen.
+            lost_after_s: For how long predictions are trusted without any tag seen.
+
+        Raises:
+            SceneError: A parameter out of its range.
+        """
+        if not 0.0 < max_age_s <= lost_after_s:
+            raise SceneError("los: 0 < max_age_s <= lost_after_s is needed")
+        self.target = target
+        self._max_age_ns = round(max_age_s * NS_PER_S)
+        self._lost_after_ns = round(lost_after_s * NS_PER_S)
+        self._newest: _Bearings | None = None
+
+    def reset(self) -> None:
+        """Forget what was seen."""
+        self._newest = None
+
+    def add_detections(self, detections: Detections) -> None:
+        """Take in one exposure; older ones than the newest known are of no use."""
+        self._add(detections.exposure.stamp_ns, measured_bearings(self.target, detections))
+
+    def add_pose(self, measurement: PoseMeasurement) -> None:
+        """Take in the bearings of a ready-made measurement."""
+        self._add(measurement.exposure.stamp_ns, measurement.edge_bearings)
+
+    def observe(self, now_ns: int, estimator: Estimator) -> LosObservation:
+        """Return the line of sight as it is at the time of the estimator's estimate.
+
+        Args:
+            now_ns: The time.
+            estimator: Whose estimate is used for edges out of view and, with delay compensation on, to carry
+                seen edges from their exposure to now.
+
+        Returns:
+            The angles; NaN when the target is lost and no pose is known.
+        """
+        estimate = estimator.estimate(now_ns)
+        if estimate is None:
+            return LosObservation(now_ns, math.nan, math.nan, math.nan, LosStatus.LOST)
+        predicted = edge_bearings(self.target, estimate.X_DU)
+        seen = self._carried(now_ns, estimate.stamp_ns, predicted, estimator)
+        left, right = (p if s is None else s for s, p in zip(seen, predicted, strict=True))
+        if now_ns - estimate.last_seen_ns > self._lost_after_ns:
+            status = LosStatus.LOST
+        else:
+            status = LosStatus.PREDICTED if None in seen else LosStatus.SEEN
+        margin = self.target.camera.half_fov - max(abs(left), abs(right))
+        return LosObservation(estimate.stamp_ns, left, right, margin, status)
+
+    def _carried(
+        self, now_ns: int, stamp_ns: int, predicted: tuple[float, float], estimator: Estimator
+    ) -> tuple[float | None, float | None]:
+        """Return the newest seen bearings carried to ``stamp_ns``; None for an edge not seen."""
+        newest = self._newest
+        if newest is None or now_ns - newest.stamp_ns > self._max_age_ns:
+            return None, None
+        if newest.stamp_ns == stamp_ns:
+            return newest.edges
+        then = estimator.predict(newest.stamp_ns)
+        if then is None:
+            return None, None
+        before = edge_bearings(self.target, then.X_DU)
+        left, right = (
+            None if s is None else s + math.remainder(p - b, 2.0 * math.pi)
+            for s, p, b in zip(newest.edges, predicted, before, strict=True)
+        )
+        return left, right
+
+    def _add(self, stamp_ns: int, edges: tuple[float | None, float | None]) -> None:
+        if self._newest is None or stamp_ns > self._newest.stamp_ns:
+            self._newest = _Bearings(stamp_ns, edges)

@@ -1,0 +1,149 @@
+"""The onboard vision front end: chooses the windows of an exposure, reads the tags in them, looks again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from msrr_perception.detector import Detector
+from msrr_perception.target import TargetModel
+from msrr_perception.windows import (
+    DEFAULT_POLICY,
+    ExpectedTag,
+    WindowPolicy,
+    expected_tags,
+    plan_windows,
+    pose_is_known,
+)
+from msrr_scenes.errors import SceneError
+from msrr_scenes.messages import Detections, Exposure, Fetch, PoseEstimate, TagDetection
+from msrr_scenes.pinhole import Window
+
+
+class OnboardVision:
+    """Reads the target's tags from the docking unit's camera, from as few pixels as it can.
+
+    What it does with an exposure:
+
+    1. Nothing is known, the prediction is poor, or the last exposure showed nothing: the full frame.
+    2. Every ``full_every`` frames: the full frame, whatever is believed.
+    3. The prediction says that no tag is in view: the full frame every ``search_every`` frames, else nothing.
+    4. Otherwise the windows of :func:`msrr_perception.windows.plan_windows`. A tag of the target port that
+       is missing there although the last exposure showed it (or nothing at all found) gets a second look in
+       larger windows of the same exposure; if still nothing at all is found, the full frame.
+    """
+
+    def __init__(
+        self,
+        target: TargetModel,
+        detector: Detector,
+        policy: WindowPolicy = DEFAULT_POLICY,
+        full_every: int = 50,
+        search_every: int = 5,
+        retry_widen: float = 2.5,
+        known_m: float = 0.15,
+        known_yaw: float = math.radians(15.0),
+    ) -> None:
+        """Set up a front end that has seen nothing yet.
+
+        Args:
+            target: Camera and map of the tags.
+            detector: Reads tags from pixels.
+            policy: How windows are cut.
+            full_every: Period of the routine look at the full frame [frames].
+            search_every: Period of full looks while no tag is expected in view [frames].
+            retry_widen: Factor on a window's margins at the second look.
+            known_m: Standard deviation of the position above which a prediction is not used [m].
+            known_yaw: The same of the yaw [rad].
+
+        Raises:
+            SceneError: A parameter out of its range.
+        """
+        if full_every < 1 or search_every < 1 or retry_widen <= 1.0:
+            raise SceneError("vision: full_every and search_every must be at least 1, retry_widen above 1")
+        self.target = target
+        self.detector = detector
+        self.policy = policy
+        self._full_every = full_every
+        self._search_every = search_every
+        self._retry_widen = retry_widen
+        self._known_m = known_m
+        self._known_yaw = known_yaw
+        self._seen: frozenset[int] = frozenset()
+
+    def reset(self) -> None:
+        """Forget what the last exposure showed; the next one is looked at in full."""
+        self._seen = frozenset()
+
+    def look(self, exposure: Exposure, prediction: PoseEstimate | None, fetch: Fetch) -> Detections:
+        """Read the target's tags from one exposure.
+
+        Args:
+            exposure: The frame at hand.
+            prediction: The pose at the time of the exposure, or None.
+            fetch: Gives the pixels of a window of this exposure.
+
+        Returns:
+            Every tag found in the windows asked for, by ascending id, and those windows in the order asked.
+        """
+        look = _Look(self.target.camera.frame, self.detector, fetch)
+        usable = (
+            prediction if prediction and pose_is_known(prediction, self._known_m, self._known_yaw) else None
+        )
+        if usable is None or exposure.frame % self._full_every == 0:
+            look.at_frame()
+        else:
+            expected = expected_tags(self.target, usable, self.policy)
+            if not expected:
+                if exposure.frame % self._search_every == 0:
+                    look.at_frame()
+            elif not self._seen:
+                look.at_frame()
+            else:
+                self._look_closely(look, expected)
+        self._seen = self._target_tags(look)
+        return Detections(exposure, look.tags, tuple(look.windows))
+
+    def _look_closely(self, look: _Look, expected: Sequence[ExpectedTag]) -> None:
+        look.at(plan_windows(self.target, expected, self.policy))
+        found = self._target_tags(look)
+        missing = [
+            e
+            for e in expected
+            if e.tag_id not in found
+            and (not found or (e.tag_id in self._seen and e.tag_id in self.target.port_tags))
+        ]
+        if missing:
+            look.at(plan_windows(self.target, missing, self.policy, self._retry_widen))
+            if not self._target_tags(look):
+                look.at_frame()
+
+    def _target_tags(self, look: _Look) -> frozenset[int]:
+        return frozenset(t.tag_id for t in look.tags) & self.target.corners_D.keys()
+
+
+class _Look:
+    """The windows looked at in one exposure, and the tags found in them."""
+
+    def __init__(self, frame: Window, detector: Detector, fetch: Fetch) -> None:
+        self.windows: list[Window] = []
+        self._frame = frame
+        self._detector = detector
+        self._fetch = fetch
+        self._found: dict[int, TagDetection] = {}
+
+    @property
+    def tags(self) -> tuple[TagDetection, ...]:
+        """What was found, by ascending id; of a tag found twice the clearer one."""
+        return tuple(self._found[i] for i in sorted(self._found))
+
+    def at(self, windows: Sequence[Window]) -> None:
+        for window in windows:
+            self.windows.append(window)
+            for tag in self._detector.detect(self._fetch(window), window):
+                known = self._found.get(tag.tag_id)
+                if known is None or tag.decision_margin > known.decision_margin:
+                    self._found[tag.tag_id] = tag
+
+    def at_frame(self) -> None:
+        self.at((self._frame,))

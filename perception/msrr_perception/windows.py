@@ -1,0 +1,168 @@
+"""Which pixels to ask for: windows around the tags expected in view, as small as the prediction allows.
+
+Pixels rendered and searched are the main cost of perception in the loop, so a near target gets one window per
+tag and a far one a window for all. Windows start and end at multiples of 4 px, the tile of the detector's
+threshold, so that a tag is seen alike in a window and in the full frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from msrr_perception.tag_camera import NEAREST_M, pose_vector, project_with_jacobian
+from msrr_perception.target import TargetModel
+from msrr_scenes.messages import Array, PoseEstimate
+from msrr_scenes.pinhole import Window
+from msrr_scenes.se2 import SE2
+from msrr_scenes.se3 import SE3
+
+_TILE = 4
+
+
+@dataclass(frozen=True, slots=True)
+class WindowPolicy:
+    """How windows are cut.
+
+    Attributes:
+        sigmas: How many standard deviations of the prediction a window leaves to a corner.
+        margin_px: Room on top of that, for lens blur and the detector's tiles.
+        quiet_zone: Room for the tag's white border, as a share of its longest edge in the image.
+        merge_px: Windows are joined when that adds fewer pixels than this; the fixed cost of a window.
+        extra_px: Windows of tags on neighbouring ports are taken along while all stay below this area.
+        least_edge_px: A tag whose shortest edge appears smaller is not expected to be read.
+    """
+
+    sigmas: float = 4.0
+    margin_px: float = 6.0
+    quiet_zone: float = 0.15
+    merge_px: int = 2000
+    extra_px: int = 14000
+    least_edge_px: float = 10.0
+
+
+#: What suits the markers of the design at 640 x 480.
+DEFAULT_POLICY = WindowPolicy()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExpectedTag:
+    """A tag that should be in view.
+
+    Attributes:
+        tag_id: The tag.
+        pixels: Its corners, shape (4, 2).
+        sigma: Standard deviation of each corner coordinate by the prediction, shape (4, 2) [px].
+    """
+
+    tag_id: int
+    pixels: Array
+    sigma: Array
+
+    def box(self, policy: WindowPolicy, widen: float = 1.0) -> Window:
+        """Return the pixels that should hold the tag; ``widen`` scales all its margins."""
+        edges = np.linalg.norm(self.pixels - np.roll(self.pixels, 1, axis=0), axis=1)
+        room = widen * (
+            policy.sigmas * self.sigma + policy.margin_px + policy.quiet_zone * float(edges.max())
+        )
+        return Window.around(np.concatenate([self.pixels - room, self.pixels + room]), 0.0)
+
+
+def expected_tags(
+    target: TargetModel, prediction: PoseEstimate, policy: WindowPolicy = DEFAULT_POLICY
+) -> tuple[ExpectedTag, ...]:
+    """Return the tags that face the camera, wholly inside the image and large enough, by ascending id.
+
+    What other bodies may hide is not known here; a tag that is hidden is simply not found.
+    """
+    X_CD = target.X_CU @ SE3.from_se2(prediction.X_DU).inverse()
+    pose = pose_vector(prediction.X_DU)
+    border = target.camera.frame
+    found = []
+    for tag in target.tags:
+        p_C = X_CD.act(target.corners_D[tag])
+        if float(p_C[:, 2].min()) < NEAREST_M or not _faces_camera(p_C):
+            continue
+        flat, J = project_with_jacobian(target, pose, target.corners_D[tag])
+        pixels = flat.reshape(4, 2)
+        lo, hi = pixels.min(axis=0), pixels.max(axis=0)
+        edges = np.linalg.norm(pixels - np.roll(pixels, 1, axis=0), axis=1)
+        inside = lo.min() >= -0.5 and hi[0] <= border.width - 0.5 and hi[1] <= border.height - 0.5
+        if inside and float(edges.min()) >= policy.least_edge_px:
+            variance = np.einsum("ij,jk,ik->i", J[:, :3], prediction.covariance, J[:, :3])
+            found.append(ExpectedTag(tag, pixels, np.sqrt(np.maximum(variance, 0.0)).reshape(4, 2)))
+    return tuple(found)
+
+
+def plan_windows(
+    target: TargetModel,
+    expected: Sequence[ExpectedTag],
+    policy: WindowPolicy = DEFAULT_POLICY,
+    widen: float = 1.0,
+) -> tuple[Window, ...]:
+    """Return the windows to ask for, ordered by their place in the image.
+
+    Tags of the target port come first; tags of its neighbours are added while that is cheap.
+    """
+    frame = target.camera.frame
+    own = [e for e in expected if e.tag_id in target.port_tags]
+    others = [e for e in expected if e.tag_id not in target.port_tags]
+    windows = _merged((e.box(policy, widen) for e in (own or others)), frame, policy)
+    if own:
+        for extra in others:
+            more = _merged((e.box(policy, widen) for e in [*own, extra]), frame, policy)
+            if sum(w.area for w in more) <= policy.extra_px:
+                own, windows = [*own, extra], more
+    return windows
+
+
+def fitting_window(window: Window, frame: Window) -> Window | None:
+    """Return ``window`` grown to whole tiles and cut to ``frame``; None when they have no pixel in common."""
+    x, y = math.floor(window.x / _TILE) * _TILE, math.floor(window.y / _TILE) * _TILE
+    x_end, y_end = math.ceil(window.x_end / _TILE) * _TILE, math.ceil(window.y_end / _TILE) * _TILE
+    return Window(x, y, x_end - x, y_end - y).intersection(frame)
+
+
+def _merged(boxes: Iterable[Window], frame: Window, policy: WindowPolicy) -> tuple[Window, ...]:
+    """Return the boxes cut to the frame, with those joined that are cheaper to look at as one."""
+    fitted = (fitting_window(box, frame) for box in boxes)
+    windows = [w for w in fitted if w is not None]
+    while True:
+        best: tuple[int, int, int, Window] | None = None
+        for i, a in enumerate(windows):
+            for j in range(i + 1, len(windows)):
+                both = _union(a, windows[j])
+                added = both.area - a.area - windows[j].area
+                if added < policy.merge_px and (best is None or added < best[0]):
+                    best = (added, i, j, both)
+        if best is None:
+            return tuple(sorted(windows, key=lambda w: (w.x, w.y)))
+        _, i, j, both = best
+        windows = [*(w for k, w in enumerate(windows) if k not in (i, j)), both]
+
+
+def _union(a: Window, b: Window) -> Window:
+    x, y = min(a.x, b.x), min(a.y, b.y)
+    return Window(x, y, max(a.x_end, b.x_end) - x, max(a.y_end, b.y_end) - y)
+
+
+def _faces_camera(p_C: Array) -> bool:
+    """Say whether the tag's printed side is seen: z of its frame T points into the tag."""
+    normal = np.cross(p_C[1] - p_C[0], p_C[0] - p_C[3])
+    return float(normal @ p_C.mean(axis=0)) > 0.0
+
+
+def pose_is_known(prediction: PoseEstimate, position_m: float, yaw: float) -> bool:
+    """Say whether every direction of the prediction is known better than ``position_m`` and ``yaw`` [rad]."""
+    P = prediction.covariance
+    largest = float(np.linalg.eigvalsh(P[:2, :2])[-1])
+    return largest < position_m**2 and float(P[2, 2]) < yaw**2
+
+
+def camera_distance(target: TargetModel, X_DU: SE2) -> float:
+    """Return the distance [m] on the floor from the camera to the middle of the LOS target."""
+    p_UC = target.X_UC.p[:2]
+    return float(np.linalg.norm(target.edge_points_D[:, :2].mean(axis=0) - X_DU.act(p_UC)))
