@@ -46,7 +46,7 @@ class Part:
     @classmethod
     def polygon(cls, points: ArrayLike) -> Part:
         """Return the convex hull of ``points``, shape (N, 2) [m], which must not lie on one line."""
-        p = np.round(np.asarray(points, dtype=np.float64), DECIMALS)
+        p = np.asarray(points, dtype=np.float64).round(DECIMALS)
         hull: Array = p[ConvexHull(p).vertices]
         return cls(hull)
 

@@ -56,7 +56,11 @@ def _uuids(value: Any) -> list[str]:
 
 
 def set_object(path: str, geometry: Geometry, material: Material, kind: type[Object] = Mesh) -> Command:
-    """Put a shape at ``path``. Meshcat names its parts by clock and machine; here they are named by ``path``."""
+    """Put a shape at ``path``.
+
+    Meshcat names the parts of a shape by clock and machine; here ``path`` names them, so that the same trial
+    gives the same page.
+    """
     lowered = kind(geometry, material).lower()
     names = {uuid: f"{path}#{i}" for i, uuid in enumerate(dict.fromkeys(_uuids(lowered)))}
     message = {"type": "set_object", "path": path, "object": _rename(lowered, names)}

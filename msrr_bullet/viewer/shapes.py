@@ -56,7 +56,7 @@ def solid(path: str, shape: Solid, material: g.Material) -> Iterator[Command]:
 
 
 def tag_plate(path: str, X_BT: SE3, size: float, tag_id: int | None) -> Iterator[Command]:
-    """Draw a tag with black square of edge ``size`` [m] at tag frame T of body B; ``None`` is a blank plate."""
+    """Draw a tag whose black square has edge ``size`` [m] at frame T of body B; ``None`` is a blank plate."""
     encoded, png = cv2.imencode(".png", plate_texture(tag_id))
     assert encoded
     texture = g.ImageTexture(image=g.PngImage(png.tobytes()))
@@ -92,7 +92,7 @@ def strip(points: ArrayLike, width: float, z: float) -> g.Geometry:
     corners = np.stack([a - along + across, a - along - across, b + along - across, b + along + across], 1)
     vertices = np.column_stack([corners.reshape(-1, 2), np.full(4 * len(a), z)])
     first = 4 * np.arange(len(a))[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+    faces = np.concatenate([first + np.array(triangle) for triangle in ((0, 1, 2), (0, 2, 3))])
     return g.TriangularMeshGeometry(vertices, faces)
 
 

@@ -1,0 +1,85 @@
+"""The web page around the scene: title, readings, legend; and the timeline of a replay."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+
+from msrr_bullet.viewer.commands import Command, viewer_script
+from msrr_bullet.viewer.palette import BELIEF, CLEARANCE, DOCKING_UNIT, PATH, SIGHT, css
+from msrr_bullet.viewer.snapshot import Snapshot
+from msrr_scenes.messages import seconds
+from msrr_scenes.scene import Scene
+
+READINGS = ("time", "phase", "attempt", "line of sight", "belief off by", "clearance", "nearest pair")
+
+_LEGEND = (
+    ("docking unit, truth", DOCKING_UNIT),
+    ("its belief and believed path", BELIEF),
+    ("driven path", PATH),
+    ("camera and line of sight", SIGHT),
+    ("smallest clearance", CLEARANCE),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseSpan:
+    """A stretch of the timeline [s]."""
+
+    name: str
+    start: float
+    end: float
+    colour: str
+
+
+@dataclass(frozen=True, slots=True)
+class Timeline:
+    """What a replay shows beside the scene: readings at times [s], and the phases."""
+
+    times: Sequence[float]
+    values: Sequence[Sequence[str]]
+    phases: Sequence[PhaseSpan]
+
+
+def readings(snapshot: Snapshot) -> tuple[str, ...]:
+    """Return the readings of an instant as text, in the order of :data:`READINGS`."""
+    phase = snapshot.phase.value.replace("_", " ") if snapshot.phase else "–"
+    los, error, clearance, pair = "–", "–", "–", "–"
+    if snapshot.los is not None:
+        left, right = math.degrees(snapshot.los.left), math.degrees(snapshot.los.right)
+        los = f"{snapshot.los.status.value} {left:+.0f}° {right:+.0f}°"
+    truth = snapshot.units.get(snapshot.step.unit) if snapshot.step else None
+    if truth is not None and snapshot.estimate is not None:
+        off = truth.inverse() @ snapshot.estimate
+        error = f"{1e3 * math.hypot(off.x, off.y):.1f} mm {math.degrees(off.yaw):+.1f}°"
+    if snapshot.clearance is not None:
+        clearance = f"{1e3 * snapshot.clearance.distance:.0f} mm"
+        pair = f"{snapshot.clearance.body_a} – {snapshot.clearance.body_b}"
+    attempt = str(snapshot.attempt) if snapshot.attempt else "–"
+    return f"{seconds(snapshot.stamp_ns):.2f} s", phase, attempt, los, error, clearance, pair
+
+
+def render_page(scene: Scene, commands: Iterable[Command] = (), timeline: Timeline | None = None) -> str:
+    """Return the page: a replay when it has a timeline, else one that waits for a feed."""
+    replay = None
+    if timeline is not None:
+        spans = [{"name": s.name, "from": s.start, "to": s.end, "colour": s.colour} for s in timeline.phases]
+        replay = {"times": timeline.times, "values": timeline.values, "phases": spans}
+    data = {
+        "title": scene.name,
+        "description": scene.description,
+        "legend": [(name, css(colour)) for name, colour in _LEGEND],
+        "readings": READINGS,
+        "commands": [base64.b64encode(command.data).decode("ascii") for command in commands],
+        "replay": replay,
+    }
+    # "<" is escaped because "</script>" in a scene's description would end the element that holds it.
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    template = (files("msrr_bullet.viewer") / "page.html").read_text(encoding="utf-8")
+    head, rest = template.split("{{meshcat}}")
+    middle, tail = rest.split("{{data}}")
+    return "".join((head, viewer_script(), middle, text, tail))

@@ -1,0 +1,250 @@
+"""The scene as the page draws it: what is built once, and what an instant of the trial moves.
+
+Truth is solid, belief is orange. Everything that says how far, how wide or where comes from the scene and the
+URDFs; only colours, line widths and heights of drawings above the floor are chosen here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import meshcat.geometry as g
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_bullet.viewer import shapes
+from msrr_bullet.viewer.commands import Command, set_object, set_property, set_transform
+from msrr_bullet.viewer.palette import (
+    BACKGROUND,
+    BELIEF,
+    CLEARANCE,
+    DARK,
+    FLOOR,
+    GRID,
+    OBSTACLE,
+    PATH,
+    SIGHT,
+    TYRE,
+    unit_colour,
+)
+from msrr_bullet.viewer.snapshot import Snapshot
+from msrr_scenes.bodies import CylinderSpec
+from msrr_scenes.faults import MarkerHidden
+from msrr_scenes.messages import LosStatus
+from msrr_scenes.pinhole import R_BODY_OPTICAL
+from msrr_scenes.scene import Scene
+from msrr_scenes.se2 import SE2
+from msrr_scenes.se3 import SE3, rotation_from_rpy
+
+Array = NDArray[np.float64]
+
+#: Lengths [m] to which the frustum and, on the floor, the lines of sight are drawn.
+FRUSTUM_RANGE, SIGHT_RANGE = 0.22, 0.7
+#: Spacing of the floor's grid lines [m].
+GRID_STEP = 0.25
+#: Widths [m] and heights above the floor [m] of the two paths.
+TRUTH_WIDTH, TRUTH_Z = 0.012, 0.0030
+BELIEF_WIDTH, BELIEF_Z = 0.005, 0.0045
+#: Points of a path closer together than this are one [m].
+PATH_STEP = 0.002
+#: Height at which the clearance is drawn, half-way up a unit [m].
+CLEARANCE_Z = 0.12
+SIGHT_Z = 0.0015
+#: How far the ghost's top lies above the unit's highest frame [m].
+GHOST_MARGIN = 0.004
+#: Zoom of the view: a longer lens, from farther away, than the page's own.
+ZOOM = 2.2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placement:
+    """Where a node is at an instant, whether it shows, and how far it is stretched."""
+
+    X: SE3 = field(default_factory=SE3)
+    visible: bool = True
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+HIDDEN = Placement(visible=False)
+
+
+class SceneGraph:
+    """Nodes of one scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Read the shapes; nothing is drawn yet."""
+        self._scene = scene
+        self._geometries = {name: scene.geometry(name) for name in scene.units}
+        self._docking = tuple(dict.fromkeys(step.unit for step in scene.plan))
+
+    def build(self) -> Iterator[Command]:
+        """Yield what is drawn once: floor, units, ghosts, obstacles, lines of sight, the clearance bar."""
+        yield from self._surroundings()
+        hidden = {fault.unit for fault in self._scene.faults if isinstance(fault, MarkerHidden)}
+        for index, name in enumerate(self._scene.units):
+            yield from self._unit(name, unit_colour(index, name in self._docking), blank=name in hidden)
+        for name in self._docking:
+            yield from self._ghost(name)
+        yield from self._obstacles()
+        yield from self._sight()
+        yield set_object("clearance", g.Box([1.0, 0.006, 0.006]), shapes.ink(CLEARANCE))
+        yield set_property("clearance", "visible", False)
+
+    def _surroundings(self) -> Iterator[Command]:
+        yield set_property("Background", "top_color", BACKGROUND[0])
+        yield set_property("Background", "bottom_color", BACKGROUND[1])
+        for node in ("Grid", "Axes"):
+            yield set_property(node, "visible", False)
+        (x0, x1), (y0, y1) = self._scene.arena.x_m, self._scene.arena.y_m
+        middle = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1), -0.01])
+        yield set_object("arena/floor", g.Box([x1 - x0, y1 - y0, 0.018]), shapes.ink(FLOOR))
+        yield set_transform("arena/floor", SE3(p=middle))
+        lines = [
+            [x, y, 0.0]
+            for a in _multiples(x0, x1)
+            for x, y in ((a, y0), (a, y1))
+        ] + [
+            [x, y, 0.0]
+            for b in _multiples(y0, y1)
+            for x, y in ((x0, b), (x1, b))
+        ]  # fmt: skip
+        yield shapes.wires("arena/grid", lines, GRID)
+        border = [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]]
+        yield set_object("arena/border", shapes.strip(border, 0.02, 0.001), shapes.ink(DARK))
+
+    def _unit(self, name: str, colour: int, blank: bool) -> Iterator[Command]:
+        geometry = self._geometries[name]
+        for i, shape in enumerate(geometry.solids):
+            material = shapes.paint(TYRE if shape.link.startswith(("wheel", "caster")) else colour)
+            yield from shapes.solid(f"units/{name}/{shape.link}_{i}", shape, material)
+        for slot, tag_id in self._scene.tag_ids(name).items():
+            size = self._scene.tag_size(slot)
+            path = f"units/{name}/{slot}"
+            yield from shapes.tag_plate(path, geometry.frame(slot), size, None if blank else tag_id)
+
+    def _ghost(self, name: str) -> Iterator[Command]:
+        geometry = self._geometries[name]
+        outline = geometry.footprint
+        height = max(float(frame.p[2]) for frame in geometry.frames.values()) + GHOST_MARGIN
+        closed = np.concatenate([outline, outline[:1]])
+        yield set_object(f"ghost/{name}", shapes.extrusion(outline, height), shapes.ink(BELIEF, 0.12))
+        for level, z in (("foot", BELIEF_Z), ("top", height)):
+            yield set_object(
+                f"ghost/{name}/{level}", shapes.strip(closed, BELIEF_WIDTH, z), shapes.ink(BELIEF)
+            )
+        yield set_property(f"ghost/{name}", "visible", False)
+
+    def _obstacles(self) -> Iterator[Command]:
+        for name, spec in self._scene.obstacles.items():
+            path = f"obstacles/{name}"
+            if isinstance(spec, CylinderSpec):
+                yield from shapes.cylinder(
+                    f"{path}/body", spec.radius_m, spec.height_m, shapes.paint(OBSTACLE)
+                )
+            else:
+                size = (spec.length_m, spec.width_m, spec.height_m)
+                yield from shapes.box(f"{path}/body", size, shapes.paint(OBSTACLE))
+            if spec.tag_id is not None:
+                # Flat on top, readable from above: T is x right, y down, z into the tag.
+                X_BT = SE3(rotation_from_rpy(math.pi, 0.0, 0.0), np.array([0.0, 0.0, spec.height_m + 0.001]))
+                yield from shapes.tag_plate(f"{path}/tag", X_BT, spec.tag_m, spec.tag_id)
+            yield set_property(path, "visible", False)
+
+    def _sight(self) -> Iterator[Command]:
+        """Draw the cone and the target's edges on the floor below the camera, the frustum at the camera."""
+        los, camera = self._scene.los, self._scene.cameras.onboard.pinhole
+        reach = SIGHT_RANGE
+        bands = ((-los.outer, -los.inner, 0.10), (-los.inner, los.inner, 0.18), (los.inner, los.outer, 0.10))
+        for i, (start, end, opacity) in enumerate(bands):
+            yield set_object(
+                f"sight/floor/cone_{i}", shapes.sector(start, end, reach), shapes.ink(SIGHT, opacity)
+            )
+        for side in (-1.0, 1.0):
+            edge = reach * np.array([math.cos(camera.half_fov), side * math.sin(camera.half_fov), 0.0])
+            yield shapes.wires(f"sight/floor/fov_{int(side)}", [[0.0, 0.0, 0.0], edge.tolist()], SIGHT)
+        ray = [[0.0, 0.0], [reach, 0.0]]
+        for status, opacity in ((LosStatus.SEEN, 1.0), (LosStatus.PREDICTED, 0.35)):
+            for edge_name in ("left", "right"):
+                yield set_object(
+                    f"sight/floor/{edge_name}_{status.value}",
+                    shapes.strip(ray, 0.004, 0.001),
+                    shapes.ink(SIGHT, opacity),
+                )
+        w, h = camera.width - 0.5, camera.height - 0.5
+        corners = camera.rays([[-0.5, -0.5], [w, -0.5], [w, h], [-0.5, h]]) @ R_BODY_OPTICAL.T * FRUSTUM_RANGE
+        rays = [point for corner in corners for point in (np.zeros(3), corner)]
+        rim = [corners[k % 4] for i in range(4) for k in (i, i + 1)]
+        yield shapes.wires("sight/camera", np.array(rays + rim), SIGHT)
+        yield set_property("sight", "visible", False)
+
+    def placements(self, snapshot: Snapshot) -> Mapping[str, Placement]:
+        """Return where every moving node is at an instant; the same nodes for every snapshot of a scene."""
+        nodes: dict[str, Placement] = {}
+        for name in self._scene.units:
+            X = snapshot.units.get(name)
+            nodes[f"units/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
+        acting = snapshot.step.unit if snapshot.step else None
+        for name in self._docking:
+            shown = name == acting and snapshot.estimate is not None
+            nodes[f"ghost/{name}"] = (
+                Placement(SE3.from_se2(snapshot.estimate)) if shown and snapshot.estimate else HIDDEN
+            )
+        for name in self._scene.obstacles:
+            X = snapshot.obstacles.get(name)
+            nodes[f"obstacles/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
+        nodes["clearance"] = _bar(snapshot)
+        nodes.update(self._sight_placements(snapshot, acting))
+        return nodes
+
+    def _sight_placements(self, snapshot: Snapshot, acting: str | None) -> Iterator[tuple[str, Placement]]:
+        X_WU = snapshot.units.get(acting) if acting else None
+        yield "sight", Placement(visible=X_WU is not None)
+        X_WC, X_WF = SE3(), SE3()
+        if acting is not None and X_WU is not None:
+            X_WC = SE3.from_se2(X_WU) @ self._geometries[acting].frame("camera")
+            X_WF = SE3.from_se2(X_WC.to_se2(), SIGHT_Z)
+        yield "sight/camera", Placement(X_WC)
+        yield "sight/floor", Placement(X_WF)
+        for status in (LosStatus.SEEN, LosStatus.PREDICTED):
+            shown = snapshot.los is not None and snapshot.los.status is status
+            left, right = (snapshot.los.left, snapshot.los.right) if shown and snapshot.los else (0.0, 0.0)
+            for name, angle in (("left", left), ("right", right)):
+                X_FE = SE3.from_se2(SE2(yaw=angle))
+                yield f"sight/floor/{name}_{status.value}", Placement(X_FE, visible=shown)
+
+    def path_commands(self, name: str, points: Sequence[Array]) -> Iterator[Command]:
+        """Yield the band of a driven (``truth...``) or believed path through ``points``, each (2,) [m]."""
+        width, z, colour = (
+            (TRUTH_WIDTH, TRUTH_Z, PATH) if name.startswith("truth") else (BELIEF_WIDTH, BELIEF_Z, BELIEF)
+        )
+        if len(points) > 1:
+            yield set_object(f"path/{name}", shapes.strip(points, width, z), shapes.ink(colour))
+
+
+def _multiples(low: float, high: float) -> Iterable[float]:
+    return [k * GRID_STEP for k in range(math.ceil(low / GRID_STEP), math.floor(high / GRID_STEP) + 1)]
+
+
+def _bar(snapshot: Snapshot) -> Placement:
+    """Return the bar between the nearest points of the nearest pair; nothing when they touch."""
+    nearest = snapshot.clearance
+    if nearest is None or nearest.distance <= 0.0:
+        return HIDDEN
+    (ax, ay), (bx, by) = nearest.point_a, nearest.point_b
+    X = SE2(0.5 * (ax + bx), 0.5 * (ay + by), math.atan2(by - ay, bx - ax))
+    return Placement(SE3.from_se2(X, CLEARANCE_Z), scale=(nearest.distance, 1.0, 1.0))
+
+
+def look_at(points: Array) -> Iterator[Command]:
+    """Yield the view of ``points``, shape (N, 2) [m], from the left, from behind and from above."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle = 0.5 * (low + high)
+    radius = 0.14 + 0.5 * float(np.linalg.norm(high - low))
+    yield set_transform("Cameras/default", SE3(p=np.array([middle[0], middle[1], 0.06])))
+    # The camera's own node is y-up, so world (x, y, z) is (x, z, -y) there.
+    away = 1.55 * ZOOM * radius * np.array([-0.42, 0.72, 0.55])
+    camera = "Cameras/default/rotated/<object>"
+    yield set_property(camera, "position", (away[0], away[2], -away[1]))
+    yield set_property(camera, "zoom", ZOOM)
