@@ -56,7 +56,8 @@ def to_bytes(value: Json) -> bytes:
     return _compact.encode(value).encode()
 
 
-def _float_out(x: float) -> float | str:
+def number(x: float) -> float | str:
+    """Return a float as JSON holds it: itself, or a word where JSON has no number."""
     x = float(x)
     if math.isfinite(x):
         return x
@@ -68,7 +69,7 @@ def _array_out(array: NDArray[np.float64]) -> Json:
         raise LogError(
             f"a log holds arrays of doubles, not empty; this is {array.dtype} of shape {array.shape}"
         )
-    return array.tolist() if np.isfinite(array).all() else _nested(_float_out, array.tolist())
+    return array.tolist() if np.isfinite(array).all() else _nested(number, array.tolist())
 
 
 def _nested(convert: Callable[[float], Json], values: Json) -> Json:
@@ -82,7 +83,7 @@ def _array_in(values: Json) -> NDArray[np.float64]:
 _SCALARS: dict[Any, Codec[Any]] = {
     bool: Codec(bool, bool, {"type": "boolean"}),
     int: Codec(int, int, {"type": "integer"}),
-    float: Codec(_float_out, float, {"type": ["number", "string"]}),
+    float: Codec(number, float, {"type": ["number", "string"]}),
     str: Codec(str, str, {"type": "string"}),
     type(None): Codec(lambda _: None, lambda _: None, {"type": "null"}),
 }

@@ -7,7 +7,7 @@ them carries under the extra key ``msrr``.
 
 from __future__ import annotations
 
-from msrr_bullet.log.codec import Json
+from msrr_bullet.log.codec import Json, number
 from msrr_scenes.messages import NS_PER_S
 from msrr_scenes.se2 import SE2
 from msrr_scenes.se3 import SE3
@@ -68,7 +68,10 @@ def time(stamp_ns: int) -> Json:
 
 def _parts(X: SE2 | SE3) -> tuple[Json, Json]:
     X = SE3.from_se2(X) if isinstance(X, SE2) else X
-    p, q = X.p.tolist(), X.quaternion_xyzw().tolist()
+    p, q = (
+        map(number, X.p),
+        map(number, X.quaternion_xyzw()),
+    )  # a filter that diverged is logged like any other
     return dict(zip("xyz", p, strict=True)), dict(zip("xyzw", q, strict=True))
 
 
