@@ -6,8 +6,6 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
 from msrr_bullet.render.renderer import Renderer
 from msrr_bullet.streams import stream, stream_key
 from msrr_perception.sensor_model import SensorModel
@@ -108,6 +106,8 @@ class Camera:
     def fetch(self, window: Window) -> Pixels:
         """Return the mono8 pixels of a window of the exposure at hand, shape (height, width), read-only.
 
+        A sensor that delivers whole frames only reads out the whole frame for it.
+
         Raises:
             CameraError: The window is empty or leaves the frame, or there is no exposure to read.
         """
@@ -121,15 +121,15 @@ class Camera:
         for have, pixels in self._read_out:
             if have.contains(window):
                 self.stats.reused += 1
-                row, column = window.y - have.y, window.x - have.x
-                return pixels[row : row + window.height, column : column + window.width]
-        pixels = self._render(window, self._exposure.frame)
-        self._read_out.append((window, pixels))
-        return pixels
+                return _crop(have, pixels, window)
+        whole = window if self.spec.readout == "windows" else self.pinhole.frame
+        pixels = self._render(whole, self._exposure.frame)
+        self._read_out.append((whole, pixels))
+        return _crop(whole, pixels, window)
 
     @property
     def read_out(self) -> tuple[tuple[Window, Pixels], ...]:
-        """The windows rendered of the exposure at hand, in the order they were asked for."""
+        """What was read out of the exposure at hand so far, in order."""
         return tuple(self._read_out)
 
     def _render(self, window: Window, frame: int) -> Pixels:
@@ -137,9 +137,14 @@ class Camera:
         ideal = self._renderer.render(self.pinhole, self._X_WC, window.padded(self._sensor.margin))
         rendered = time.perf_counter_ns()
         pixels = self._sensor.read_out(ideal, window, frame)
-        pixels.setflags(write=False)
+        pixels.setflags(write=False)  # handed out to several readers, and to the log
         self.stats.windows += 1
         self.stats.pixels += window.area
         self.stats.render_ns += rendered - start
         self.stats.sensor_ns += time.perf_counter_ns() - rendered
-        return np.ascontiguousarray(pixels)
+        return pixels
+
+
+def _crop(have: Window, pixels: Pixels, window: Window) -> Pixels:
+    row, column = window.y - have.y, window.x - have.x
+    return pixels[row : row + window.height, column : column + window.width]

@@ -52,14 +52,14 @@ class Floor:
         G = G @ np.linalg.inv(camera.matrix())
         a, b, c = -G[2]
         gradient = float(np.hypot(a, b))
-        x = np.arange(window.x, window.x_end) * a
-        y = np.arange(window.y, window.y_end) * b + c
+        x = (np.arange(window.x, window.x_end) * a).astype(np.float32)
+        y = (np.arange(window.y, window.y_end) * b + c).astype(np.float32)
         reach = 0.5 * gradient  # half a pixel across the horizon
         rows = np.flatnonzero(y + max(x[0], x[-1]) > -reach)
         if not rows.size:
             return out
         top, bottom = int(rows[0]), int(rows[-1]) + 1
-        t = np.add.outer(y[top:bottom], x).astype(np.float32)
+        t = np.add.outer(y[top:bottom], x)
         floor = self._floor(camera, X_WC, G, Window(window.x, window.y + top, window.width, bottom - top), t)
         if t.min() >= reach:
             out[top:bottom] = floor
@@ -77,7 +77,8 @@ class Floor:
         descent = np.maximum(t, np.float32(1e-4))
         last = len(self.levels) - 1
         level = cv2.log((descent + np.float32(k)) / (descent * descent)) * np.float32(1.0 / np.log(2.0))
-        level = np.clip(level + np.float32(np.log2(scale)), 0.0, float(last))
+        level += np.float32(np.log2(scale))
+        np.clip(level, np.float32(0.0), np.float32(last), out=level)
         low, high = level.min(axis=1), level.max(axis=1)
         out = np.zeros(t.shape, dtype=np.float32)
         for i in range(int(low.min()), int(np.ceil(high.max())) + 1):
@@ -85,9 +86,12 @@ class Floor:
             if not rows.size:
                 continue
             first, end = int(rows[0]), int(rows[-1]) + 1
-            weight = np.maximum(1.0 - np.abs(level[first:end] - np.float32(i)), 0.0)
+            weight = np.abs(level[first:end] - np.float32(i))
+            np.subtract(np.float32(1.0), weight, out=weight)
+            np.maximum(weight, np.float32(0.0), out=weight)
             if i == last:  # a single texel: nothing to warp
-                out[first:end] += weight * self.levels[i][0, 0]
+                weight *= self.levels[i][0, 0]
+                out[first:end] += weight
                 continue
             n = self.levels[i].shape[0]
             texel = np.array([[n / self.period, 0.0, -0.5], [0.0, n / self.period, -0.5], [0.0, 0.0, 1.0]])
@@ -99,7 +103,8 @@ class Floor:
                 flags=_WARP,
                 borderMode=cv2.BORDER_WRAP,
             )
-            out[first:end] += weight * warped
+            weight *= warped
+            out[first:end] += weight
         return out
 
 

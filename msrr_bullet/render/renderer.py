@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Protocol
+from typing import Literal, Protocol
 
 from msrr_bullet.render.floor import Floor, concrete_floor
 from msrr_scenes.messages import Pixels
@@ -42,7 +42,7 @@ class RenderContext:
     floor: Floor = field(default_factory=concrete_floor)
 
 
-def _tiny(context: RenderContext, **params: bool) -> Renderer:
+def _tiny(context: RenderContext, **params: Literal["composited", "mesh"]) -> Renderer:
     from msrr_bullet.render.tiny import TinyRenderer
 
     return TinyRenderer(context, **params)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import cv2
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from msrr_bullet.render.floor_mesh import ensure_floor_mesh
 from msrr_bullet.render.renderer import RenderContext
+from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import Pixels
 from msrr_scenes.pinhole import PinholeCamera, Window
 from msrr_scenes.se3 import SE3
@@ -25,33 +29,57 @@ _BACKGROUND_DEPTH = 0.99999
 
 
 class TinyRenderer:
-    """PyBullet's CPU renderer. It pays per covered sample; the floor is composited, not drawn.
+    """PyBullet's CPU renderer. It pays per covered sample, so the floor is composited, not drawn.
 
-    Where it takes its samples is not where one expects: sample column i lies at i, not at i + 1/2, and rows
-    are counted from below, so that its principal point is off by half a sample. The projection matrix
-    undoes that.
+    TinyRenderer does not anti-alias. A pixel is the mean of ``samples**2`` renderings, each shifted by a
+    fraction of a pixel such that all their columns and all their rows differ (a rotated grid). Nearly upright
+    and level edges, which is most of a marker's when the camera is level, are then resolved to
+    1 / samples**2 of a pixel, where a plain grid of the same cost resolves them to 1 / samples.
     """
 
-    def __init__(self, context: RenderContext, composite_floor: bool = True) -> None:
+    def __init__(self, context: RenderContext, floor: Literal["composited", "mesh"] = "composited") -> None:
         """Render the bodies of ``context.client``.
 
         Args:
             context: Client, supersampling and floor.
-            composite_floor: False leaves the background the wall's grey, for a world that has a floor mesh.
+            floor: How the floor gets into the picture: by a homography of its texture behind the bodies, or
+                as a textured mesh that is added to the client, as simulators usually do (5 to 8 times
+                slower).
         """
+        if floor not in ("composited", "mesh"):
+            raise SceneError(f"the tiny renderer's floor is 'composited' or 'mesh', not {floor!r}")
         self._client = context.client
-        self._samples = context.samples
+        self._shifts = rotated_grid(context.samples)
         self._floor = context.floor
-        self._composite_floor = composite_floor
+        self._composite = floor == "composited"
+        if floor == "mesh":
+            ensure_floor_mesh(context.client, context.floor)
 
     def render(self, camera: PinholeCamera, X_WC: SE3, window: Window) -> Pixels:
         """Return the mono8 pixels of ``window``, shape (height, width); see :class:`Renderer`."""
-        n = self._samples
+        view = _column_major((X_WC @ _X_CG).inverse().matrix())
+        bodies = np.zeros((window.height, window.width), dtype=np.float32)
+        empty = np.zeros((window.height, window.width), dtype=np.float32)
+        for shift in self._shifts:
+            grey, depth = self._shoot(view, window_projection(camera, window, shift), window)
+            background = depth >= _BACKGROUND_DEPTH
+            grey[background] = 0
+            bodies += grey
+            empty += background
+        if empty.any():
+            bodies += empty * self._background(camera, X_WC, window)
+        bodies *= np.float32(1.0 / len(self._shifts))
+        return np.rint(bodies, out=bodies).astype(np.uint8)
+
+    def _shoot(
+        self, view: list[float], projection: Array, window: Window
+    ) -> tuple[Pixels, NDArray[np.float32]]:
+        """Return grey levels and depths, each of shape (height, width), one sample per pixel."""
         _, _, rgba, depth, _ = pybullet.getCameraImage(
-            n * window.width,
-            n * window.height,
-            viewMatrix=_column_major((X_WC @ _X_CG).inverse().matrix()),
-            projectionMatrix=_column_major(window_projection(camera, window, n)),
+            window.width,
+            window.height,
+            viewMatrix=view,
+            projectionMatrix=_column_major(projection),
             # PyBullet keeps the light of the call before for every argument that is left out.
             lightDirection=[-0.45, 0.25, 0.86],
             lightColor=[1.0, 1.0, 1.0],
@@ -64,31 +92,43 @@ class TinyRenderer:
             flags=pybullet.ER_NO_SEGMENTATION_MASK,
             physicsClientId=self._client,
         )
-        grey = cv2.cvtColor(rgba, cv2.COLOR_RGBA2GRAY)
-        empty = np.where(depth >= _BACKGROUND_DEPTH, np.uint8(255), np.uint8(0))
-        if cv2.hasNonZero(empty):
-            cv2.bitwise_and(grey, cv2.bitwise_not(empty), dst=grey)
-            image = _average(grey, window) + _average(empty, window) * self._background(camera, X_WC, window)
-        else:
-            image = _average(grey, window)
-        return np.rint(image).astype(np.uint8)
+        return np.asarray(cv2.cvtColor(rgba, cv2.COLOR_RGBA2GRAY), dtype=np.uint8), depth
 
     def _background(self, camera: PinholeCamera, X_WC: SE3, window: Window) -> NDArray[np.float32]:
-        """Return what is seen where no body is, over 255: the weight of an empty sample."""
-        if not self._composite_floor:
-            return np.full((window.height, window.width), self._floor.wall / 255.0, dtype=np.float32)
-        return self._floor.image(camera, X_WC, window) * np.float32(1.0 / 255.0)
+        """Return what is seen where no body is."""
+        if self._composite:
+            return self._floor.image(camera, X_WC, window)
+        return np.full((window.height, window.width), self._floor.wall, dtype=np.float32)
 
 
-def window_projection(camera: PinholeCamera, window: Window, samples: int) -> Array:
+def rotated_grid(samples: int) -> Array:
+    """Return ``samples**2`` places in a pixel, from its centre, shape (samples**2, 2) [px].
+
+    A plain grid, sheared in both directions so that no two places share a column or a row.
+    """
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(samples), np.arange(samples), indexing="ij"))
+    columns = samples * i + j
+    rows = samples * j + (samples - 1 - i)
+    return (np.stack([columns, rows], axis=1) + 0.5) / samples**2 - 0.5
+
+
+def window_projection(camera: PinholeCamera, window: Window, shift: Array) -> Array:
     """Return the OpenGL projection, shape (4, 4), by which TinyRenderer samples a window where it should.
 
-    Sample (i, j) of the ``samples`` times finer raster is taken at full-frame pixel
-    ``(x - 1/2 + (i + 1/2) / samples, y - 1/2 + (j + 1/2) / samples)``.
+    Where TinyRenderer takes its samples is not where one expects: column i at i, not at i + 1/2, and rows are
+    counted from below, so that its principal point is off by half a pixel. That is undone here.
+
+    Args:
+        camera: Intrinsics of the full frame.
+        window: The pixels wanted.
+        shift: Where in each pixel the sample is taken, from the pixel's centre, shape (2,) [px].
     """
     w, h = window.width, window.height
-    middle_x = 2.0 * (camera.cx - window.x + 0.5) / w - 1.0 - 1.0 / (samples * w)
-    middle_y = 1.0 - 2.0 * (camera.cy - window.y + 0.5) / h - 1.0 / (samples * h)
+    # The principal point in pixels from the window's first sample, then in NDC.
+    x = camera.cx - window.x - float(shift[0])
+    y = camera.cy - window.y - float(shift[1])
+    middle_x = 2.0 * x / w - 1.0
+    middle_y = 1.0 - 2.0 * (y + 1.0) / h
     depth = _FAR - _NEAR
     return np.array(
         [
@@ -102,10 +142,3 @@ def window_projection(camera: PinholeCamera, window: Window, samples: int) -> Ar
 
 def _column_major(M: Array) -> list[float]:
     return [float(a) for a in M.T.reshape(-1)]
-
-
-def _average(raster: Pixels, window: Window) -> NDArray[np.float32]:
-    """Average the samples of each pixel, without rounding."""
-    size = (window.width, window.height)
-    mean = cv2.resize(raster.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    return np.asarray(mean, dtype=np.float32)
