@@ -1,0 +1,37 @@
+"""What the phase machine is told, and who drives before the hand-over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from msrr_scenes.messages import LockFeedback, LosObservation, PoseEstimate, SeatSwitches, Twist
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Senses:
+    """All that is known at one control instant; estimates and own sensors only.
+
+    Attributes:
+        now_ns: Time.
+        pose: Estimate of the unit in the dock frame, None before the first measurement.
+        los: Line of sight to the target, None before the first.
+        switches: Seat switches' last report, None before the first.
+        lock: Lock's last report, None before the first.
+        twist: Measured by the wheel encoders. Wheels slip against a port: it proves no motion.
+    """
+
+    now_ns: int
+    pose: PoseEstimate | None = None
+    los: LosObservation | None = None
+    switches: SeatSwitches | None = None
+    lock: LockFeedback | None = None
+    twist: Twist = field(default_factory=Twist)
+
+
+class Assembler(Protocol):
+    """The long-distance phase: brings the unit in front of the port."""
+
+    def step(self, senses: Senses) -> Twist | None:
+        """Return the command, or None once the unit stands where the hand-over can begin."""
+        ...
