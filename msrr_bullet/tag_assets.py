@@ -17,9 +17,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from msrr_scenes.errors import GeometryError
-from msrr_scenes.faults import MarkerHidden
 from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
 from msrr_scenes.se3 import SE3
 
 Pixels = NDArray[np.uint8]
@@ -33,9 +31,6 @@ PLATE_RATIO = PLATE_MODULES / TAG_MODULES
 
 #: Grey levels of the print; paper does not saturate the sensor and ink is not a black hole.
 WHITE, BLACK = 240, 15
-
-#: How far a plate lies above the surface that it is laid on [m]; two surfaces in one place would flicker.
-_PAPER_M = 0.0005
 
 #: Texels per module. TinyRenderer takes the nearest texel, for which one would do; viewers interpolate.
 _TEXELS = 16
@@ -91,33 +86,6 @@ def write_plate(folder: Path, name: str, size: float, tag_id: int | None) -> tup
     assert encoded
     texture.write_bytes(data.tobytes())
     return mesh, texture
-
-
-class TagDressing:
-    """Puts the tags of one scene on its units and obstacles; see :class:`msrr_bullet.dressing.Dressing`."""
-
-    def __init__(self, scene: Scene, folder: Path) -> None:
-        """Write this scene's plates into ``folder``, which exists and belongs to one trial."""
-        self._scene = scene
-        self._folder = folder
-        self._hidden = {fault.unit for fault in scene.faults if isinstance(fault, MarkerHidden)}
-
-    def unit_urdf(self, unit: str) -> Path:
-        """Return a copy of the unit's URDF that carries its plates."""
-        return build_unit_urdf(self._scene, unit, self._folder, self._hidden)
-
-    def dress_unit(self, client: int, body: int, unit: str) -> None:
-        """Put the textures on a body loaded from :meth:`unit_urdf`."""
-        apply_textures(client, body, self._scene, unit, self._folder)
-
-    def dress_obstacle(self, client: int, obstacle: str, X_WO: SE2) -> None:
-        """Lay a plate on top of an obstacle that stands at ``X_WO``, the tag's x along the obstacle's x."""
-        spec = self._scene.obstacles[obstacle]
-        if spec.tag_id is None:
-            return
-        # Half a turn about x: T's z goes down into the tag.
-        X_OT = SE3(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, spec.height_m + _PAPER_M]))
-        load_tag_plate(client, self._folder, spec.tag_id, spec.tag_m, SE3.from_se2(X_WO) @ X_OT)
 
 
 def _plate_name(unit: str, slot: str) -> str:
