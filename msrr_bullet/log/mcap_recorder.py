@@ -20,8 +20,9 @@ from mcap.writer import CompressionType, IndexType, Writer
 from msrr_bullet.log import topics
 from msrr_bullet.log.codec import LogError, to_bytes
 from msrr_bullet.log.formats import Format, format_of
+from msrr_bullet.log.frames import scene_frames, step_frames
 from msrr_bullet.log.header import METADATA, LogHeader
-from msrr_bullet.log.records import CameraWindow
+from msrr_bullet.log.records import CameraWindow, StepStart
 from msrr_scenes.messages import NS_PER_S, Exposure, Pixels
 from msrr_scenes.pinhole import Window
 
@@ -61,6 +62,7 @@ class McapRecorder:
         self._path = path
         self._sequence = 0
         self._flush_every_ns = round(flush_every_s * NS_PER_S)
+        self._flush_at = self._flush_every_ns
         self._batch: list[_Entry] = []
         self._batch_bytes = 0
         self._waiting: deque[Future[None]] = deque()
@@ -70,13 +72,18 @@ class McapRecorder:
             self._file: BinaryIO = path.open("wb")
         except OSError as error:
             raise LogError(f"{path}: cannot write the log: {error.strerror}") from error
-        self._sink = _Sink(self._file, self._flush_every_ns)
+        self._sink = _Sink(self._file)
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="msrr-log")
         self._submit(self._worker.submit(self._sink.start, header))
         self._settle(0)
+        self._scene = header.scene
+        self.write(topics.FRAMES, 0, scene_frames(header.scene))
 
     def write(self, topic: str, stamp_ns: int, message: object) -> None:
-        """Record a message; see :class:`~msrr_bullet.log.recorder.Recorder`."""
+        """Record a message; see :class:`~msrr_bullet.log.recorder.Recorder`.
+
+        The start of a step is followed by the frame in which the estimates of that step are given.
+        """
         form = format_of(message)
         if isinstance(message, CameraWindow):
             # The camera may use its buffer again before the worker gets here.
@@ -85,6 +92,8 @@ class McapRecorder:
         else:
             content = to_bytes(form.encode(message, topic))
             self._append(topic, form, stamp_ns, content, len(content))
+        if isinstance(message, StepStart):
+            self.write(topics.FRAMES, stamp_ns, step_frames(self._scene, message))
 
     def window(self, exposure: Exposure, window: Window, pixels: Pixels) -> None:
         """Record the pixels that were read from a window of an exposure."""
@@ -129,15 +138,18 @@ class McapRecorder:
             raise LogError(f"{self._path}: the log is closed")
         if self._failed is not None:
             raise self._failed
+        if stamp_ns >= self._flush_at:
+            self._send(flush=True)
+            self._flush_at = (stamp_ns // self._flush_every_ns + 1) * self._flush_every_ns
         self._batch.append(_Entry(topic, form, stamp_ns, self._sequence, content))
         self._sequence += 1
         self._batch_bytes += size + _MESSAGE_BYTES
         if self._batch_bytes >= _BATCH_BYTES:
             self._send()
 
-    def _send(self) -> None:
+    def _send(self, flush: bool = False) -> None:
         batch, self._batch, self._batch_bytes = self._batch, [], 0
-        self._submit(self._worker.submit(self._sink.take, batch))
+        self._submit(self._worker.submit(self._sink.take, batch, flush))
         self._settle(_BATCHES_WAITING)
 
     def _submit(self, future: Future[None]) -> None:
@@ -156,13 +168,11 @@ class McapRecorder:
 class _Sink:
     """The worker's side: everything here runs in one thread, in the order of recording."""
 
-    def __init__(self, file: BinaryIO, flush_every_ns: int) -> None:
+    def __init__(self, file: BinaryIO) -> None:
         self._file = file
         self._writer = Writer(file, compression=CompressionType.ZSTD, index_types=IndexType.ALL)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
-        self._flush_every_ns = flush_every_ns
-        self._flush_at = flush_every_ns
 
     def start(self, header: LogHeader) -> None:
         self._writer.start(profile="", library="msrr-bullet")
@@ -172,11 +182,8 @@ class _Sink:
             self._writer.add_attachment(0, 0, name, kind, content)
         self._writer.flush()  # type: ignore[no-untyped-call]
 
-    def take(self, batch: list[_Entry]) -> None:
+    def take(self, batch: list[_Entry], flush: bool) -> None:
         for entry in batch:
-            if entry.stamp_ns >= self._flush_at:
-                self._writer.flush()  # type: ignore[no-untyped-call]
-                self._flush_at = (entry.stamp_ns // self._flush_every_ns + 1) * self._flush_every_ns
             content = entry.content
             if isinstance(content, CameraWindow):
                 content = to_bytes(entry.form.encode(content, entry.topic))
@@ -187,6 +194,8 @@ class _Sink:
                 sequence=entry.sequence,
                 data=content,
             )
+        if flush:
+            self._writer.flush()  # type: ignore[no-untyped-call]
 
     def finish(self) -> None:
         self._writer.finish()  # type: ignore[no-untyped-call]

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from msrr_scenes.messages import Array, Exposure, Pixels
 from msrr_scenes.pinhole import Window
 from msrr_scenes.se2 import SE2
 from msrr_scenes.se3 import SE3
+
+if TYPE_CHECKING:
+    from msrr_bullet import clearance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +71,7 @@ class Clearance:
         stamp_ns: Time.
         pair: Names of the bodies.
         distance: Smallest distance [m]; negative when they overlap.
-        nearest: The nearest points in W, one row for each body, shape (2, 3) or (2, 2) [m]; None if not
+        nearest: The nearest points in W, one row for each body, shape (2, 2) [m]; None if not
             known.
         exempt: The pair is docking and may touch.
     """
@@ -75,6 +81,12 @@ class Clearance:
     distance: float
     nearest: Array | None = None
     exempt: bool = False
+
+    @classmethod
+    def of(cls, stamp_ns: int, measured: clearance.Clearance, exempt: bool = False) -> Clearance:
+        """Record what the clearance model measured."""
+        points = np.array([measured.point_a, measured.point_b])
+        return cls(stamp_ns, (measured.body_a, measured.body_b), measured.distance, points, exempt)
 
 
 class Level(Enum):

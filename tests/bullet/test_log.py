@@ -38,6 +38,7 @@ from msrr_bullet.log import (
 )
 from msrr_bullet.log.codec import codec, to_bytes
 from msrr_bullet.log.formats import format_of, from_png, message_types, to_png
+from msrr_bullet.log.frames import scene_frames
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.messages import (
     Action,
@@ -233,6 +234,7 @@ def fill(recorder: McapRecorder, seconds: float, seed: int = 0) -> None:
 def test_a_log_reads_back_in_its_order(tmp_path: Path, header: LogHeader) -> None:
     path = tmp_path / "trial.mcap"
     memory = MemoryRecorder()
+    memory.write(topics.FRAMES, 0, scene_frames(header.scene))
     with McapRecorder(path, header) as recorder:
         fill(recorder, 2.5)
     fill(memory, 2.5)  # type: ignore[arg-type]
@@ -343,6 +345,7 @@ scene = test_log.Scene.model_validate({{"name": "x", "units": {{"a": {{"number":
     "plan": [{{"unit": "a", "to": "a.rear"}}]}})
 recorder = test_log.McapRecorder(Path({str(tmp_path / "t.mcap")!r}), test_log.LogHeader.of(scene, 0, {{}}))
 test_log.fill(recorder, 20.0)
+[batch.result() for batch in recorder._waiting]
 os.kill(os.getpid(), signal.SIGKILL)
 """
     done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True)
@@ -350,7 +353,7 @@ os.kill(os.getpid(), signal.SIGKILL)
     log = read_log(tmp_path / "t.mcap")
     last = list(log.records())[-1]
     assert not log.complete
-    assert last.stamp_ns > 10e9  # what is lost: the last second, and what was on its way to the worker
+    assert 18.9e9 < last.stamp_ns < 19e9  # the last second is lost
 
 
 def test_damage_is_not_taken_for_an_early_end(tmp_path: Path, header: LogHeader) -> None:
@@ -429,9 +432,7 @@ def test_foxglove_finds_what_it_knows(tmp_path: Path, header: LogHeader) -> None
         summary = reader.get_summary()
     assert summary is not None
     assert summary.statistics is not None
-    assert (
-        summary.statistics.message_count == summary.statistics.message_end_time // 10_000_000 + len(seen) + 18
-    )
+    assert summary.statistics.message_count == 10 + 3 * 5 + 3 * 3 + 5
     for topic, name in {
         "/truth/a/pose": "foxglove.FrameTransform",
         "/perception/a/estimate": "foxglove.PoseInFrame",
@@ -454,6 +455,6 @@ def test_parametric_measurements_keep_their_missing_edges(tmp_path: Path, header
     message = PoseMeasurement(Exposure("a/onboard", 3, 7), SE2(-1.0, 0.1, 3.0), np.eye(3), (None, -0.3))
     with McapRecorder(tmp_path / "t.mcap", header) as recorder:
         recorder.write(topics.sensor("a", message), 47, message)
-    (record,) = read_log(tmp_path / "t.mcap").records()
+    (record,) = read_log(tmp_path / "t.mcap").records("/sensors/*")
     assert (record.topic, record.stamp_ns) == ("/sensors/a/pose", 47)
     assert record.message.edge_bearings == (None, -0.3)
