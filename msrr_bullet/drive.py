@@ -10,6 +10,10 @@ from msrr_scenes.messages import Twist
 from msrr_scenes.unit_geometry import UnitGeometry
 from msrr_scenes.vehicle import LimitsSpec, WheelMotorSpec
 
+#: Below these speeds a drive counts as standing: the nested limits let it creep towards zero for ever.
+STANDSTILL_MPS = 1e-4
+STANDSTILL_RADPS = 1e-3
+
 
 def wheel_speeds(twist: Twist, geometry: UnitGeometry) -> tuple[float, float]:
     """Return the speeds of the left and the right wheel [rad/s] that roll a unit along ``twist``."""
@@ -43,11 +47,14 @@ class WheelMotors:
         self._client = client
         self._unit = unit
         self._torque = spec.torque_nm
+        self._holding = spec.holding_torque_nm
         self.drive(Twist())
 
     def drive(self, twist: Twist) -> None:
         """Turn the wheels for ``twist``, with no more than the motors' torque [N m]."""
-        self._control(wheel_speeds(twist, self._unit.geometry), self._torque)
+        # A drive that has come to rest is held by its gear, which is stronger than its motor.
+        stands = abs(twist.v) < STANDSTILL_MPS and abs(twist.w) < STANDSTILL_RADPS
+        self._control(wheel_speeds(twist, self._unit.geometry), self._holding if stands else self._torque)
 
     def release(self) -> None:
         """Let the wheels roll freely."""

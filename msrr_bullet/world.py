@@ -34,7 +34,7 @@ GRAVITY_MPS2 = 9.80665
 FLOOR_FRICTION = 1.0
 OBSTACLE_FRICTION = 0.5
 OBSTACLE_RGBA = (0.55, 0.55, 0.55, 1.0)
-SOLVER_ITERATIONS = 50
+SOLVER_ITERATIONS = 150
 #: Link index by which PyBullet names a body's root link.
 ROOT = -1
 
