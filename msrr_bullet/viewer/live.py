@@ -181,13 +181,12 @@ class LiveViewer:
         """End the server and wait until it is gone; calling it twice is fine."""
         if self._process.stdin is not None:
             self._process.stdin.close()
-        for end in (lambda: None, self._process.terminate, self._process.kill):
-            end()
+        for insist in (self._process.terminate, self._process.kill):
             try:
                 self._process.wait(CLOSE_TIMEOUT)
             except subprocess.TimeoutExpired:
-                continue
-            return
+                insist()
+        self._process.wait()
 
     def __enter__(self) -> LiveViewer:
         return self

@@ -244,7 +244,7 @@ def look_at(points: Array) -> Iterator[Command]:
     radius = 0.14 + 0.5 * float(np.linalg.norm(high - low))
     yield set_transform("Cameras/default", SE3(p=np.array([middle[0], middle[1], 0.06])))
     # The camera's own node is y-up, so world (x, y, z) is (x, z, -y) there.
-    away = 1.55 * ZOOM * radius * np.array([-0.42, 0.72, 0.55])
+    away = 1.3 * ZOOM * radius * np.array([-0.42, 0.72, 0.55])
     camera = "Cameras/default/rotated/<object>"
     yield set_property(camera, "position", (away[0], away[2], -away[1]))
     yield set_property(camera, "zoom", ZOOM)

@@ -1,9 +1,9 @@
 """The server behind the live page: loopback only, fed through its standard input, gone when that ends.
 
-Run as a program of its own by :mod:`msrr_bullet.viewer.live`; it needs tornado and nothing of this project, so
-that it starts quickly. Its standard input is a stream of frames, each a header
-(:data:`HEADER`: kind, length of the key, length of the data), a key and the data. Whatever ends the parent, a
-signal that cannot be caught included, closes that stream and with it the server.
+Run as a program of its own by :mod:`msrr_bullet.viewer.live`. It needs tornado and nothing of this project,
+and so starts quickly. Its standard input is a stream of frames, each a :data:`HEADER` (kind, length of the
+key, length of the data), a key and the data. Whatever ends the parent, a signal that cannot be caught
+included, closes that stream and with it the server.
 """
 
 from __future__ import annotations
