@@ -38,9 +38,11 @@ class Submits(Protocol):
 
 def one_trial(scene: Scene, seed: int) -> TrialResult:
     """Run one trial without a run folder."""
-    from msrr_bullet.trial import run_trial
+    from msrr_bullet.trial import (
+        Trial,
+    )  # the simulator is loaded where trials run, not where they are asked for
 
-    return run_trial(scene, seed)
+    return Trial(scene, seed).run()
 
 
 def sweep(

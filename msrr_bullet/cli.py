@@ -1,0 +1,326 @@
+"""The command line: ``msrr dock | sweep | scenes | check | bench | replay``.
+
+Exit codes: 0 docked or done; 1 not docked, or a replay that differs; 2 bad input, or a file that cannot be
+read or written; 70 an error of the program itself; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+from rich.console import Console
+from typer.core import TyperGroup
+
+from msrr_scenes.assets import shipped_scenes
+from msrr_scenes.errors import MsrrError, SceneError
+from msrr_scenes.load import load_scene, scene_hash
+from msrr_scenes.scene import Scene
+
+NOT_DOCKED = 1
+BAD_INPUT = 2
+PROGRAM_ERROR = 70
+INTERRUPTED = 130
+
+
+class _Doors(TyperGroup):
+    """Turns what ends a command into an exit code, before typer makes one code of all of it."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise SystemExit(_say("interrupted", INTERRUPTED)) from None
+        except BrokenPipeError:
+            # The reader of our output went away; Python would complain once more at exit.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise SystemExit(NOT_DOCKED) from None
+        except (MsrrError, OSError) as error:
+            raise SystemExit(_say(str(error), BAD_INPUT)) from None
+        except Exception as error:
+            if hasattr(error, "exit_code"):  # typer's own: usage errors, and the end of a command
+                raise
+            traceback.print_exc()
+            text = "this is an error of the program; please report it with the lines above"
+            raise SystemExit(_say(text, PROGRAM_ERROR)) from None
+
+
+app = typer.Typer(
+    name="msrr",
+    cls=_Doors,
+    help="Docking of mobile robots by what their rendered cameras see.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="Name of a shipped scene, or a scene file.")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Overrides a value of the scene; may be repeated."),
+]
+JsonFile = Annotated[
+    Path | None,
+    typer.Option("--json", metavar="FILE", help="Writes the numbers as JSON; - is standard output."),
+]
+
+
+def main() -> None:
+    """Entry point of the program."""
+    signal.signal(signal.SIGTERM, _terminate)
+    sys.exit(run(sys.argv[1:]))
+
+
+def _terminate(number: int, frame: object) -> NoReturn:
+    # An exception, so that every open server, process and file is closed on the way out.
+    raise SystemExit(128 + number)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit code; every expected error becomes one message."""
+    try:
+        app(list(arguments), prog_name="msrr")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else 0
+    return 0
+
+
+def _say(message: str, code: int) -> int:
+    print(f"msrr: {message}", file=sys.stderr)  # noqa: T201 - plain text, no markup
+    return code
+
+
+def parse_overrides(pairs: Sequence[str] | None) -> dict[str, str]:
+    """Turn ``KEY=VALUE`` texts into a mapping.
+
+    Raises:
+        SceneError: A text without ``=``, or a key given twice.
+    """
+    overrides: dict[str, str] = {}
+    for pair in pairs or ():
+        key, equals, value = pair.partition("=")
+        if not equals or not key:
+            raise SceneError(f"--set {pair}: expected KEY=VALUE, such as cameras.onboard.noise_grey=8")
+        if key in overrides:
+            raise SceneError(f"--set {pair}: {key} is already set to {overrides[key]!r}; give it once")
+        overrides[key] = value
+    return overrides
+
+
+def parse_seeds(text: str) -> range:
+    """Turn ``A:B`` into the seeds A .. B - 1, and ``A`` into one seed.
+
+    Raises:
+        SceneError: Anything else.
+    """
+    first, colon, last = text.partition(":")
+    try:
+        start = int(first)
+        seeds = range(start, int(last) if colon else start + 1)
+    except ValueError:
+        raise SceneError(f"--seeds {text}: expected A:B (seeds A to B - 1) or one number") from None
+    if not seeds or start < 0:
+        raise SceneError(f"--seeds {text}: expected A:B with 0 <= A < B")
+    return seeds
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from msrr_bullet.result import package_versions
+
+        typer.echo("\n".join(f"{name} {version}" for name, version in package_versions().items()))
+        raise typer.Exit
+
+
+@app.callback()
+def _program(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Shows versions and exits.")
+    ] = False,
+) -> None:
+    """Docking of mobile robots by what their rendered cameras see."""
+
+
+@app.command()
+def dock(
+    scene: SceneName,
+    seed: Annotated[int, typer.Option(min=0, help="Determines, with the scene, every bit of the trial.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Run folder [default: runs/SCENE-SEED-HASH].")] = None,
+    view: Annotated[bool, typer.Option("--view", help="Shows the running trial in a browser.")] = False,
+    overrides: Overrides = None,
+) -> None:
+    """Run one trial and compare what the robot believed with what was true."""
+    loaded = load_scene(scene, parse_overrides(overrides))
+    folder = out if out is not None else Path("runs") / f"{loaded.name}-{seed}-{scene_hash(loaded)[:6]}"
+    from msrr_bullet.progress import Progress
+    from msrr_bullet.report import trial_table
+    from msrr_bullet.run import run_trial
+
+    console = Console()
+    with console.status(f"{loaded.name}: building the world") as status:
+
+        def show(progress: Progress) -> None:
+            status.update(_live_line(loaded, progress))
+
+        result = run_trial(loaded, seed, out=folder, view=view, observer=show)
+    console.print(trial_table(result))
+    console.print(f"[bold]{result.outcome.value}[/] - run folder {folder}", highlight=False)
+    raise typer.Exit(0 if result.docked else NOT_DOCKED)
+
+
+def _live_line(scene: Scene, progress: Any) -> str:
+    step = scene.plan[progress.step]
+    where = ""
+    if progress.believed is not None:
+        where = f", {-1000.0 * progress.believed.x:.0f} mm from the target as it believes"
+    return (
+        f"{step.unit} to {step.to}: {progress.time_s:6.2f} s, attempt {progress.attempt}, "
+        f"{progress.phase.value.replace('_', ' ')}{where}"
+    )
+
+
+@app.command()
+def sweep(
+    scene: SceneName,
+    seeds: Annotated[str, typer.Option(metavar="A:B", help="Seeds A to B - 1.")] = "0:100",
+    jobs: Annotated[int, typer.Option(min=1, help="Trials at the same time.")] = max(1, os.cpu_count() or 1),
+    json_file: JsonFile = None,
+    store: Annotated[Path, typer.Option(help="Keeps results, so that a stopped sweep resumes.")] = Path(
+        "runs/sweeps.sqlite"
+    ),
+    fresh: Annotated[bool, typer.Option("--fresh", help="Uses no store: every trial is run.")] = False,
+    overrides: Overrides = None,
+) -> None:
+    """Run many trials and report rates with their intervals."""
+    # Before numpy is loaded in the workers: as many threads as trials, not as trials times cores.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    wanted = parse_seeds(seeds)
+    loaded = load_scene(scene, parse_overrides(overrides))
+    _check_writable(json_file)
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from msrr_bullet.report import sweep_table
+    from msrr_bullet.result import TrialResult
+    from msrr_bullet.sweep import sweep as run_sweep
+    from msrr_bullet.sweep_summary import TrialFailure
+
+    console = Console(stderr=json_file == Path("-"))
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    docked = 0
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task(loaded.name, total=len(wanted))
+
+        def tell(found: TrialResult | TrialFailure, stored: bool) -> None:
+            nonlocal docked
+            if isinstance(found, TrialFailure):
+                bar.console.print(f"[red]seed {found.seed}: {found.error}[/]", highlight=False)
+            elif found.docked:
+                docked += 1
+            elif not stored:
+                bar.console.print(
+                    f"seed {found.seed}: {found.outcome.value}, {found.belief_reason}", highlight=False
+                )
+            bar.update(task, advance=1, description=f"{loaded.name}, {docked} docked")
+
+        summary = run_sweep(loaded, wanted, jobs, None if fresh else store, observer=tell)
+    console.print(sweep_table(summary))
+    _write(json_file, summary.to_json())
+    if summary.interrupted:
+        raise KeyboardInterrupt
+    for failure in summary.failures:
+        _say(f"seed {failure.seed} gave no result: {failure.error}", PROGRAM_ERROR)
+    raise typer.Exit(PROGRAM_ERROR if summary.failures else 0)
+
+
+@app.command()
+def scenes() -> None:
+    """List the shipped scenes."""
+    from msrr_bullet.report import scenes_table
+
+    Console().print(scenes_table(shipped_scenes()))
+
+
+@app.command()
+def check(
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE...", help="Scene files, or names of shipped scenes.")
+    ],
+    overrides: Overrides = None,
+) -> None:
+    """Check scene files; the exit code is 2 when one cannot be used."""
+    bad = 0
+    for file in files:
+        try:
+            loaded = load_scene(file, parse_overrides(overrides))
+        except MsrrError as error:
+            bad = _say(str(error), BAD_INPUT)
+            continue
+        steps = ", then ".join(f"{step.unit}.{step.port} to {step.to}" for step in loaded.plan)
+        what = f"{len(loaded.units)} units, {len(loaded.obstacles)} obstacles; {steps}"
+        Console().print(
+            f"{file}: ok ({what}; {scene_hash(loaded)})", highlight=False, markup=False, soft_wrap=True
+        )
+    raise typer.Exit(bad)
+
+
+@app.command()
+def bench(scene: SceneName, json_file: JsonFile = None, overrides: Overrides = None) -> None:
+    """Measure speed and memory of a trial, and of the naive loop beside it."""
+    loaded = load_scene(scene, parse_overrides(overrides))
+    _check_writable(json_file)
+    from msrr_bullet.bench import bench as run_bench
+    from msrr_bullet.bench import bench_table
+
+    console = Console(stderr=json_file == Path("-"))
+    with console.status(f"{loaded.name}: measuring"):
+        report = run_bench(loaded)
+    console.print(bench_table(report))
+    _write(json_file, report.to_json())
+
+
+@app.command()
+def replay(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder of a trial, or its log.")],
+) -> None:
+    """Run perception and control again from a log alone, without the simulator, and compare."""
+    from msrr_bullet.replay import replay_isolated
+
+    report = replay_isolated(folder)
+    console = Console()
+    for mismatch in report.mismatches:
+        console.print(
+            f"{mismatch.time_s:.3f} s, {mismatch.what}: "
+            f"logged {mismatch.logged}, replayed {mismatch.replayed}",
+            highlight=False,
+            markup=False,
+            soft_wrap=True,
+        )
+    counts = f"{report.commands} commands, {report.windows} windows, {report.estimates} estimates"
+    verdict = "identical" if report.identical else "different"
+    console.print(f"{folder}: {verdict} ({counts})", highlight=False, markup=False, soft_wrap=True)
+    raise typer.Exit(0 if report.identical else NOT_DOCKED)
+
+
+def _check_writable(file: Path | None) -> None:
+    """Find out before an hour of work that its result could not be written."""
+    if file is not None and file != Path("-") and (file.is_dir() or not file.absolute().parent.is_dir()):
+        raise SceneError(f"--json {file}: not a file in an existing folder")
+
+
+def _write(file: Path | None, text: str) -> None:
+    if file == Path("-"):
+        sys.stdout.write(text)
+    elif file is not None:
+        file.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
