@@ -19,8 +19,8 @@ from msrr_scenes.vehicle import LockSpec
 class Capture:
     """The idealised funnel.
 
-    The defaults are what the shipped unit does in PyBullet: it is drawn in from up to 13 mm and 8 degrees off,
-    and stopped at the mouth from 16 mm on.
+    The defaults are what the shipped unit does in PyBullet: drawn in from up to 13 mm and 8 degrees off, and
+    stopped at the mouth from 16 mm on.
 
     Attributes:
         lateral_m: Largest lateral error that is drawn in when the tips pass the mouth.
@@ -68,7 +68,7 @@ class IdealPort:
         self.engaged = False
         self.touching = False
         self.plugged = False
-        self.gap_m = math.inf
+        self._X_DP = SE2(-math.inf)
 
     @property
     def position(self) -> LockPosition:
@@ -83,14 +83,21 @@ class IdealPort:
             X_WT: The unit docked to.
         """
         X_WD = X_WT @ self._X_TD
+        if self.engaged:
+            return X_WD @ self._X_DP @ self._X_UP.inverse()
         X_DP = X_WD.inverse() @ X_WU @ self._X_UP
         held = self._guide(X_DP)
-        self.gap_m = -held.x
+        self._X_DP = held
         return X_WU if held is X_DP else X_WD @ held @ self._X_UP.inverse()
+
+    @property
+    def _gap(self) -> float:
+        """Distance of the faces [m]; infinite before the first step."""
+        return -self._X_DP.x
 
     def switches(self) -> tuple[bool, bool]:
         """State of the two seat switches: both or none, as the idealised port knows no tilt."""
-        closed = self._inside and self.gap_m <= SWITCH_TRAVEL
+        closed = self._inside and self._gap <= SWITCH_TRAVEL
         return closed, closed
 
     def command(self, close: bool) -> None:
@@ -102,7 +109,7 @@ class IdealPort:
     def step_cam(self, dt: float) -> None:
         """Advance the cam by ``dt`` [s]."""
         if self._cam.step(dt):
-            self.engaged = self._inside and self.gap_m <= CAM_REACH
+            self.engaged = self._inside and self._gap <= CAM_REACH
 
     def pull(self) -> PullResult:
         """Compare the pull with what the lock can hold."""
@@ -119,8 +126,10 @@ class IdealPort:
             return X_DP
         c = self._capture
         if not self._inside:
+            if self.touching:
+                # Stopped at the mouth: friction keeps it there until it backs out.
+                return self._X_DP
             if abs(X_DP.y) > c.lateral_m or abs(X_DP.yaw) > c.yaw_rad:
-                # Stopped at the mouth: no deeper, and no sliding along the face.
                 self.touching = True
                 return SE2(-self._length, X_DP.y, X_DP.yaw)
             self._inside = True

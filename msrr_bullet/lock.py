@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 SIDES = ("left", "right")
 #: A seat switch closes when its pin is this close to the bottom of the hole [m].
 SWITCH_TRAVEL = 0.002
-#: The cam catches a pin that is this close to the bottom of its hole [m]; a little beyond the switch's travel,
-#: so that a closed switch means a pin in reach.
+#: The cam catches a pin that is this close to the bottom of its hole [m]; a little beyond the switch's
+#: travel, so that a closed switch means a pin in reach.
 CAM_REACH = 0.0025
 #: A lock that gives this much under the pull has given way [m].
 PULL_SLACK = 0.002
@@ -125,7 +125,7 @@ class PinLock:
         return not self.engaged and not self._apart
 
     def switches(self) -> tuple[bool, bool]:
-        """State of the two seat switches (left, right), from the distance of each pin to its hole's bottom."""
+        """State of the two seat switches (left, right): is the pin close to the bottom of its hole?"""
         left, right = (self._depth_left(i) <= SWITCH_TRAVEL for i in range(2))
         return left, right
 

@@ -19,8 +19,8 @@ from msrr_scenes.se3 import SE3
 class Plant(Protocol):
     """Units that move, port mechanisms and locks; time is counted in physics ticks.
 
-    A command stays in force until the next one. A unit that is not commanded brakes. A unit's mechanism exists
-    from its first :meth:`begin_dock` on; before that its switches are open and its lock holds nothing.
+    A command stays in force until the next one. A unit that is not commanded brakes. A unit's mechanism
+    exists from its first :meth:`begin_dock` on; before that its switches are open and its lock holds nothing.
     """
 
     @property

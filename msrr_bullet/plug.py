@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pybullet
 
 from msrr_bullet.world import BulletWorld
@@ -28,7 +29,7 @@ class Plug:
             thickness, width, height = hole.size
             half = [0.5 * PLUG_LENGTH, 0.5 * width, 0.5 * height]
             X_WH = world.pose3(unit) @ hole.X_UG
-            X_WG = X_WH @ SE3(p=[0.5 * (thickness + PLUG_LENGTH), 0.0, 0.0])
+            X_WG = X_WH @ SE3(p=np.array([0.5 * (thickness + PLUG_LENGTH), 0.0, 0.0]))
             body: int = pybullet.createMultiBody(
                 baseMass=0.0,
                 baseCollisionShapeIndex=pybullet.createCollisionShape(

@@ -1,7 +1,7 @@
 """The plant without contact: units roll exactly as their kinematics say, ports are idealised.
 
-It answers what a law does when nothing but the drive's limits stands in its way. Bodies other than the docking
-pair pass through each other here; the clearance monitor still sees that they do.
+It answers what a law does when nothing but the drive's limits stands in its way. Bodies other than the
+docking pair pass through each other here; the clearance monitor still sees that they do.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from msrr_scenes.se3 import SE3
 
 
 class UnicyclePlant:
-    """A :class:`msrr_bullet.plant.Plant` of ideal unicycles behind the nested limits of Zheng et al., eq. 3."""
+    """A :class:`msrr_bullet.plant.Plant` of ideal unicycles behind the limits of Zheng et al., eq. 3."""
 
     def __init__(
         self,

@@ -233,6 +233,8 @@ class BulletWorld:
     def _add_obstacle(self, name: str) -> int:
         spec = self.scene.obstacles[name]
         X_WB = self._placement.obstacles[name]
+        collision: dict[str, float | list[float]]
+        visual: dict[str, float | list[float]]
         if isinstance(spec, CylinderSpec):
             shape = pybullet.GEOM_CYLINDER
             collision, visual = (
