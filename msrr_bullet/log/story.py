@@ -1,0 +1,126 @@
+"""Tells a trial again from its log: the instants that viewer and picture show."""
+
+from __future__ import annotations
+
+from msrr_bullet.clearance import Clearance
+from msrr_bullet.log import topics
+from msrr_bullet.log.reader import Log
+from msrr_bullet.log.records import CameraWindow, StartPoses, StepStart, TruePose
+from msrr_bullet.log.records import Clearance as ClearanceRecord
+from msrr_bullet.picture import OnboardView
+from msrr_bullet.viewer.snapshot import Snapshot
+from msrr_scenes.messages import (
+    Action,
+    Detections,
+    Exposure,
+    LosObservation,
+    Phase,
+    Pixels,
+    PoseEstimate,
+)
+from msrr_scenes.pinhole import Window
+from msrr_scenes.plan import DockStep
+from msrr_scenes.scene import Scene
+from msrr_scenes.se2 import SE2
+
+
+def dock_frame(scene: Scene, step: DockStep, units: dict[str, SE2]) -> SE2:
+    """Return ``X_WD`` of a step's target, the units being where ``units`` says."""
+    return units[step.target_unit] @ scene.geometry(step.target_unit).dock_frame(step.target_port)
+
+
+def snapshots(log: Log) -> list[Snapshot]:
+    """Return the trial at every decision of the robot, in order."""
+    scene = log.header.scene
+    frames: list[Snapshot] = []
+    starts: dict[str, SE2] = {}
+    step: DockStep | None = None
+    now: dict[type, object] = {}
+    units: dict[str, SE2] = {}
+
+    def close(action: Action) -> None:
+        estimate, los, near = now.get(PoseEstimate), now.get(LosObservation), now.get(ClearanceRecord)
+        believed = None
+        if step is not None and isinstance(estimate, PoseEstimate):
+            believed = dock_frame(scene, step, units) @ estimate.X_DU
+        frames.append(
+            Snapshot(
+                stamp_ns=action.stamp_ns,
+                units=dict(units),
+                obstacles=_standing(scene, starts, action.stamp_ns),
+                step=step,
+                estimate=believed,
+                phase=action.phase,
+                attempt=action.attempt,
+                los=los if isinstance(los, LosObservation) else None,
+                clearance=_clearance(near) if isinstance(near, ClearanceRecord) else None,
+            )
+        )
+
+    pending: Action | None = None
+    for record in log.records("/truth/*", "/control/*", "/perception/*", topics.STEPS):
+        message = record.message
+        if isinstance(message, Action):
+            # The truth of an instant is written after its decision: a decision is told with what follows it.
+            if pending is not None:
+                close(pending)
+            pending = message
+            now.clear()
+        elif isinstance(message, TruePose):
+            units[message.name] = message.X_WB
+        elif isinstance(message, StartPoses):
+            starts = message.poses
+            units = {name: starts[name] for name in scene.units}
+        elif isinstance(message, StepStart):
+            if pending is not None:
+                close(pending)
+                pending = None
+            step = scene.plan[message.index]
+        else:
+            now[type(message)] = message
+    if pending is not None:
+        close(pending)
+    return frames
+
+
+def _standing(scene: Scene, starts: dict[str, SE2], stamp_ns: int) -> dict[str, SE2]:
+    return {
+        name: starts[name]
+        for name, spec in scene.obstacles.items()
+        if name in starts and spec.appears_at_s * 1e9 <= stamp_ns
+    }
+
+
+def _clearance(record: ClearanceRecord) -> Clearance | None:
+    if record.nearest is None:
+        return None
+    a, b = ((float(p[0]), float(p[1])) for p in record.nearest)
+    return Clearance(record.distance, record.pair[0], record.pair[1], a, b)
+
+
+def onboard_views(log: Log, count: int = 3) -> tuple[OnboardView, ...]:
+    """Return what perception read of ``count`` frames, spread over the docking phase, tags included.
+
+    The first is the first frame with a tag in it, the last the one nearest to the end of the docking phase.
+    """
+    docking = [a.stamp_ns for _, a in log.messages(Action, "/control/*") if a.phase is Phase.DOCK]
+    end_ns = docking[-1] if docking else None
+    seen = [
+        d
+        for _, d in log.messages(Detections, "/perception/*")
+        if d.tags and (end_ns is None or d.exposure.stamp_ns <= end_ns)
+    ]
+    if not seen:
+        return ()
+    last = len(seen) - 1
+    wanted = {seen[round(i * last / max(count - 1, 1))].exposure for i in range(count)}
+    found: dict[Exposure, Detections] = {d.exposure: d for d in seen if d.exposure in wanted}
+    windows: dict[Exposure, list[tuple[Window, Pixels]]] = {e: [] for e in wanted}
+    for _, record in log.messages(CameraWindow, "/camera/*"):
+        if record.exposure in windows:
+            windows[record.exposure].append((record.window, record.pixels))
+    camera = log.header.scene.cameras.onboard.pinhole
+    return tuple(
+        OnboardView(e.stamp_ns, camera, windows[e], found[e].tags)
+        for e in sorted(wanted, key=lambda e: e.stamp_ns)
+    )

@@ -1,0 +1,98 @@
+"""Runs a trial and leaves a run folder: the log, the verdict, and what is derived from the log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+from msrr_bullet.log.header import LogHeader
+from msrr_bullet.log.mcap_recorder import McapRecorder
+from msrr_bullet.log.reader import LOG_NAME, read_log
+from msrr_bullet.log.recorder import NullRecorder, Recorder
+from msrr_bullet.log.story import onboard_views, snapshots
+from msrr_bullet.progress import Progress
+from msrr_bullet.result import TrialResult, package_versions
+from msrr_bullet.stage_clock import Clock
+from msrr_bullet.trial import Trial
+from msrr_bullet.viewer.snapshot import Viewer
+from msrr_scenes.errors import MsrrError
+from msrr_scenes.scene import Scene
+
+RESULT_NAME = "result.json"
+REPLAY_NAME = "replay.html"
+PICTURE_NAME = "picture.png"
+
+
+class RunFolderError(MsrrError):
+    """A run folder that cannot be written."""
+
+
+def run_trial(
+    scene: Scene,
+    seed: int = 0,
+    *,
+    out: Path | None = None,
+    view: bool = False,
+    viewer: Viewer | None = None,
+    observer: Callable[[Progress], None] | None = None,
+    clock: Clock | None = None,
+) -> TrialResult:
+    """Run one trial.
+
+    Args:
+        scene: What to run, from :func:`msrr_scenes.load.load_scene`.
+        seed: Together with the scene and the installed versions it determines every bit of the log.
+        out: Run folder to leave ``trial.mcap``, ``result.json``, ``replay.html`` and ``picture.png`` in; None
+            keeps nothing but the returned result. What is there already is overwritten.
+        view: Show the running trial in a browser, at the pace of real time.
+        viewer: Show it to this viewer instead.
+        observer: Told the progress at every control instant.
+        clock: Told which stage of the loop is running.
+
+    Returns:
+        The verdict. A docking that fails is a result, not an error.
+
+    Raises:
+        MsrrError: The scene names something that does not exist, or the folder cannot be written.
+    """
+    with ExitStack() as stack:
+        recorder: Recorder = NullRecorder()
+        if out is not None:
+            _make(out)
+            header = LogHeader.of(scene, seed, package_versions())
+            recorder = stack.enter_context(McapRecorder(out / LOG_NAME, header))
+        if view and viewer is None:
+            from msrr_bullet.viewer.live import LiveViewer
+
+            viewer = stack.enter_context(LiveViewer(scene, pace=1.0))
+        trial = Trial(scene, seed, recorder=recorder, viewer=viewer, observer=observer, clock=clock)
+        result = trial.run()
+    if out is not None:
+        _derive(out, result)
+    return result
+
+
+def _make(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFolderError(
+            f"{out}: cannot be made a run folder ({error.strerror}); choose another --out"
+        ) from None
+
+
+def _derive(out: Path, result: TrialResult) -> None:
+    """Write everything that follows from the log. The verdict comes first: it is the least replaceable."""
+    from msrr_bullet.picture import write_picture
+    from msrr_bullet.viewer.replay_page import write_replay
+
+    try:
+        (out / RESULT_NAME).write_text(result.to_json())
+        log = read_log(out)
+        frames = snapshots(log)
+        write_replay(out / REPLAY_NAME, log.header.scene, frames)
+        headline = f"{result.outcome.value}, seed {result.seed}"
+        write_picture(out / PICTURE_NAME, log.header.scene, frames, onboard_views(log), headline)
+    except OSError as error:
+        raise RunFolderError(f"{error.filename or out}: cannot be written ({error.strerror})") from None
