@@ -33,6 +33,7 @@ class StageClock:
         self._stages: dict[str, _Stage] = {}
         self._running: list[_Stage] = []
         self._since = 0
+        self._first: int | None = None
 
     def __call__(self, stage: str) -> _Stage:
         """Return the context manager that times ``stage``."""
@@ -51,8 +52,15 @@ class StageClock:
         """Wall-clock time of all stages together [ns]."""
         return sum(stage.spent_ns for stage in self._stages.values())
 
+    @property
+    def span_ns(self) -> int:
+        """Wall-clock time from the first entry into a stage to the last entry or exit [ns]; 0 before."""
+        return 0 if self._first is None else self._since - self._first
+
     def _enter(self, stage: _Stage) -> None:
         now = self._now()
+        if self._first is None:
+            self._first = now
         if self._running:
             self._running[-1].spent_ns += now - self._since
         self._running.append(stage)

@@ -16,6 +16,8 @@ class FakeTime:
 def test_an_inner_stage_stops_the_outer_one() -> None:
     now = FakeTime()
     clock = StageClock(now)
+    assert clock.span_ns == 0
+    now.now += 1_000_000
     with clock("loop"):
         now.now += 5
         with clock("physics"):
@@ -26,7 +28,10 @@ def test_an_inner_stage_stops_the_outer_one() -> None:
         now.now += 2
     now.now += 1_000_000  # outside of every stage: nobody's
     assert clock.spent_ns == {"loop": 7, "physics": 77, "render": 300}
-    assert clock.total_ns == 384
+    assert clock.total_ns == clock.span_ns == 384
+    with clock("loop"):
+        now.now += 1
+    assert (clock.total_ns, clock.span_ns) == (385, 1_000_385)
 
 
 def test_a_stage_adds_up_and_may_enter_itself() -> None:
