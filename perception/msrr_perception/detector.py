@@ -68,7 +68,9 @@ class PupilDetector:
         self.family = family
         self.max_hamming = max_hamming
         self.min_decision_margin = min_decision_margin
-        self.settings = NativeSettings(quad_decimate, quad_sigma, decode_sharpening, min_white_black_diff)
+        self.settings = NativeSettings(
+            quad_decimate, quad_sigma, decode_sharpening, int(min_white_black_diff)
+        )
 
     def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
         """Return the tags of one window; see :meth:`Detector.detect`."""

@@ -15,11 +15,11 @@ from msrr_scenes.se2 import SE2
 
 
 @dataclass(frozen=True, slots=True)
-class _Bearings:
-    """Edge bearings (left, right) [rad] of one exposure; None where an edge was not seen."""
+class _Sight:
+    """Bearing [rad] of one edge in one exposure."""
 
     stamp_ns: int
-    edges: tuple[float | None, float | None]
+    bearing: float
 
 
 def edge_bearings(target: TargetModel, X_DU: SE2) -> tuple[float, float]:
@@ -53,9 +53,10 @@ def measured_bearings(target: TargetModel, detections: Detections) -> tuple[floa
 class LosEstimator:
     """Tells control under which angles the target's edges are seen.
 
-    An edge seen in the newest exposure is *seen*; with delay compensation it is turned on by as much as the
-    estimator's poses say it has moved since. An edge that was not seen is *predicted* from the estimator's
-    pose. Without a pose that rests on a recent sight of any tag, the target is *lost*.
+    An edge measured in an image of the last moments is *seen* (close up, frames look at the tags in turn); it
+    is turned on by as much as the estimator's poses say it has moved since that exposure. An edge that was
+    not seen is *predicted* from the estimator's pose. Without a pose that rests on a recent sight of any tag,
+    the target is *lost*.
     """
 
     def __init__(self, target: TargetModel, max_age_s: float = 0.3, lost_after_s: float = 0.5) -> None:
@@ -74,11 +75,11 @@ class LosEstimator:
         self.target = target
         self._max_age_ns = round(max_age_s * NS_PER_S)
         self._lost_after_ns = round(lost_after_s * NS_PER_S)
-        self._newest: _Bearings | None = None
+        self._sights: list[_Sight | None] = [None, None]
 
     def reset(self) -> None:
         """Forget what was seen."""
-        self._newest = None
+        self._sights = [None, None]
 
     def add_detections(self, detections: Detections) -> None:
         """Take in one exposure; older ones than the newest known are of no use."""
@@ -93,8 +94,9 @@ class LosEstimator:
 
         Args:
             now_ns: The time.
-            estimator: Whose estimate is used for edges out of view and, with delay compensation on, to carry
-                seen edges from their exposure to now.
+            estimator: Whose estimate is used for edges out of view, and to carry seen edges from their
+                exposure to the time the estimate speaks of (now, or without delay compensation the last
+                exposure).
 
         Returns:
             The angles; NaN when the target is lost and no pose is known.
@@ -103,7 +105,7 @@ class LosEstimator:
         if estimate is None:
             return LosObservation(now_ns, math.nan, math.nan, math.nan, LosStatus.LOST)
         predicted = edge_bearings(self.target, estimate.X_DU)
-        seen = self._carried(now_ns, estimate.stamp_ns, predicted, estimator)
+        seen = [self._carried(side, now_ns, estimate.stamp_ns, predicted, estimator) for side in (0, 1)]
         left, right = (p if s is None else s for s, p in zip(seen, predicted, strict=True))
         if now_ns - estimate.last_seen_ns > self._lost_after_ns:
             status = LosStatus.LOST
@@ -113,24 +115,22 @@ class LosEstimator:
         return LosObservation(estimate.stamp_ns, left, right, margin, status)
 
     def _carried(
-        self, now_ns: int, stamp_ns: int, predicted: tuple[float, float], estimator: Estimator
-    ) -> tuple[float | None, float | None]:
-        """Return the newest seen bearings carried to ``stamp_ns``; None for an edge not seen."""
-        newest = self._newest
-        if newest is None or now_ns - newest.stamp_ns > self._max_age_ns:
-            return None, None
-        if newest.stamp_ns == stamp_ns:
-            return newest.edges
-        then = estimator.predict(newest.stamp_ns)
+        self, side: int, now_ns: int, stamp_ns: int, predicted: tuple[float, float], estimator: Estimator
+    ) -> float | None:
+        """Return an edge's last seen bearing carried to ``stamp_ns``; None when it was not seen lately."""
+        sight = self._sights[side]
+        if sight is None or now_ns - sight.stamp_ns > self._max_age_ns:
+            return None
+        if sight.stamp_ns == stamp_ns:
+            return sight.bearing
+        then = estimator.predict(sight.stamp_ns)
         if then is None:
-            return None, None
-        before = edge_bearings(self.target, then.X_DU)
-        left, right = (
-            None if s is None else s + math.remainder(p - b, 2.0 * math.pi)
-            for s, p, b in zip(newest.edges, predicted, before, strict=True)
-        )
-        return left, right
+            return None
+        turned = predicted[side] - edge_bearings(self.target, then.X_DU)[side]
+        return sight.bearing + math.remainder(turned, 2.0 * math.pi)
 
     def _add(self, stamp_ns: int, edges: tuple[float | None, float | None]) -> None:
-        if self._newest is None or stamp_ns > self._newest.stamp_ns:
-            self._newest = _Bearings(stamp_ns, edges)
+        for side, bearing in enumerate(edges):
+            known = self._sights[side]
+            if bearing is not None and (known is None or stamp_ns > known.stamp_ns):
+                self._sights[side] = _Sight(stamp_ns, bearing)

@@ -11,6 +11,7 @@ from msrr_perception.windows import (
     DEFAULT_POLICY,
     ExpectedTag,
     WindowPolicy,
+    choose_tags,
     expected_tags,
     plan_windows,
     pose_is_known,
@@ -25,12 +26,12 @@ class OnboardVision:
 
     What it does with an exposure:
 
-    1. Nothing is known, the prediction is poor, or the last exposure showed nothing: the full frame.
+    1. Nothing is known, the prediction is poor, or every tag expected was missed lately: the full frame.
     2. Every ``full_every`` frames: the full frame, whatever is believed.
     3. The prediction says that no tag is in view: the full frame every ``search_every`` frames, else nothing.
-    4. Otherwise the windows of :func:`msrr_perception.windows.plan_windows`. A tag of the target port that
-       is missing there although the last exposure showed it (or nothing at all found) gets a second look in
-       larger windows of the same exposure; if still nothing at all is found, the full frame.
+    4. Otherwise windows around the tags that :func:`msrr_perception.windows.choose_tags` picks. A tag that
+       is missing while others are found (hidden, say) is not asked for during the next ``rest`` frames. When
+       none is found, larger windows of all expected tags follow, then the full frame of the same exposure.
     """
 
     def __init__(
@@ -40,6 +41,7 @@ class OnboardVision:
         policy: WindowPolicy = DEFAULT_POLICY,
         full_every: int = 50,
         search_every: int = 5,
+        rest: int = 5,
         retry_widen: float = 2.5,
         known_m: float = 0.15,
         known_yaw: float = math.radians(15.0),
@@ -52,6 +54,7 @@ class OnboardVision:
             policy: How windows are cut.
             full_every: Period of the routine look at the full frame [frames].
             search_every: Period of full looks while no tag is expected in view [frames].
+            rest: For how long a missing tag is not asked for [frames].
             retry_widen: Factor on a window's margins at the second look.
             known_m: Standard deviation of the position above which a prediction is not used [m].
             known_yaw: The same of the yaw [rad].
@@ -59,21 +62,22 @@ class OnboardVision:
         Raises:
             SceneError: A parameter out of its range.
         """
-        if full_every < 1 or search_every < 1 or retry_widen <= 1.0:
-            raise SceneError("vision: full_every and search_every must be at least 1, retry_widen above 1")
+        if min(full_every, search_every, rest) < 1 or retry_widen <= 1.0:
+            raise SceneError("vision: full_every, search_every, rest must be at least 1, retry_widen above 1")
         self.target = target
         self.detector = detector
         self.policy = policy
         self._full_every = full_every
         self._search_every = search_every
+        self._rest = rest
         self._retry_widen = retry_widen
         self._known_m = known_m
         self._known_yaw = known_yaw
-        self._seen: frozenset[int] = frozenset()
+        self._resting: dict[int, int] = {}  # tag -> number of the first frame that may ask for it again
 
     def reset(self) -> None:
-        """Forget what the last exposure showed; the next one is looked at in full."""
-        self._seen = frozenset()
+        """Forget what earlier exposures showed."""
+        self._resting = {}
 
     def look(self, exposure: Exposure, prediction: PoseEstimate | None, fetch: Fetch) -> Detections:
         """Read the target's tags from one exposure.
@@ -87,36 +91,29 @@ class OnboardVision:
             Every tag found in the windows asked for, by ascending id, and those windows in the order asked.
         """
         look = _Look(self.target.camera.frame, self.detector, fetch)
-        usable = (
-            prediction if prediction and pose_is_known(prediction, self._known_m, self._known_yaw) else None
-        )
-        if usable is None or exposure.frame % self._full_every == 0:
+        known = prediction is not None and pose_is_known(prediction, self._known_m, self._known_yaw)
+        if prediction is None or not known or exposure.frame % self._full_every == 0:
             look.at_frame()
         else:
-            expected = expected_tags(self.target, usable, self.policy)
-            if not expected:
-                if exposure.frame % self._search_every == 0:
-                    look.at_frame()
-            elif not self._seen:
+            expected = expected_tags(self.target, prediction, self.policy)
+            if expected:
+                self._look_closely(look, expected, exposure.frame)
+            elif exposure.frame % self._search_every == 0:
                 look.at_frame()
-            else:
-                self._look_closely(look, expected)
-        self._seen = self._target_tags(look)
+        for tag in self._target_tags(look):
+            self._resting.pop(tag, None)
         return Detections(exposure, look.tags, tuple(look.windows))
 
-    def _look_closely(self, look: _Look, expected: Sequence[ExpectedTag]) -> None:
-        look.at(plan_windows(self.target, expected, self.policy))
+    def _look_closely(self, look: _Look, expected: Sequence[ExpectedTag], frame: int) -> None:
+        awake = [e for e in expected if self._resting.get(e.tag_id, frame) <= frame]
+        asked = choose_tags(self.target, awake, frame, self.policy)
+        look.at(plan_windows(self.target, asked, self.policy))
+        if asked and not self._target_tags(look):
+            look.at(plan_windows(self.target, expected, self.policy, self._retry_widen))
+        if not self._target_tags(look):
+            look.at_frame()
         found = self._target_tags(look)
-        missing = [
-            e
-            for e in expected
-            if e.tag_id not in found
-            and (not found or (e.tag_id in self._seen and e.tag_id in self.target.port_tags))
-        ]
-        if missing:
-            look.at(plan_windows(self.target, missing, self.policy, self._retry_widen))
-            if not self._target_tags(look):
-                look.at_frame()
+        self._resting.update({e.tag_id: frame + 1 + self._rest for e in asked if e.tag_id not in found})
 
     def _target_tags(self, look: _Look) -> frozenset[int]:
         return frozenset(t.tag_id for t in look.tags) & self.target.corners_D.keys()

@@ -17,7 +17,6 @@ from msrr_perception.tag_camera import NEAREST_M, pose_vector, project_with_jaco
 from msrr_perception.target import TargetModel
 from msrr_scenes.messages import Array, PoseEstimate
 from msrr_scenes.pinhole import Window
-from msrr_scenes.se2 import SE2
 from msrr_scenes.se3 import SE3
 
 _TILE = 4
@@ -33,14 +32,17 @@ class WindowPolicy:
         quiet_zone: Room for the tag's white border, as a share of its longest edge in the image.
         merge_px: Windows are joined when that adds fewer pixels than this; the fixed cost of a window.
         extra_px: Windows of tags on neighbouring ports are taken along while all stay below this area.
+        budget_px: When the tags of the target port need more than this, a frame looks at some of them and the
+            next frame at others.
         least_edge_px: A tag whose shortest edge appears smaller is not expected to be read.
     """
 
     sigmas: float = 4.0
     margin_px: float = 6.0
-    quiet_zone: float = 0.15
+    quiet_zone: float = 0.08
     merge_px: int = 2000
-    extra_px: int = 14000
+    extra_px: int = 10000
+    budget_px: int = 30000
     least_edge_px: float = 10.0
 
 
@@ -97,26 +99,50 @@ def expected_tags(
     return tuple(found)
 
 
+def choose_tags(
+    target: TargetModel, expected: Sequence[ExpectedTag], turn: int, policy: WindowPolicy = DEFAULT_POLICY
+) -> tuple[ExpectedTag, ...]:
+    """Return the tags worth looking at in one frame.
+
+    Tags of the target port come first (others when none of them is expected). When they are so near that
+    their windows exceed the budget, as many as fit take turns, at least one a frame; when they are so far
+    that there is room, tags of neighbouring ports are taken along.
+
+    Args:
+        target: Camera and map of the tags.
+        expected: What should be in view.
+        turn: Number of the frame; says who is first.
+        policy: Budget and room.
+    """
+    own = [e for e in expected if e.tag_id in target.port_tags]
+    others = [e for e in expected if e.tag_id not in target.port_tags]
+    first = own or others
+    if not first:
+        return ()
+    start = turn % len(first)
+    chosen: list[ExpectedTag] = []
+    for tag in [*first[start:], *first[:start]]:
+        if not chosen or _cost(target, [*chosen, tag], policy) <= policy.budget_px:
+            chosen.append(tag)
+    if own and len(chosen) == len(own):
+        for extra in others:
+            if _cost(target, [*chosen, extra], policy) <= policy.extra_px:
+                chosen.append(extra)
+    return tuple(sorted(chosen, key=lambda e: e.tag_id))
+
+
 def plan_windows(
     target: TargetModel,
-    expected: Sequence[ExpectedTag],
+    tags: Sequence[ExpectedTag],
     policy: WindowPolicy = DEFAULT_POLICY,
     widen: float = 1.0,
 ) -> tuple[Window, ...]:
-    """Return the windows to ask for, ordered by their place in the image.
+    """Return the windows that hold ``tags``, ordered by place in the image; ``widen`` scales margins."""
+    return _merged((e.box(policy, widen) for e in tags), target.camera.frame, policy)
 
-    Tags of the target port come first; tags of its neighbours are added while that is cheap.
-    """
-    frame = target.camera.frame
-    own = [e for e in expected if e.tag_id in target.port_tags]
-    others = [e for e in expected if e.tag_id not in target.port_tags]
-    windows = _merged((e.box(policy, widen) for e in (own or others)), frame, policy)
-    if own:
-        for extra in others:
-            more = _merged((e.box(policy, widen) for e in [*own, extra]), frame, policy)
-            if sum(w.area for w in more) <= policy.extra_px:
-                own, windows = [*own, extra], more
-    return windows
+
+def _cost(target: TargetModel, tags: Sequence[ExpectedTag], policy: WindowPolicy) -> int:
+    return sum(w.area for w in plan_windows(target, tags, policy))
 
 
 def fitting_window(window: Window, frame: Window) -> Window | None:
@@ -160,9 +186,3 @@ def pose_is_known(prediction: PoseEstimate, position_m: float, yaw: float) -> bo
     P = prediction.covariance
     largest = float(np.linalg.eigvalsh(P[:2, :2])[-1])
     return largest < position_m**2 and float(P[2, 2]) < yaw**2
-
-
-def camera_distance(target: TargetModel, X_DU: SE2) -> float:
-    """Return the distance [m] on the floor from the camera to the middle of the LOS target."""
-    p_UC = target.X_UC.p[:2]
-    return float(np.linalg.norm(target.edge_points_D[:, :2].mean(axis=0) - X_DU.act(p_UC)))
