@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol
 
 import numpy as np
-from pydantic import ValidationError
 
 from msrr_control.close_range import CloseRangeLaw, CloseRangeParams, LinearParams
 from msrr_control.law import DockingLaw, DockSetup, Sensed, State
+from msrr_control.params import read_params
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, Twist
 from msrr_scenes.registry import build
-from msrr_scenes.spec import Choice, Spec
+from msrr_scenes.spec import Choice
 
 #: Share of its speed that the guidance keeps, by how the line of sight came about.
 _VISIBILITY = {LosStatus.SEEN: 1.0, LosStatus.PREDICTED: 0.5, LosStatus.LOST: 0.0}
@@ -91,28 +91,6 @@ def sense(inputs: ControlInputs) -> Sensed:
         visibility=np.array(visibility),
         twist=np.array([inputs.twist.v, inputs.twist.w]),
     )
-
-
-P = TypeVar("P", bound=Spec)
-
-
-def read_params(name: str, kind: type[P], params: dict[str, Any]) -> P:
-    """Validate a controller's parameters.
-
-    Raises:
-        SceneError: Names the parameter, what was wrong with it, and the ones that exist.
-    """
-    try:
-        return kind.model_validate(params)
-    except ValidationError as error:
-        faults = []
-        for fault in error.errors():
-            where = ".".join(str(part) for part in fault["loc"])
-            message = fault["msg"].removeprefix("Value error, ")
-            faults.append(f"{where}: {message}" if where else message)
-        raise SceneError(
-            f"controller {name!r}: {'; '.join(faults)}. Parameters: {', '.join(kind.model_fields)}."
-        ) from error
 
 
 def c1(setup: DockSetup, **params: Any) -> Controller:
