@@ -62,6 +62,8 @@ class Autonomy:
         )
         setup = DockSetup.of(scene, step)
         self._vision = OnboardVision(target, detector)
+        if scene.cameras.onboard.readout == "frames":  # a window saves nothing then: look at all of it
+            self._vision = OnboardVision(target, detector, full_every=1)
         self._los_estimator = LosEstimator(target)
         self._phases = PhaseMachine(scene.docking, setup, build_controller(scene.control.docking, setup))
         self._wheel_radius, self._track = target.wheel_radius, target.track
