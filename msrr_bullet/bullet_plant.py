@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from msrr_bullet.cam import PullResult
 from msrr_bullet.drive import LimitedDrive, WheelMotors
-from msrr_bullet.lock import PinLock, PullResult
+from msrr_bullet.lock import PinLock
 from msrr_bullet.plant import NoDockError, tick_ns
 from msrr_bullet.plug import Plug
 from msrr_bullet.world import BulletWorld

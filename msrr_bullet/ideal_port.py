@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from msrr_bullet.lock import CAM_REACH, PULL_SLACK, SWITCH_TRAVEL, Cam, PullResult
+from msrr_bullet.cam import CAM_REACH, PULL_SLACK, SWITCH_TRAVEL, Cam, PullResult
 from msrr_bullet.plug import PLUG_LENGTH
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.messages import LockPosition

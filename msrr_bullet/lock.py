@@ -3,17 +3,20 @@
 The cam only does what a cam can do. It takes its time to close, it then says that it is closed, and it holds
 something only if the pins were in its reach. What it holds becomes a fixed constraint between the two bodies,
 built from their measured relative pose: one built from the ideal pose would snap across the play of the pins.
+The lock gives way when the tension in that constraint passes its strength. (A cap on the constraint's own
+force would not do: PyBullet caps each axis of the world by itself, so a lock would be up to 1.4 times as strong
+in one heading as in another.)
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from msrr_bullet.cam import CAM_REACH, PULL_SLACK, SWITCH_TRAVEL, Cam, PullResult
 from msrr_bullet.world import ROOT, BulletWorld, UnitBody
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.messages import LockPosition
@@ -24,57 +27,10 @@ from msrr_scenes.vehicle import LockSpec
 Array = NDArray[np.float64]
 
 SIDES = ("left", "right")
-#: A seat switch closes when its pin is this close to the bottom of the hole [m].
-SWITCH_TRAVEL = 0.002
-#: The cam catches a pin that is this close to the bottom of its hole [m]; a little beyond the switch's
-#: travel, so that a closed switch means a pin in reach.
-CAM_REACH = 0.0025
-#: A lock that gives this much under the pull has given way [m].
-PULL_SLACK = 0.002
+#: Cap on the constraint's force on each axis [N]: far above any load, so that the strength alone decides.
+WELD_FORCE = 1e4
 #: Bodies may touch again after unlocking once they overlap by less than this [m].
 RELEASE_OVERLAP = 0.0002
-
-
-@dataclass(frozen=True, slots=True)
-class PullResult:
-    """What a pull along the docking axis showed.
-
-    Attributes:
-        force_n: Force on each of the two bodies, apart.
-        displacement_m: How far they came apart along the axis, up to where the test was broken off.
-        holds: The lock did not give way.
-    """
-
-    force_n: float
-    displacement_m: float
-    holds: bool
-
-
-class Cam:
-    """The cam's own motion, whatever it may hold: open at once, closed after its closing time."""
-
-    def __init__(self, close_time_s: float) -> None:
-        """Start open."""
-        self._close_time_s = close_time_s
-        self._closing_s = 0.0
-        self.position = LockPosition.OPEN
-
-    def command(self, close: bool) -> None:
-        """Start to close, or open. A cam that is closing or closed goes on when told to close again."""
-        if not close:
-            self.position = LockPosition.OPEN
-        elif self.position is LockPosition.OPEN:
-            self.position, self._closing_s = LockPosition.CLOSING, 0.0
-
-    def step(self, dt: float) -> bool:
-        """Advance by ``dt`` [s]; say whether the cam has just reached its end."""
-        if self.position is not LockPosition.CLOSING:
-            return False
-        self._closing_s += dt
-        if self._closing_s + 1e-9 < self._close_time_s:
-            return False
-        self.position = LockPosition.CLOSED
-        return True
 
 
 class Rig(Protocol):
@@ -151,8 +107,18 @@ class PinLock:
         if not close:
             self._let_go()
 
+    def tension_n(self) -> float:
+        """Return the force with which the lock kept the units together in the last tick [N]; < 0: apart."""
+        if self._constraint is None:
+            return 0.0
+        force = pybullet.getConstraintState(self._constraint, physicsClientId=self._world.client)
+        axis, _ = self._axis()
+        return float(axis @ np.array(force[:3]))
+
     def step(self, dt: float) -> None:
-        """Advance the cam by ``dt`` [s] after the physics has been stepped."""
+        """Advance the cam by ``dt`` [s] after the physics has been stepped; an overloaded lock gives way."""
+        if self.tension_n() > self._spec.strength_n:
+            self._let_go()
         if self._cam.step(dt) and all(self._depth_left(i) <= CAM_REACH for i in range(2)):
             self._engage()
         # Contact comes back only where it finds nothing to push apart.
@@ -215,9 +181,7 @@ class PinLock:
             child.quaternion_xyzw().tolist(),
             physicsClientId=self._world.client,
         )
-        pybullet.changeConstraint(
-            self._constraint, maxForce=self._spec.strength_n, physicsClientId=self._world.client
-        )
+        pybullet.changeConstraint(self._constraint, maxForce=WELD_FORCE, physicsClientId=self._world.client)
         # The weld takes over from the contact: a tenth of a millimetre of overlap would fight it.
         self._let_collide(False)
 

@@ -14,8 +14,8 @@ class WheelEncoders:
     """Two incremental encoders with slip, noise and a finite resolution.
 
     Each wheel has a radius that the robot does not know exactly: its angle is told too large or too small by
-    a factor drawn once per trial. On top of that the reading wanders as a random walk whose variance grows with
-    the angle turned, forwards or backwards. The reading is quantised last.
+    a factor drawn once per trial. On top of that the reading wanders as a random walk whose variance grows
+    with the angle turned, forwards or backwards. The reading is quantised last.
     """
 
     def __init__(self, unit: str, spec: OdometrySpec, rng: np.random.Generator) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from msrr_bullet.lock import PullResult
+from msrr_bullet.cam import PullResult
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import NS_PER_S, LockPosition, Twist
 from msrr_scenes.plan import DockStep

@@ -6,9 +6,9 @@ docking pair pass through each other here; the clearance monitor still sees that
 
 from __future__ import annotations
 
+from msrr_bullet.cam import PullResult
 from msrr_bullet.drive import LimitedDrive, wheel_speeds
 from msrr_bullet.ideal_port import Capture, IdealPort
-from msrr_bullet.lock import PullResult
 from msrr_bullet.plant import NoDockError, tick_ns
 from msrr_bullet.world import BulletWorld
 from msrr_scenes.errors import MsrrError, UnknownNameError
