@@ -104,7 +104,7 @@ def _runs(start: int, length: int) -> list[tuple[int, int, int]]:
 def blur_kernel(sigma: float) -> NDArray[np.float32]:
     """Return the blur's one-dimensional kernel, shape (2 r + 1,), whole numbers that sum to 256.
 
-    The discrete Gaussian (Lindeberg, Scale-space for discrete signals, 1990, eq. 20): its variance is
+    The discrete Gaussian (Lindeberg, Scale-space for discrete signals, PAMI 1990): its variance is
     sigma**2 at any sigma, where a sampled Gaussian of 0.4 px blurs by 0.28 px only.
 
     Args:
