@@ -39,10 +39,14 @@ class SE2:
     @classmethod
     def exp(cls, dx: float, dy: float, dyaw: float) -> SE2:
         """Integrate the constant body twist ``(dx, dy, dyaw)`` [m, m, rad] over unit time."""
-        if abs(dyaw) < 1e-6:  # series: sin(t)/t and (1-cos(t))/t lose digits before this
+        if abs(dyaw) < 1e-6:  # series: what follows divides by the turn
             sinc, cosc = 1.0 - dyaw * dyaw / 6.0, dyaw / 2.0
         else:
-            sinc, cosc = math.sin(dyaw) / dyaw, (1.0 - math.cos(dyaw)) / dyaw
+            half = 0.5 * dyaw
+            sinc, cosc = (
+                math.sin(dyaw) / dyaw,
+                math.sin(half) ** 2 / half,
+            )  # (1-cos(t))/t without cancellation
         return cls(sinc * dx - cosc * dy, cosc * dx + sinc * dy, dyaw)
 
     def log(self) -> Array:
