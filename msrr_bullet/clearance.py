@@ -1,10 +1,13 @@
 """How far the bodies are apart, and where: nearest points from FCL.
 
-Every part of a footprint is handed to FCL as an upright prism, all of one height. That matters: the distance
-FCL gives for upright boxes of *different* heights is too large, by up to decimetres; for prisms of one height
-it is exact. A disc is handed over as its axis (a prism of no width) and its radius is subtracted here,
-for FCL's iteration on curved shapes may end a millimetre off. Where two parts overlap FCL gives no distance;
-the depth is then found on the separating axes of the polygons (Ericson, Real-Time Collision Detection, 5.2).
+FCL measures in space, and its distance between upright prisms is not to be trusted: where two vertical
+edges are nearest every height is as good, and the search may end with points at different heights,
+decimetres too far apart (often with prisms of different heights, now and then with prisms of one height).
+So every convex part of a footprint becomes a spindle: widest at height 0, where it has the part's outline,
+pointed above and below. Two spindles are nearest, and meet first, at height 0 alone, and their distance is
+that of the outlines. A disc is handed over as its centre and its radius subtracted here, for on curved
+shapes the search is inexact too. Where two parts overlap FCL gives no distance; the depth is then found on
+the separating axes of the polygons (Ericson, Real-Time Collision Detection, 2005, section 5.2).
 """
 
 from __future__ import annotations
@@ -27,8 +30,10 @@ Array = NDArray[np.float64]
 Pair = frozenset[str]
 Point = tuple[float, float]
 
-#: Height of every prism [m]. Any value serves: the planar distance does not depend on it.
-PRISM_HEIGHT = 1.0
+#: Half the height of every spindle [m]. Any value serves: the distance does not depend on it.
+SPINDLE_HEIGHT = 1.0
+#: Radius of the sphere that stands for a point [m].
+POINT_RADIUS = 1e-9
 #: Below this distance [m] the nearest points are too close together to tell the direction between them.
 TOUCHING = 1e-9
 
@@ -57,14 +62,14 @@ class Clearance:
         return frozenset((self.body_a, self.body_b))
 
 
-def _prism(core: Array) -> fcl.CollisionGeometry:
+def _spindle(core: Array) -> fcl.CollisionGeometry:
     if len(core) == 1:
-        return fcl.Box(0.0, 0.0, PRISM_HEIGHT)
+        return fcl.Sphere(POINT_RADIUS)
     n = len(core)
-    ends = [np.column_stack([core, np.full(n, z)]) for z in (-0.5 * PRISM_HEIGHT, 0.5 * PRISM_HEIGHT)]
-    faces = [[n, *range(n - 1, -1, -1)], [n, *range(n, 2 * n)]]
-    faces += [[4, i, (i + 1) % n, n + (i + 1) % n, n + i] for i in range(n)]
-    return fcl.Convex(np.concatenate(ends), len(faces), np.concatenate(faces))
+    apexes = [[*core.mean(axis=0), z] for z in (SPINDLE_HEIGHT, -SPINDLE_HEIGHT)]
+    faces = [[3, i, (i + 1) % n, n] for i in range(n)] + [[3, (i + 1) % n, i, n + 1] for i in range(n)]
+    vertices = np.concatenate([np.column_stack([core, np.zeros(n)]), apexes])
+    return fcl.Convex(vertices, len(faces), np.concatenate(faces))
 
 
 class _PlacedPart:
@@ -74,9 +79,9 @@ class _PlacedPart:
         self.part = part
         self.radius = part.radius
         self.circumradius = part.circumradius
-        # A prism of no width stands in its own origin, so a disc's centre goes into the placement instead.
+        # A sphere lies about its own origin, so a disc's centre goes into the placement instead.
         self._offset = part.core[0] if len(part.core) == 1 else np.zeros(2)
-        self.object = fcl.CollisionObject(_prism(part.core), fcl.Transform())
+        self.object = fcl.CollisionObject(_spindle(part.core), fcl.Transform())
         self.centre = (0.0, 0.0)
         self.pose = SE2()
 
@@ -114,8 +119,8 @@ class _Body:
             self._pose = X_WB
 
 
-def _overlap(a: _PlacedPart, b: _PlacedPart) -> tuple[float, Array, Array]:
-    """Return how deep two cores overlap [m], the direction (2,) from a to b, and b's deepest point (2,)."""
+def _overlap(a: _PlacedPart, b: _PlacedPart) -> tuple[float, Array, Array, Array]:
+    """Return two cores' overlap [m], the direction (2,) from a to b, and their deepest points (2,) in W."""
     p, q = a.pose.act(a.part.core), b.pose.act(b.part.core)
     axes = [np.empty((0, 2))]
     for core, sign in ((p, 1.0), (q, -1.0)):
@@ -125,24 +130,32 @@ def _overlap(a: _PlacedPart, b: _PlacedPart) -> tuple[float, Array, Array]:
             axes.append(sign * normal / np.linalg.norm(normal, axis=1, keepdims=True))
     n = np.concatenate(axes)
     if not len(n):  # two centres in one place: every direction is as good
-        return 0.0, np.array([1.0, 0.0]), q[0]
-    depths = (p @ n.T).max(axis=0) - (q @ n.T).min(axis=0)
-    best = int(np.argmin(depths))
-    return float(depths[best]), n[best], q[int(np.argmin(q @ n[best]))]
+        return 0.0, np.array([1.0, 0.0]), p[0], q[0]
+    best = int(np.argmin((p @ n.T).max(axis=0) - (q @ n.T).min(axis=0)))
+    normal, tangent = n[best], np.array([-n[best, 1], n[best, 0]])
+    front, back = float((p @ normal).max()), float((q @ normal).min())
+    # Each core is deepest in a vertex or along an edge; the points lie face to face where the two overlap.
+    deepest_a, deepest_b = p[p @ normal >= front - TOUCHING], q[q @ normal <= back + TOUCHING]
+    along = np.array([[np.min(d @ tangent), np.max(d @ tangent)] for d in (deepest_a, deepest_b)])
+    middle = 0.5 * (along[:, 0].max() + along[:, 1].min()) * tangent
+    return front - back, normal, middle + front * normal, middle + back * normal
 
 
 def _measure(a: _PlacedPart, b: _PlacedPart) -> tuple[float, Point, Point]:
     result = fcl.DistanceResult()
-    core_distance = fcl.distance(a.object, b.object, fcl.DistanceRequest(enable_nearest_points=True), result)
-    if core_distance > TOUCHING:
+    distance = fcl.distance(a.object, b.object, fcl.DistanceRequest(enable_nearest_points=True), result)
+    if distance > TOUCHING:
         core_a, core_b = (np.asarray(p[:2]) for p in result.nearest_points)
-        direction = (core_b - core_a) / core_distance
+        direction = (core_b - core_a) / distance
     else:
-        depth, direction, core_b = _overlap(a, b)
-        core_a, core_distance = core_b + depth * direction, -depth
+        depth, direction, core_a, core_b = _overlap(a, b)
+        distance = -depth
     point_a, point_b = core_a + a.radius * direction, core_b - b.radius * direction
-    distance = float(core_distance) - a.radius - b.radius
-    return distance, (float(point_a[0]), float(point_a[1])), (float(point_b[0]), float(point_b[1]))
+    return (
+        float(distance) - a.radius - b.radius,
+        (float(point_a[0]), float(point_a[1])),
+        (float(point_b[0]), float(point_b[1])),
+    )
 
 
 class ClearanceModel:

@@ -139,7 +139,8 @@ def _without_covered(parts: Sequence[Part], one_suffices: bool) -> list[Part]:
 def simplify(parts: Sequence[Part]) -> tuple[Part, ...]:
     """Return fewer parts with the same union, up to :data:`MERGE_TOLERANCE` outwards.
 
-    Polygons are joined while their common hull stays on the body; parts that the others cover go.
+    Polygons are joined while the border of their common hull stays on the body; covered parts go.
+    A hole that the parts enclose may be filled: nothing outside can be nearest to its rim.
     """
     body = kept = _without_covered(parts, one_suffices=True)
     while (fewer := _join_one_pair(kept, body)) is not None:
