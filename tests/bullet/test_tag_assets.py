@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pybullet
 import pytest
+
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.renderer import RenderContext
 from msrr_bullet.render.tiny import TinyRenderer

@@ -1,12 +1,13 @@
-"""Lens blur and image noise: a window is the crop of the frame, and the noise is the noise that was ordered."""
+"""Lens blur and image noise: a window is the crop of the frame, and the noise has the stated strength."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+
 from msrr_perception.sensor_model import SensorModel
 from msrr_scenes.pinhole import Window
-from numpy.typing import NDArray
 
 FRAME = Window(0, 0, 640, 480)
 
@@ -50,7 +51,7 @@ def test_a_perfect_sensor_changes_nothing() -> None:
 
 @pytest.mark.parametrize("sigma", [1.0, 2.0, 8.0])
 def test_noise_is_white_and_has_the_stated_sigma(sigma: float) -> None:
-    """N = 307,200 pixels a frame; bounds are 5 standard errors, so a check fails by chance once in 2 million."""
+    """N = 307,200 pixels a frame; bounds of 5 standard errors fail by chance once in 2 million."""
     sensor = SensorModel(key=99, blur_px=0.0, noise_grey=sigma)
     grey = np.full((480, 640), 128, dtype=np.uint8)
     a, b = (sensor.read_out(grey, FRAME, k).astype(float) - 128.0 for k in (4, 5))
