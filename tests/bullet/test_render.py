@@ -201,6 +201,19 @@ def test_composited_floor_is_the_floor_of_a_mesh(client: int) -> None:
     np.testing.assert_array_equal(again.render(CAMERA, X_WC, window), mesh)
 
 
+@pytest.mark.parametrize("floor", ["composited", "mesh"])
+def test_a_plane_for_contact_does_not_hide_the_floor(client: int, floor: str) -> None:
+    """TinyRenderer would paint it as a chequerboard of white and blue."""
+    X_WC = optical_pose(SE3.from_xyz_rpy([0.2, 0.1, 0.155], [0.0, 0.1, 0.2]))
+    choice = Choice(name="tiny", params={"floor": floor})
+    context = RenderContext(client, 1)
+    before = build_renderer(choice, context).render(CAMERA, X_WC, CAMERA.frame)
+    plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
+    pybullet.createMultiBody(0.0, plane, physicsClientId=client)
+    after = build_renderer(choice, context).render(CAMERA, X_WC, CAMERA.frame)
+    np.testing.assert_array_equal(after, before)
+
+
 def test_a_camera_under_the_floor_sees_no_floor() -> None:
     image = floor_image(optical_pose(SE3.from_xyz_rpy([0.0, 0.0, -0.1], [0.0, -0.3, 0.0])))
     np.testing.assert_array_equal(image, concrete_floor().wall)
