@@ -1,7 +1,7 @@
 """The robot: what runs on the docking unit's computer.
 
-It is made of the perception and the control room and sees images, wheel odometry, its own switches and the clock. It
-imports nothing of the simulator, and a replay runs it again from a log.
+It is made of the perception and the control room and sees images, wheel odometry, its own switches and the
+clock. It imports nothing of the simulator, and a replay runs it again from a log.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from msrr_scenes.scene import Scene
 class Autonomy:
     """One docking unit during one step of the plan.
 
-    The scene tells it what its makers would: geometry, calibration, sensor data sheets, the plan. It never looks at where
-    the scene puts anybody.
+    The scene tells it what its makers would: geometry, calibration, sensor data sheets, the plan. It never
+    looks at where the scene puts anybody.
     """
 
     def __init__(self, scene: Scene, step: DockStep) -> None:
