@@ -1,0 +1,63 @@
+"""The bench: its figures agree with each other, and its naive loop is what it says."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from msrr_bullet.bench import BenchError, bench, bench_table, naive
+from msrr_bullet.log import CameraWindow, MemoryRecorder
+from msrr_bullet.trial import Trial
+from msrr_scenes.load import load_scene
+from msrr_scenes.scene import Scene
+from msrr_scenes.spec import Choice
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    """The beginning of close_range at one sample a pixel, where the naive loop is cheap enough for a test."""
+    loaded = load_scene("close_range")
+    onboard = loaded.cameras.onboard.model_copy(update={"samples": 1})
+    return loaded.model_copy(
+        update={"time_limit_s": 0.8, "cameras": loaded.cameras.model_copy(update={"onboard": onboard})}
+    )
+
+
+def test_the_naive_loop_reads_whole_frames_with_a_floor_mesh(scene: Scene) -> None:
+    slow = naive(scene)
+    onboard = slow.cameras.onboard
+    assert onboard.renderer == Choice(name="tiny", params={"floor": "mesh"})
+    assert onboard.samples == scene.cameras.onboard.samples
+    assert naive(load_scene("close_range"), samples=1).cameras.onboard.samples == 1
+    recorder = MemoryRecorder()
+    Trial(slow.model_copy(update={"time_limit_s": 0.3}), 3, recorder=recorder).run()
+    windows = [m.window for _, _, m in recorder.messages if isinstance(m, CameraWindow)]
+    assert len(windows) >= 7  # 25 Hz
+    assert set(windows) == {onboard.pinhole.frame}
+
+
+def test_the_trial_itself_reads_less(scene: Scene) -> None:
+    recorder = MemoryRecorder()
+    Trial(scene, 3, recorder=recorder).run()
+    windows = [m.window for _, _, m in recorder.messages if isinstance(m, CameraWindow)]
+    assert sum(w.area for w in windows) < 0.5 * len(windows) * scene.cameras.onboard.pinhole.frame.area
+
+
+def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
+    report = bench(scene, seed=3)
+    total = 1e3 / report.real_time_factor
+    assert report.physics_ms_per_s + report.other_ms_per_s == pytest.approx(total)
+    assert sum(report.stages_ms_per_s.values()) == pytest.approx(total)
+    assert {"physics", "render", "perception", "control", "clearance", "rest"} <= set(report.stages_ms_per_s)
+    assert all(ms >= 0.0 for ms in report.stages_ms_per_s.values())
+    assert report.naive_ratio == report.naive_ratio_one_sample  # the scene has one sample a pixel itself
+    assert report.naive_ratio > 1.0
+    assert 30.0 < report.peak_mb < 4_000.0
+    assert json.loads(report.to_json())["naive_ratio"] == report.naive_ratio
+    assert bench_table(report).row_count == len(report.stages_ms_per_s) + 4
+
+
+def test_a_scene_without_images_cannot_be_measured(scene: Scene) -> None:
+    with pytest.raises(BenchError, match="parametric"):
+        bench(scene.model_copy(update={"perception": "parametric"}))
