@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from msrr_perception import native_apriltag
+from msrr_perception.edge_refinement import refine_corners
 from msrr_perception.native_apriltag import DetectorError, NativeSettings
 from msrr_scenes.messages import Pixels, TagDetection
 from msrr_scenes.pinhole import Window
@@ -43,6 +44,7 @@ class PupilDetector:
         family: Tag family.
         max_hamming: Detections with more corrected bits are dropped.
         min_decision_margin: Detections with a smaller margin are dropped [grey levels].
+        refine: Whether corners are measured again by :func:`msrr_perception.edge_refinement.refine_corners`.
         settings: What the native detector is told.
     """
 
@@ -55,6 +57,7 @@ class PupilDetector:
         min_white_black_diff: int = 30,
         max_hamming: int = 1,
         min_decision_margin: float = 10.0,
+        refine: bool = True,
     ) -> None:
         """See :class:`NativeSettings` for the native parameters.
 
@@ -68,6 +71,7 @@ class PupilDetector:
         self.family = family
         self.max_hamming = max_hamming
         self.min_decision_margin = min_decision_margin
+        self.refine = refine
         self.settings = NativeSettings(
             quad_decimate, quad_sigma, decode_sharpening, int(min_white_black_diff)
         )
@@ -78,13 +82,22 @@ class PupilDetector:
             raise DetectorError(f"{pixels.shape} pixels do not fill a window of {window}")
         if min(pixels.shape) < _SMALLEST_EDGE_PX:
             return ()
-        offset = np.array([window.x - EDGE_TO_CENTRE_PX, window.y - EDGE_TO_CENTRE_PX])
         found = [
-            TagDetection(t.tag_id, t.corners + offset, float(t.decision_margin), t.hamming)
+            t
             for t in native_apriltag.detect(pixels, self.family, self.settings)
             if t.hamming <= self.max_hamming and t.decision_margin >= self.min_decision_margin
         ]
-        return tuple(sorted(found, key=lambda t: (t.tag_id, -t.decision_margin)))
+        if not found:
+            return ()
+        found.sort(key=lambda t: (t.tag_id, -t.decision_margin))
+        corners = np.stack([t.corners for t in found]) - EDGE_TO_CENTRE_PX
+        if self.refine:
+            corners = refine_corners(pixels, corners)
+        corners += [window.x, window.y]
+        return tuple(
+            TagDetection(t.tag_id, c, float(t.decision_margin), t.hamming)
+            for t, c in zip(found, corners, strict=True)
+        )
 
 
 DETECTORS: Mapping[str, Callable[..., Detector]] = MappingProxyType({"pupil": PupilDetector})

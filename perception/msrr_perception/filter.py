@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from msrr_perception.corner_fit import Corners, fit_corners
-from msrr_perception.joint_pose import CornerNoise, consistent_pose, gather_corners
+from msrr_perception.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise, consistent_pose, gather_corners
 from msrr_perception.motion import DEFAULT_NOISE, STATE_SIZE, DriveMotion, FilterState, MotionNoise
 from msrr_perception.tag_camera import project_with_jacobian
 from msrr_perception.target import TargetModel
@@ -58,7 +58,7 @@ class CornerEkf:
         target: TargetModel,
         odometry: OdometrySpec,
         delay_compensation: bool = True,
-        corner_sigma_px: float = 0.3,
+        corner_sigma_px: float = DEFAULT_CORNER_NOISE.corner_sigma_px,
         tilt_sigma_deg: float = 0.3,
         gate_probability: float = 0.9999,
         reset_after: int = 5,

@@ -75,7 +75,7 @@ class GlobalLocalizer:
     """Locates bodies by their top tags in overhead detections."""
 
     def __init__(
-        self, camera: PinholeCamera, X_WC: SE3, tags: Mapping[int, FlatTag], corner_sigma_px: float = 0.3
+        self, camera: PinholeCamera, X_WC: SE3, tags: Mapping[int, FlatTag], corner_sigma_px: float = 0.2
     ) -> None:
         """Set up.
 
@@ -91,7 +91,7 @@ class GlobalLocalizer:
         self._sigma = corner_sigma_px
 
     @classmethod
-    def from_scene(cls, scene: Scene, corner_sigma_px: float = 0.3) -> GlobalLocalizer:
+    def from_scene(cls, scene: Scene, corner_sigma_px: float = 0.2) -> GlobalLocalizer:
         """Build for the scene's overhead camera, units and tagged obstacles.
 
         Raises:

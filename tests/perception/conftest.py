@@ -1,0 +1,163 @@
+"""What the perception tests share: a target, images warped from exact projections, and a simulated approach."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+import pytest
+
+from msrr_perception.tag_camera import pose_vector, project
+from msrr_perception.target import TargetModel
+from msrr_scenes.messages import Detections, Exposure, Pixels, TagDetection, WheelOdometry
+from msrr_scenes.pinhole import Window
+from msrr_scenes.scene import Scene
+from msrr_scenes.se2 import SE2
+
+SUPERSAMPLING = 8
+BLUR_PX = 0.4
+TICK_NS = 10_000_000  # encoders at 100 Hz
+FRAME_TICKS = 4  # camera at 25 Hz
+
+
+@pytest.fixture(scope="session")
+def scene() -> Scene:
+    return Scene.model_validate(
+        {
+            "name": "pair",
+            "units": {"a": {"number": 1}, "b": {"number": 2}},
+            "plan": [{"unit": "a", "to": "b.rear"}],
+        }
+    )
+
+
+@pytest.fixture(scope="session")
+def target(scene: Scene) -> TargetModel:
+    return TargetModel.from_scene(scene, scene.plan[0])
+
+
+def _plate(tag_id: int) -> Pixels:
+    """The print of a tag: 10 x 10 modules, black square 8 x 8; OpenCV's are upside down."""
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    square = cv2.aruco.generateImageMarker(family, tag_id, 8, borderBits=1)
+    bits = np.pad(np.rot90(square, 2), 1, constant_values=255)
+    return np.kron(bits, np.ones((24, 24), dtype=np.uint8))
+
+
+def _warp(window: Window, prints: Iterable[tuple[Pixels, np.ndarray]], background: int = 110) -> Pixels:
+    """Draw prints (bitmap, pixels of its black square's corners) into a window, anti-aliased, as a lens would."""
+    s = SUPERSAMPLING
+    canvas = np.full((window.height * s, window.width * s), background, dtype=np.uint8)
+    for bitmap, corners in prints:
+        n = bitmap.shape[0]
+        lo, hi = 0.1 * n - 0.5, 0.9 * n - 0.5  # the black square inside the white border
+        source = np.array([[lo, hi], [hi, hi], [hi, lo], [lo, lo]], dtype=np.float32)
+        where = (corners - [window.x, window.y] + 0.5) * s - 0.5
+        H = cv2.getPerspectiveTransform(source, where.astype(np.float32))
+        size = (canvas.shape[1], canvas.shape[0])
+        inside = cv2.warpPerspective(np.full_like(bitmap, 255), H, size, flags=cv2.INTER_NEAREST) > 0
+        canvas[inside] = cv2.warpPerspective(bitmap, H, size, flags=cv2.INTER_LINEAR)[inside]
+    sharp = cv2.resize(canvas, (window.width, window.height), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.GaussianBlur(sharp, (0, 0), BLUR_PX), dtype=np.uint8)
+
+
+Draw = Callable[[SE2, Window], Pixels]
+
+
+@pytest.fixture(scope="session")
+def draw(target: TargetModel) -> Draw:
+    """Picture of the target port's tags from a pose."""
+
+    prints = {tag: _plate(tag) for tag in target.port_tags}
+
+    def picture(X_DU: SE2, window: Window) -> Pixels:
+        pose = pose_vector(X_DU)
+        return _warp(window, [(p, project(target, pose, target.corners_D[t])[1]) for t, p in prints.items()])
+
+    return picture
+
+
+def _see(
+    target: TargetModel,
+    pose: np.ndarray,
+    tags: Iterable[int],
+    rng: np.random.Generator | None = None,
+    sigma: float = 0.3,
+) -> tuple[TagDetection, ...]:
+    """Detections at exact or noisy corners."""
+    found = []
+    for tag in tags:
+        _, pixels = project(target, pose, target.corners_D[tag])
+        found.append(TagDetection(tag, pixels if rng is None else pixels + rng.normal(0.0, sigma, (4, 2))))
+    return tuple(found)
+
+
+@dataclass
+class Drive:
+    """A unit that drives towards the target, with what its encoders and its camera say.
+
+    Truth is integrated exactly; the wheels' radii are off by a drawn share, as the encoder spec says.
+    """
+
+    target: TargetModel
+    seed: int
+    X_DU: SE2 = field(default_factory=lambda: SE2(-0.8, 0.05, 0.1))
+    speed: Callable[[SE2], tuple[float, float]] = lambda X: (0.11, -3.0 * X.y - 1.5 * X.yaw)
+    scale_error: float = 0.02
+    sigma: float = 0.3
+    tags: tuple[int, ...] | None = None
+    blocked: bool = False  # the wheels turn, the unit stands
+    tick: int = 0
+
+    def __post_init__(self) -> None:
+        self.rng = np.random.default_rng(self.seed)
+        self._scale = self.rng.normal(0.0, self.scale_error, 2)
+        self._wheels = np.zeros(2)
+        self._tilt = self.rng.normal(0.0, math.radians(0.2), 2)
+
+    @property
+    def now_ns(self) -> int:
+        return self.tick * TICK_NS
+
+    def step(self) -> tuple[WheelOdometry, Detections | None]:
+        """Advance one tick; return the encoders' reading and, when one is due, the picture's tags."""
+        self.tick += 1
+        v, w = self.speed(self.X_DU)
+        half = 0.5 * w * self.target.track
+        way = np.array([v - half, v + half]) * TICK_NS * 1e-9
+        if not self.blocked:
+            turn = float(way[1] - way[0]) / self.target.track
+            self.X_DU = self.X_DU @ SE2.exp(float(way.mean()), 0.0, turn)
+        self._wheels += way / (1.0 + self._scale) / self.target.wheel_radius
+        quantum = 2.0 * math.pi / 4096
+        left, right = np.round(self._wheels / quantum) * quantum
+        reading = WheelOdometry("a", self.now_ns, float(left), float(right))
+        return reading, self.look() if self.tick % FRAME_TICKS == 0 else None
+
+    def look(self) -> Detections:
+        pose = pose_vector(self.X_DU, *self._tilt)
+        tags = _see(self.target, pose, self.tags or self.target.port_tags, self.rng, self.sigma)
+        return Detections(Exposure("a/onboard", self.tick // FRAME_TICKS, self.now_ns), tags, ())
+
+
+@pytest.fixture(scope="session")
+def make_drive(target: TargetModel) -> Callable[..., Drive]:
+    return lambda seed, **options: Drive(target, seed, **options)
+
+
+@pytest.fixture(scope="session")
+def plate() -> Callable[[int], Pixels]:
+    return _plate
+
+
+@pytest.fixture(scope="session")
+def warp() -> Callable[..., Pixels]:
+    return _warp
+
+
+@pytest.fixture(scope="session")
+def see(target: TargetModel) -> Callable[..., tuple[TagDetection, ...]]:
+    return lambda pose, tags, rng=None, sigma=0.3: _see(target, pose, tags, rng, sigma)
