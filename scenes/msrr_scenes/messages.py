@@ -180,6 +180,46 @@ class GlobalPose:
     covariance: Array
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ObstacleEstimate:
+    """An obstacle known by its detected tag.
+
+    Attributes:
+        name: Which one, by the map from tag ids to kinds of obstacles.
+        stamp_ns: Exposure time of the last sight of it.
+        X_WB: Its middle on the floor.
+        covariance: Of (x, y, yaw) in W, shape (3, 3) [m, rad].
+        radius: Radius of the circle about its footprint [m].
+    """
+
+    name: str
+    stamp_ns: int
+    X_WB: SE2
+    covariance: Array
+    radius: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Situation:
+    """What global localisation knows at one instant; everything in the world frame W.
+
+    Attributes:
+        stamp_ns: The time that ``own`` speaks of (the last exposure when delay compensation is off).
+        own: The docking unit's frame U.
+        target: Frame U of the unit it docks to.
+        others: Frames U of the remaining units that have been seen.
+        obstacles: Every obstacle that has been seen.
+        last_seen_ns: Exposure time of the last sight of the docking unit itself.
+    """
+
+    stamp_ns: int
+    own: GlobalPose
+    target: GlobalPose
+    others: tuple[GlobalPose, ...]
+    obstacles: tuple[ObstacleEstimate, ...]
+    last_seen_ns: int
+
+
 @dataclass(frozen=True, slots=True)
 class Twist:
     """Body velocity of a differential drive: forward ``v`` [m/s], counter-clockwise ``w`` [rad/s]."""
