@@ -93,6 +93,8 @@ class Track:
 
     def thinned(self) -> Track:
         """Return the track without the keys in the middle of a stretch of equal values."""
+        if len(self.times) < 3:
+            return self
         same = (self.values[1:] == self.values[:-1]).reshape(len(self.times) - 1, -1).all(axis=1)
         keep = np.ones(len(self.times), dtype=np.bool_)
         keep[1:-1] = ~(same[:-1] & same[1:])
