@@ -92,7 +92,10 @@ class BulletPlant:
     def pins_touch(self, unit: str) -> bool:
         """Say whether a pin of ``unit`` touches the unit it docks to."""
         lock = self._locks.get(unit)
-        return lock is not None and lock.pins_touch()
+        if lock is None:
+            return False
+        plug = self._plugs.get((lock.dock_step.target_unit, lock.dock_step.target_port))
+        return lock.pins_touch(plug.bodies if plug else ())
 
     def begin_dock(self, step: DockStep) -> None:
         """Name the port that the unit's mechanism has to do with from now on.

@@ -4,12 +4,13 @@ The cam only does what a cam can do. It takes its time to close, it then says th
 something only if the pins were in its reach. What it holds becomes a fixed constraint between the two bodies,
 built from their measured relative pose: one built from the ideal pose would snap across the play of the pins.
 The lock gives way when the tension in that constraint passes its strength. (A cap on the constraint's own
-force would not do: PyBullet caps each axis of the world by itself, so a lock would be up to 1.4 times as strong
-in one heading as in another.)
+force would not do: PyBullet caps each axis of the world by itself, so a lock would be up to 1.4 times as
+strong in one heading as in another.)
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -51,7 +52,7 @@ class PinLock:
             GeometryError: A URDF has no pins, or no holes at that port.
         """
         self._world = world
-        self._step = step
+        self.dock_step = step
         self._spec = spec
         self._cam = Cam(spec.close_time_s)
         self._unit, self._target = world.unit(step.unit), world.unit(step.target_unit)
@@ -85,17 +86,21 @@ class PinLock:
         left, right = (self._depth_left(i) <= SWITCH_TRAVEL for i in range(2))
         return left, right
 
-    def pins_touch(self) -> bool:
+    def pins_touch(self, in_the_holes: Sequence[int] = ()) -> bool:
         """Say whether a pin touches the unit that is docked to: its walls, its face, or a seat switch.
 
         A pin that is well aligned enters without touching anything before the switch.
+
+        Args:
+            in_the_holes: Bodies that stop up the holes and count as part of the port.
         """
         return any(self.switches()) or any(
             contact[8] <= 0.0 or contact[9] > 0.0
             for pin, _ in self._pairs
+            for body in (self._target.body, *in_the_holes)
             for contact in pybullet.getContactPoints(
                 bodyA=self._unit.body,
-                bodyB=self._target.body,
+                bodyB=body,
                 linkIndexA=pin,
                 physicsClientId=self._world.client,
             )
@@ -164,8 +169,8 @@ class PinLock:
         return min((float(point[8]) for point in points), default=float("inf"))
 
     def _engage(self) -> None:
-        X_WP = SE3.from_se2(self._world.pose(self._step.unit)) @ self._unit.geometry.frame(
-            f"port_{self._step.port}"
+        X_WP = SE3.from_se2(self._world.pose(self.dock_step.unit)) @ self._unit.geometry.frame(
+            f"port_{self.dock_step.port}"
         )
         parent, child = (self._root_pose(unit).inverse() @ X_WP for unit in (self._unit, self._target))
         self._constraint = pybullet.createConstraint(
@@ -207,18 +212,16 @@ class PinLock:
 
     def _axis(self) -> tuple[Array, Array]:
         """Docking axis, into the target, and the middle of its holes, in W; shapes (3,)."""
-        X_WP = self._world.link_pose(self._step.target_unit, f"port_{self._step.target_port}")
-        holes = [
-            self._world.link_pose(self._step.target_unit, f"port_{self._step.target_port}_hole_{side}").p
-            for side in SIDES
-        ]
+        target, port = self.dock_step.target_unit, f"port_{self.dock_step.target_port}"
+        X_WP = self._world.link_pose(target, port)
+        holes = [self._world.link_pose(target, f"{port}_hole_{side}").p for side in SIDES]
         return -X_WP.R[:, 0], np.mean(holes, axis=0)
 
     def _gap(self) -> float:
         """Distance of the two faces along the docking axis [m]."""
         axis, _ = self._axis()
-        own = self._world.link_pose(self._step.unit, f"port_{self._step.port}").p
-        other = self._world.link_pose(self._step.target_unit, f"port_{self._step.target_port}").p
+        own = self._world.link_pose(self.dock_step.unit, f"port_{self.dock_step.port}").p
+        other = self._world.link_pose(self.dock_step.target_unit, f"port_{self.dock_step.target_port}").p
         return float(axis @ (other - own))
 
     def _push(self, unit: UnitBody, force: Array, point: Array) -> None:

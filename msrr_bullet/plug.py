@@ -11,6 +11,7 @@ from msrr_scenes.se3 import SE3
 
 #: How far a plug reaches up from the bottom of the hole [m]: well over what a switch or the cam forgives.
 PLUG_LENGTH = 0.010
+PLUG_RGBA = (0.2, 0.2, 0.2, 1.0)
 
 
 class Plug:
@@ -23,7 +24,7 @@ class Plug:
         holes = [s for s in owner.geometry.solids if s.link.startswith(f"port_{port}_hole_")]
         if not holes:
             raise GeometryError(f"unit {unit!r}: port {port!r} has no holes to stop up")
-        self._bodies: list[int] = []
+        self.bodies: list[int] = []
         for hole in holes:
             # The bottom plate is a box with x out of the face; the plug stands on it.
             thickness, width, height = hole.size
@@ -35,15 +36,18 @@ class Plug:
                 baseCollisionShapeIndex=pybullet.createCollisionShape(
                     pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client
                 ),
+                baseVisualShapeIndex=pybullet.createVisualShape(
+                    pybullet.GEOM_BOX, halfExtents=half, rgbaColor=PLUG_RGBA, physicsClientId=self._client
+                ),
                 basePosition=X_WG.p.tolist(),
                 baseOrientation=X_WG.quaternion_xyzw().tolist(),
                 physicsClientId=self._client,
             )
             for link in owner.links.values():
                 pybullet.setCollisionFilterPair(owner.body, body, link, -1, 0, physicsClientId=self._client)
-            self._bodies.append(body)
+            self.bodies.append(body)
 
     def remove(self) -> None:
         """Clear the holes."""
-        while self._bodies:
-            pybullet.removeBody(self._bodies.pop(), physicsClientId=self._client)
+        while self.bodies:
+            pybullet.removeBody(self.bodies.pop(), physicsClientId=self._client)

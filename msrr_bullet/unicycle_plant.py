@@ -58,8 +58,15 @@ class UnicyclePlant:
     def step(self) -> None:
         """Advance by one tick: drives, exact integration, ports."""
         dt = 1.0 / self._scene.physics_hz
+        before = dict(self._poses)
         for name in self._scene.units:
-            self._move(name, dt)
+            self._roll(name, dt)
+        settled: set[str] = set()
+        for name in self._docks:
+            self._settle(name, settled)
+        for name, X_WU in self._poses.items():
+            turned = (before[name].inverse() @ X_WU).log()
+            self._moved[name] = Twist(float(turned[0]) / dt, float(turned[2]) / dt)
         self.tick += 1
         for dock in self._docks.values():
             dock.step_cam(dt)
@@ -146,22 +153,22 @@ class UnicyclePlant:
         if self._world is not None:
             self._world.close()
 
-    def _move(self, name: str, dt: float) -> None:
+    def _roll(self, name: str, dt: float) -> None:
+        """Turn the wheels, and let the unit follow them."""
         speed = self._drives[name].step(self._wishes[name], dt)
         rates = wheel_speeds(speed, self._scene.geometry(name))
         left, right = (angle + rate * dt for angle, rate in zip(self._wheels[name], rates, strict=True))
         self._wheels[name] = left, right
-        before = self._poses[name]
-        after = before
+        self._poses[name] = self._poses[name] @ SE2.exp(speed.v * dt, 0.0, speed.w * dt)
+
+    def _settle(self, name: str, settled: set[str]) -> None:
+        """Let a unit's port have its say, after that of the unit it docks to."""
         dock = self._docks.get(name)
-        if dock is None or not dock.engaged:
-            after = before @ SE2.exp(speed.v * dt, 0.0, speed.w * dt)
-        if dock is not None:
-            # Also when nothing moved: the other unit may have.
-            after = dock.constrain(after, self._poses[dock.step.target_unit])
-        self._poses[name] = after
-        step = (before.inverse() @ after).log()
-        self._moved[name] = Twist(float(step[0]) / dt, float(step[2]) / dt)
+        if dock is None or name in settled:
+            return
+        settled.add(name)
+        self._settle(dock.step.target_unit, settled)
+        self._poses[name] = dock.constrain(self._poses[name], self._poses[dock.step.target_unit])
 
     def _check(self, unit: str) -> None:
         if unit not in self._poses:

@@ -207,8 +207,18 @@ class BulletWorld:
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], physicsClientId=self.client
         )
+        # A body without a visual shape is drawn as its collision shape, so it gets one too small to be seen.
+        unseen = pybullet.createVisualShape(
+            pybullet.GEOM_SPHERE,
+            radius=1e-6,
+            visualFramePosition=[0.0, 0.0, -1.0],
+            physicsClientId=self.client,
+        )
         floor: int = pybullet.createMultiBody(
-            baseMass=0.0, baseCollisionShapeIndex=shape, physicsClientId=self.client
+            baseMass=0.0,
+            baseCollisionShapeIndex=shape,
+            baseVisualShapeIndex=unseen,
+            physicsClientId=self.client,
         )
         pybullet.changeDynamics(floor, ROOT, lateralFriction=FLOOR_FRICTION, physicsClientId=self.client)
         return floor
