@@ -180,8 +180,9 @@ def _errors(lateral: Axes, yaw: Axes, scene: Scene, frames: Sequence[Snapshot]) 
     truth = np.array([_in_dock(scene, f, f.units.get(f.step.unit) if f.step else None) for f in frames])
     belief = np.array([_in_dock(scene, f, f.estimate) for f in frames])
     for axes, column, scale in ((lateral, 0, 1e3), (yaw, 1, math.degrees(1.0))):
+        # Belief lies thin on top of truth: both show where they agree.
+        axes.plot(times, scale * truth[:, column], color=css(PATH), linewidth=2.6, label="truth")
         axes.plot(times, scale * belief[:, column], color=css(BELIEF), linewidth=1.0, label="believed")
-        axes.plot(times, scale * truth[:, column], color=css(PATH), linewidth=1.8, label="truth")
         axes.axhline(0.0, color=css(DARK), linewidth=0.6)
         _frame_curves(axes)
     lateral.set_ylabel("lateral [mm]")
