@@ -30,10 +30,12 @@ from msrr_scenes.messages import (
     GlobalPose,
     LockFeedback,
     LosObservation,
+    ObstacleEstimate,
     Pixels,
     PoseEstimate,
     PoseMeasurement,
     SeatSwitches,
+    Situation,
     WheelOdometry,
 )
 from msrr_scenes.pinhole import Window
@@ -81,6 +83,10 @@ def _well_known(kind: type, name: str, show: Callable[[Any, str], dict[str, Json
 
 def _show_estimate(m: PoseEstimate, topic: str) -> dict[str, Json]:
     return foxglove.pose_in_frame(m.stamp_ns, target_frame(topics.unit_of(topic)), m.X_DU)
+
+
+def _show_body(m: GlobalPose | ObstacleEstimate, topic: str) -> dict[str, Json]:
+    return foxglove.pose_in_frame(m.stamp_ns, foxglove.WORLD, m.X_WB)
 
 
 def _show_links(m: FrameLinks, topic: str) -> dict[str, Json]:
@@ -134,13 +140,10 @@ _FORMATS: dict[type, Format] = {
     f.kind: f
     for f in (
         *map(_plain, (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, Detections, Exposure)),
-        *map(_plain, (LosObservation, Action, Belief, Clearance, StepStart, StartPoses)),
+        *map(_plain, (LosObservation, Situation, Action, Belief, Clearance, StepStart, StartPoses)),
         _well_known(PoseEstimate, "foxglove.PoseInFrame", _show_estimate),
-        _well_known(
-            GlobalPose,
-            "foxglove.PoseInFrame",
-            lambda m, _: foxglove.pose_in_frame(m.stamp_ns, foxglove.WORLD, m.X_WB),
-        ),
+        _well_known(GlobalPose, "foxglove.PoseInFrame", _show_body),
+        _well_known(ObstacleEstimate, "foxglove.PoseInFrame", _show_body),
         _well_known(
             TruePose,
             "foxglove.FrameTransform",

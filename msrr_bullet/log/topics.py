@@ -66,6 +66,11 @@ def global_pose(name: str) -> str:
     return f"/perception/{name}/global_pose"
 
 
+def situation(unit: str) -> str:
+    """Return the topic of what a unit knows of the whole arena."""
+    return f"/perception/{unit}/situation"
+
+
 def true_pose(name: str) -> str:
     """Return the topic of a body's true pose."""
     return f"/truth/{name}/pose"
