@@ -161,6 +161,9 @@ def dock(
     folder = out if out is not None else Path("runs") / f"{loaded.name}-{seed}-{scene_hash(loaded)[:6]}"
     from msrr_bullet.progress import Progress
     from msrr_bullet.report import trial_table
+    from msrr_bullet.simulator import load_simulator
+
+    load_simulator()
     from msrr_bullet.run import run_trial
 
     console = Console()
@@ -171,7 +174,10 @@ def dock(
 
         result = run_trial(loaded, seed, out=folder, view=view, observer=show)
     console.print(trial_table(result))
-    console.print(f"[bold]{result.outcome.value}[/] - run folder {folder}", highlight=False)
+    console.print(f"The robot says: {result.belief_reason}", highlight=False, markup=False, soft_wrap=True)
+    console.print(
+        f"{result.outcome.value}, run folder {folder}", highlight=False, markup=False, soft_wrap=True
+    )
     raise typer.Exit(0 if result.docked else NOT_DOCKED)
 
 
@@ -276,6 +282,9 @@ def bench(scene: SceneName, json_file: JsonFile = None, overrides: Overrides = N
     """Measure speed and memory of a trial, and of the naive loop beside it."""
     loaded = load_scene(scene, parse_overrides(overrides))
     _check_writable(json_file)
+    from msrr_bullet.simulator import load_simulator
+
+    load_simulator()
     from msrr_bullet.bench import bench as run_bench
     from msrr_bullet.bench import bench_table
 

@@ -44,18 +44,18 @@ def trial_table(result: TrialResult) -> Table:
     table.add_row("verdict", result.belief.replace("_", " "), f"[{good}]{result.outcome.value}[/]")
     last = result.records[-1] if result.records else None
     table.add_row(
-        "unit in dock frame", _pose(last.believed if last else None), _pose(last.true if last else None)
+        "pose in dock frame", _pose(last.believed if last else None), _pose(last.true if last else None)
     )
     contact, seating = result.contact, result.seating
     if contact is not None:
         error = contact.estimate_error
         table.add_row(
-            "at first contact: lateral",
+            "contact: lateral",
             _error(error.y_m if error else None, 1000.0, "mm"),
             _mm(contact.lateral_m),
         )
         yaw = _error(error.yaw_rad if error else None, math.degrees(1.0), "deg")
-        table.add_row("at first contact: yaw", yaw, _deg(contact.yaw_rad))
+        table.add_row("contact: yaw", yaw, _deg(contact.yaw_rad))
     if seating is not None:
         table.add_row("gap between the faces", "", _mm(seating.axial_gap_m))
         table.add_row("seated", "", _yes(seating.seated))
@@ -67,8 +67,7 @@ def trial_table(result: TrialResult) -> Table:
     table.add_row("pull test passed", "", _yes(result.pull_test_passed))
     clearance = result.min_clearance_m
     table.add_row("smallest clearance", "", _UNKNOWN if clearance is None else f"{clearance:.3f} m")
-    table.add_row("attempts, simulated time", f"{result.attempts}", f"{result.duration_s:.2f} s")
-    table.add_row("why", result.belief_reason, "")
+    table.add_row("attempts, time", f"{result.attempts}", f"{result.duration_s:.2f} s")
     return table
 
 

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 from msrr_bullet.provenance import code_fingerprint
 from msrr_bullet.result import TrialResult
+from msrr_bullet.simulator import load_simulator
 from msrr_bullet.sweep_summary import SweepSummary, TrialFailure, summarise
 from msrr_bullet.trial_store import TrialStore
 from msrr_scenes.errors import MsrrError
@@ -213,3 +214,4 @@ def _start_worker() -> None:
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(1)
+    load_simulator()

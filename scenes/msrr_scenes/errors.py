@@ -30,7 +30,6 @@ class UnknownNameError(MsrrError):
         names = sorted(valid)
         near = difflib.get_close_matches(name, names, n=1)
         text = f"unknown {kind} {name!r}"
-        if near:
-            text += f"; did you mean {near[0]!r}?"
+        text += f"; did you mean {near[0]!r}?" if near else "."
         text += f" Known: {', '.join(names) or 'none'}."
         super().__init__(f"{text} {hint}".rstrip())
