@@ -23,10 +23,10 @@ demo: $(STAMP)
 	$(BIN)/msrr dock close_range --seed 1 --out runs/demo
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -n $(JOBS) -m "not nightly"
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not nightly"
 
 nightly: $(STAMP)
-	$(BIN)/python -m pytest -n $(JOBS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 check: $(STAMP)
 	$(BIN)/ruff check .
