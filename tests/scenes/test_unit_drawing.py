@@ -1,0 +1,34 @@
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+from msrr_scenes.assets import find_urdf, urdf_folder
+from msrr_scenes.unit_geometry import read_unit
+
+
+@pytest.fixture(scope="module")
+def draw_unit():
+    spec = importlib.util.spec_from_file_location("draw_unit", urdf_folder() / "draw_unit.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def labels(path: Path) -> list[str]:
+    return sorted(re.findall(r">([^<>]+)</text>", path.read_text()))
+
+
+def test_holes_are_measured_on_the_shapes(draw_unit):
+    mouth, throat, depth, narrow = draw_unit.hole_widths(read_unit(find_urdf("unit.urdf")))
+    assert (mouth, throat, depth, narrow) == pytest.approx((0.040, 0.016, 0.0185, 0.013), abs=3e-4)
+
+
+def test_the_drawing_in_the_readme_is_that_of_the_urdf(draw_unit, tmp_path, monkeypatch):
+    out = tmp_path / "unit.svg"
+    monkeypatch.setattr("sys.argv", ["draw_unit.py", str(out)])
+    draw_unit.main()
+    told = labels(urdf_folder() / "unit.svg")
+    assert told == labels(out), "the URDF has changed: run python urdf/draw_unit.py"
+    assert {"l = 100", "mouth 40", "track 130"} <= set(told)
