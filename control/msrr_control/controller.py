@@ -9,7 +9,9 @@ from typing import Any, Generic, Protocol
 
 import numpy as np
 
+from msrr_control.barrier import BarrierLaw, BarrierParams
 from msrr_control.close_range import CloseRangeLaw, CloseRangeParams, LinearParams
+from msrr_control.graceful import GracefulLaw, GracefulParams
 from msrr_control.law import DockingLaw, DockSetup, Sensed, State
 from msrr_control.params import read_params
 from msrr_scenes.errors import SceneError
@@ -103,7 +105,22 @@ def linear(setup: DockSetup, **params: Any) -> Controller:
     return LawController(CloseRangeLaw(read_params("linear", LinearParams, params).as_close_range(), setup))
 
 
-CONTROLLERS: dict[str, Callable[..., Controller]] = {"c1": c1, "linear": linear}
+def cbf(setup: DockSetup, **params: Any) -> Controller:
+    """Build linear tracking behind the line-of-sight barrier."""
+    return LawController(BarrierLaw(read_params("cbf", BarrierParams, params), setup))
+
+
+def graceful(setup: DockSetup, **params: Any) -> Controller:
+    """Build Park and Kuipers' pose-reaching law."""
+    return LawController(GracefulLaw(read_params("graceful", GracefulParams, params), setup))
+
+
+CONTROLLERS: dict[str, Callable[..., Controller]] = {
+    "c1": c1,
+    "cbf": cbf,
+    "graceful": graceful,
+    "linear": linear,
+}
 
 
 def build_controller(choice: Choice, setup: DockSetup) -> Controller:
@@ -118,17 +135,3 @@ def build_controller(choice: Choice, setup: DockSetup) -> Controller:
         if not callable(getattr(built, method, None)):
             raise SceneError(f"controller {choice.name!r} has no method {method}(inputs)")
     return built
-
-
-__all__ = [
-    "CONTROLLERS",
-    "ControlInputs",
-    "Controller",
-    "DockSetup",
-    "LawController",
-    "build_controller",
-    "c1",
-    "linear",
-    "read_params",
-    "sense",
-]

@@ -44,7 +44,7 @@ class PhaseTuning(Spec):
     press_turn_radps: NonNegative = 0.4
     debounce_s: NonNegative = 0.1
     near_m: Positive = 0.004
-    seated_gap_m: NonNegative = 0.0013
+    seated_gap_m: NonNegative = 0.0
     progress_m: Positive = 0.001
     hold_share: float = Field(default=0.3, ge=0.0, le=1.0)
     latch_s: Positive = 3.0

@@ -1,7 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from msrr_control.close_range import CloseRangeLaw, CloseRangeParams, LinearParams
@@ -12,63 +10,6 @@ from msrr_scenes.vehicle import LimitsSpec
 
 FACTS = DockSetup(0.1, 0.0, 0.018, LosSpec(), LimitsSpec.model_validate({}), 50.0)
 LAW = CloseRangeLaw(CloseRangeParams(), FACTS)
-FINITE = st.floats(-1e300, 1e300)
-MIRROR = np.array([1.0, -1.0])
-
-
-def _random(rng: np.random.Generator, trials: int) -> Sensed:
-    pose = rng.uniform([-0.9, -0.2, -0.6], [-0.1, 0.2, 0.6], size=(trials, 3))
-    edges = rng.uniform(-0.6, 0.6, size=(trials, 2))
-    return Sensed(pose, edges, rng.choice([0.0, 0.5, 1.0], size=trials), rng.normal(size=(trials, 2)))
-
-
-def _mirrored(sensed: Sensed) -> Sensed:
-    return Sensed(
-        sensed.pose * [1.0, -1.0, -1.0], -sensed.edges[..., ::-1], sensed.visibility, sensed.twist * MIRROR
-    )
-
-
-def test_the_mirrored_input_gives_the_mirrored_command() -> None:
-    rng = np.random.default_rng(11)
-    sensed = _random(rng, 500)
-    state, mirrored_state = LAW.start(sensed), LAW.start(_mirrored(sensed))
-    for _ in range(50):
-        command, state = LAW.step(state, sensed, 0.02)
-        mirrored, mirrored_state = LAW.step(mirrored_state, _mirrored(sensed), 0.02)
-        np.testing.assert_allclose(mirrored, command * MIRROR, atol=1e-12)
-        sensed = _random(rng, 500)
-
-
-@settings(max_examples=100, deadline=None)
-@given(
-    st.tuples(FINITE, FINITE, FINITE),
-    st.tuples(FINITE, FINITE),
-    st.tuples(FINITE, FINITE),
-    st.floats(0.0, 1.0),
-    st.floats(1e-4, 10.0),
-)
-@pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")
-def test_any_finite_input_gives_a_command_within_limits(pose, edges, twist, visibility, dt) -> None:
-    sensed = Sensed(np.array(pose), np.array(edges), np.array(visibility), np.array(twist))
-    state = LAW.start(sensed)
-    for _ in range(3):
-        command, state = LAW.step(state, sensed, dt)
-        assert np.all(np.isfinite(command))
-        assert abs(command[0]) <= FACTS.limits.v_close_mps
-        assert abs(command[1]) <= FACTS.limits.w_max_radps
-        assert np.all(np.isfinite(state.xi))
-
-
-def test_a_batch_equals_its_trials_one_by_one() -> None:
-    rng = np.random.default_rng(12)
-    steps = [_random(rng, 7) for _ in range(20)]
-    state = LAW.start(steps[0])
-    singles = [LAW.start(Sensed(*(a[i] for a in steps[0]))) for i in range(7)]
-    for sensed in steps:
-        command, state = LAW.step(state, sensed, 0.02)
-        for i in range(7):
-            single, singles[i] = LAW.step(singles[i], Sensed(*(a[i] for a in sensed)), 0.02)
-            np.testing.assert_allclose(single, command[i], atol=1e-12)
 
 
 def test_a_lost_target_pulls_nowhere() -> None:

@@ -1,0 +1,99 @@
+"""Laws that every docking law obeys, whatever it does."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from msrr_control.barrier import BarrierLaw, BarrierParams
+from msrr_control.close_range import CloseRangeLaw, CloseRangeParams, LinearParams
+from msrr_control.graceful import GracefulLaw, GracefulParams
+from msrr_control.law import DockingLaw, DockSetup, Sensed
+from msrr_control.study import CLOSE, Disturbance, run_study
+from msrr_scenes.los_geometry import LosSpec
+from msrr_scenes.vehicle import LimitsSpec
+
+FACTS = DockSetup(0.1, 0.02, 0.018, LosSpec(), LimitsSpec.model_validate({}), 50.0)
+LAWS = {
+    "c1": CloseRangeLaw(CloseRangeParams(), FACTS),
+    "linear": CloseRangeLaw(LinearParams().as_close_range(), FACTS),
+    "cbf": BarrierLaw(BarrierParams(), FACTS),
+    "graceful": GracefulLaw(GracefulParams(), FACTS),
+}
+FINITE = st.floats(-1e300, 1e300)
+MIRROR = np.array([1.0, -1.0])
+
+pytestmark = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+
+
+def _random(rng: np.random.Generator, trials: int) -> Sensed:
+    pose = rng.uniform([-0.9, -0.2, -0.6], [-0.1, 0.2, 0.6], size=(trials, 3))
+    edges = rng.uniform(-0.6, 0.6, size=(trials, 2))
+    return Sensed(pose, edges, rng.choice([0.0, 0.5, 1.0], size=trials), rng.normal(size=(trials, 2)))
+
+
+def _mirrored(sensed: Sensed) -> Sensed:
+    return Sensed(
+        sensed.pose * [1.0, -1.0, -1.0], -sensed.edges[..., ::-1], sensed.visibility, sensed.twist * MIRROR
+    )
+
+
+def test_the_mirrored_input_gives_the_mirrored_command(law: DockingLaw) -> None:
+    rng = np.random.default_rng(11)
+    sensed = _random(rng, 500)
+    state, mirrored_state = law.start(sensed), law.start(_mirrored(sensed))
+    for _ in range(50):
+        command, state = law.step(state, sensed, 0.02)
+        mirrored, mirrored_state = law.step(mirrored_state, _mirrored(sensed), 0.02)
+        np.testing.assert_allclose(mirrored, command * MIRROR, atol=1e-12)
+        sensed = _random(rng, 500)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.tuples(FINITE, FINITE, FINITE),
+    st.tuples(FINITE, FINITE),
+    st.tuples(FINITE, FINITE),
+    st.floats(0.0, 1.0),
+    st.floats(1e-4, 10.0),
+)
+@pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")
+def test_any_finite_input_gives_a_command_within_limits(law, pose, edges, twist, visibility, dt) -> None:
+    sensed = Sensed(np.array(pose), np.array(edges), np.array(visibility), np.array(twist))
+    state = law.start(sensed)
+    for _ in range(3):
+        command, state = law.step(state, sensed, dt)
+        assert np.all(np.isfinite(command))
+        assert abs(command[0]) <= FACTS.limits.v_close_mps
+        assert abs(command[1]) <= FACTS.limits.w_max_radps
+        assert all(np.all(np.isfinite(a)) for a in _leaves(state))
+
+
+def test_a_batch_equals_its_trials_one_by_one(law: DockingLaw) -> None:
+    rng = np.random.default_rng(12)
+    steps = [_random(rng, 7) for _ in range(20)]
+    state = law.start(steps[0])
+    singles = [law.start(Sensed(*(a[i] for a in steps[0]))) for i in range(7)]
+    for sensed in steps:
+        command, state = law.step(state, sensed, 0.02)
+        for i in range(7):
+            single, singles[i] = law.step(singles[i], Sensed(*(a[i] for a in sensed)), 0.02)
+            np.testing.assert_allclose(single, command[i], atol=1e-12)
+
+
+def test_noisy_starts_dock_within_the_capture_of_the_funnel(law: DockingLaw) -> None:
+    """13 mm and 8 deg is what the mechanism centres; 300 trials at 5 mm, 1 deg, 50 ms."""
+    noise = Disturbance(sigma_xy_m=0.005, sigma_yaw_deg=1.0, sigma_bearing_deg=0.1, delay_s=0.05)
+    result = run_study(law, FACTS, np.random.default_rng(3), 300, CLOSE, noise)
+    lateral, yaw = result.at_contact()
+    assert result.docked.all()
+    assert np.abs(lateral).max() < 0.010
+    assert np.degrees(np.abs(yaw)).max() < 5.0
+
+
+def _leaves(state):
+    for part in state:
+        if isinstance(part, tuple):
+            yield from _leaves(part)
+        else:
+            yield part
