@@ -49,8 +49,8 @@ class BarrierLaw:
     r"""Tracks the guidance and turns no faster than the target can stay in view.
 
     The rate of an edge angle is :math:`\dot a = v\sin a/r - w(1 + l_c\cos a/r)`. The envelope of Lemma 1
-    (Zheng et al., eqs. 4 to 6) bounds it on either side, and that bounds w in closed form. Beyond the paper: no
-    force, no filter, no quadratic program.
+    (Zheng et al., eqs. 4 to 6) bounds it on either side, and that bounds w in closed form. Beyond the paper:
+    no force, no filter, no quadratic program.
     """
 
     def __init__(self, params: BarrierParams, setup: DockSetup) -> None:

@@ -112,14 +112,14 @@ def test_lost_or_missing_sight_is_no_measurement() -> None:
 
 
 def test_a_step_is_fast(facts: DockSetup) -> None:
-    """0.2 ms is the budget; the best of several rounds is what the code costs, the rest is the machine."""
+    """0.2 ms of processor time is the budget; the best of many rounds is what the code costs."""
     controller = build_controller(Choice(name="c1"), facts)
     inputs = _inputs()
     controller.reset(inputs)
     rounds = []
-    for _ in range(10):
-        began = time.perf_counter()
+    for _ in range(30):
+        began = time.thread_time()
         for _ in range(100):
             controller.step(inputs)
-        rounds.append((time.perf_counter() - began) / 100)
+        rounds.append((time.thread_time() - began) / 100)
     assert min(rounds) < 2e-4

@@ -251,9 +251,9 @@ def test_a_whole_decision_is_fast(toy) -> None:
     assert senses.los is not None
     assert senses.los.status is LosStatus.SEEN
     rounds = []
-    for _ in range(10):
-        began = time.perf_counter()
+    for _ in range(30):
+        began = time.thread_time()
         for _ in range(50):
             robot.machine.step(senses)
-        rounds.append((time.perf_counter() - began) / 50)
+        rounds.append((time.thread_time() - began) / 50)
     assert min(rounds) < 2e-4
