@@ -119,6 +119,20 @@ def test_a_locked_unit_cannot_drive_off_and_an_unlocked_one_backs_out(bench, kin
         assert b.plant.pull_test("a").holds
 
 
+@pytest.mark.parametrize("kind", PLANTS)
+def test_a_unit_may_dock_anew_as_soon_as_its_lock_is_open(bench, kind):
+    """The parting pair is looked after, although another mechanism has taken the unit over."""
+    with bench(kind, BEFORE) as b:
+        b.dock()
+        b.plant.set_lock("a", False)
+        b.plant.begin_dock(b.scene.plan[0])
+        b.drive(-0.1, 0.8)
+        assert b.gap > 0.03
+        b.dock()
+        assert abs(b.gap) < 5e-4  # solid, so the faces stop it
+        assert b.plant.lock_engaged("a")
+
+
 def test_units_that_part_while_they_overlap_are_not_thrown(bench):
     """The contact of a pair comes back only when it has nothing to push apart."""
     with bench("bullet", BEFORE) as b:
