@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
-from msrr_bullet.clearance import Clearance, ClearanceModel, Pair
-from msrr_bullet.plant import Plant
+from msrr_bullet.clearance import Clearance, Pair
 from msrr_bullet.result import Contact, PlanarPose, Seating
+from msrr_bullet.stage import Stage
 from msrr_scenes.messages import Action, Phase, PoseEstimate, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.plan import DockStep
-from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
 
 #: Phases in which the docking pair may come as close as it likes.
@@ -63,12 +61,13 @@ class PortPose:
 class Judge:
     """Watches one step of the plan, tick by tick, and gives the verdict."""
 
-    def __init__(self, scene: Scene, step: DockStep, plant: Plant, clearance: ClearanceModel) -> None:
-        """Judge ``step`` of ``scene`` by what ``plant`` does."""
+    def __init__(self, stage: Stage, step: DockStep) -> None:
+        """Judge ``step`` of the plan by what happens on ``stage``."""
+        scene = stage.scene
+        self._stage = stage
         self._scene = scene
         self._step = step
-        self._plant = plant
-        self._clearance = clearance
+        self._plant = stage.plant
         self._X_UP = scene.geometry(step.unit).port(step.port)
         self._X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._pair: Pair = frozenset({step.unit, step.target_unit})
@@ -150,21 +149,20 @@ class Judge:
         believed, true = estimate.X_DU, self.X_DU()
         return PlanarPose.of(SE2(believed.x - true.x, believed.y - true.y, believed.yaw - true.yaw))
 
-    def safety(
-        self, poses: Mapping[str, SE2], action: Action | None
-    ) -> tuple[Outcome | None, Clearance | None]:
+    def safety(self, action: Action) -> tuple[Outcome | None, Clearance | None]:
         """Measure clearance at one control instant.
 
         Args:
-            poses: True poses of everything that is there, by name.
             action: What the robot is doing; while it docks, its pair may come close, and in the zone before
                 the port it may touch.
 
         Returns:
             The verdict that ends the trial, if any, and the smallest clearance of any pair.
         """
-        docking = action is not None and action.phase in _DOCKING
-        found = self._clearance.query(poses)
+        docking = action.phase in _DOCKING
+        poses = self._stage.poses()
+        # Units that were locked together by an earlier step are one body.
+        found = self._stage.clearance.query(poses, self._stage.bonds)
         authorised = docking and self.port_pose().in_zone
         for clearance in found:
             own_pair = clearance.pair == self._pair
