@@ -1,4 +1,4 @@
-"""Tells a trial as it happens: truth and events to the log, snapshots to a viewer, progress to whoever waits."""
+"""Tells a trial as it happens: truth and events to the log, snapshots to a viewer, progress to a person."""
 
 from __future__ import annotations
 
