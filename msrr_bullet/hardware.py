@@ -17,7 +17,7 @@ from msrr_bullet.render.renderer import Renderer
 from msrr_bullet.schedule import Delayed, Periodic, duration_ns
 from msrr_bullet.stage_clock import Clock
 from msrr_bullet.streams import stream
-from msrr_scenes.faults import CameraMisaligned, SeatSwitchStuck
+from msrr_scenes.faults import CameraBlackout, CameraMisaligned, MarkerHidden, SeatSwitchStuck
 from msrr_scenes.messages import (
     Detections,
     Exposure,
@@ -28,6 +28,7 @@ from msrr_scenes.messages import (
     PoseMeasurement,
     SeatSwitches,
     SensorMessage,
+    seconds,
 )
 from msrr_scenes.pinhole import Window, optical_pose
 from msrr_scenes.plan import DockStep
@@ -107,12 +108,18 @@ class ParametricEye:
         self._name = f"{step.unit}/onboard"
         self._rng = stream(seed, f"camera/{self._name}/parametric")
         self._dropout = stream(seed, f"camera/{self._name}/dropout")
+        self._hidden = any(isinstance(f, MarkerHidden) and f.unit == step.target_unit for f in scene.faults)
+        self._blackouts = [
+            f for f in scene.faults if isinstance(f, CameraBlackout) and f.camera == self._name
+        ]
         self._frame = -1
 
     def look(self, now_ns: int, robot: Observer) -> PoseMeasurement | None:
-        """Draw one measurement."""
+        """Draw one measurement; None when the frame was lost or shows no marker."""
         self._frame += 1
+        # Drawn for every frame, so that a fault leaves the luck of later frames as it was.
         lost = self._dropout.random() < self._scene.cameras.onboard.dropout
+        dark = any(f.from_s <= seconds(now_ns) < f.to_s for f in self._blackouts)
         measured = parametric.measure(
             Exposure(self._name, self._frame, now_ns),
             self._X_DU(),
@@ -122,7 +129,7 @@ class ParametricEye:
             self._scene.parametric,
             self._rng,
         )
-        return None if lost else measured
+        return None if lost or dark or self._hidden else measured
 
 
 class Hardware:
