@@ -11,6 +11,9 @@ from msrr_scenes.spec import Positive, PoseSpec, Spec
 TAGS_PER_UNIT = 10
 FIRST_OBSTACLE_TAG = 500
 
+#: How far the face of an obstacle's tag lies above its lid [m]: the plate that carries it is not nothing.
+TAG_PLATE_M = 0.002
+
 
 class UnitSpec(Spec):
     """One unit: its number gives its tag ids (10 n for the top tag, 10 n + 1 .. 10 n + 9 for the ports)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from msrr_scenes.spec import Choice, Name, NonNegative, Positive, Spec
 
@@ -71,6 +71,32 @@ class JudgeSpec(Spec):
     seated_depth_m: Positive = Field(default=0.003, description="largest gap between the faces when seated")
 
 
+class GuardSpec(Spec):
+    """The guard that limits what the law commands by the clearance it would leave.
+
+    Its distances lie below what the laws keep by themselves, so that it does not hold up a healthy run.
+
+    Attributes:
+        enabled: Off, every command passes.
+        slow_m: Clearance ahead below which it slows the unit.
+        stop_m: Clearance ahead that it does not let the unit fall below.
+        sigmas: How many standard deviations of the estimated distance it takes off every clearance.
+    """
+
+    enabled: bool = True
+    slow_m: Positive = 0.05
+    stop_m: Positive = 0.03
+    sigmas: NonNegative = 2.0
+
+    @model_validator(mode="after")
+    def _in_order(self) -> GuardSpec:
+        if self.stop_m >= self.slow_m:
+            raise ValueError(
+                f"slow_m has to be larger than stop_m, found {self.slow_m:g} and {self.stop_m:g}"
+            )
+        return self
+
+
 class ControlSpec(Spec):
     """Laws and estimator by name, with their parameters."""
 
@@ -79,6 +105,7 @@ class ControlSpec(Spec):
     estimator: Choice = Choice(name="corner_ekf")
     detector: Choice = Choice(name="pupil")
     delay_compensation: bool = True
+    guard: GuardSpec = GuardSpec()
 
 
 Plant = Literal["bullet", "unicycle"]

@@ -40,6 +40,34 @@ class CameraSpec(Spec):
         return PinholeCamera.from_hfov(self.width_px, self.height_px, math.radians(self.hfov_deg))
 
 
+class LocalisationErrorSpec(Spec):
+    """What global localisation gets wrong beyond the camera's own noise, as it does outdoors.
+
+    Bias and drift belong to the docking unit alone, so that its pose *relative* to all others is wrong.
+    Noise and dropout strike every body by itself. The robot knows the noise, as from a data sheet, and
+    nothing of the rest.
+
+    Attributes:
+        bias_x_m: Constant error of the docking unit's position, along x of the world.
+        bias_y_m: The same along y.
+        bias_yaw_deg: Constant error of its heading.
+        drift_m: Random walk of its position, each axis [m per square root of a second].
+        drift_yaw_deg: Random walk of its heading [deg per square root of a second].
+        noise_m: Standard deviation of every body's position, each axis, drawn anew per frame.
+        noise_yaw_deg: The same of every body's heading.
+        dropout: Probability that a body goes unnoticed in a frame.
+    """
+
+    bias_x_m: Finite = 0.0
+    bias_y_m: Finite = 0.0
+    bias_yaw_deg: Finite = 0.0
+    drift_m: NonNegative = 0.0
+    drift_yaw_deg: NonNegative = 0.0
+    noise_m: NonNegative = 0.0
+    noise_yaw_deg: NonNegative = 0.0
+    dropout: Probability = 0.0
+
+
 class OverheadCameraSpec(CameraSpec):
     """The camera that looks straight down on the arena; image right is world x, image down is world -y."""
 
@@ -51,6 +79,7 @@ class OverheadCameraSpec(CameraSpec):
     x_m: Finite = 0.0
     y_m: Finite = 0.0
     height_m: Positive = 3.0
+    localisation: LocalisationErrorSpec = LocalisationErrorSpec()
 
 
 class CamerasSpec(Spec):
