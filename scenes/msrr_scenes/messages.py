@@ -221,6 +221,56 @@ class Situation:
 
 
 @dataclass(frozen=True, slots=True)
+class AssemblyProgress:
+    """The long-distance phase at one control instant, as the unit has it; points in the world frame W.
+
+    Attributes:
+        stamp_ns: Time of the decision.
+        stage: ``localise``, ``brake``, ``plan``, ``turn``, ``drive`` or ``settle``.
+        path: Number of the path under way, counted from 1; 0 before the first.
+        tip: Controlled point, estimated [m].
+        desired: Point p_d of the path where the controlled point should be now [m].
+        reference: Point phi1 that the upper layer lets it go to [m].
+        s: Arc length of ``desired`` on the path [m].
+        arc_end: Arc length at which the path's last arc ends [m].
+        length: Length of the path [m].
+        avoiding: Obstacle whose wall stands now, None if none does.
+        reason: Why the stage was entered.
+    """
+
+    stamp_ns: int
+    stage: str
+    path: int
+    tip: tuple[float, float]
+    desired: tuple[float, float]
+    reference: tuple[float, float]
+    s: float
+    arc_end: float
+    length: float
+    avoiding: str | None
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class AssemblyPath:
+    """A path that the long-distance phase has chosen.
+
+    Attributes:
+        stamp_ns: When.
+        number: Counted from 1.
+        shape: ``arc``, ``around`` or ``staged``.
+        points: Points of the controlled point's path in W, every few centimetres [m].
+        reason: Why it was chosen now.
+    """
+
+    stamp_ns: int
+    number: int
+    shape: str
+    points: tuple[tuple[float, float], ...]
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class Twist:
     """Body velocity of a differential drive: forward ``v`` [m/s], counter-clockwise ``w`` [rad/s]."""
 
@@ -281,6 +331,8 @@ class Setback(Enum):
     STALLED = "stalled"  # no progress towards the port, or no seat behind it
     NOT_LATCHED = "not_latched"  # the cam did not report closed, or the switches opened meanwhile
     NOT_VERIFIED = "not_verified"  # latched, but what is seen is not a seated unit
+    NOT_LOCALISED = "not_localised"  # global localisation does not know, or no longer, where the unit stands
+    BLOCKED = "blocked"  # no way to the place in front of the port
 
 
 @dataclass(frozen=True, slots=True)

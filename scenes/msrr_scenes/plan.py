@@ -101,6 +101,7 @@ class ControlSpec(Spec):
     """Laws and estimator by name, with their parameters."""
 
     rate_hz: Positive = 50.0
+    assembly: Choice = Choice(name="c1")
     docking: Choice = Choice(name="c1")
     estimator: Choice = Choice(name="corner_ekf")
     detector: Choice = Choice(name="pupil")
