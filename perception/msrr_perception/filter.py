@@ -188,7 +188,7 @@ class CornerEkf:
         oldest = self._entries[-1].key[0] - self._horizon_ns
         keep = max(bisect_left(self._entries, oldest, key=lambda e: e.key[0]) - 1, 0)
         del self._entries[:keep]
-        self._wheels.forget_before(self._entries[0].key[0])
+        self._wheels.forget_before(min(self._entries[0].key[0], oldest))
 
     def _process(self, before: FilterState | None, measurement: _Measurement) -> FilterState | None:
         if before is None:

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
-from msrr_perception.corner_fit import CornerFit, Corners, fit_corners
-from msrr_perception.tag_camera import pose_vector
+from msrr_perception.corner_fit import CornerFit, Corners, deviation, fit_corners
+from msrr_perception.tag_camera import YAW, pose_vector
 from msrr_perception.target import TargetModel
 from msrr_scenes.messages import Array, TagDetection
 from msrr_scenes.se2 import SE2
 from msrr_scenes.se3 import SE3
+
+#: How far beyond its solutions and how finely a single tag's yaw is stepped, how firmly it is held [rad].
+_YAW_REACH = 0.5
+_YAW_STEP = 0.035
+_PIN = 1e-5
 
 #: Two solutions nearer to each other than this many standard deviations are one.
 _SAME_SIGMAS = 0.5
@@ -137,7 +142,12 @@ def joint_pose(
     if not fits:
         return None
     fits.sort(key=lambda f: f.cost)
-    return _report(fits, tuple(sorted(t.tag_id for t in known)))
+    pose = _report(fits, tuple(sorted(t.tag_id for t in known)))
+    if len(known) > 1 or (pose.alternative is None and pose.covariance[2, 2] < (0.2 * _YAW_STEP) ** 2):
+        return pose
+    spread = _covariance_along_yaw(target, corners, fits, prior)
+    # Where the yaw is sharper than a step of the search, the curvature is right and the sum is coarse.
+    return pose if spread[2, 2] < _YAW_STEP**2 else replace(pose, covariance=spread)
 
 
 def consistent_pose(
@@ -187,6 +197,33 @@ def _report(fits: list[CornerFit], tags: tuple[int, ...]) -> JointPose:
         alternative=alternative,
         gap=gap,
     )
+
+
+def _covariance_along_yaw(
+    target: TargetModel, corners: Corners, fits: Sequence[CornerFit], prior: Array
+) -> Array:
+    """Return the second moment of (x, y, yaw) about the first fit, shape (3, 3), summed over the yaw.
+
+    A single flat tag seen from the front says so little about its yaw that the likelihood is no bell: it is
+    flat or has two peaks, and its curvature at the best point promises far too much. So the yaw is stepped
+    through, the rest solved for at each step, and the moments are taken over all of it.
+    """
+    best = fits[0].state
+    turns = [math.remainder(float(f.state[YAW] - best[YAW]), 2.0 * math.pi) for f in fits]
+    pinned = prior.copy()
+    pinned[YAW, YAW] = _PIN**-2
+    costs, moments = [], []
+    start = fits[int(np.argmin(turns))].state.copy()
+    for turn in np.arange(min(turns) - _YAW_REACH, max(turns) + _YAW_REACH, _YAW_STEP):
+        mean = np.zeros(5)
+        mean[YAW] = start[YAW] = best[YAW] + turn
+        fit = fit_corners(target, corners, start, mean, pinned, max_iterations=8)
+        d = deviation(fit.state, best)[:3]
+        costs.append(fit.cost)
+        moments.append(fit.covariance[:3, :3] + np.outer(d, d))
+        start = fit.state.copy()
+    weights = np.exp(-0.5 * (np.array(costs) - min(costs)))
+    return np.asarray(np.tensordot(weights / weights.sum(), np.array(moments), axes=1))
 
 
 def _area(corners: Array) -> float:

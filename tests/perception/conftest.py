@@ -1,4 +1,4 @@
-"""What the perception tests share: a target, images warped from exact projections, and a simulated approach."""
+"""What the perception tests share: a target, images warped from exact corners, a simulated approach."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _plate(tag_id: int) -> Pixels:
 
 
 def _warp(window: Window, prints: Iterable[tuple[Pixels, np.ndarray]], background: int = 110) -> Pixels:
-    """Draw prints (bitmap, pixels of its black square's corners) into a window, anti-aliased, as a lens would."""
+    """Draw prints (bitmap, pixels of the black square's corners) into a window, as a lens would."""
     s = SUPERSAMPLING
     canvas = np.full((window.height * s, window.width * s), background, dtype=np.uint8)
     for bitmap, corners in prints:
@@ -111,6 +111,7 @@ class Drive:
     tags: tuple[int, ...] | None = None
     blocked: bool = False  # the wheels turn, the unit stands
     tick: int = 0
+    under_way: list[tuple[int, Detections]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
