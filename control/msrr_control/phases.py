@@ -3,12 +3,15 @@
 ::
 
     ASSEMBLE -> HAND_OVER -> DOCK -> LOCK -> VERIFY -> DONE
-                  ^   |       |       |        |
-                  |   +-------+-------+--------+--> RETREAT -> FAILED   (no attempt left)
-                  +-----------------------------------+   (next attempt)
+     ^  |         ^   |       |       |        |
+     |  |         |   +-------+-------+--------+--> RETREAT -> FAILED   (no attempt left)
+     |  |         +-----------------------------------+   (next attempt)
+     |  +--> FAILED  (no way, or not localised)       |
+     +------------------------------------------------+   (next attempt, the hand-over itself having failed)
 
 Each phase is one method: it returns a twist to stay, or a :class:`Move` to another phase. The unit decides by
-estimates and its own sensors alone.
+estimates and its own sensors alone. Without a long-distance phase (the unit starts in front of the port)
+every attempt begins at the hand-over.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ from msrr_control.phase_visit import Move, Visit
 from msrr_control.port_view import PortView
 from msrr_control.retreat import retreat_twist
 from msrr_control.search import scan_angle, turn_rate
-from msrr_control.senses import Assembler, Senses
+from msrr_control.senses import Assembler, GiveUp, Senses
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import (
     Action,
@@ -86,6 +89,8 @@ class PhaseMachine:
         self._phase, self._reason, self._attempt = Phase.ASSEMBLE, "start", 1
         self._visit: Visit | None = None
         self._undocking = False
+        self._reassemble = False  # the hand-over failed: the next attempt begins with the long-distance phase
+        self._ever_seen = False
         self._gap: float | None = None  # last known, moved on by odometry when the estimate is gone
         self._then_ns: int | None = None
         self._dt = 1.0 / setup.rate_hz
@@ -124,7 +129,8 @@ class PhaseMachine:
             senses: What is known now; time does not run backwards.
 
         Returns:
-            Phase, lock and command; the twist is within the drive's close-range limits.
+            Phase, lock and command; the twist is within the drive's limits, those of the close range once
+            the long-distance phase is over.
 
         Raises:
             MsrrError: The controller returned something that is no number.
@@ -158,8 +164,12 @@ class PhaseMachine:
         """Bring the unit in front of the port; passed at once if it starts there."""
         if self._assembler is None:
             return Move(Phase.HAND_OVER, "starts in front of the port")
-        twist = self._assembler.step(senses)
-        return twist if twist is not None else Move(Phase.HAND_OVER, "assembled in front of the port")
+        decision = self._assembler.step(senses)
+        if decision is None:
+            return Move(Phase.HAND_OVER, "assembled in front of the port")
+        if isinstance(decision, GiveUp):
+            return Move(Phase.FAILED, decision.reason, decision.setback)
+        return decision
 
     def _hand_over(self, senses: Senses, view: PortView | None, visit: Visit) -> Twist | Move:
         """Wait for a good look at the target; search when it is not seen."""
@@ -168,9 +178,12 @@ class PhaseMachine:
         unseen = visit.unseen.update(view is None or view.age > self._spec.lost_time_s, senses.now_ns)
         if view is None or unseen >= 0.0:
             if unseen > self._spec.search_time_s:
-                if self._gap is None:
-                    return Move(Phase.FAILED, f"no marker seen in {unseen:.1f} s", Setback.NEVER_DETECTED)
-                return Move(Phase.RETREAT, f"target not found in {unseen:.1f} s", Setback.TARGET_LOST)
+                if self._ever_seen:
+                    return self._back_to_assembly(f"target not found in {unseen:.1f} s", Setback.TARGET_LOST)
+                why = f"no marker seen in {unseen:.1f} s"
+                if self._assembler is None:
+                    return Move(Phase.FAILED, why, Setback.NEVER_DETECTED)
+                return self._back_to_assembly(why, Setback.NEVER_DETECTED)
             middle = view.bearing if view is not None else -visit.turned
             wanted = middle + scan_angle(unseen, self._spec.search_time_s, tuning.search)
             return Twist(0.0, turn_rate(wanted, tuning.search, spin))
@@ -181,7 +194,7 @@ class PhaseMachine:
             return Move(Phase.DOCK, f"target seen at {view}")
         if visit.lasted(senses.now_ns) > tuning.ready_time_s:
             why = "uncertain" if in_cone else "outside the cone"
-            return Move(Phase.RETREAT, f"target seen but {why} at {view}", Setback.UNREADY)
+            return self._back_to_assembly(f"target seen but {why} at {view}", Setback.UNREADY)
         creep = tuning.search.creep_mps if in_cone and view.gap > tuning.search.creep_gap_m else 0.0
         return Twist(creep, turn_rate(view.bearing, tuning.search, spin))
 
@@ -263,10 +276,20 @@ class PhaseMachine:
             return Move(Phase.DONE, f"undocked, {gap:.3f} m away")
         if self._attempt < self._spec.attempts:
             self._attempt += 1
-            return Move(Phase.HAND_OVER, f"attempt {self._attempt} from {gap:.3f} m: {self.belief.reason}")
+            again = f"attempt {self._attempt} from {gap:.3f} m: {self.belief.reason}"
+            if self._reassemble and self._assembler is not None:
+                self._reassemble, self._gap = False, None
+                self._assembler.reset(self.belief.reason)
+                return Move(Phase.ASSEMBLE, again)
+            return Move(Phase.HAND_OVER, again)
         return Move(
             Phase.FAILED, f"gave up after {self._attempt} attempts: {self.belief.reason}", self.belief.setback
         )
+
+    def _back_to_assembly(self, reason: str, setback: Setback) -> Move:
+        """Leave a hand-over that failed: back out if near, then come again from afar, if there is a way to."""
+        self._reassemble = True
+        return Move(Phase.RETREAT, reason, setback)
 
     def _change(self, move: Move) -> None:
         """Take up another phase and say what that means."""
@@ -289,7 +312,7 @@ class PhaseMachine:
                 self._gap -= self._dt * senses.twist.v
             return None
         view = PortView.of(senses.pose, senses.los, self._setup, senses.now_ns)
-        self._gap = view.gap
+        self._gap, self._ever_seen = view.gap, True
         return view
 
     def _inputs(self, senses: Senses, pose: PoseEstimate) -> ControlInputs:
@@ -302,6 +325,8 @@ class PhaseMachine:
 
     def _limited(self, twist: Twist) -> Twist:
         if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
-            raise MsrrError(f"the controller commanded {twist} in phase {self._phase.value}")
-        v, w = self._setup.limits.v_close_mps, self._setup.limits.w_max_radps
+            raise MsrrError(f"a law commanded {twist} in phase {self._phase.value}")
+        limits = self._setup.limits
+        v = limits.v_max_mps if self._phase is Phase.ASSEMBLE else limits.v_close_mps
+        w = limits.w_max_radps
         return Twist(min(max(float(twist.v), -v), v), min(max(float(twist.w), -w), w))

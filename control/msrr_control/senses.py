@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from msrr_scenes.messages import LockFeedback, LosObservation, PoseEstimate, SeatSwitches, Twist
+from msrr_scenes.messages import (
+    LockFeedback,
+    LosObservation,
+    PoseEstimate,
+    SeatSwitches,
+    Setback,
+    Situation,
+    Twist,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,6 +27,7 @@ class Senses:
         switches: Seat switches' last report, None before the first.
         lock: Lock's last report, None before the first.
         twist: Measured by the wheel encoders. Wheels slip against a port: it proves no motion.
+        situation: What global localisation knows, None before it knows the unit and its target.
     """
 
     now_ns: int
@@ -27,11 +36,24 @@ class Senses:
     switches: SeatSwitches | None = None
     lock: LockFeedback | None = None
     twist: Twist = field(default_factory=Twist)
+    situation: Situation | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GiveUp:
+    """The long-distance phase ends here, with the unit at rest."""
+
+    setback: Setback
+    reason: str
 
 
 class Assembler(Protocol):
     """The long-distance phase: brings the unit in front of the port."""
 
-    def step(self, senses: Senses) -> Twist | None:
+    def reset(self, reason: str) -> None:
+        """Begin again from wherever the unit stands: the hand-over failed there."""
+        ...
+
+    def step(self, senses: Senses) -> Twist | GiveUp | None:
         """Return the command, or None once the unit stands where the hand-over can begin."""
         ...
