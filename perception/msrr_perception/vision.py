@@ -20,18 +20,22 @@ from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import Detections, Exposure, Fetch, PoseEstimate, TagDetection
 from msrr_scenes.pinhole import Window
 
+#: One miss may be a wrong prediction or bad luck with the noise.
+_MISSES_BEFORE_REST = 2
+
 
 class OnboardVision:
     """Reads the target's tags from the docking unit's camera, from as few pixels as it can.
 
     What it does with an exposure:
 
-    1. Nothing is known, the prediction is poor, or every tag expected was missed lately: the full frame.
+    1. Nothing is known, the prediction is poor, or the last look found nothing: the full frame.
     2. Every ``full_every`` frames: the full frame, whatever is believed.
     3. The prediction says that no tag is in view: the full frame every ``search_every`` frames, else nothing.
     4. Otherwise windows around the tags that :func:`msrr_perception.windows.choose_tags` picks. A tag that
-       is missing while others are found (hidden, say) is not asked for during the next ``rest`` frames. When
-       none is found, larger windows of all expected tags follow, then the full frame of the same exposure.
+       is missing twice while others are found (hidden, say) is not asked for during the next ``rest`` frames.
+       When none is found, larger windows of all expected tags follow, then the full frame of the same
+       exposure.
     """
 
     def __init__(
@@ -73,11 +77,13 @@ class OnboardVision:
         self._retry_widen = retry_widen
         self._known_m = known_m
         self._known_yaw = known_yaw
-        self._resting: dict[int, int] = {}  # tag -> number of the first frame that may ask for it again
+        self.reset()
 
     def reset(self) -> None:
         """Forget what earlier exposures showed."""
-        self._resting = {}
+        self._blank = False  # the last look found nothing
+        self._misses: dict[int, int] = {}  # tag -> how often in a row it was asked for and not found
+        self._resting: dict[int, int] = {}  # tag -> number of the first frame that may ask for it again
 
     def look(self, exposure: Exposure, prediction: PoseEstimate | None, fetch: Fetch) -> Detections:
         """Read the target's tags from one exposure.
@@ -96,12 +102,17 @@ class OnboardVision:
             look.at_frame()
         else:
             expected = expected_tags(self.target, prediction, self.policy)
-            if expected:
+            if expected and self._blank:
+                look.at_frame()
+            elif expected:
                 self._look_closely(look, expected, exposure.frame)
             elif exposure.frame % self._search_every == 0:
                 look.at_frame()
-        for tag in self._target_tags(look):
+        found = self._target_tags(look)
+        self._blank = bool(look.windows) and not found
+        for tag in found:
             self._resting.pop(tag, None)
+            self._misses.pop(tag, None)
         return Detections(exposure, look.tags, tuple(look.windows))
 
     def _look_closely(self, look: _Look, expected: Sequence[ExpectedTag], frame: int) -> None:
@@ -112,8 +123,10 @@ class OnboardVision:
             look.at(plan_windows(self.target, expected, self.policy, self._retry_widen))
         if not self._target_tags(look):
             look.at_frame()
-        found = self._target_tags(look)
-        self._resting.update({e.tag_id: frame + 1 + self._rest for e in asked if e.tag_id not in found})
+        for tag in {e.tag_id for e in asked} - self._target_tags(look):
+            self._misses[tag] = self._misses.get(tag, 0) + 1
+            if self._misses[tag] >= _MISSES_BEFORE_REST:
+                self._resting[tag] = frame + 1 + self._rest
 
     def _target_tags(self, look: _Look) -> frozenset[int]:
         return frozenset(t.tag_id for t in look.tags) & self.target.corners_D.keys()

@@ -1,0 +1,151 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from msrr_perception.detector import PupilDetector
+from msrr_perception.target import TargetModel
+from msrr_perception.vision import OnboardVision
+from msrr_scenes.errors import SceneError
+from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, PoseEstimate
+from msrr_scenes.pinhole import Window
+from msrr_scenes.se2 import SE2
+
+Draw = Callable[[SE2, Window], Pixels]
+TRUE = SE2(-0.5, 0.02, 0.05)
+
+
+@pytest.fixture
+def fetch(draw: Draw) -> Fetch:
+    return lambda window: draw(TRUE, window)
+
+
+@pytest.fixture
+def vision(target: TargetModel) -> OnboardVision:
+    return OnboardVision(target, PupilDetector())
+
+
+def _prediction(X: SE2, sigma: float = 0.002) -> PoseEstimate:
+    return PoseEstimate(0, X, sigma**2 * np.eye(3), 0)
+
+
+def _exposure(frame: int) -> Exposure:
+    return Exposure("a/onboard", frame, frame * 40_000_000)
+
+
+def _ids(found: Detections) -> tuple[int, ...]:
+    return tuple(t.tag_id for t in found.tags)
+
+
+def test_knowing_nothing_it_looks_at_the_full_frame(
+    target: TargetModel, vision: OnboardVision, fetch: Fetch
+) -> None:
+    found = vision.look(_exposure(1), None, fetch)
+    assert found.windows == (target.camera.frame,)
+    assert _ids(found) == target.port_tags
+    assert found.exposure == _exposure(1)
+    vague = vision.look(_exposure(2), _prediction(TRUE, 0.5), fetch)
+    assert vague.windows == (target.camera.frame,)
+
+
+def test_a_good_prediction_costs_a_window_and_gives_full_frame_corners(
+    target: TargetModel, vision: OnboardVision, fetch: Fetch
+) -> None:
+    full = vision.look(_exposure(1), None, fetch)
+    found = vision.look(_exposure(2), _prediction(TRUE), fetch)
+    assert len(found.windows) == 1
+    assert found.windows[0].area < 0.06 * target.camera.frame.area
+    assert _ids(found) == _ids(full)
+    for a, b in zip(found.tags, full.tags, strict=True):
+        np.testing.assert_allclose(a.corners, b.corners, atol=0.05)
+
+
+def test_a_slightly_wrong_prediction_is_mended_in_a_larger_window(
+    target: TargetModel, vision: OnboardVision, draw: Draw
+) -> None:
+    X = SE2(-0.2, 0.0, 0.0)
+    wrong = _prediction(X @ SE2(0.0, 0.0, 0.08), 1e-4)  # 33 px
+    found = vision.look(_exposure(1), wrong, lambda window: draw(X, window))
+    assert len(found.windows) > 1
+    assert target.camera.frame not in found.windows
+    assert _ids(found)
+
+
+def test_a_quite_wrong_prediction_ends_at_the_full_frame(
+    target: TargetModel, vision: OnboardVision, fetch: Fetch
+) -> None:
+    found = vision.look(_exposure(1), _prediction(TRUE @ SE2(0.0, 0.0, 0.4)), fetch)
+    assert found.windows[-1] == target.camera.frame
+    assert len(found.windows) > 1
+    assert _ids(found) == target.port_tags
+
+
+def test_an_empty_scene_is_searched_in_full_each_frame(target: TargetModel, vision: OnboardVision) -> None:
+    def grey(window: Window) -> Pixels:
+        return np.full((window.height, window.width), 100, np.uint8)
+
+    first = vision.look(_exposure(1), _prediction(TRUE), grey)
+    assert first.tags == ()
+    for frame in range(2, 6):
+        found = vision.look(_exposure(frame), _prediction(TRUE), grey)
+        assert found.tags == ()
+        assert found.windows == (target.camera.frame,)
+
+
+def test_routine_looks_come_every_so_many_frames(target: TargetModel, fetch: Fetch) -> None:
+    vision = OnboardVision(target, PupilDetector(), full_every=4)
+    full = [
+        f
+        for f in range(12)
+        if vision.look(_exposure(f), _prediction(TRUE), fetch).windows == (target.camera.frame,)
+    ]
+    assert full == [0, 4, 8]
+    always = OnboardVision(target, PupilDetector(), full_every=1)
+    assert always.look(_exposure(3), _prediction(TRUE), fetch).windows == (target.camera.frame,)
+
+
+def test_looking_away_it_searches_now_and_then(target: TargetModel, fetch: Fetch) -> None:
+    vision = OnboardVision(target, PupilDetector(), search_every=5)
+    away = _prediction(SE2(-0.5, 0.0, 2.5))
+    looks = [f for f in range(1, 16) if vision.look(_exposure(f), away, fetch).windows]
+    assert looks == [5, 10, 15]
+
+
+def test_a_hidden_tag_is_left_alone_for_a_while(target: TargetModel, draw: Draw) -> None:
+    """The left tag is painted over; the others go on, and it is asked for again now and then."""
+    X = SE2(-0.16, 0.0, 0.0)
+    hidden = target.port_tags[0]
+    at = {t: i for i, t in enumerate(target.port_tags)}
+    vision = OnboardVision(target, PupilDetector(), rest=6)
+    asked = []
+
+    def covered(window: Window) -> Pixels:
+        picture = draw(X, window).copy()
+        left = max(0, 300 - window.x)
+        picture[:, :left] = 100  # everything left of column 300
+        return picture
+
+    for frame in range(1, 30):
+        found = vision.look(_exposure(frame), _prediction(X, 5e-4), covered)
+        assert hidden not in _ids(found)
+        asked.append(any(w.x < 200 and w != target.camera.frame for w in found.windows))
+    assert at[hidden] == 0
+    assert 2 <= sum(asked) <= 10  # some frames ask for it, most do not
+
+
+def test_the_same_calls_give_the_same_windows_and_corners(target: TargetModel, fetch: Fetch) -> None:
+    runs = []
+    for _ in range(2):
+        vision = OnboardVision(target, PupilDetector())
+        looks = [vision.look(_exposure(f), _prediction(TRUE) if f > 1 else None, fetch) for f in range(1, 6)]
+        runs.append([(look.windows, [t.corners.tobytes() for t in look.tags]) for look in looks])
+    assert runs[0] == runs[1]
+
+
+def test_wrong_parameters_are_refused(target: TargetModel) -> None:
+    with pytest.raises(SceneError):
+        OnboardVision(target, PupilDetector(), retry_widen=1.0)
+    with pytest.raises(SceneError):
+        OnboardVision(target, PupilDetector(), full_every=0)
