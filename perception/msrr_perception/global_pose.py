@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from msrr_scenes.bodies import TAG_PLATE_M
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import Array, Detections, GlobalPose, TagDetection
 from msrr_scenes.pinhole import PinholeCamera
@@ -71,11 +72,31 @@ def rays_to_plane(camera: PinholeCamera, X_WC: SE3, pixels: Array, height: float
     return points, jacobian
 
 
+def flat_tags(scene: Scene) -> dict[int, FlatTag]:
+    """Return tag id -> flat tag of every unit and tagged obstacle, whether it stands there yet or not."""
+    tags = {}
+    for unit in scene.units:
+        geometry = scene.geometry(unit)
+        if "tag_top" in geometry.tag_slots:
+            corners = geometry.frame("tag_top").act(tag_corners(scene.tag_size("tag_top")))
+            tags[scene.tag_ids(unit)["tag_top"]] = FlatTag(unit, corners)
+    for name, obstacle in scene.obstacles.items():
+        if obstacle.tag_id is not None:
+            X_BT = SE3(_R_FLAT_TAG, np.array([0.0, 0.0, obstacle.height_m + TAG_PLATE_M]))
+            tags[obstacle.tag_id] = FlatTag(name, X_BT.act(tag_corners(obstacle.tag_m)))
+    return tags
+
+
 class GlobalLocalizer:
     """Locates bodies by their top tags in overhead detections."""
 
     def __init__(
-        self, camera: PinholeCamera, X_WC: SE3, tags: Mapping[int, FlatTag], corner_sigma_px: float = 0.2
+        self,
+        camera: PinholeCamera,
+        X_WC: SE3,
+        tags: Mapping[int, FlatTag],
+        corner_sigma_px: float = 0.2,
+        misfit_px: float = 2.0,
     ) -> None:
         """Set up.
 
@@ -84,47 +105,37 @@ class GlobalLocalizer:
             X_WC: Its pose, by calibration.
             tags: Tag id -> where it sits on which body.
             corner_sigma_px: Standard deviation of each corner coordinate.
+            misfit_px: Root mean square distance of the corners from the fitted tag above which it is not
+                believed: something that is not this tag at this height.
         """
         self.camera = camera
         self.X_WC = X_WC
         self.tags = MappingProxyType(dict(tags))
         self._sigma = corner_sigma_px
-
-    @classmethod
-    def from_scene(cls, scene: Scene, corner_sigma_px: float = 0.2) -> GlobalLocalizer:
-        """Build for the scene's overhead camera, units and tagged obstacles.
-
-        Raises:
-            SceneError: The scene has no overhead camera.
-        """
-        spec = scene.cameras.overhead
-        if spec is None:
-            raise SceneError("cameras.overhead: this scene has no overhead camera")
-        tags = {}
-        for unit in scene.units:
-            geometry = scene.geometry(unit)
-            if "tag_top" in geometry.tag_slots:
-                corners = geometry.frame("tag_top").act(tag_corners(scene.tag_size("tag_top")))
-                tags[scene.tag_ids(unit)["tag_top"]] = FlatTag(unit, corners)
-        for name, obstacle in scene.obstacles.items():
-            if obstacle.tag_id is not None:
-                X_BT = SE3(_R_FLAT_TAG, np.array([0.0, 0.0, obstacle.height_m]))
-                tags[obstacle.tag_id] = FlatTag(name, X_BT.act(tag_corners(obstacle.tag_m)))
-        return cls(spec.pinhole, overhead_pose(spec), tags, corner_sigma_px)
+        self._misfit = misfit_px
 
     def locate(self, detections: Detections) -> tuple[GlobalPose, ...]:
         """Return the pose of every known body seen, in the order of the tags."""
-        return tuple(
+        found = (
             self._locate(tag, self.tags[tag.tag_id], detections.exposure.stamp_ns)
             for tag in detections.tags
             if tag.tag_id in self.tags
         )
+        return tuple(pose for pose in found if pose is not None)
 
-    def _locate(self, seen: TagDetection, tag: FlatTag, stamp_ns: int) -> GlobalPose:
+    def pixels(self, tag: FlatTag, X_WB: SE2) -> Array:
+        """Return where the corners of a tag appear, shape (4, 2) [px], its body standing at ``X_WB``."""
+        p_W = SE3.from_se2(X_WB).act(tag.corners_B)
+        return self.camera.project(self.X_WC.inverse().act(p_W))
+
+    def _locate(self, seen: TagDetection, tag: FlatTag, stamp_ns: int) -> GlobalPose | None:
         points, by_pixel = rays_to_plane(self.camera, self.X_WC, seen.corners, tag.height)
         X_WB = fit_se2(tag.corners_B[:, :2], points)
+        misfit = self.pixels(tag, X_WB) - seen.corners
+        if float((misfit**2).sum(axis=1).mean()) > self._misfit**2:
+            return None
         # Both sides are linear near the solution: the pose's covariance follows from the corners'.
-        A = _pose_jacobian(X_WB, tag.corners_B[:, :2])
+        A = pose_jacobian(X_WB, tag.corners_B[:, :2])
         normal = np.linalg.inv(A.T @ A)
         spread = np.zeros((8, 8))
         for i, J in enumerate(by_pixel):
@@ -145,7 +156,7 @@ def fit_se2(points_B: Array, points_A: Array) -> SE2:
     return SE2(float(mean_A[0] - turned[0]), float(mean_A[1] - turned[1]), yaw)
 
 
-def _pose_jacobian(X_WB: SE2, points_B: Array) -> Array:
+def pose_jacobian(X_WB: SE2, points_B: Array) -> Array:
     """Return the derivatives of the points in W by (x, y, yaw), shape (2 N, 3)."""
     p = X_WB.act(points_B) - X_WB.translation
     A = np.zeros((2 * len(points_B), 3))

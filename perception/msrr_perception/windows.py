@@ -138,7 +138,7 @@ def plan_windows(
     widen: float = 1.0,
 ) -> tuple[Window, ...]:
     """Return the windows that hold ``tags``, ordered by place in the image; ``widen`` scales margins."""
-    return _merged((e.box(policy, widen) for e in tags), target.camera.frame, policy)
+    return merged_windows((e.box(policy, widen) for e in tags), target.camera.frame, policy)
 
 
 def _cost(target: TargetModel, tags: Sequence[ExpectedTag], policy: WindowPolicy) -> int:
@@ -152,7 +152,7 @@ def fitting_window(window: Window, frame: Window) -> Window | None:
     return Window(x, y, x_end - x, y_end - y).intersection(frame)
 
 
-def _merged(boxes: Iterable[Window], frame: Window, policy: WindowPolicy) -> tuple[Window, ...]:
+def merged_windows(boxes: Iterable[Window], frame: Window, policy: WindowPolicy) -> tuple[Window, ...]:
     """Return the boxes cut to the frame, with those joined that are cheaper to look at as one."""
     fitted = (fitting_window(box, frame) for box in boxes)
     windows = [w for w in fitted if w is not None]
