@@ -1,0 +1,170 @@
+"""From triangles to faces: convex planar polygons, the unit of visibility.
+
+A pixel whose corners all show one face needs no further samples, so the fewer edges without meaning the
+better: triangles that lie in one plane and together are convex become one face (the six sides of a box, the
+caps of a cylinder, a tag's quad).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_bullet.render.raster.mesh import Array, Indices, Mesh
+
+#: Triangles are coplanar when their unit normals differ by less, and their offsets by less than this times
+#: the mesh's size.
+_COPLANAR = 1e-7
+
+#: A corner's normal that is this close to the triangle's own makes the triangle flat.
+_FLAT = 1e-3
+
+#: The largest polygon; the cost of a row grows with the number of edges.
+_MOST_CORNERS = 128
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Convex planar polygons of one mesh. An affine function is (gx, gy, gz, g0): ``g . p + g0``.
+
+    Attributes:
+        vertices: Shape (V, 3) [m].
+        start: First entry of each face in ``corners``, shape (F + 1,).
+        corners: Vertex indices, counter-clockwise from outside.
+        planes: Unit normal and offset, ``n . p = d``, shape (F, 4).
+        smooth: Faces whose shading normals change over them, shape (F,).
+        corner_normals: Those normals at three of the corners, shape (F, 3, 3).
+        weights: Affine functions that weigh the second and the third of these corners, shape (F, 2, 4).
+        uv: Affine functions of the texture coordinates, shape (F, 2, 4); zero without texture.
+    """
+
+    vertices: Array
+    start: Indices
+    corners: Indices
+    planes: Array
+    smooth: NDArray[np.bool_]
+    corner_normals: Array
+    weights: Array
+    uv: Array
+
+
+def faces_of(mesh: Mesh) -> Faces:
+    """Return the faces of a mesh; triangles without area are dropped."""
+    vertices, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    triangles = index.reshape(-1)[mesh.triangles]
+    p = vertices[triangles]  # (T, 3, 3)
+    area = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    length = np.linalg.norm(area, axis=1)
+    extent = float(np.ptp(vertices, axis=0).max())
+    keep = length > 1e-14 * extent * extent
+    triangles, p = triangles[keep], p[keep]
+    normal = area[keep] / length[keep, None]
+    normals = np.repeat(normal[:, None], 3, axis=1) if mesh.normals is None else mesh.normals[keep]
+    uv = np.zeros((len(p), 3, 2)) if mesh.uv is None else mesh.uv[keep]
+
+    weights = _weights(p, normal)
+    maps = _maps(uv, weights)
+    smooth = np.abs(normals - normal[:, None]).max(axis=(1, 2)) > _FLAT
+    offset = np.einsum("ta,ta->t", normal, p[:, 0])
+
+    groups = _coplanar_groups(
+        triangles, normal, offset, np.concatenate([maps, _maps(normals, weights)], axis=1), extent
+    )
+    polygons: list[tuple[int, list[int]]] = []
+    for group in groups:
+        outline = _convex_outline(triangles[group], vertices, normal[group[0]]) if len(group) > 1 else None
+        if outline is None:
+            polygons += [(t, [int(v) for v in triangles[t]]) for t in group]
+        else:
+            polygons.append((group[0], outline))
+    of = np.array([t for t, _ in polygons], dtype=np.int64)
+    start = np.cumsum([0, *(len(corners) for _, corners in polygons)])
+    return Faces(
+        vertices,
+        start.astype(np.int64),
+        np.array([v for _, corners in polygons for v in corners], dtype=np.int64),
+        np.column_stack([normal[of], offset[of]]),
+        smooth[of],
+        normals[of],
+        weights[of],
+        maps[of],
+    )
+
+
+def _weights(p: Array, normal: Array) -> Array:
+    """Return the affine functions that are 1 at the second (third) corner and 0 at the others, (T, 2, 4)."""
+    one, two = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    out = np.zeros((len(p), 2, 4))
+    for k, (own, other) in enumerate(((one, two), (two, one))):
+        gradient = np.cross(normal, other)
+        gradient = gradient / np.einsum("ta,ta->t", gradient, own)[:, None]
+        out[:, k, :3] = gradient
+        out[:, k, 3] = -np.einsum("ta,ta->t", gradient, p[:, 0])
+    return out
+
+
+def _maps(values: Array, weights: Array) -> Array:
+    """Return the affine functions that take ``values``, (T, 3, k), at the corners; shape (T, k, 4)."""
+    rise = np.stack([values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]], axis=1)
+    maps: Array = np.einsum("tck,tca->tka", rise, weights)
+    maps[..., 3] += values[:, 0]
+    return maps
+
+
+def _coplanar_groups(
+    triangles: Indices, normal: Array, offset: Array, maps: Array, extent: float
+) -> list[list[int]]:
+    """Return sets of triangles joined by edges, in one plane, that carry on each other's affine maps."""
+    owner: dict[tuple[int, int], int] = {}
+    for t, (a, b, c) in enumerate(triangles.tolist()):
+        owner[a, b] = owner[b, c] = owner[c, a] = t
+    root = list(range(len(triangles)))
+
+    def find(t: int) -> int:
+        while root[t] != t:
+            root[t] = root[root[t]]
+            t = root[t]
+        return t
+
+    for (a, b), t in owner.items():
+        other = owner.get((b, a))
+        if other is None or other <= t:
+            continue
+        if (
+            np.abs(normal[t] - normal[other]).max() < _COPLANAR
+            and abs(offset[t] - offset[other]) < _COPLANAR * extent
+            and np.abs(maps[t] - maps[other]).max() < _COPLANAR * (1.0 + np.abs(maps[t]).max())
+        ):
+            root[find(other)] = find(t)
+    groups: dict[int, list[int]] = {}
+    for t in range(len(triangles)):
+        groups.setdefault(find(t), []).append(t)
+    return list(groups.values())
+
+
+def _convex_outline(triangles: Indices, vertices: Array, normal: Array) -> list[int] | None:
+    """Return the outline of coplanar triangles, counter-clockwise, or None unless it is one convex loop.
+
+    Vertices in the middle of a straight side stay: a neighbour may have its corner there, and edges that are
+    shared must be the same edges.
+    """
+    edges = {(int(t[i]), int(t[(i + 1) % 3])) for t in triangles for i in range(3)}
+    border = [(a, b) for a, b in edges if (b, a) not in edges]
+    after = dict(border)
+    if len(after) != len(border) or len(border) > _MOST_CORNERS:
+        return None
+    first = min(after)
+    outline = [first]
+    while (following := after.get(outline[-1])) != first:
+        if following is None or len(outline) > len(border):
+            return None
+        outline.append(following)
+    if len(outline) != len(border):
+        return None
+    p = vertices[outline]
+    step = np.roll(p, -1, axis=0) - p
+    turn = np.cross(step, np.roll(step, -1, axis=0)) @ normal
+    straight = 1e-9 * float((step * step).sum(axis=1).max())
+    return outline if bool((turn >= -straight).all()) else None

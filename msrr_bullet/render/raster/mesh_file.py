@@ -1,0 +1,154 @@
+"""Meshes from files: Wavefront OBJ with the textures of its materials, and STL."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from msrr_bullet.render.raster.mesh import Mesh
+from msrr_scenes.errors import GeometryError
+
+#: Pictures that are looked for beside a mesh, under the mesh's own name.
+_PICTURES = (".png", ".jpg", ".bmp")
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """The triangles of a mesh file that share a texture.
+
+    Attributes:
+        mesh: In the file's own units.
+        texture: Picture file, or None.
+        from_material: The file names its materials, so that PyBullet knows about the texture.
+    """
+
+    mesh: Mesh
+    texture: Path | None
+    from_material: bool = False
+
+
+def read_mesh(path: Path) -> tuple[MeshPart, ...]:
+    """Read a mesh file.
+
+    A texture comes from the mesh's material library. A mesh without one wears the picture beside it that
+    bears its name (``plate.obj``, ``plate.png``): PyBullet does not tell what a texture that was put on
+    later looks like.
+
+    Raises:
+        GeometryError: The file is missing, is malformed, or has a format that is not known here.
+    """
+    try:
+        stamp = path.stat()
+    except OSError as error:
+        raise GeometryError(f"{path}: cannot read this mesh ({error.strerror})") from None
+    return _read(path, stamp.st_mtime_ns, stamp.st_size)
+
+
+@lru_cache(maxsize=256)
+def _read(path: Path, mtime_ns: int, size: int) -> tuple[MeshPart, ...]:
+    readers = {".obj": _read_obj, ".stl": _read_stl}
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise GeometryError(f"{path}: the raster renderer reads {', '.join(readers)}; convert this mesh")
+    try:
+        return reader(path)
+    except (ValueError, IndexError) as error:
+        raise GeometryError(f"{path}: malformed mesh: {error}") from None
+
+
+def _read_obj(path: Path) -> tuple[MeshPart, ...]:
+    rows: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
+    width = {"v": 3, "vt": 2, "vn": 3}
+    corners: dict[str, list[tuple[int, int, int]]] = {}
+    pictures: dict[str, Path] = {}
+    material, library = "", False
+    for words in _lines(path):
+        key = words[0]
+        if key in rows:
+            rows[key].append([float(w) for w in words[1 : 1 + width[key]]])
+        elif key == "f":
+            counts = (len(rows["v"]), len(rows["vt"]), len(rows["vn"]))
+            fan = [_corner(word, counts) for word in words[1:]]
+            for i in range(1, len(fan) - 1):
+                corners.setdefault(material, []).extend((fan[0], fan[i], fan[i + 1]))
+        elif key == "usemtl":
+            material = " ".join(words[1:])
+        elif key == "mtllib":
+            library = True
+            pictures.update(_material_pictures(path.parent / " ".join(words[1:])))
+    if not corners:
+        raise ValueError("no faces")
+    beside = next((p for s in _PICTURES if (p := path.with_suffix(s)).is_file()), None)
+    vertices, uv, normals = (np.array(rows[k]).reshape(-1, width[k]) for k in ("v", "vt", "vn"))
+    parts = []
+    for name, listed in corners.items():
+        index = np.array(listed, dtype=np.int64).reshape(-1, 3, 3)
+        mesh = Mesh(
+            vertices,
+            _checked(index[..., 0], len(vertices)),
+            _unit(normals[_checked(index[..., 2], len(normals))]) if index[..., 2].min() >= 0 else None,
+            uv[_checked(index[..., 1], len(uv))] if index[..., 1].min() >= 0 else None,
+        )
+        parts.append(MeshPart(mesh, pictures.get(name) if library else beside, library))
+    return tuple(parts)
+
+
+def _lines(path: Path) -> Iterator[list[str]]:
+    text = path.read_text(errors="replace").replace("\\\n", " ")
+    for line in text.splitlines():
+        words = line.split("#", 1)[0].split()
+        if words:
+            yield words
+
+
+def _corner(word: str, counts: tuple[int, int, int]) -> tuple[int, int, int]:
+    """Return (position, texture, normal) indices counted from 0 of ``7``, ``7/2``, ``7//3`` or ``-1/-1/-1``."""
+    fields = (word.split("/") + ["", ""])[:3]
+    index = [int(f) if f else 0 for f in fields]
+    position, texture, normal = (
+        i - 1 if i > 0 else (n + i if i < 0 else -1) for i, n in zip(index, counts, strict=True)
+    )
+    return position, texture, normal
+
+
+def _checked(index: np.ndarray, count: int) -> np.ndarray:
+    if index.min() < 0 or index.max() >= count:
+        raise ValueError(f"a face names element {index.max() + 1} of {count}")
+    return index
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > 0.0, length, 1.0)
+
+
+def _material_pictures(path: Path) -> dict[str, Path]:
+    """Return the diffuse picture of each material; a material file that is missing has none, as in PyBullet."""
+    pictures: dict[str, Path] = {}
+    name = ""
+    if path.is_file():
+        for words in _lines(path):
+            if words[0] == "newmtl":
+                name = " ".join(words[1:])
+            elif words[0] == "map_Kd" and (picture := path.parent / words[-1]).is_file():
+                pictures[name] = picture
+    return pictures
+
+
+def _read_stl(path: Path) -> tuple[MeshPart, ...]:
+    data = path.read_bytes()
+    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    count = int(np.frombuffer(data[80:84], "<u4")[0]) if len(data) >= 84 else -1
+    if len(data) == 84 + count * record.itemsize:
+        corners = np.frombuffer(data[84:], record)["corners"].astype(np.float64).reshape(-1, 3)
+    else:
+        text = (line.split() for line in data.decode("ascii", "replace").splitlines())
+        corners = np.array([[float(w) for w in words[1:4]] for words in text if words[:1] == ["vertex"]])
+    if corners.size == 0 or corners.size % 9:
+        raise ValueError("no triangles")
+    vertices, index = np.unique(corners, axis=0, return_inverse=True)
+    return (MeshPart(Mesh(vertices, index.reshape(-1, 3).astype(np.int64)), None),)

@@ -1,0 +1,104 @@
+"""The steps of a frame, in order."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from msrr_bullet.render.raster.compiled import inlined, kernel
+from msrr_bullet.render.raster.ground import Ground, GroundView
+from msrr_bullet.render.raster.picture import Textures
+from msrr_bullet.render.raster.projection import Array, Faces, Geometry, Light, View, project
+from msrr_bullet.render.raster.resolve import Short, clear_samples, cover_samples, shade_open
+from msrr_bullet.render.raster.settle import Pixels, Samples, settle, shade_settled
+from msrr_bullet.render.raster.visibility import Corners, Identities, clear, cover_corners
+
+#: Rows of a window that are worked on at a time, so that what is written stays in the processor's cache.
+BAND = 32
+
+
+class Work(NamedTuple):
+    """Memory of a frame; see :mod:`msrr_bullet.render.raster.workspace`."""
+
+    R_CM: Array  # (M, 3, 3) movers seen from the camera
+    p_CM: Array  # (M, 3)
+    R_WM: Array  # (M, 3, 3)
+    seen: Array  # (V, 3) vertices in C
+    faces: Faces
+    corners: Corners
+    settled: Identities
+    samples: Samples
+
+
+@inlined
+def place_movers(poses: Array, R_CW: Array, p_CW: Array, R_CM: Array, p_CM: Array, R_WM: Array) -> None:
+    """Turn the movers' poses in W (position, quaternion xyzw) into rotations and poses seen from C."""
+    for m in range(len(poses)):
+        x, y, z, w = poses[m, 3], poses[m, 4], poses[m, 5], poses[m, 6]
+        k = 2.0 / (x * x + y * y + z * z + w * w)
+        Q = R_WM[m]
+        Q[0, 0], Q[0, 1], Q[0, 2] = 1.0 - k * (y * y + z * z), k * (x * y - z * w), k * (x * z + y * w)
+        Q[1, 0], Q[1, 1], Q[1, 2] = k * (x * y + z * w), 1.0 - k * (x * x + z * z), k * (y * z - x * w)
+        Q[2, 0], Q[2, 1], Q[2, 2] = k * (x * z - y * w), k * (y * z + x * w), 1.0 - k * (x * x + y * y)
+        for i in range(3):
+            for j in range(3):
+                R_CM[m, i, j] = R_CW[i, 0] * Q[0, j] + R_CW[i, 1] * Q[1, j] + R_CW[i, 2] * Q[2, j]
+            p_CM[m, i] = (
+                R_CW[i, 0] * poses[m, 0] + R_CW[i, 1] * poses[m, 1] + R_CW[i, 2] * poses[m, 2] + p_CW[i]
+            )
+
+
+@kernel
+def draw(
+    view: View,
+    poses: Array,
+    R_CW: Array,
+    p_CW: Array,
+    light: Light,
+    geometry: Geometry,
+    textures: Textures,
+    ground: Ground,
+    ground_view: GroundView,
+    floor: Array,
+    pattern: Short,
+    work: Work,
+    out: Pixels,
+) -> None:
+    """Draw a window.
+
+    Args:
+        view: Camera and window.
+        poses: Position and quaternion xyzw of the movers in W, shape (M, 7).
+        R_CW: Rotation of the world seen from the camera, shape (3, 3).
+        p_CW: Its origin seen from the camera, shape (3,).
+        light: Of the scene.
+        geometry: All faces.
+        textures: What they wear.
+        ground: The floor's texture.
+        ground_view: The floor seen from the camera.
+        floor: Form of the floor's 1 / z; zeros without a floor.
+        pattern: Places of the samples in a pixel.
+        work: Memory.
+        out: The pixels, shape (height, width).
+    """
+    place_movers(poses, R_CW, p_CW, work.R_CM, work.p_CM, work.R_WM)
+    faces = work.faces
+    count = project(view, light, geometry, work.R_CM, work.p_CM, work.R_WM, work.seen, faces)
+    for top in range(0, view.height, BAND):
+        band = View(
+            view.focal,
+            view.middle_x,
+            view.middle_y,
+            view.x,
+            view.y + top,
+            view.width,
+            min(BAND, view.height - top),
+            view.near,
+        )
+        rows = out[top : top + BAND]
+        clear(band, floor, work.corners)
+        cover_corners(band, faces, count, textures.regions, work.corners)
+        settle(band, work.corners, work.settled, work.samples)
+        shade_settled(band, faces, textures, ground, ground_view, work.settled, rows)
+        clear_samples(band, floor, pattern, work.samples)
+        cover_samples(band, faces, count, pattern, work.samples)
+        shade_open(band, faces, textures, ground, ground_view, pattern, work.samples, rows)

@@ -1,0 +1,67 @@
+"""Memory that is kept from frame to frame; touching fresh pages would cost more than drawing on them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from msrr_bullet.render.raster.pattern import SAMPLES
+from msrr_bullet.render.raster.pipeline import BAND, Work
+from msrr_bullet.render.raster.projection import Faces, Geometry
+from msrr_bullet.render.raster.settle import Samples
+from msrr_bullet.render.raster.visibility import Corners
+
+
+class Workspace:
+    """Arrays for the faces of one world and one band of the widest window so far."""
+
+    def __init__(self, geometry: Geometry, movers: int) -> None:
+        """Make room for all faces and movers."""
+        n, edges = len(geometry.planes), len(geometry.corners) + len(geometry.planes)
+        self._movers = movers
+        self._seen = np.empty((len(geometry.vertices), 3))
+        self._faces = Faces(
+            inverse_depth=np.empty((n, 3)),
+            nearest=np.empty(n),
+            box=np.empty((n, 4)),
+            edge_start=np.zeros(n + 1, dtype=np.int64),
+            edges=np.empty((edges, 3)),
+            grey=np.empty(n),
+            shade=np.empty((n, 3)),
+            uv=np.empty((n, 2, 3)),
+            kind=np.empty(n, dtype=np.int64),
+            texture=np.empty(n, dtype=np.int64),
+            cells=np.empty((n, 4), dtype=np.int64),
+        )
+        self._width = 0
+        self._work = self._room(0)
+
+    def fit(self, width: int) -> Work:
+        """Return memory for windows up to ``width`` wide."""
+        if width > self._width:
+            self._work, self._width = self._room(width), width
+        return self._work
+
+    def _room(self, width: int) -> Work:
+        pixels = BAND * width
+        return Work(
+            R_CM=np.empty((self._movers, 3, 3)),
+            p_CM=np.empty((self._movers, 3)),
+            R_WM=np.empty((self._movers, 3, 3)),
+            seen=self._seen,
+            faces=self._faces,
+            corners=Corners(
+                depth=np.empty((BAND + 1, width + 1), dtype=np.float32),
+                identity=np.empty((BAND + 1, width + 1), dtype=np.int32),
+                sliver=np.empty((BAND, width), dtype=np.float32),
+            ),
+            settled=np.empty((BAND, width), dtype=np.int32),
+            samples=Samples(
+                start=np.empty(BAND + 1, dtype=np.int64),
+                # One more: the column of a pixel is written before it is known to be open.
+                column=np.empty(pixels + 1, dtype=np.int32),
+                # Pages that are never touched cost nothing: few pixels are open.
+                depth=np.empty((pixels, SAMPLES), dtype=np.float32),
+                identity=np.empty((pixels, SAMPLES), dtype=np.int32),
+                farthest=np.empty(pixels, dtype=np.float32),
+            ),
+        )
