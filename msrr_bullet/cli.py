@@ -9,52 +9,22 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
-from typer.core import TyperGroup
 
+from msrr_bullet.doors import BAD_INPUT, NOT_DOCKED, PROGRAM_ERROR, Doors, say
 from msrr_scenes.assets import shipped_scenes
 from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.load import load_scene, scene_hash
 from msrr_scenes.scene import Scene
 
-NOT_DOCKED = 1
-BAD_INPUT = 2
-PROGRAM_ERROR = 70
-INTERRUPTED = 130
-
-
-class _Doors(TyperGroup):
-    """Turns what ends a command into an exit code, before typer makes one code of all of it."""
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run the command."""
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            raise SystemExit(_say("interrupted", INTERRUPTED)) from None
-        except BrokenPipeError:
-            # The reader of our output went away; Python would complain once more at exit.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise SystemExit(NOT_DOCKED) from None
-        except (MsrrError, OSError) as error:
-            raise SystemExit(_say(str(error), BAD_INPUT)) from None
-        except Exception as error:
-            if hasattr(error, "exit_code"):  # typer's own: usage errors, and the end of a command
-                raise
-            traceback.print_exc()
-            text = "this is an error of the program; please report it with the lines above"
-            raise SystemExit(_say(text, PROGRAM_ERROR)) from None
-
-
 app = typer.Typer(
     name="msrr",
-    cls=_Doors,
+    cls=Doors,
     help="Docking of mobile robots by what their rendered cameras see.",
     no_args_is_help=True,
     add_completion=False,
@@ -90,11 +60,6 @@ def run(arguments: Sequence[str]) -> int:
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 0
     return 0
-
-
-def _say(message: str, code: int) -> int:
-    print(f"msrr: {message}", file=sys.stderr)  # noqa: T201 - plain text, no markup
-    return code
 
 
 def parse_overrides(pairs: Sequence[str] | None) -> dict[str, str]:
@@ -242,7 +207,7 @@ def sweep(
     if summary.interrupted:
         raise KeyboardInterrupt
     for failure in summary.failures:
-        _say(f"seed {failure.seed} gave no result: {failure.error}", PROGRAM_ERROR)
+        say(f"seed {failure.seed} gave no result: {failure.error}", PROGRAM_ERROR)
     raise typer.Exit(PROGRAM_ERROR if summary.failures else 0)
 
 
@@ -267,7 +232,7 @@ def check(
         try:
             loaded = load_scene(file, parse_overrides(overrides))
         except MsrrError as error:
-            bad = _say(str(error), BAD_INPUT)
+            bad = say(str(error), BAD_INPUT)
             continue
         steps = ", then ".join(f"{step.unit}.{step.port} to {step.to}" for step in loaded.plan)
         what = f"{len(loaded.units)} units, {len(loaded.obstacles)} obstacles; {steps}"
