@@ -1,0 +1,137 @@
+"""How far a unit still goes after a command, and how near that brings it to what is known around it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from msrr_bullet.clearance import Clearance, ClearanceModel
+from msrr_control.drive_limits import nested_limit
+from msrr_scenes.messages import Array, GlobalPose, Situation, Twist, seconds
+from msrr_scenes.scene import Scene
+from msrr_scenes.se2 import SE2
+
+#: Way of the unit's farthest point between two measurements of clearance [m].
+_STEP_M = 0.01
+#: Time step with which the drive is followed [s].
+_STEP_S = 0.02
+#: Below these speeds a unit stands.
+_STANDS_MPS = 0.002
+_STANDS_RADPS = 0.01
+#: No way ahead takes longer than this [s]: limits that brake so slowly are not worth looking at farther.
+_LONGEST_S = 5.0
+
+
+class Surroundings:
+    """What is known around one unit at one instant."""
+
+    def __init__(
+        self, model: ClearanceModel, situation: Situation, reach: float, exempt: str | None = None
+    ) -> None:
+        """Gather the estimates.
+
+        Args:
+            model: The shapes.
+            situation: The estimates.
+            reach: Largest distance of the unit's footprint from its axle [m].
+            exempt: A unit that may be touched.
+        """
+        self._model = model
+        self._own = situation.own.name
+        self.reach = reach
+        bodies = [b for b in (situation.target, *situation.others, *situation.obstacles) if b.name != exempt]
+        self._poses = {b.name: b.X_WB for b in bodies}
+        names = list(self._poses)
+        self._unasked = frozenset(frozenset((a, b)) for i, a in enumerate(names) for b in names[i + 1 :])
+        own = _variance(situation.own.covariance, reach)
+        others = max((_variance(b.covariance, reach) for b in bodies), default=0.0)
+        #: Standard deviation of the distance between the unit and what is known least of the others [m].
+        self.sigma = math.sqrt(own + others)
+
+    def clearance(self, X_WU: SE2) -> Clearance | None:
+        """Return the smallest clearance of the unit at ``X_WU``; None when there is nothing around it."""
+        return self._model.minimum({self._own: X_WU, **self._poses}, self._unasked)
+
+
+def _variance(covariance: Array, reach: float) -> float:
+    """Return the largest variance that a point of a body has in any direction [m^2]."""
+    a, b, c = float(covariance[0, 0]), float(covariance[1, 1]), float(covariance[0, 1])
+    return 0.5 * (a + b) + math.hypot(0.5 * (a - b), c) + reach**2 * float(covariance[2, 2])
+
+
+class WayAhead:
+    """Follows a unit's drive through its commands, and says where a command would take it.
+
+    The way ahead of a command: the drive obeys it until the next command can arrive (a control period and the
+    link's latency), then it brakes to a stand, all behind the nested limits of Zheng et al., eq. 3.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Take limits, control rate and latency from the scene; the unit stands."""
+        self._limits = scene.limits
+        self._reaction_s = 1.0 / scene.control.rate_hz + 1e-3 * scene.link.latency_ms
+        self.reset()
+
+    def reset(self) -> None:
+        """The unit stands and has no command."""
+        self._speed = Twist()
+        self._command = Twist()
+        self._last_ns: int | None = None
+
+    def advance(self, now_ns: int) -> None:
+        """Let the drive follow the last command up to now."""
+        if self._last_ns is not None:
+            self._speed = self._follow(self._speed, self._command, seconds(now_ns - self._last_ns))
+        self._last_ns = now_ns
+
+    def passed(self, command: Twist) -> None:
+        """Take note of a command that goes to the drive."""
+        self._command = command
+
+    def present_pose(self, own: GlobalPose, now_ns: int) -> SE2:
+        """Return ``X_WU`` now: an estimate that is not compensated for its delay is moved up to now."""
+        age = seconds(max(now_ns - own.stamp_ns, 0))
+        if age == 0.0:
+            return own.X_WB
+        return own.X_WB @ SE2.exp(self._speed.v * age, 0.0, self._speed.w * age)
+
+    def closest(self, wish: Twist, X_WU: SE2, present: float, around: Surroundings, enough: float) -> float:
+        """Return the smallest clearance on the way ahead of a command [m].
+
+        Args:
+            wish: The command.
+            X_WU: Where the unit is.
+            present: Its clearance there [m].
+            around: What is known around it.
+            enough: Clearance above which the exact value does not matter [m].
+        """
+        closest = at_hand = present
+        gone = 0.0
+        for X_UA, way in self._stages(wish, around.reach):
+            gone += way
+            # No point of the unit has gone farther than `gone`, so no distance has shrunk by more.
+            if gone < max(_STEP_M, at_hand - enough):
+                continue
+            measured = around.clearance(X_WU @ X_UA)
+            assert measured is not None  # there was something around it before
+            at_hand, gone = measured.distance, 0.0
+            closest = min(closest, at_hand)
+        return min(closest, at_hand - gone) if at_hand - gone < enough else closest
+
+    def _stages(self, wish: Twist, reach: float) -> Iterator[tuple[SE2, float]]:
+        """Yield the way: pose seen from the unit now, and how far its farthest point went since the last."""
+        speed, X_UA, t = self._speed, SE2(), 0.0
+        while t < _LONGEST_S:
+            speed = self._follow(speed, wish if t < self._reaction_s else Twist(), _STEP_S)
+            t += _STEP_S
+            if t > self._reaction_s and abs(speed.v) < _STANDS_MPS and abs(speed.w) < _STANDS_RADPS:
+                return
+            X_UA = X_UA @ SE2.exp(speed.v * _STEP_S, 0.0, speed.w * _STEP_S)
+            yield X_UA, (abs(speed.v) + reach * abs(speed.w)) * _STEP_S
+
+    def _follow(self, speed: Twist, wish: Twist, dt: float) -> Twist:
+        at = self._limits
+        return Twist(
+            nested_limit(float(speed.v), float(wish.v), at.v_max_mps, at.a_max_mps2, at.kappa_per_s, dt),
+            nested_limit(float(speed.w), float(wish.w), at.w_max_radps, at.dw_max_radps2, at.kappa_per_s, dt),
+        )
