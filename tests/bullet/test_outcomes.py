@@ -1,0 +1,148 @@
+"""Every outcome is reached by a shipped scene or a switch, with the robot's belief beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import pytest
+
+from msrr_bullet.result import Belief, TrialResult
+from msrr_bullet.run import run_trial
+from msrr_scenes.messages import Phase
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.scene import Scene
+
+SEED = 1
+
+#: Gives up sooner, from a start nearer to the port: a shorter trial with the same end.
+BRIEF = {"units.a.pose.x_m": "-0.25", "docking.stall_time_s": "0.8", "docking.retreat_m": "0.15"}
+
+
+@dataclass(frozen=True)
+class Case:
+    """How an outcome is provoked, and what else has to be true of it."""
+
+    outcome: Outcome
+    scene: str
+    belief: Belief
+    true: Callable[[TrialResult], bool]
+    switches: Mapping[str, str] = field(default_factory=dict)
+    blind: bool = False
+
+    @cached_property
+    def id(self) -> str:
+        return self.outcome.value
+
+
+def seated(result: TrialResult) -> bool:
+    return result.seating is not None and result.seating.seated
+
+
+def nothing_touched(result: TrialResult) -> bool:
+    return result.contact is None and not result.lock_closed
+
+
+CASES = (
+    Case(
+        Outcome.DOCKED,
+        "weak_lock",  # the lock's strength is all that parts it from lock_failed
+        "docked",
+        lambda r: seated(r) and r.lock_engaged and r.pull_test_passed is True and r.phase is Phase.DONE,
+        {"lock.strength_n": "26", "perception": "parametric"},
+    ),
+    Case(
+        Outcome.LOCK_FAILED,
+        "weak_lock",
+        "docked",
+        lambda r: seated(r) and r.lock_closed and r.lock_engaged and r.pull_test_passed is False,
+    ),
+    Case(
+        Outcome.JAMMED,
+        "askew_camera",
+        "gave_up",
+        # Past what the funnel takes in, and no lock was ever closed on it.
+        lambda r: r.contact is not None and r.contact.lateral_m > 0.016 and not r.lock_closed,
+        {"docking.retreat_m": "0.15"},
+    ),
+    Case(
+        Outcome.NOT_SEATED,
+        "plugged_port",
+        "gave_up",
+        lambda r: r.contact is not None and r.contact.lateral_m < 0.003 and not seated(r),
+        {"docking.attempts": "1", **BRIEF},
+    ),
+    Case(Outcome.TARGET_LOST, "lost_target", "gave_up", nothing_touched),
+    Case(
+        Outcome.NEVER_DETECTED,
+        "hidden_marker",
+        "gave_up",
+        lambda r: nothing_touched(r) and r.records[-1].believed is None,
+        {"docking.search_time_s": "1"},
+    ),
+    Case(
+        Outcome.COLLISION,
+        "obstacle_in_lane",
+        "undecided",
+        nothing_touched,
+        {"judge.min_clearance_m": "0", "perception": "parametric"},  # with real contact: it stops at the post
+    ),
+    Case(
+        Outcome.CLEARANCE_VIOLATED,
+        "obstacle_in_lane",
+        "undecided",
+        lambda r: r.min_clearance_m is not None and 0.0 < r.min_clearance_m < 0.02,
+        blind=True,
+    ),
+    Case(
+        Outcome.LEFT_ARENA, "no_room_to_retreat", "undecided", lambda r: r.phase is Phase.RETREAT, blind=True
+    ),
+    Case(Outcome.TIMEOUT, "short_time", "undecided", lambda r: abs(r.duration_s - 2.0) < 0.03, blind=True),
+    Case(
+        Outcome.FALSE_DOCK,
+        "stuck_seat_switch",
+        "docked",
+        # The cam closed, and says so, on nothing.
+        lambda r: not seated(r) and r.lock_closed and not r.lock_engaged and r.pull_test_passed is not True,
+    ),
+    Case(
+        Outcome.FALSE_ABORT,
+        "dead_seat_switch",
+        "gave_up",
+        lambda r: r.contact is not None and not r.lock_closed,
+        {"perception": "parametric"},
+    ),
+)
+
+Load = Callable[..., Scene]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)
+def test_an_outcome_is_provoked(case: Case, shipped: Load) -> None:
+    result = run_trial(shipped(case.scene, case.switches, blind=case.blind), SEED)
+    assert (result.outcome, result.belief) == (case.outcome, case.belief), result.belief_reason
+    assert case.true(result), result
+    assert result.belief_reason
+    assert result.docked == (case.outcome is Outcome.DOCKED)
+
+
+def test_no_outcome_is_left_out() -> None:
+    assert {case.outcome for case in CASES} == set(Outcome)
+
+
+def test_a_stuck_seat_switch_fools_nobody_who_looks(shipped: Load) -> None:
+    """The lie of the false dock, with verification by sight: the robot knows that it is not docked."""
+    scene = shipped(
+        "stuck_seat_switch", {"docking.verify.by_sight": "true", "docking.attempts": "1", **BRIEF}
+    )
+    result = run_trial(scene, SEED)
+    assert (result.outcome, result.belief) == (Outcome.NOT_SEATED, "gave_up")
+
+
+def test_a_stuck_switch_does_no_harm_to_a_unit_that_seats(shipped: Load) -> None:
+    clear = {
+        "faults": "[{kind: seat_switch_stuck, unit: b, value: closed}]",
+        "docking.verify.by_sight": "true",
+    }
+    assert run_trial(shipped("stuck_seat_switch", clear, blind=True), SEED).outcome is Outcome.DOCKED

@@ -1,0 +1,213 @@
+"""Whole trials: docking by rendered images, its variants, its run folder, and what a seed determines."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msrr_bullet.log import CameraWindow, Log, MemoryRecorder, StartPoses, read_log
+from msrr_bullet.log.codec import to_bytes
+from msrr_bullet.log.formats import format_of
+from msrr_bullet.progress import Progress
+from msrr_bullet.result import TrialResult
+from msrr_bullet.run import RunFolderError, run_trial
+from msrr_bullet.trial import Trial
+from msrr_scenes.messages import Phase, WheelOdometry
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.scene import Scene
+
+SEED = 7
+Load = Callable[..., Scene]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One docking by images, with its run folder and what an observer was told."""
+
+    scene: Scene
+    result: TrialResult
+    out: Path
+    told: tuple[Progress, ...]
+
+    @property
+    def log(self) -> Log:
+        return read_log(self.out)
+
+
+@pytest.fixture(scope="module")
+def docking(shipped: Load, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    scene, out = shipped("close_range"), tmp_path_factory.mktemp("trial") / "runs" / "first"
+    told: list[Progress] = []
+    return Run(scene, run_trial(scene, SEED, out=out, observer=told.append), out, tuple(told))
+
+
+def texts(found: list[tuple[str, int, object]]) -> list[tuple[str, int, bytes]]:
+    return [(topic, stamp_ns, to_bytes(format_of(m).encode(m, topic))) for topic, stamp_ns, m in found]
+
+
+def messages(scene: Scene, seed: int) -> list[tuple[str, int, bytes]]:
+    """Every message of a trial: topic, time, text."""
+    recorder = MemoryRecorder()
+    Trial(scene, seed, recorder=recorder).run()
+    return texts(recorder.messages)
+
+
+def on(log: list[tuple[str, int, bytes]], topic: str) -> list[tuple[str, int, bytes]]:
+    return [m for m in log if m[0] == topic]
+
+
+def test_a_unit_docks_by_what_its_camera_sees(docking: Run) -> None:
+    result = docking.result
+    assert result.outcome is Outcome.DOCKED
+    assert result.docked
+    assert (result.plant, result.perception, result.seed, result.scene) == (
+        "bullet",
+        "images",
+        SEED,
+        "close_range",
+    )
+    assert (result.phase, result.attempts) == (Phase.DONE, 1)
+    assert result.contact is not None
+    assert result.contact.lateral_m < 0.003
+    assert result.contact.yaw_rad < math.radians(1.5)
+    assert result.seating is not None
+    assert result.seating.seated
+    assert result.seating.axial_gap_m < docking.scene.judge.seated_depth_m
+    assert result.lock_closed
+    assert result.lock_engaged
+    assert result.pull_test_passed
+
+
+def test_belief_stands_beside_truth(docking: Run) -> None:
+    result = docking.result
+    assert result.belief == "docked"
+    assert result.contact is not None
+    error = result.contact.estimate_error
+    assert error is not None
+    assert math.hypot(error.x_m, error.y_m) < 0.003
+    assert abs(error.yaw_rad) < math.radians(1.0)
+    assert error.x_m != 0.0  # a belief that equals truth to the last bit is truth
+    (attempt,) = result.records
+    assert attempt.believed is not None
+    between = attempt.true.se2.inverse() @ attempt.believed.se2
+    assert math.hypot(between.x, between.y) < 0.003
+    assert attempt.true.x_m == pytest.approx(-docking.scene.geometry("a").port("front").x, abs=0.003)
+
+
+def test_the_run_folder_holds_the_log_and_what_follows_from_it(docking: Run) -> None:
+    names = {path.name for path in docking.out.iterdir()}
+    assert names == {"trial.mcap", "result.json", "replay.html", "picture.png"}
+    assert TrialResult.from_json((docking.out / "result.json").read_text()) == docking.result
+    assert json.loads((docking.out / "result.json").read_text())["outcome"] == "docked"
+    assert docking.log.complete
+    assert docking.log.header.seed == SEED
+    assert (docking.out / "picture.png").read_bytes().startswith(b"\x89PNG")
+    page = (docking.out / "replay.html").read_text()
+    assert "</html>" in page
+    assert 'src="http' not in page  # self-contained
+
+
+def test_an_observer_is_told_every_decision(docking: Run) -> None:
+    times = [p.time_s for p in docking.told]
+    steps = np.diff(times)
+    assert steps.min() > 0.0
+    assert steps.mean() == pytest.approx(1.0 / docking.scene.control.rate_hz, rel=0.01)
+    phases = [phase for phase, _ in itertools.groupby(p.phase for p in docking.told)]
+    assert phases == [Phase.HAND_OVER, Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.DONE]
+    assert docking.told[0].believed is None  # nothing is known before the first frame arrives
+    latency = docking.scene.cameras.onboard.latency_ms * 1e-3
+    known = next(p for p in docking.told if p.believed is not None)
+    assert latency <= known.time_s < latency + 0.2
+
+
+@pytest.mark.parametrize(
+    ("plant", "perception"), list(itertools.product(("bullet", "unicycle"), ("images", "parametric")))
+)
+def test_plant_and_perception_are_independent_axes(plant: str, perception: str, shipped: Load) -> None:
+    result = run_trial(
+        shipped("weak_lock", {"plant": plant, "perception": perception, "lock.strength_n": "60"}), 2
+    )
+    assert result.outcome is Outcome.DOCKED, result.belief_reason
+    assert (result.plant, result.perception) == (plant, perception)
+
+
+def test_what_went_before_in_the_process_leaves_no_trace(shipped: Load) -> None:
+    """The native detector and PyBullet's caches outlive a trial; what they hold must not show."""
+    scene = shipped("weak_lock", {"time_limit_s": "0.8"})
+    first, other, again = messages(scene, 1), messages(scene, 2), messages(scene, 1)
+    assert first == again
+    assert len(first) > 200
+    drawn = ("/truth/start", "/sensors/a/odometry", "/camera/a/onboard/window", "/perception/a/detections")
+    for topic in drawn:
+        assert on(first, topic) != on(other, topic), topic
+
+
+def searching(shipped: Load, **changes: str) -> MemoryRecorder:
+    """A unit in search of a covered marker: nothing that it sees changes what it does."""
+    keys = {"noise": "cameras.onboard.noise_grey", "dropout": "cameras.onboard.dropout"}
+    scene = shipped(
+        "hidden_marker", {"docking.search_time_s": "0.6", **{keys[k]: v for k, v in changes.items()}}
+    )
+    recorder = MemoryRecorder()
+    assert Trial(scene, SEED, recorder=recorder).run().outcome is Outcome.NEVER_DETECTED
+    return recorder
+
+
+def exposed(recorder: MemoryRecorder) -> dict[int, CameraWindow]:
+    """The first window of every frame that reached the robot, by the frame's number."""
+    windows = [m for _, _, m in recorder.messages if isinstance(m, CameraWindow)]
+    return {w.exposure.frame: w for w in reversed(windows)}
+
+
+def untouched(recorder: MemoryRecorder) -> list[tuple[str, int, object]]:
+    """What a camera has no part in, while nothing is seen."""
+    return [m for m in recorder.messages if m[0].startswith(("/sensors/", "/truth/", "/control/"))]
+
+
+def test_a_stream_switched_off_leaves_the_others_as_they_were(shipped: Load) -> None:
+    clean = searching(shipped, noise="0", dropout="0")
+    noisy = searching(shipped, noise="8", dropout="0")
+    lossy = searching(shipped, noise="8", dropout="0.4")
+    quiet = searching(shipped, noise="0", dropout="0.4")
+    expected = texts(untouched(clean))
+    assert len(expected) > 80
+    assert any(isinstance(m, WheelOdometry) for _, _, m in untouched(clean))
+    assert all(texts(untouched(other)) == expected for other in (noisy, lossy, quiet))
+    # The same frames are lost with and without noise, and a frame's noise is not moved by those lost before.
+    assert exposed(lossy).keys() == exposed(quiet).keys() < exposed(noisy).keys() == exposed(clean).keys()
+    for frame, window in exposed(lossy).items():
+        np.testing.assert_array_equal(window.pixels, exposed(noisy)[frame].pixels)
+        assert (window.pixels != exposed(clean)[frame].pixels).mean() > 0.5
+
+
+def test_the_start_does_not_depend_on_who_else_is_there(shipped: Load) -> None:
+    def start(scene: Scene) -> StartPoses:
+        recorder = MemoryRecorder()
+        Trial(scene.model_copy(update={"time_limit_s": 0.01}), SEED, recorder=recorder).run()
+        return next(m for _, _, m in recorder.messages if isinstance(m, StartPoses))
+
+    alone = start(shipped("close_range", blind=True))
+    watched = start(shipped("bystander", blind=True))
+    assert alone.poses == {name: watched.poses[name] for name in ("a", "b")}
+    assert watched.poses.keys() == {"a", "b", "c", "post"}
+
+
+def test_a_folder_that_cannot_be_made_is_said_before_the_trial(shipped: Load, tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(RunFolderError, match="choose another"):
+        run_trial(shipped("short_time", blind=True), SEED, out=tmp_path / "taken" / "run")
+
+
+def test_a_trial_leaves_nothing_in_the_temporary_folder(
+    shipped: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert run_trial(shipped("short_time", {"time_limit_s": "0.2"}), SEED).outcome is Outcome.TIMEOUT
+    assert list(tmp_path.iterdir()) == []
