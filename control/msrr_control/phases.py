@@ -148,7 +148,10 @@ class PhaseMachine:
             if isinstance(decision, Twist):
                 twist = decision
                 break
+            retreated = self._phase is Phase.RETREAT
             self._change(decision)
+            if retreated:  # what comes of it, and why, is to be seen for one instant
+                break
         return Action(
             stamp_ns=senses.now_ns,
             phase=self._phase,

@@ -58,7 +58,10 @@ def test_a_marker_that_is_never_seen(toy) -> None:
 def test_a_blocked_port_is_tried_again_from_further_away(toy) -> None:
     robot = toy(blocked_until=2)
     last = robot.run()
-    assert robot.phases() == [Phase.DOCK, Phase.RETREAT, *STRAIGHT]
+    assert robot.phases() == [Phase.DOCK, Phase.RETREAT, Phase.HAND_OVER, *STRAIGHT]
+    again = next(a for a in robot.log if a.attempt == 2)
+    assert again.phase is Phase.HAND_OVER
+    assert "no progress" in again.reason
     assert last.attempt == 2
     retreat = [a for a in robot.log if a.phase is Phase.RETREAT]
     assert "no progress" in retreat[0].reason
