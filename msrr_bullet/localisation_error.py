@@ -1,7 +1,8 @@
 """What an outdoor global localisation gets wrong, put on top of what the overhead camera really sees.
 
-It lives beside the plant because it is part of the simulated world: the robot gets its result and never learns
-of it. It needs no truth: a pose in error is a tag in another place of the image, so the corners are moved.
+It lives beside the plant because it is part of the simulated world: the robot gets its result and never
+learns of it. It needs no truth: a pose in error is a tag in another place of the image, so the corners are
+moved.
 """
 
 from __future__ import annotations

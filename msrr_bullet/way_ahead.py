@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from msrr_bullet.clearance import Clearance, ClearanceModel
 from msrr_control.drive_limits import nested_limit
-from msrr_scenes.messages import Array, GlobalPose, Situation, Twist, seconds
+from msrr_scenes.messages import Array, GlobalPose, ObstacleEstimate, Situation, Twist, seconds
 from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
 
@@ -39,7 +39,12 @@ class Surroundings:
         self._model = model
         self._own = situation.own.name
         self.reach = reach
-        bodies = [b for b in (situation.target, *situation.others, *situation.obstacles) if b.name != exempt]
+        known: list[GlobalPose | ObstacleEstimate] = [
+            situation.target,
+            *situation.others,
+            *situation.obstacles,
+        ]
+        bodies = [b for b in known if b.name != exempt]
         self._poses = {b.name: b.X_WB for b in bodies}
         names = list(self._poses)
         self._unasked = frozenset(frozenset((a, b)) for i, a in enumerate(names) for b in names[i + 1 :])
@@ -51,6 +56,11 @@ class Surroundings:
     def clearance(self, X_WU: SE2) -> Clearance | None:
         """Return the smallest clearance of the unit at ``X_WU``; None when there is nothing around it."""
         return self._model.minimum({self._own: X_WU, **self._poses}, self._unasked)
+
+    def distance(self, X_WU: SE2) -> float:
+        """Return the same as a number [m]; infinite when there is nothing around the unit."""
+        clearance = self.clearance(X_WU)
+        return math.inf if clearance is None else clearance.distance
 
 
 def _variance(covariance: Array, reach: float) -> float:
@@ -105,18 +115,27 @@ class WayAhead:
             around: What is known around it.
             enough: Clearance above which the exact value does not matter [m].
         """
+        if present - self._longest(wish, around.reach) >= enough:
+            return present
         closest = at_hand = present
-        gone = 0.0
+        gone, X_UA = 0.0, SE2()
         for X_UA, way in self._stages(wish, around.reach):
             gone += way
             # No point of the unit has gone farther than `gone`, so no distance has shrunk by more.
-            if gone < max(_STEP_M, at_hand - enough):
-                continue
-            measured = around.clearance(X_WU @ X_UA)
-            assert measured is not None  # there was something around it before
-            at_hand, gone = measured.distance, 0.0
-            closest = min(closest, at_hand)
-        return min(closest, at_hand - gone) if at_hand - gone < enough else closest
+            if gone >= max(_STEP_M, at_hand - enough):
+                at_hand, gone = around.distance(X_WU @ X_UA), 0.0
+                closest = min(closest, at_hand)
+        if gone > 0.0 and at_hand - gone < enough:
+            closest = min(closest, around.distance(X_WU @ X_UA))
+        return closest
+
+    def _longest(self, wish: Twist, reach: float) -> float:
+        """Return a length [m] that no point of the unit exceeds on its way ahead."""
+        at = self._limits
+        v = max(abs(self._speed.v), min(abs(wish.v), at.v_max_mps))
+        w = max(abs(self._speed.w), min(abs(wish.w), at.w_max_radps))
+        delay = self._reaction_s + _STEP_S + 1.0 / at.kappa_per_s
+        return (v + reach * w) * delay + 0.5 * v**2 / at.a_max_mps2 + 0.5 * reach * w**2 / at.dw_max_radps2
 
     def _stages(self, wish: Twist, reach: float) -> Iterator[tuple[SE2, float]]:
         """Yield the way: pose seen from the unit now, and how far its farthest point went since the last."""
