@@ -290,7 +290,7 @@ class PhaseMachine:
         )
 
     def _back_to_assembly(self, reason: str, setback: Setback) -> Move:
-        """Leave a hand-over that failed: back out if near, then come again from afar, if there is a way to."""
+        """Leave a hand-over that failed: back out if near, then come again from afar if the unit can."""
         self._reassemble = True
         return Move(Phase.RETREAT, reason, setback)
 

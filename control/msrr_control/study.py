@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from msrr_control.drive_limits import nested_limit
 from msrr_control.law import DockingLaw, DockSetup, Sensed
 from msrr_control.line_of_sight import edge_angles
-from msrr_control.offset_point import offset_point, rotate
+from msrr_control.offset_point import offset_point
+from msrr_control.unicycle import drive, moved_on, roll
 from msrr_scenes.spec import NonNegative, Positive, Spec, Spread
 
 Array = NDArray[np.float64]
@@ -180,13 +180,13 @@ def run_study(
         delayed.append((pose, *_measured(pose, edges[k], wrong, rng)))
         was, seen, angles = delayed[0]
         if wrong.compensated:
-            seen = _moved_on(seen, was, pose)
+            seen = moved_on(seen, was, pose)
         sensed = Sensed(seen, angles, np.ones(trials), twist)
         state = law.start(sensed) if state is None else state
         command, state = law.step(state, sensed, dt)
         references[k] = law.reference(state)
-        twist = _drive(twist, command, setup, dt)
-        pose = _roll(pose, twist, dt)
+        twist = drive(twist, command, setup.limits, dt)
+        pose = roll(pose, twist, dt)
     reached = tips[..., 0] >= 0.0
     contact = np.where(reached.any(axis=0), reached.argmax(axis=0), -1)
     return StudyResult(dt, poses, twists, edges, tips, references, contact, redrawn)
@@ -197,27 +197,3 @@ def _measured(pose: Array, edges: Array, wrong: Disturbance, rng: np.random.Gene
     noisy = pose + sigma * rng.standard_normal(pose.shape)
     angles = edges + np.radians(wrong.sigma_bearing_deg) * rng.standard_normal(edges.shape)
     return noisy, angles
-
-
-def _moved_on(seen: Array, was: Array, now: Array) -> Array:
-    """Apply the motion from pose ``was`` to pose ``now`` to the pose ``seen``, each of shape (trials, 3)."""
-    moved = seen + (now - was)
-    moved[:, :2] = seen[:, :2] + rotate(now[:, :2] - was[:, :2], seen[:, 2] - was[:, 2])
-    return moved
-
-
-def _drive(twist: Array, command: Array, setup: DockSetup, dt: float) -> Array:
-    limits = setup.limits
-    v = nested_limit(twist[:, 0], command[:, 0], limits.v_max_mps, limits.a_max_mps2, limits.kappa_per_s, dt)
-    w = nested_limit(
-        twist[:, 1], command[:, 1], limits.w_max_radps, limits.dw_max_radps2, limits.kappa_per_s, dt
-    )
-    return np.stack([v, w], axis=-1)
-
-
-def _roll(pose: Array, twist: Array, dt: float) -> Array:
-    """Move unicycles by a constant twist for ``dt``: along the chord of the arc."""
-    middle = pose[:, 2] + 0.5 * dt * twist[:, 1]
-    step = dt * twist[:, 0] * np.sinc(0.5 * dt * twist[:, 1] / np.pi)
-    change = [step * np.cos(middle), step * np.sin(middle), dt * twist[:, 1]]
-    return pose + np.stack(change, axis=-1)

@@ -1,0 +1,192 @@
+"""Hundreds of unicycle trials of the long-distance phase in one call."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from msrr_control import metrics
+from msrr_control.long_range import LongRangeLaw, LongRangeParams
+from msrr_control.long_tracking import Obstacles
+from msrr_control.offset_point import offset_point
+from msrr_control.path import Path
+from msrr_control.study import Disturbance
+from msrr_control.unicycle import drive, moved_on, roll
+from msrr_control.walls import encounter, side_wall
+from msrr_scenes.spec import NonNegative, Positive, Spec
+from msrr_scenes.vehicle import LimitsSpec
+
+Array = NDArray[np.float64]
+Span = tuple[float, float]
+
+
+class LongStartSet(Spec):
+    """A set of circular paths, starts and obstacles; everything is uniform.
+
+    Attributes:
+        radius_m: Radius of the arc.
+        sweep_deg: Its angle; left and right turns are equally likely.
+        lead_in_m: Length of the straight line behind it.
+        error_m: Half-width of the start error along each axis.
+        error_deg: Half-width of the start error of the heading.
+        obstacle_m: Radius of the obstacle; None for none.
+        beside_m: Half-width of the obstacle's distance from the path.
+        after_start_m: The obstacle is no nearer to the start of the path than this,
+        before_end_m: and no nearer to the end of the arc than this.
+        body_half_width_m: Of the unit.
+    """
+
+    radius_m: Span = (1.0, 1.4)
+    sweep_deg: Span = (100.0, 140.0)
+    lead_in_m: Positive = 0.3
+    error_m: NonNegative = 0.02
+    error_deg: NonNegative = 20.0
+    obstacle_m: Positive | None = 0.08
+    beside_m: NonNegative = 0.05
+    after_start_m: Positive = 0.7
+    before_end_m: Positive = 1.0
+    body_half_width_m: Positive = Field(default=0.10)
+
+
+@dataclass(frozen=True, eq=False)
+class LongStudyResult:
+    """Truth of every step of every trial.
+
+    Attributes:
+        time: Shape (steps,) [s].
+        pose: Axle pose, shape (steps, trials, 3).
+        tip: Controlled point, shape (steps, trials, 2) [m].
+        desired: Desired point, shape (steps, trials, 2) [m].
+        command: (v, w), shape (steps, trials, 2).
+        walled: When a wall stood, shape (steps, trials).
+        arc_end: When the desired point ended the arc, shape (trials,) [s].
+        obstacle: Middle of the obstacle, shape (trials, 2) [m].
+    """
+
+    time: Array
+    pose: Array
+    tip: Array
+    desired: Array
+    command: Array
+    walled: NDArray[np.bool_]
+    arc_end: Array
+    obstacle: Array
+
+    def deviation(self) -> Array:
+        """Distance between controlled and desired point, shape (steps, trials) [m]."""
+        return metrics.deviation(self.tip, self.desired)
+
+    def episode(self) -> NDArray[np.bool_]:
+        """When the deviation is the obstacle's doing, shape (steps, trials)."""
+        return metrics.obstacle_episode(self.deviation(), self.walled)
+
+    def tracking_error(self) -> Array:
+        """Steady tracking error about the end of the arc, shape (trials,) [m]."""
+        return metrics.tracking_error(self.time, self.deviation(), self.arc_end, self.episode())
+
+    def amplitude(self) -> Array:
+        """Largest deviation at the obstacle, shape (trials,) [m]."""
+        return metrics.amplitude(self.deviation(), self.episode())
+
+    def recovery_time(self) -> Array:
+        """Time from there until the deviation stays below 0.05 m, shape (trials,) [s]."""
+        return metrics.recovery_time(self.time, self.deviation(), self.episode())
+
+    def body_distance(self, half_length: float = 0.10, half_width: float = 0.10) -> Array:
+        """Return the smallest distance of the body from the obstacle's middle, shape (trials,) [m]."""
+        c, s = np.cos(self.pose[..., 2]), np.sin(self.pose[..., 2])
+        dx, dy = self.obstacle[:, 0] - self.pose[..., 0], self.obstacle[:, 1] - self.pose[..., 1]
+        along = np.maximum(np.abs(c * dx + s * dy) - half_length, 0.0)
+        across = np.maximum(np.abs(c * dy - s * dx) - half_width, 0.0)
+        nearest: Array = np.hypot(along, across).min(axis=0)
+        return nearest
+
+
+def draw_paths(starts: LongStartSet, trials: int, rng: np.random.Generator) -> tuple[Path, Array]:
+    """Draw paths that start in the origin along x, and the middle of an obstacle on each, (trials, 2) [m]."""
+    radius = rng.uniform(*starts.radius_m, trials)
+    sweep = np.radians(rng.uniform(*starts.sweep_deg, trials))
+    turn = rng.choice([-1.0, 1.0], trials)
+    lengths = np.stack([radius * sweep, np.full(trials, starts.lead_in_m)], axis=-1)
+    curvature = np.stack([turn / radius, np.zeros(trials)], axis=-1)
+    path = Path(np.zeros((trials, 3)), curvature, lengths)
+    s = rng.uniform(
+        starts.after_start_m, np.maximum(path.arc_end - starts.before_end_m, starts.after_start_m)
+    )
+    beside = rng.uniform(-starts.beside_m, starts.beside_m, trials)
+    at = path.at(s)
+    across = np.stack([-np.sin(at.heading), np.cos(at.heading)], axis=-1)
+    return path, at.point + beside[:, None] * across
+
+
+def run_long_study(
+    params: LongRangeParams,
+    limits: LimitsSpec,
+    rng: np.random.Generator,
+    trials: int = 200,
+    starts: LongStartSet | None = None,
+    disturbance: Disturbance | None = None,
+    offset: float = 0.10,
+    rate_hz: float = 50.0,
+) -> LongStudyResult:
+    """Simulate unicycles behind the nested limits of eq. 3 on circular paths past obstacles, all at once.
+
+    Args:
+        params: Gains and switches of the law.
+        limits: Of the drive.
+        rng: Draws paths, obstacles and start errors, then the noise.
+        trials: How many.
+        starts: What is drawn.
+        disturbance: Noise and delay of the pose; None is ideal.
+        offset: l [m].
+        rate_hz: Control rate.
+    """
+    starts = starts if starts is not None else LongStartSet()
+    wrong = disturbance if disturbance is not None else Disturbance()
+    dt = 1.0 / rate_hz
+    path, centre = draw_paths(starts, trials, rng)
+    law = LongRangeLaw(params, limits, offset)
+    d = np.full(trials, params.walls.half_width(starts.obstacle_m or 0.0, starts.body_half_width_m))
+    met = encounter(path, centre, d, params.walls)
+    obstacles = Obstacles(centre[:, None], np.full((trials, 1), starts.obstacle_m is not None))
+    half = np.array([starts.error_m, starts.error_m, np.radians(starts.error_deg)])
+    pose = rng.uniform(-half, half, size=(trials, 3))
+    pose[:, 0] -= offset  # the controlled point begins at s = 0
+    twist = np.zeros((trials, 2))
+    longest = float(path.length.max()) / params.pace.cruise_mps + 2.0 * params.pace.ramp_s + 3.0
+    steps = int(np.ceil(longest / dt))
+    sigma = np.array([wrong.sigma_xy_m, wrong.sigma_xy_m, np.radians(wrong.sigma_yaw_deg)])
+    delayed: deque[tuple[Array, Array]] = deque(maxlen=round(wrong.delay_s / dt) + 1)
+    record = {k: np.empty((steps, trials, n)) for k, n in (("pose", 3), ("desired", 2), ("command", 2))}
+    walled = np.zeros((steps, trials), dtype=bool)
+    arc_end = np.full(trials, np.nan)
+    state = None
+    for k in range(steps):
+        delayed.append((pose, pose + sigma * rng.standard_normal(pose.shape)))
+        was, seen = delayed[0]
+        if wrong.compensated:
+            seen = moved_on(seen, was, pose)
+        tip = offset_point(seen, offset)
+        state = law.start(seen, twist) if state is None else state
+        wall = side_wall(met, met.side, tip, centre, d, params.walls)
+        wall = wall._replace(active=wall.active & obstacles.present[:, 0])
+        record["pose"][k], walled[k] = pose, wall.active
+        command, state = law.step(state, path, seen, wall, obstacles, dt)
+        record["desired"][k], record["command"][k] = state.desired, command
+        arc_end = np.where(np.isnan(arc_end) & (state.pace.s >= path.arc_end), k * dt, arc_end)
+        twist = drive(twist, command, limits, dt)
+        pose = roll(pose, twist, dt)
+    return LongStudyResult(
+        time=dt * np.arange(steps, dtype=np.float64),
+        pose=record["pose"],
+        tip=offset_point(record["pose"], offset),
+        desired=record["desired"],
+        command=record["command"],
+        walled=walled,
+        arc_end=arc_end,
+        obstacle=centre,
+    )
