@@ -54,8 +54,10 @@ class MotionNoise:
     Attributes:
         slip: Along each wheel [m per square root of a metre driven].
         sideways: Across the wheels [m per square root of a metre driven].
-        contact: Of each wheel, and sideways, within ``contact_zone`` of the target's face, where the wheels
-            may spin against the wall while the unit stands [m per square root of a metre driven].
+        contact: Along the unit, within ``contact_zone`` of the target's face, where the wheels may spin
+            while the unit stands [m per square root of a metre driven].
+        guidance: Sideways, and along each wheel, in that zone, where the holes guide the pins and turn the
+            unit [m per square root of a metre driven].
         contact_zone: Gap between the faces below which that may be [m].
         drift: Of the position of a unit at rest [m per square root of a second].
         turn_drift: Of its yaw [rad per square root of a second].
@@ -65,7 +67,8 @@ class MotionNoise:
 
     slip: float = 0.001
     sideways: float = 0.0005
-    contact: float = 0.04
+    contact: float = 0.02
+    guidance: float = 0.01
     contact_zone: float = 0.03
     drift: float = 0.0002
     turn_drift: float = 0.001
@@ -143,31 +146,43 @@ class DriveMotion:
             F[2, column] = turn_rate
         F[3, 3] = F[4, 4] = keep
         P_new: Array = F @ P @ F.T
-
-        near = -x - self._front < noise.contact_zone
-        per_metre = self._wheel_variance + (noise.contact**2 if near else 0.0)
-        v_left, v_right = per_metre * abs(d_left), per_metre * abs(d_right)
-        v_forward = 0.25 * (v_left + v_right) + noise.drift**2 * dt
-        v_side = (
-            (noise.sideways**2 + (noise.contact**2 if near else 0.0)) * 0.5 * (abs(d_left) + abs(d_right))
-        )
-        v_side += noise.drift**2 * dt
-        cov_turn = 0.5 * (v_right - v_left) / self._track
-        P_new[0, 0] += c * c * v_forward + s * s * v_side
-        P_new[1, 1] += s * s * v_forward + c * c * v_side
-        cross = c * s * (v_forward - v_side)
-        P_new[0, 1] += cross
-        P_new[1, 0] += cross
-        P_new[0, 2] += c * cov_turn
-        P_new[2, 0] += c * cov_turn
-        P_new[1, 2] += s * cov_turn
-        P_new[2, 1] += s * cov_turn
-        P_new[2, 2] += (v_left + v_right) / self._track**2 + noise.turn_drift**2 * dt
-        tilt = (1.0 - keep * keep) * noise.tilt_sigma**2
-        P_new[3, 3] += tilt
-        P_new[4, 4] += tilt
+        at_port = -x - self._front < noise.contact_zone
+        P_new[:3, :3] += self._slip(abs(d_left), abs(d_right), c, s, dt, at_port)
+        P_new[3, 3] += (1.0 - keep * keep) * noise.tilt_sigma**2
+        P_new[4, 4] += (1.0 - keep * keep) * noise.tilt_sigma**2
 
         mean[0], mean[1] = x + chord * c, y + chord * s
         mean[2] = math.remainder(yaw + turn, 2.0 * math.pi)
         mean[3:5] *= keep
         return P_new
+
+    def _slip(self, left: float, right: float, c: float, s: float, dt: float, at_port: bool) -> Array:
+        """Return the covariance that one step adds to (x, y, yaw), shape (3, 3).
+
+        Args:
+            left: Way of the left wheel, not negative [m].
+            right: Way of the right wheel [m].
+            c: Cosine of the heading.
+            s: Its sine.
+            dt: Duration [s].
+            at_port: The wheels may spin, and the holes guide the pins.
+        """
+        noise, way = self._noise, 0.5 * (left + right)
+        rest = noise.drift**2 * dt
+        per_wheel, forward, side = self._wheel_variance, rest, noise.sideways**2 * way + rest
+        if at_port:
+            per_wheel += noise.guidance**2
+            forward += noise.contact**2 * way
+            side += noise.guidance**2 * way
+        v_left, v_right = per_wheel * left, per_wheel * right
+        forward += 0.25 * (v_left + v_right)
+        turn = (v_left + v_right) / self._track**2 + noise.turn_drift**2 * dt
+        both = 0.5 * (v_right - v_left) / self._track  # forward and turn together
+        cross = c * s * (forward - side)
+        return np.array(
+            [
+                [c * c * forward + s * s * side, cross, c * both],
+                [cross, s * s * forward + c * c * side, s * both],
+                [c * both, s * both, turn],
+            ]
+        )

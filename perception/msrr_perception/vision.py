@@ -43,7 +43,7 @@ class OnboardVision:
         target: TargetModel,
         detector: Detector,
         policy: WindowPolicy = DEFAULT_POLICY,
-        full_every: int = 50,
+        full_every: int = 100,
         search_every: int = 5,
         rest: int = 5,
         retry_widen: float = 2.5,

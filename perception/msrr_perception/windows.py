@@ -41,8 +41,8 @@ class WindowPolicy:
     margin_px: float = 6.0
     quiet_zone: float = 0.08
     merge_px: int = 2000
-    extra_px: int = 10000
-    budget_px: int = 30000
+    extra_px: int = 8000
+    budget_px: int = 20000
     least_edge_px: float = 10.0
 
 

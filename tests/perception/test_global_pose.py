@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 from msrr_perception.detector import PupilDetector
-from msrr_perception.global_pose import GlobalLocalizer, fit_se2, overhead_pose, rays_to_plane
+from msrr_perception.global_pose import GlobalLocalizer, fit_se2, flat_tags, overhead_pose, rays_to_plane
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import Detections, Exposure, Pixels, TagDetection
 from msrr_scenes.pinhole import PinholeCamera, Window
@@ -32,7 +32,9 @@ def overhead() -> Scene:
 
 @pytest.fixture(scope="module")
 def localizer(overhead: Scene) -> GlobalLocalizer:
-    return GlobalLocalizer.from_scene(overhead, corner_sigma_px=0.3)
+    spec = overhead.cameras.overhead
+    assert spec is not None
+    return GlobalLocalizer(spec.pinhole, overhead_pose(spec), flat_tags(overhead), corner_sigma_px=0.3)
 
 
 def _pixels(localizer: GlobalLocalizer, tag: int, X_WB: SE2) -> np.ndarray:
@@ -120,13 +122,18 @@ def test_the_fit_takes_any_rigid_motion_back() -> None:
         np.testing.assert_allclose(fit_se2(p, X.act(p)).as_array(), X.as_array(), atol=1e-9)
 
 
-def test_a_plane_behind_the_camera_and_a_scene_without_one_are_refused(
-    scene: Scene, localizer: GlobalLocalizer
-) -> None:
+def test_a_plane_behind_the_camera_is_refused(localizer: GlobalLocalizer) -> None:
     with pytest.raises(SceneError, match="does not look at the plane"):
         rays_to_plane(localizer.camera, localizer.X_WC, np.array([[10.0, 10.0]]), 5.0)
-    with pytest.raises(SceneError, match="no overhead camera"):
-        GlobalLocalizer.from_scene(scene)
+
+
+def test_what_does_not_fit_the_tag_is_not_believed(localizer: GlobalLocalizer) -> None:
+    """A quarter too large for where it is said to be: another tag, or not on this body."""
+    pixels = _pixels(localizer, 30, SE2(0.4, 0.2, 0.5))
+    middle = pixels.mean(axis=0)
+    for scale, seen in ((1.0, 1), (1.25, 0)):
+        found = localizer.locate(_detections(TagDetection(30, middle + scale * (pixels - middle))))
+        assert len(found) == seen
 
 
 def test_strangers_are_left_out(localizer: GlobalLocalizer) -> None:
