@@ -6,6 +6,10 @@ clock. It imports nothing of the simulator, and a replay runs it again from a lo
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from msrr_bullet.global_sight import GlobalSight
+from msrr_bullet.guard import ClearanceGuard
 from msrr_control.controller import build_controller
 from msrr_control.law import DockSetup
 from msrr_control.phases import PhaseMachine
@@ -23,10 +27,12 @@ from msrr_scenes.messages import (
     Fetch,
     LockFeedback,
     LosObservation,
+    Phase,
     PoseEstimate,
     PoseMeasurement,
     SeatSwitches,
     SensorMessage,
+    Situation,
     Twist,
     WheelOdometry,
     seconds,
@@ -34,6 +40,12 @@ from msrr_scenes.messages import (
 from msrr_scenes.plan import DockStep
 from msrr_scenes.registry import build
 from msrr_scenes.scene import Scene
+
+#: Period of the onboard camera's routine look at its full frame [frames].
+FULL_LOOK_EVERY = 50
+
+#: Phases that go by the overhead camera; in the others it need not expose.
+_GLOBAL = frozenset({Phase.ASSEMBLE, Phase.HAND_OVER})
 
 
 class Autonomy:
@@ -60,12 +72,18 @@ class Autonomy:
             scene.odometry,
             delay_compensation=scene.control.delay_compensation,
         )
-        setup = DockSetup.of(scene, step)
-        self._vision = OnboardVision(target, detector)
-        if scene.cameras.onboard.readout == "frames":  # a window saves nothing then: look at all of it
-            self._vision = OnboardVision(target, detector, full_every=1)
+        whole = scene.cameras.onboard.readout == "frames"  # then a window saves nothing
+        self._vision = OnboardVision(target, detector, full_every=1 if whole else FULL_LOOK_EVERY)
         self._los_estimator = LosEstimator(target)
-        self._phases = PhaseMachine(scene.docking, setup, build_controller(scene.control.docking, setup))
+        self._above = GlobalSight.of(scene, step, detector)
+        setup = DockSetup.of(scene, step)
+        self._phases = PhaseMachine(
+            scene.docking,
+            setup,
+            build_controller(scene.control.docking, setup),
+        )
+        self._guard = ClearanceGuard(scene, step) if self._above else None
+        self._onboard = target.camera_name
         self._wheel_radius, self._track = target.wheel_radius, target.track
         self._readings: tuple[WheelOdometry, WheelOdometry] | None = None
         self._newest: WheelOdometry | None = None
@@ -73,15 +91,24 @@ class Autonomy:
         self._lock: LockFeedback | None = None
         self.estimate: PoseEstimate | None = None
         self.los: LosObservation | None = None
+        self.situation: Situation | None = None
 
     @property
     def belief(self) -> Belief:
         """What the robot says about this step."""
         return self._phases.belief
 
-    def expose(self, exposure: Exposure, fetch: Fetch) -> Detections:
+    def wants(self, camera: str) -> bool:
+        """Say whether the frames of a camera are of any use in this phase; the others need not expose."""
+        if camera == self._onboard:
+            return self._phases.phase is not Phase.ASSEMBLE
+        return self._phases.phase in _GLOBAL
+
+    def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
         """Look at a frame at the instant of its exposure; the result is known only when it is received."""
-        return self._vision.look(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
+        if exposure.camera == self._onboard:
+            return self._vision.look(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
+        return self._above.look(exposure, fetch) if self._above else None
 
     def receive(self, message: SensorMessage) -> None:
         """Take in a message that has arrived."""
@@ -91,7 +118,7 @@ class Autonomy:
                 if self._newest is not None:
                     self._readings = (self._newest, message)
                 self._newest = message
-            case Detections():
+            case Detections() if message.exposure.camera == self._onboard:
                 self._estimator.add_detections(message)
                 self._los_estimator.add_detections(message)
             case PoseMeasurement():
@@ -101,12 +128,17 @@ class Autonomy:
                 self._switches = message
             case LockFeedback():
                 self._lock = message
+        if self._above is not None:
+            self._above.receive(message)
 
     def step(self, now_ns: int) -> Action:
         """Decide at one control instant."""
         self.estimate = self._estimator.estimate(now_ns)
         self.los = self._los_estimator.observe(now_ns, self._estimator)
-        return self._phases.step(
+        if self._above is not None:
+            near = self._phases.phase not in _GLOBAL
+            self.situation = self._above.situation(now_ns, self.estimate if near else None)
+        action = self._phases.step(
             Senses(
                 now_ns=now_ns,
                 pose=self.estimate,
@@ -114,8 +146,18 @@ class Autonomy:
                 switches=self._switches,
                 lock=self._lock,
                 twist=self._twist(),
+                situation=self.situation,
             )
         )
+        return self._guarded(action)
+
+    def _guarded(self, action: Action) -> Action:
+        """Let the clearance guard have the last word on the command."""
+        if self._guard is None:
+            return action
+        docking = action.phase not in _GLOBAL
+        decision = self._guard.limit(action.twist, self.situation, action.stamp_ns, docking)
+        return replace(action, twist=decision.twist)
 
     def _twist(self) -> Twist:
         """Return the velocity that the last two encoder readings tell."""

@@ -1,7 +1,7 @@
 """Perception without pixels: the true relative pose with stated errors.
 
-It lives beside the plant, not in the perception room, because it reads truth. A trial that uses it says so in its
-result; it exists to study controllers by the thousand and to attribute failures.
+It lives beside the plant, not in the perception room, because it reads truth. A trial that uses it says so in
+its result; it exists to study controllers by the thousand and to attribute failures.
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ from msrr_scenes.messages import Exposure, PoseMeasurement
 from msrr_scenes.pinhole import PinholeCamera
 from msrr_scenes.se2 import SE2
 from msrr_scenes.sensors import ParametricSpec
+
+#: A stated error of zero would make the filter believe a measurement without question [m, rad].
+LEAST_SIGMA = 1e-4
 
 
 def edge_bearings(X_DC: SE2, los: LosSpec) -> tuple[float, float]:
@@ -64,8 +67,6 @@ def measure(
         X_DU.y + spec.sigma_xy_m * float(noise[1]),
         X_DU.yaw + sigma_yaw * float(noise[2]),
     )
-    # A stated error of zero would make the filter believe a measurement without question.
-    floor = 1e-4
-    sigma_xy = max(spec.sigma_xy_m, floor)
-    covariance = np.diag([sigma_xy**2, sigma_xy**2, max(sigma_yaw, floor) ** 2])
+    sigma_xy = max(spec.sigma_xy_m, LEAST_SIGMA)
+    covariance = np.diag([sigma_xy**2, sigma_xy**2, max(sigma_yaw, LEAST_SIGMA) ** 2])
     return PoseMeasurement(exposure, X_measured, covariance, (left, right))

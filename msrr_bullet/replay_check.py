@@ -19,12 +19,15 @@ from msrr_scenes.messages import (
     Belief,
     Detections,
     Exposure,
+    GlobalPose,
+    Localisation,
     LockFeedback,
     LosObservation,
     Pixels,
     PoseEstimate,
     PoseMeasurement,
     SeatSwitches,
+    Situation,
     WheelOdometry,
 )
 from msrr_scenes.pinhole import Window
@@ -34,10 +37,15 @@ from msrr_scenes.scene import Scene
 #: Where a report stops listing differences.
 _LISTED = 20
 
-_SENSORS = (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement)
+_SENSORS = (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, GlobalPose, Localisation)
 
 #: What the robot holds true when it decides, and what a difference in it is called.
-_BELIEFS: dict[type, str] = {PoseEstimate: "estimate", LosObservation: "los", Belief: "belief"}
+_BELIEFS: dict[type, str] = {
+    PoseEstimate: "estimate",
+    LosObservation: "los",
+    Situation: "situation",
+    Belief: "belief",
+}
 
 RobotFactory = Callable[[Scene, DockStep], Robot]
 
@@ -216,7 +224,7 @@ class Comparison:
         robot = self._at(record)
         self._counts["commands"] += 1
         self._compare("command", record, robot.step(record.stamp_ns))
-        for belief in (robot.estimate, robot.los, robot.belief):
+        for belief in (robot.estimate, robot.los, robot.situation, robot.belief):
             if belief is not None:
                 self._believed[type(belief)] = _text(belief, record.topic)
 

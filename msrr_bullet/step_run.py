@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from msrr_bullet.autonomy import Autonomy
 from msrr_bullet.clearance import Clearance
-from msrr_bullet.hardware import Eye, Hardware, ImageEye, ParametricEye
+from msrr_bullet.eyes import Eye, ImageEye, ParametricEye, ParametricOverhead
+from msrr_bullet.hardware import Hardware
 from msrr_bullet.judge import Judge
 from msrr_bullet.log.tap import RecordedRobot
 from msrr_bullet.narrator import Narrator
@@ -65,7 +66,7 @@ class StepRun:
         self._robot = RecordedRobot(
             Autonomy(scene, step), step.unit, narrator.recorder, index, plant.now_ns()
         )
-        self._hardware = Hardware(scene, step, plant, self._eye(), stage.encoders[step.unit], clock)
+        self._hardware = Hardware(stage, step, self._eyes(), clock)
         self._link = stage.links[step.unit]
         self._records: list[AttemptRecord] = []
 
@@ -111,12 +112,14 @@ class StepRun:
             self._stage.plant.command(self._step.unit, arrived.twist)
             self._stage.plant.set_lock(self._step.unit, arrived.lock)
 
-    def _eye(self) -> Eye:
-        stage, step = self._stage, self._step
+    def _eyes(self) -> list[Eye]:
+        stage, step, clock = self._stage, self._step, self._clock
+        above = stage.scene.cameras.overhead is not None
         if stage.scene.perception == "parametric":
-            return ParametricEye(stage.scene, step, self._judge.X_DU, stage.seed)
-        renderer = stage.renderer(stage.scene.cameras.onboard)
-        return ImageEye(stage.scene, step.unit, stage.plant, renderer, stage.seed, self._clock)
+            front: Eye = ParametricEye(stage, step, self._judge.X_DU)
+            return [ParametricOverhead(stage), front] if above else [front]
+        front = ImageEye.onboard(stage, step, clock)
+        return [ImageEye.overhead(stage, step, clock), front] if above else [front]
 
     def _plug(self, attempt: int) -> None:
         """Put the fault ``port_plugged`` into force for this attempt, or out of it."""

@@ -28,6 +28,7 @@ from msrr_scenes.messages import (
     Detections,
     Exposure,
     GlobalPose,
+    Localisation,
     LockFeedback,
     LosObservation,
     ObstacleEstimate,
@@ -140,7 +141,10 @@ _FORMATS: dict[type, Format] = {
     f.kind: f
     for f in (
         *map(_plain, (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, Detections, Exposure)),
-        *map(_plain, (LosObservation, Situation, Action, Belief, Clearance, StepStart, StartPoses)),
+        *map(
+            _plain,
+            (Localisation, LosObservation, Situation, Action, Belief, Clearance, StepStart, StartPoses),
+        ),
         _well_known(PoseEstimate, "foxglove.PoseInFrame", _show_estimate),
         _well_known(GlobalPose, "foxglove.PoseInFrame", _show_body),
         _well_known(ObstacleEstimate, "foxglove.PoseInFrame", _show_body),

@@ -17,6 +17,7 @@ from msrr_scenes.messages import (
     Pixels,
     PoseEstimate,
     SensorMessage,
+    Situation,
 )
 from msrr_scenes.pinhole import Window
 
@@ -51,6 +52,15 @@ class Robot(Protocol):
         """Verdict on the step as of the last decision."""
         ...
 
+    @property
+    def situation(self) -> Situation | None:
+        """What global localisation knew when the last decision was taken."""
+        ...
+
+    def wants(self, camera: str) -> bool:
+        """Say whether the robot has a use for the frames of ``camera`` now."""
+        ...
+
 
 class RecordedRobot:
     """A robot whose every input and output goes to the log; apart from that, the same robot."""
@@ -77,6 +87,10 @@ class RecordedRobot:
         """Verdict on the step as of the last decision."""
         return self._robot.belief
 
+    def wants(self, camera: str) -> bool:
+        """Say whether the robot has a use for the frames of ``camera`` now."""
+        return self._robot.wants(camera)
+
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
         """Record the exposure and the windows that the robot asks for."""
         self._recorder.write(topics.exposure(exposure.camera), exposure.stamp_ns, exposure)
@@ -101,5 +115,7 @@ class RecordedRobot:
             self._recorder.write(topics.estimate(self._unit), now_ns, estimate)
         if (los := self._robot.los) is not None:
             self._recorder.write(topics.los(self._unit), now_ns, los)
+        if (situation := self._robot.situation) is not None:
+            self._recorder.write(topics.situation(self._unit), now_ns, situation)
         self._recorder.write(topics.belief(self._unit), now_ns, self._robot.belief)
         return action

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from msrr_scenes.messages import (
     Detections,
+    GlobalPose,
+    Localisation,
     LockFeedback,
     PoseMeasurement,
     SeatSwitches,
@@ -22,6 +24,8 @@ _SENSORS: dict[type, str] = {
     SeatSwitches: "/sensors/{}/seat_switches",
     LockFeedback: "/sensors/{}/lock",
     PoseMeasurement: "/sensors/{}/pose",
+    GlobalPose: "/sensors/{}/global_pose",
+    Localisation: "/sensors/{}/localisation",
     Detections: "/perception/{}/detections",
 }
 
@@ -59,11 +63,6 @@ def action(unit: str) -> str:
 def belief(unit: str) -> str:
     """Return the topic of a unit's verdict on its step."""
     return f"/control/{unit}/belief"
-
-
-def global_pose(name: str) -> str:
-    """Return the topic of a body's pose as the overhead camera locates it."""
-    return f"/perception/{name}/global_pose"
 
 
 def situation(unit: str) -> str:

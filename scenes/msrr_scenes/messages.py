@@ -350,4 +350,17 @@ class Belief:
     reason: str = ""
 
 
-SensorMessage = Detections | PoseMeasurement | WheelOdometry | SeatSwitches | LockFeedback
+@dataclass(frozen=True, slots=True, eq=False)
+class Localisation:
+    """What a global localisation service tells in the place of the overhead camera's own detections.
+
+    Attributes:
+        detections: The tags of one exposure where the service believes them to be.
+    """
+
+    detections: Detections
+
+
+SensorMessage = (
+    Detections | Localisation | PoseMeasurement | GlobalPose | WheelOdometry | SeatSwitches | LockFeedback
+)

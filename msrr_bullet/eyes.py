@@ -1,0 +1,220 @@
+"""The cameras of a trial and what stands behind them: a robot that reads pixels, or a model of both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Protocol
+
+import numpy as np
+
+from msrr_bullet import parametric
+from msrr_bullet.camera import Camera
+from msrr_bullet.localisation_error import LocalisationError
+from msrr_bullet.stage import Stage
+from msrr_bullet.stage_clock import Clock
+from msrr_bullet.streams import stream
+from msrr_perception.global_pose import overhead_pose
+from msrr_perception.overhead_model import OVERHEAD, OverheadModel
+from msrr_scenes.faults import CameraBlackout, CameraMisaligned, Fault, MarkerHidden
+from msrr_scenes.messages import (
+    Detections,
+    Exposure,
+    Fetch,
+    GlobalPose,
+    Localisation,
+    Pixels,
+    SensorMessage,
+    seconds,
+)
+from msrr_scenes.pinhole import Window, optical_pose
+from msrr_scenes.plan import DockStep
+from msrr_scenes.scene import Scene
+from msrr_scenes.se2 import SE2
+from msrr_scenes.se3 import SE3
+from msrr_scenes.sensors import CameraSpec
+
+
+class Reader(Protocol):
+    """Reads pixels at the instant of an exposure."""
+
+    def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
+        """Look at an exposure through ``fetch``."""
+        ...
+
+
+class Eye(Protocol):
+    """Measures at one instant what one camera shows."""
+
+    @property
+    def name(self) -> str:
+        """Name of the camera."""
+        ...
+
+    @property
+    def spec(self) -> CameraSpec:
+        """Its rate and latency."""
+        ...
+
+    def look(self, now_ns: int, robot: Reader) -> tuple[SensorMessage, ...]:
+        """Take one exposure; nothing when it was lost or showed nothing."""
+        ...
+
+
+def camera_pose(scene: Scene, unit: str) -> SE3:
+    """Return where a unit's camera really is: ``X_UB``, x along its axis; calibration errors included."""
+    X_UB = scene.geometry(unit).frame("camera")
+    for fault in scene.faults:
+        if isinstance(fault, CameraMisaligned) and fault.unit == unit:
+            X_UB = X_UB @ SE3.from_se2(SE2(0.0, 0.0, math.radians(fault.yaw_deg)))
+    return X_UB
+
+
+class ImageEye:
+    """A rendered camera whose pixels the robot reads."""
+
+    def __init__(self, camera: Camera, clock: Clock, error: LocalisationError | None = None) -> None:
+        """Put a camera before the robot; ``error`` spoils what is made of its frames."""
+        self.camera = camera
+        self._clock = clock
+        self._error = error
+
+    @classmethod
+    def onboard(cls, stage: Stage, step: DockStep, clock: Clock) -> ImageEye:
+        """Return the camera of the docking unit."""
+        scene, plant, unit = stage.scene, stage.plant, step.unit
+        X_UC = optical_pose(camera_pose(scene, unit))
+        spec = scene.cameras.onboard
+        camera = Camera(
+            f"{unit}/onboard",
+            spec,
+            stage.renderer(spec),
+            lambda: plant.pose3(unit) @ X_UC,
+            stage.seed,
+            scene.faults,
+        )
+        return cls(camera, clock)
+
+    @classmethod
+    def overhead(cls, stage: Stage, step: DockStep, clock: Clock) -> ImageEye:
+        """Return the camera above the arena. Its place is calibrated, so truth and belief are one."""
+        scene = stage.scene
+        spec = scene.cameras.overhead
+        assert spec is not None, "asked for only when the scene has one"
+        X_WC = overhead_pose(spec)
+        camera = Camera(OVERHEAD, spec, stage.renderer(spec), lambda: X_WC, stage.seed, scene.faults)
+        error = None
+        if spec.localisation != type(spec.localisation)():
+            model = OverheadModel.from_scene(scene, step)
+            error = LocalisationError(spec.localisation, model, stage.seed)
+        return cls(camera, clock, error)
+
+    @property
+    def name(self) -> str:
+        """Name of the camera."""
+        return self.camera.name
+
+    @property
+    def spec(self) -> CameraSpec:
+        """Its rate and latency."""
+        return self.camera.spec
+
+    def look(self, now_ns: int, robot: Reader) -> tuple[SensorMessage, ...]:
+        """Expose, and let the robot read what it wants of the frame."""
+        exposure = self.camera.expose(now_ns)
+        if exposure is None:
+            return ()
+        with self._clock("perception"):
+            found = robot.expose(exposure, self._fetch)
+        if found is None:
+            return ()
+        return (found,) if self._error is None else (Localisation(self._error.apply(found)),)
+
+    def _fetch(self, window: Window) -> Pixels:
+        with self._clock("render"):
+            return self.camera.fetch(window)
+
+
+class _Luck:
+    """Which frames of a camera are lost; drawn for every frame, whatever else becomes of it."""
+
+    def __init__(self, camera: str, spec: CameraSpec, faults: Iterable[Fault], seed: int) -> None:
+        self._dropout = spec.dropout
+        self._rng = stream(seed, f"camera/{camera}/dropout")
+        self._blackouts = [f for f in faults if isinstance(f, CameraBlackout) and f.camera == camera]
+
+    def lost(self, now_ns: int) -> bool:
+        dropped = self._rng.random() < self._dropout
+        return dropped or any(f.from_s <= seconds(now_ns) < f.to_s for f in self._blackouts)
+
+
+class ParametricEye:
+    """A model of the onboard camera and its detector together: the true pose with stated errors."""
+
+    def __init__(self, stage: Stage, step: DockStep, X_DU: Callable[[], SE2]) -> None:
+        """Measure ``X_DU`` (truth) as ``scene.parametric`` says."""
+        self._scene = scene = stage.scene
+        self._X_DU = X_DU
+        self._X_UC = camera_pose(scene, step.unit).to_se2()
+        self.name = f"{step.unit}/onboard"
+        self.spec: CameraSpec = scene.cameras.onboard
+        self._rng = stream(stage.seed, f"camera/{self.name}/parametric")
+        self._luck = _Luck(self.name, self.spec, scene.faults, stage.seed)
+        self._hidden = any(isinstance(f, MarkerHidden) and f.unit == step.target_unit for f in scene.faults)
+        self._frame = -1
+
+    def look(self, now_ns: int, robot: Reader) -> tuple[SensorMessage, ...]:
+        """Draw one measurement; nothing when the frame was lost or shows no marker."""
+        self._frame += 1
+        lost = self._luck.lost(now_ns)
+        measured = parametric.measure(
+            Exposure(self.name, self._frame, now_ns),
+            self._X_DU(),
+            self._X_UC,
+            self.spec.pinhole,
+            self._scene.los,
+            self._scene.parametric,
+            self._rng,
+        )
+        return () if lost or self._hidden or measured is None else (measured,)
+
+
+class ParametricOverhead:
+    """A model of the overhead camera and its detector together: true poses with stated errors."""
+
+    def __init__(self, stage: Stage) -> None:
+        """Measure every body on ``stage`` as ``scene.parametric`` says."""
+        spec = stage.scene.cameras.overhead
+        assert spec is not None, "asked for only when the scene has one"
+        self._stage = stage
+        self.name = OVERHEAD
+        self.spec: CameraSpec = spec
+        self._rng = stream(stage.seed, f"camera/{OVERHEAD}/parametric")
+        self._luck = _Luck(OVERHEAD, spec, stage.scene.faults, stage.seed)
+
+    def look(self, now_ns: int, robot: Reader) -> tuple[SensorMessage, ...]:
+        """Draw one measurement of every body that is there."""
+        scene = self._stage.scene
+        lost = self._luck.lost(now_ns)
+        poses: Mapping[str, SE2] = self._stage.poses()
+        sigma = np.array(
+            [
+                scene.parametric.sigma_xy_m,
+                scene.parametric.sigma_xy_m,
+                math.radians(scene.parametric.sigma_yaw_deg),
+            ]
+        )
+        # Drawn for every body of the scene, there or not: a late one leaves the others' luck alone.
+        noise = {name: sigma * self._rng.standard_normal(3) for name in (*scene.units, *scene.obstacles)}
+        covariance = np.diag(np.maximum(sigma, parametric.LEAST_SIGMA) ** 2)
+        if lost:
+            return ()
+        return tuple(
+            GlobalPose(
+                name,
+                now_ns,
+                SE2(X.x + noise[name][0], X.y + noise[name][1], X.yaw + noise[name][2]),
+                covariance,
+            )
+            for name, X in poses.items()
+        )

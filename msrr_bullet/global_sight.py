@@ -1,0 +1,75 @@
+"""What the robot makes of the overhead camera: where everything stands in the arena."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from msrr_perception.detector import Detector
+from msrr_perception.global_estimator import GlobalEstimator
+from msrr_perception.overhead_model import OVERHEAD, OverheadModel
+from msrr_perception.overhead_vision import OverheadVision
+from msrr_scenes.messages import (
+    Detections,
+    Exposure,
+    Fetch,
+    GlobalPose,
+    Localisation,
+    PoseEstimate,
+    SensorMessage,
+    Situation,
+    WheelOdometry,
+)
+from msrr_scenes.plan import DockStep
+from msrr_scenes.scene import Scene
+
+
+class GlobalSight:
+    """Vision and estimator of the overhead camera, for one step of the plan."""
+
+    def __init__(self, scene: Scene, step: DockStep, detector: Detector) -> None:
+        """Set up for a scene that has an overhead camera.
+
+        Raises:
+            SceneError: The scene has none, or it cannot find a unit of the step.
+        """
+        self._model = OverheadModel.from_scene(scene, step)
+        self._vision = OverheadVision(self._model, detector)
+        self._estimator = GlobalEstimator(
+            self._model, scene.odometry, delay_compensation=scene.control.delay_compensation
+        )
+
+    @classmethod
+    def of(cls, scene: Scene, step: DockStep, detector: Detector) -> GlobalSight | None:
+        """Return the global sight of a scene; None when it has no overhead camera."""
+        return cls(scene, step, detector) if scene.cameras.overhead is not None else None
+
+    def look(self, exposure: Exposure, fetch: Fetch) -> Detections:
+        """Look at an overhead exposure."""
+        return self._vision.look(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
+
+    def receive(self, message: SensorMessage) -> None:
+        """Take in a message; those that say nothing of the arena change nothing."""
+        match message:
+            case WheelOdometry():
+                self._estimator.add_odometry(message)
+            case Detections() if message.exposure.camera == OVERHEAD:
+                self._estimator.add_detections(message)
+            case Localisation():
+                self._estimator.add_detections(message.detections)
+            case GlobalPose():
+                self._estimator.add_global(message)
+
+    def situation(self, now_ns: int, by_sight: PoseEstimate | None) -> Situation | None:
+        """Return where everything is.
+
+        Args:
+            now_ns: The time.
+            by_sight: The unit in the dock frame as its own camera sees it, when that is to be believed
+                rather than the view from above; None for the latter.
+        """
+        found = self._estimator.situation(now_ns)
+        if found is None or by_sight is None:
+            return found
+        X_WU = found.target.X_WB @ self._model.X_TD @ by_sight.X_DU
+        own = GlobalPose(found.own.name, by_sight.stamp_ns, X_WU, found.target.covariance)
+        return replace(found, stamp_ns=by_sight.stamp_ns, own=own, last_seen_ns=by_sight.last_seen_ns)
