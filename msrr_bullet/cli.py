@@ -9,9 +9,10 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -21,6 +22,13 @@ from msrr_scenes.assets import shipped_scenes
 from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.load import load_scene, scene_hash
 from msrr_scenes.scene import Scene
+
+if TYPE_CHECKING:  # loaded only by the commands that need them: msrr --help has to be quick
+    from msrr_bullet.result import TrialResult
+    from msrr_bullet.viewer.live import LiveViewer
+
+#: How long the live view waits for a browser before it runs the trial all the same [s].
+BROWSER_PATIENCE_S = 20.0
 
 app = typer.Typer(
     name="msrr",
@@ -125,25 +133,49 @@ def dock(
     loaded = load_scene(scene, parse_overrides(overrides))
     folder = out if out is not None else Path("runs") / f"{loaded.name}-{seed}-{scene_hash(loaded)[:6]}"
     from msrr_bullet.progress import Progress
-    from msrr_bullet.report import trial_table
     from msrr_bullet.simulator import load_simulator
 
     load_simulator()
     from msrr_bullet.run import run_trial
 
     console = Console()
-    with console.status(f"{loaded.name}: building the world") as status:
+    with ExitStack() as stack:
+        viewer = stack.enter_context(_shown_in_browser(loaded, console)) if view else None
+        with console.status(f"{loaded.name}: building the world") as status:
 
-        def show(progress: Progress) -> None:
-            status.update(_live_line(loaded, progress))
+            def show(progress: Progress) -> None:
+                status.update(_live_line(loaded, progress))
 
-        result = run_trial(loaded, seed, out=folder, view=view, observer=show)
+            result = run_trial(loaded, seed, out=folder, viewer=viewer, observer=show)
+        _report(console, result, folder)
+        if view and sys.stdin.isatty():
+            console.input("The page stays until you press Enter. ")
+    raise typer.Exit(0 if result.docked else NOT_DOCKED)
+
+
+@contextmanager
+def _shown_in_browser(scene: Scene, console: Console) -> Iterator[LiveViewer]:
+    """Open the live view and wait a while for somebody to look."""
+    import webbrowser
+
+    from msrr_bullet.viewer.live import LiveViewer
+
+    with LiveViewer(scene, pace=1.0) as viewer:
+        console.print(f"Watch the trial at {viewer.url}", highlight=False, markup=False, soft_wrap=True)
+        webbrowser.open(viewer.url)
+        with console.status("waiting for a browser"):
+            viewer.wait_for_browser(BROWSER_PATIENCE_S)
+        yield viewer
+
+
+def _report(console: Console, result: TrialResult, folder: Path) -> None:
+    from msrr_bullet.report import trial_table
+
     console.print(trial_table(result))
     console.print(f"The robot says: {result.belief_reason}", highlight=False, markup=False, soft_wrap=True)
     console.print(
         f"{result.outcome.value}, run folder {folder}", highlight=False, markup=False, soft_wrap=True
     )
-    raise typer.Exit(0 if result.docked else NOT_DOCKED)
 
 
 def _live_line(scene: Scene, progress: Any) -> str:
@@ -179,7 +211,6 @@ def sweep(
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     from msrr_bullet.report import sweep_table
-    from msrr_bullet.result import TrialResult
     from msrr_bullet.sweep import sweep as run_sweep
     from msrr_bullet.sweep_summary import TrialFailure
 

@@ -33,7 +33,6 @@ def run_trial(
     seed: int = 0,
     *,
     out: Path | None = None,
-    view: bool = False,
     viewer: Viewer | None = None,
     observer: Callable[[Progress], None] | None = None,
     clock: Clock | None = None,
@@ -45,8 +44,7 @@ def run_trial(
         seed: Together with the scene and the installed versions it determines every bit of the log.
         out: Run folder to leave ``trial.mcap``, ``result.json``, ``replay.html`` and ``picture.png`` in; None
             keeps nothing but the returned result. What is there already is overwritten.
-        view: Show the running trial in a browser, at the pace of real time.
-        viewer: Show it to this viewer instead.
+        viewer: Shown the trial while it runs, such as a :class:`msrr_bullet.viewer.live.LiveViewer`.
         observer: Told the progress at every control instant.
         clock: Told which stage of the loop is running.
 
@@ -62,10 +60,6 @@ def run_trial(
             _make(out)
             header = LogHeader.of(scene, seed, package_versions())
             recorder = stack.enter_context(McapRecorder(out / LOG_NAME, header))
-        if view and viewer is None:
-            from msrr_bullet.viewer.live import LiveViewer
-
-            viewer = stack.enter_context(LiveViewer(scene, pace=1.0))
         trial = Trial(scene, seed, recorder=recorder, viewer=viewer, observer=observer, clock=clock)
         result = trial.run()
     if out is not None:
