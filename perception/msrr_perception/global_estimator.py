@@ -49,7 +49,7 @@ class GlobalEstimator:
         model: OverheadModel,
         odometry: OdometrySpec,
         delay_compensation: bool = True,
-        corner_sigma_px: float = 0.2,
+        corner_sigma_px: float = 0.08,
         tilt_sigma_deg: float = 0.05,
         gate_probability: float = 0.9999,
         reset_after: int = 5,

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from msrr_perception.detector import Detector
+from msrr_perception.detector import Detector, PupilDetector
 from msrr_perception.global_pose import FlatTag, pose_jacobian
 from msrr_perception.overhead_model import OverheadModel
 from msrr_perception.windows import ExpectedTag, WindowPolicy, fitting_window, merged_windows
@@ -18,8 +18,17 @@ from msrr_scenes.pinhole import Window
 #: What suits the overhead camera of the design.
 OVERHEAD_POLICY = WindowPolicy(quiet_zone=0.15)
 
+#: Contrast of a 4 px tile below which the search passes it over [grey levels]. Tags have about 200; a limit
+#: near the noise lets every tile through, and the search takes 50 times longer.
+_SEARCH_CONTRAST = 90
+
 #: How far an expected tag may have been off last time and the next window still follow it [px].
 _LARGEST_OFFSET_PX = 40.0
+
+
+def default_search_detector() -> Detector:
+    """Return a detector that finds black and white tags of 30 px and more in a whole frame, quickly."""
+    return PupilDetector(quad_decimate=2.0, min_white_black_diff=_SEARCH_CONTRAST)
 
 
 class OverheadVision:
@@ -61,7 +70,8 @@ class OverheadVision:
         Args:
             model: The overhead camera and the catalogue of tags.
             detector: Reads tags from windows.
-            search_detector: Finds tags in large parts of the frame; None takes ``detector``.
+            search_detector: Finds tags in large parts of the frame; None takes
+                :func:`default_search_detector`.
             policy: How windows are cut.
             search_period_s: Time within which the whole frame is searched once.
             search_parts: Number of parts, searched in turn, that the frame is cut into. They overlap, so
@@ -85,7 +95,7 @@ class OverheadVision:
         self.model = model
         self._locator = model.localizer(corner_sigma_px=1.0)
         self._detector = detector
-        self._searcher = search_detector or detector
+        self._searcher = search_detector or default_search_detector()
         self._policy = policy
         self._parts = search_windows(model, search_parts)
         self._part_period_ns = round(search_period_s * NS_PER_S / search_parts)
@@ -165,7 +175,9 @@ class OverheadVision:
         """Look for what is new and for what is missing; read closely what turns up."""
         hints: dict[int, Array] = {}
         essential = [self.model.tag_of[unit] for unit in (self.model.own, self.model.target)]
-        lost = any(i not in look.found and self._settled.get(i, 0) == 0 for i in essential)
+        lost = any(
+            i not in look.found and (i not in expected or self._settled.get(i, 0) == 0) for i in essential
+        )
         if lost and _past(stamp_ns, self._last_frame_ns, self._missing_period_ns):
             self._last_frame_ns = self._last_part_ns = stamp_ns
             hints = look.roughly(self.model.camera.frame)
