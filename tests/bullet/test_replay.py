@@ -28,6 +28,7 @@ from msrr_scenes.messages import (
     Pixels,
     PoseEstimate,
     SensorMessage,
+    Situation,
     TagDetection,
     Twist,
     WheelOdometry,
@@ -54,7 +55,11 @@ class HashRobot:
         self.estimate: PoseEstimate | None = None
         self.los: LosObservation | None = None
         self.belief = Belief()
+        self.situation: Situation | None = None
         self._steps = 0
+
+    def wants(self, camera: str) -> bool:
+        return True
 
     def _number(self) -> float:
         return int.from_bytes(self._state.digest()[:6], "little") / 2**48
