@@ -11,6 +11,7 @@ import numpy as np
 
 from msrr_control.barrier import BarrierLaw, BarrierParams
 from msrr_control.close_range import CloseRangeLaw, CloseRangeParams, LinearParams
+from msrr_control.comparison_close import ComparisonCloseLaw, ComparisonCloseParams
 from msrr_control.graceful import GracefulLaw, GracefulParams
 from msrr_control.law import DockingLaw, DockSetup, Sensed, State
 from msrr_control.params import read_params
@@ -100,6 +101,11 @@ def c1(setup: DockSetup, **params: Any) -> Controller:
     return LawController(CloseRangeLaw(read_params("c1", CloseRangeParams, params), setup))
 
 
+def c2(setup: DockSetup, **params: Any) -> Controller:
+    """Build the comparison law C2 of the paper."""
+    return LawController(ComparisonCloseLaw(read_params("c2", ComparisonCloseParams, params), setup))
+
+
 def linear(setup: DockSetup, **params: Any) -> Controller:
     """Build plain linear tracking of the same guidance: no cone, no anti-windup, no nonlinear term."""
     return LawController(CloseRangeLaw(read_params("linear", LinearParams, params).as_close_range(), setup))
@@ -117,6 +123,7 @@ def graceful(setup: DockSetup, **params: Any) -> Controller:
 
 CONTROLLERS: dict[str, Callable[..., Controller]] = {
     "c1": c1,
+    "c2": c2,
     "cbf": cbf,
     "graceful": graceful,
     "linear": linear,

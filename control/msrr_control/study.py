@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -13,7 +14,7 @@ from pydantic import Field
 from msrr_control.law import DockingLaw, DockSetup, Sensed
 from msrr_control.line_of_sight import edge_angles
 from msrr_control.offset_point import offset_point
-from msrr_control.unicycle import drive, moved_on, roll
+from msrr_control.unicycle import drive, moved_on, roll, slipped
 from msrr_scenes.spec import NonNegative, Positive, Spec, Spread
 
 Array = NDArray[np.float64]
@@ -44,8 +45,11 @@ class Disturbance(Spec):
         sigma_yaw_deg: The same for the heading.
         sigma_bearing_deg: The same for each edge angle.
         delay_s: Age of pose and angles when the law gets them.
-        compensated: The estimator moves each delayed pose forward by the odometry since its exposure (ideal
-            here); the angles stay delayed.
+        compensated: The estimator moves each delayed pose forward by the odometry since its exposure; the
+            angles stay delayed.
+        slip: Largest share by which a wheel's path differs from what its encoder says; drawn uniformly for
+            each wheel of each trial.
+        track_m: Distance between the wheels.
     """
 
     sigma_xy_m: NonNegative = 0.0
@@ -53,6 +57,13 @@ class Disturbance(Spec):
     sigma_bearing_deg: NonNegative = 0.0
     delay_s: NonNegative = Field(default=0.0, le=2.0)
     compensated: bool = True
+    slip: NonNegative = Field(default=0.0, le=0.2)
+    track_m: Positive = 0.13
+
+    def draw_grips(self, trials: int, rng: np.random.Generator) -> Array:
+        """Draw what each wheel (left, right) covers of its encoder's path, shape (trials, 2)."""
+        grips: Array = 1.0 + self.slip * rng.uniform(-1.0, 1.0, (trials, 2))
+        return grips
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +73,7 @@ class StudyResult:
     Attributes:
         dt: Step [s].
         pose: Axle pose in D, shape (steps, trials, 3).
+        command: Speeds the law asks for, shape (steps, trials, 2).
         twist: Speeds behind the drive's limits, shape (steps, trials, 2).
         edges: Line-of-sight angles, shape (steps, trials, 2) [rad].
         tip: Controlled point in D, shape (steps, trials, 2) [m].
@@ -72,6 +84,7 @@ class StudyResult:
 
     dt: float
     pose: Array
+    command: Array
     twist: Array
     edges: Array
     tip: Array
@@ -148,6 +161,7 @@ def run_study(
     starts: StartSet = CLOSE,
     disturbance: Disturbance | None = None,
     duration: float = 15.0,
+    observer: Callable[[State], None] | None = None,
 ) -> StudyResult:
     """Simulate unicycles behind the nested limits of eq. 3 under one law, all trials at once.
 
@@ -159,6 +173,7 @@ def run_study(
         starts: Where they start.
         disturbance: Noise and delay of what the law is told; None is ideal.
         duration: Simulated time of every trial [s].
+        observer: Is shown the law's state of every step, for what only this law has.
 
     Returns:
         The trials' truth. The port is no obstacle here: a trial ends (for its figures) where the faces meet.
@@ -166,30 +181,34 @@ def run_study(
     dt = 1.0 / setup.rate_hz
     wrong = disturbance if disturbance is not None else Disturbance()
     pose, redrawn = draw_starts(starts, trials, setup, rng)
-    twist = np.zeros((trials, 2))
+    grips = wrong.draw_grips(trials, rng) if wrong.slip else np.ones((trials, 2))
+    counted, twist = pose, np.zeros((trials, 2))  # counted: where the wheels say that the unit is
     steps = int(np.ceil(duration / dt))
-    poses, twists = np.empty((steps, trials, 3)), np.empty((steps, trials, 2))
-    edges, tips = np.empty((steps, trials, 2)), np.empty((steps, trials, 2))
-    references = np.empty((steps, trials, 2))
+    poses, edges = np.empty((steps, trials, 3)), np.empty((steps, trials, 2))
+    commands, twists = np.empty((steps, trials, 2)), np.empty((steps, trials, 2))
+    tips, references = np.empty((steps, trials, 2)), np.empty((steps, trials, 2))
     delayed: deque[tuple[Array, Array, Array]] = deque(maxlen=round(wrong.delay_s / dt) + 1)
     state: State | None = None
     for k in range(steps):
         poses[k], twists[k] = pose, twist
         edges[k] = edge_angles(pose, setup.los, setup.camera_offset)
         tips[k] = offset_point(pose, setup.offset)
-        delayed.append((pose, *_measured(pose, edges[k], wrong, rng)))
+        delayed.append((counted, *_measured(pose, edges[k], wrong, rng)))
         was, seen, angles = delayed[0]
         if wrong.compensated:
-            seen = moved_on(seen, was, pose)
+            seen = moved_on(seen, was, counted)
         sensed = Sensed(seen, angles, np.ones(trials), twist)
         state = law.start(sensed) if state is None else state
-        command, state = law.step(state, sensed, dt)
+        commands[k], state = law.step(state, sensed, dt)
         references[k] = law.reference(state)
-        twist = drive(twist, command, setup.limits, dt)
-        pose = roll(pose, twist, dt)
+        if observer is not None:
+            observer(state)
+        twist = drive(twist, commands[k], setup.limits, dt)
+        counted = roll(counted, twist, dt)
+        pose = roll(pose, slipped(twist, grips, wrong.track_m), dt)
     reached = tips[..., 0] >= 0.0
     contact = np.where(reached.any(axis=0), reached.argmax(axis=0), -1)
-    return StudyResult(dt, poses, twists, edges, tips, references, contact, redrawn)
+    return StudyResult(dt, poses, commands, twists, edges, tips, references, contact, redrawn)
 
 
 def _measured(pose: Array, edges: Array, wrong: Disturbance, rng: np.random.Generator) -> tuple[Array, Array]:

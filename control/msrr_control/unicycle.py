@@ -36,6 +36,19 @@ def roll(pose: Array, twist: Array, dt: float) -> Array:
     return pose + np.stack(change, axis=-1)
 
 
+def slipped(twist: Array, grips: Array, track: float) -> Array:
+    """Return the speeds of a unit whose wheels slip, from the (v, w) that its encoders tell.
+
+    Args:
+        twist: Shape (..., 2) [m/s, rad/s].
+        grips: What the left and the right wheel cover of their encoder's path, shape (..., 2).
+        track: Distance between the wheels [m].
+    """
+    half = 0.5 * track * twist[..., 1]
+    left, right = grips[..., 0] * (twist[..., 0] - half), grips[..., 1] * (twist[..., 0] + half)
+    return np.stack([0.5 * (left + right), (right - left) / track], axis=-1)
+
+
 def moved_on(seen: Array, was: Array, now: Array) -> Array:
     """Apply the motion from pose ``was`` to pose ``now`` to the pose ``seen``, each of shape (..., 3)."""
     moved = seen + (now - was)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from msrr_control.barrier import BarrierLaw, BarrierParams
 from msrr_control.close_range import CloseRangeLaw, CloseRangeParams, LinearParams
+from msrr_control.comparison_close import ComparisonCloseLaw, ComparisonCloseParams
 from msrr_control.graceful import GracefulLaw, GracefulParams
 from msrr_control.law import DockingLaw, DockSetup, Sensed
 from msrr_control.study import CLOSE, Disturbance, run_study
@@ -16,6 +17,7 @@ from msrr_scenes.vehicle import LimitsSpec
 FACTS = DockSetup(0.1, 0.02, 0.018, LosSpec(), LimitsSpec.model_validate({}), 50.0)
 LAWS = {
     "c1": CloseRangeLaw(CloseRangeParams(), FACTS),
+    "c2": ComparisonCloseLaw(ComparisonCloseParams(), FACTS),
     "linear": CloseRangeLaw(LinearParams().as_close_range(), FACTS),
     "cbf": BarrierLaw(BarrierParams(), FACTS),
     "graceful": GracefulLaw(GracefulParams(), FACTS),
