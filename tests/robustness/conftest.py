@@ -1,0 +1,153 @@
+"""Claims about rates, and pictures to test them on: rendered once, spoilt in many ways."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from msrr_bullet.render.renderer import RenderContext, build_renderer
+from msrr_bullet.streams import stream
+from msrr_bullet.tag_dressing import TagDressing
+from msrr_bullet.world import BulletWorld
+from msrr_perception.sensor_model import SensorModel
+from msrr_perception.target import TargetModel
+from msrr_scenes.load import load_scene
+from msrr_scenes.messages import Pixels
+from msrr_scenes.placement import draw_placement
+from msrr_scenes.se2 import SE2
+from msrr_scenes.se3 import SE3
+
+#: No test of this folder may fail by chance more often than this although what it claims is true.
+MOST_UNLUCKY = 0.01
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Something happens in at least ``rate`` of all trials; of ``trials`` made, ``needed`` have to succeed.
+
+    Attributes:
+        what: In words.
+        rate: The rate that is claimed.
+        trials: How many are made.
+        needed: How many of them have to succeed.
+    """
+
+    what: str
+    rate: float
+    trials: int
+    needed: int
+
+    def __post_init__(self) -> None:
+        assert self.unlucky <= MOST_UNLUCKY, (
+            f"{self}: would fail by chance in {self.unlucky:.2%} of all cases"
+        )
+
+    @property
+    def unlucky(self) -> float:
+        """Chance to fail although the claim holds (and no better than claimed)."""
+        return float(binom.cdf(self.needed - 1, self.trials, self.rate))
+
+    @property
+    def noticed(self) -> float:
+        """The rate below which the test fails in 95 of 100 cases: what it is able to notice."""
+        rates = np.linspace(0.0, self.rate, 1001)
+        passes = binom.sf(self.needed - 1, self.trials, rates)
+        return float(rates[passes <= 0.05].max())
+
+    def __str__(self) -> str:
+        return (
+            f"claim: {self.what} in at least {self.rate:.0%} of trials; "
+            f"asked for {self.needed} of {self.trials}; "
+            f"fails by chance in {self.unlucky:.1e}, notices rates below {self.noticed:.0%}"
+        )
+
+    def check(self, successes: Sequence[bool], details: object = "") -> None:
+        assert len(successes) == self.trials
+        assert sum(successes) >= self.needed, f"{sum(successes)} of {self.trials}. {self}\n{details}"
+
+
+MakeClaim = Callable[[str, float, int, int], Claim]
+
+
+@pytest.fixture(scope="session")
+def claim() -> MakeClaim:
+    """``claim(what, rate, trials, needed)``; refused when chance alone could make it fail too often."""
+    return Claim
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What the onboard camera of a unit would see without lens and sensor.
+
+    Attributes:
+        X_DU: Where the unit stands.
+        ideal: Noise-free pixels of the full frame with ``margin`` more on each side.
+        margin: Of the largest blur tested.
+    """
+
+    X_DU: SE2
+    ideal: Pixels
+    margin: int
+
+    def photograph(self, target: TargetModel, noise_grey: float, blur_px: float, frame: int) -> Pixels:
+        """Return the frame that a camera of this noise and blur delivers."""
+        sensor = SensorModel(1, blur_px, noise_grey)
+        cut = self.margin - sensor.margin
+        ideal = self.ideal[cut : self.ideal.shape[0] - cut, cut : self.ideal.shape[1] - cut]
+        return sensor.read_out(np.ascontiguousarray(ideal), target.camera.frame, frame)
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """A target and views of it from one range of distances."""
+
+    target: TargetModel
+    views: tuple[View, ...]
+
+
+MakeGallery = Callable[[tuple[float, float], int], Gallery]
+
+
+@pytest.fixture(scope="session")
+def gallery() -> MakeGallery:
+    """Render ``count`` views of scene close_range: gaps [m] within limits, up to 12 degrees off the axis."""
+    made: dict[tuple[tuple[float, float], int], Gallery] = {}
+
+    def make(gaps: tuple[float, float], count: int) -> Gallery:
+        if (gaps, count) not in made:
+            made[gaps, count] = _render(gaps, count)
+        return made[gaps, count]
+
+    return make
+
+
+def _render(gaps: tuple[float, float], count: int) -> Gallery:
+    scene = load_scene("close_range")
+    step, spec = scene.plan[0], scene.cameras.onboard
+    target = TargetModel.from_scene(scene, step)
+    margin = SensorModel(0, 2.0, 0.0).margin
+    rng = stream(11, f"test/views/{gaps}")
+    placement = draw_placement(scene, lambda name: stream(0, name))
+    views = []
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        BulletWorld(scene, placement, dressing=TagDressing(scene, Path(folder))) as world,
+    ):
+        renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
+        X_WD = world.pose(step.target_unit) @ scene.geometry(step.target_unit).dock_frame(step.target_port)
+        for _ in range(count):
+            x = -rng.uniform(*gaps) - target.front
+            side, off = np.radians(rng.uniform(-12.0, 12.0, 2))
+            X_DU = SE2(x, -x * math.tan(side), -side + 0.5 * off)
+            world.place(step.unit, X_WD @ X_DU, (0.0, 0.0))
+            X_WC = SE3.from_se2(X_WD @ X_DU) @ target.X_UC
+            window = target.camera.frame.padded(margin)
+            views.append(View(X_DU, renderer.render(target.camera, X_WC, window), margin))
+    return Gallery(target, tuple(views))
