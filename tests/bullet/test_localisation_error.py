@@ -1,0 +1,128 @@
+"""Errors of outdoor localisation: what they do to poses, to whom, and how they are drawn."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from msrr_bullet.localisation_error import LocalisationError
+from msrr_perception.overhead_model import OverheadModel
+from msrr_scenes.messages import Detections, Exposure, TagDetection
+from msrr_scenes.scene import Scene
+from msrr_scenes.se2 import SE2
+from msrr_scenes.sensors import LocalisationErrorSpec
+
+POSES = {"a": SE2(-1.2, 0.7, 0.6), "b": SE2(1.0, -0.2, -2.0), "post": SE2(0.1, 0.4, 0.0)}
+
+
+@pytest.fixture(scope="module")
+def model() -> OverheadModel:
+    scene = Scene.model_validate(
+        {
+            "name": "outdoors",
+            "units": {"a": {"number": 0}, "b": {"number": 1}},
+            "obstacles": {"post": {"shape": "cylinder", "radius_m": 0.06, "tag_id": 500}},
+            "cameras": {"overhead": {}},
+            "plan": [{"unit": "a", "to": "b.rear"}],
+        }
+    )
+    return OverheadModel.from_scene(scene, scene.plan[0])
+
+
+def seen(model: OverheadModel, frame: int, names: tuple[str, ...] = tuple(POSES)) -> Detections:
+    """Exact detections at 10 Hz."""
+    locator = model.localizer(0.1)
+    tags = [
+        TagDetection(model.tag_of[n], locator.pixels(model.tags[model.tag_of[n]], POSES[n])) for n in names
+    ]
+    return Detections(Exposure("overhead", frame, frame * 100_000_000), tuple(tags), ())
+
+
+def errors(model: OverheadModel, detections: Detections) -> dict[str, np.ndarray]:
+    found = {}
+    for pose in model.localizer(0.1).locate(detections):
+        e = pose.X_WB.as_array() - POSES[pose.name].as_array()
+        e[2] = math.remainder(e[2], 2.0 * math.pi)
+        found[pose.name] = e
+    return found
+
+
+def test_bias_moves_the_docking_unit_against_all_others(model: OverheadModel) -> None:
+    spec = LocalisationErrorSpec(bias_x_m=0.03, bias_y_m=-0.02, bias_yaw_deg=2.0)
+    error = LocalisationError(spec, model, seed=1)
+    for frame in range(3):
+        found = errors(model, error.apply(seen(model, frame)))
+        np.testing.assert_allclose(found["a"], [0.03, -0.02, math.radians(2.0)], atol=1e-9)
+        np.testing.assert_allclose(found["b"], 0.0, atol=1e-9)
+        np.testing.assert_allclose(found["post"], 0.0, atol=1e-9)
+
+
+def test_without_errors_every_detection_is_what_it_was(model: OverheadModel) -> None:
+    before = seen(model, 0)
+    after = LocalisationError(LocalisationErrorSpec(), model, seed=1).apply(before)
+    assert all(x is y for x, y in zip(before.tags, after.tags, strict=True))
+
+
+def test_image_noise_stays_as_it_was(model: OverheadModel) -> None:
+    """A tag that is moved keeps its misfit: the error is one of the pose, not of the picture."""
+    spec = LocalisationErrorSpec(bias_x_m=0.03, bias_yaw_deg=2.0)
+    clean = seen(model, 0, ("a",))
+    shaken = replace(
+        clean,
+        tags=(
+            replace(
+                clean.tags[0],
+                corners=clean.tags[0].corners + np.array([[0.2, 0], [0, -0.2], [-0.2, 0], [0, 0.2]]),
+            ),
+        ),
+    )
+    moved, moved_shaken = (
+        LocalisationError(spec, model, seed=1).apply(d).tags[0].corners for d in (clean, shaken)
+    )
+    by_noise = np.linalg.norm(moved_shaken - moved, axis=1)
+    np.testing.assert_allclose(by_noise, 0.2, rtol=0.05)
+
+
+def test_noise_drift_and_dropout_have_the_sizes_given(model: OverheadModel) -> None:
+    """Intervals that 1 in 10,000 draws of 2000 frames would leave, each."""
+    n = 2000
+    spec = LocalisationErrorSpec(noise_m=0.01, noise_yaw_deg=1.0, dropout=0.1)
+    error = LocalisationError(spec, model, seed=2)
+    found = [errors(model, error.apply(seen(model, frame))) for frame in range(n)]
+    for name in POSES:
+        drawn = np.array([f[name] for f in found if name in f])
+        kept = len(drawn)
+        assert abs(kept - 0.9 * n) < 3.9 * math.sqrt(n * 0.1 * 0.9)
+        low, high = chi2.ppf([5e-5, 1 - 5e-5], kept)
+        for i, sigma in enumerate((0.01, 0.01, math.radians(1.0))):
+            assert low < float((drawn[:, i] ** 2).sum()) / sigma**2 < high
+    walk = LocalisationError(LocalisationErrorSpec(drift_m=0.01, drift_yaw_deg=0.5), model, seed=3)
+    path = np.array([errors(model, walk.apply(seen(model, frame)))["a"] for frame in range(n)])
+    np.testing.assert_allclose(path[0], 0.0, atol=1e-9)
+    steps = np.diff(path, axis=0)
+    low, high = chi2.ppf([5e-5, 1 - 5e-5], n - 1)
+    for i, sigma in enumerate((0.01, 0.01, math.radians(0.5))):
+        assert low < float((steps[:, i] ** 2).sum()) / (sigma**2 * 0.1) < high
+
+
+def test_what_is_seen_does_not_change_what_is_drawn(model: OverheadModel) -> None:
+    spec = LocalisationErrorSpec(noise_m=0.01, drift_m=0.01)
+    every, alone = (LocalisationError(spec, model, seed=4) for _ in range(2))
+    for frame in range(5):
+        of_all = errors(model, every.apply(seen(model, frame)))
+        of_one = errors(model, alone.apply(seen(model, frame, ("a",) if frame != 2 else ())))
+        if frame != 2:
+            np.testing.assert_array_equal(of_all["a"], of_one["a"])
+    other = LocalisationError(spec, model, seed=5).apply(seen(model, 0))
+    assert not np.allclose(errors(model, other)["a"], of_all["a"])
+
+
+def test_tags_of_nobody_are_left_alone(model: OverheadModel) -> None:
+    stray = TagDetection(333, np.array([[10.0, 40.0], [40.0, 40.0], [40.0, 10.0], [10.0, 10.0]]))
+    spec = LocalisationErrorSpec(bias_x_m=0.03, noise_m=0.01)
+    out = LocalisationError(spec, model, 1).apply(Detections(Exposure("overhead", 0, 0), (stray,), ()))
+    assert out.tags == (stray,)
