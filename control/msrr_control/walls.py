@@ -61,7 +61,7 @@ class WallSpec(Spec):
         if d > self.widest_m:
             raise PassageError(
                 f"an obstacle of radius {radius:.3f} m needs a wall {d:.3f} m from its middle (half the "
-                f"body's width {body_half_width:.3f}, margin {self.margin_m:.3f}); {self.widest_m:.3f} m is the most"
+                f"body {body_half_width:.3f}, margin {self.margin_m:.3f}); at most {self.widest_m:.3f} m"
             )
         return d
 
