@@ -35,7 +35,7 @@ class CornerNoise:
         tilt_sigma: Of the pitch and of the roll of one unit against the other [rad].
     """
 
-    corner_sigma_px: float = 0.2
+    corner_sigma_px: float = 0.25
     tilt_sigma: float = math.radians(0.3)
 
 
