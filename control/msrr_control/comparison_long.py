@@ -26,7 +26,7 @@ class RepulsionGains(Spec):
     """Gains of the repulsive potential about the middle of each obstacle.
 
     Attributes:
-        eta: Strength of the potential [m4/s]; 0.02 keeps a unit as far from an obstacle as the walls of C1 do.
+        eta: Strength of the potential [m4/s].
         range_m: rho_0, distance at which it begins.
         nearest_m: Distance below which its force grows no more.
     """
