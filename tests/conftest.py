@@ -19,6 +19,12 @@ ShippedScene = Callable[..., Scene]
 
 
 @pytest.fixture(scope="session")
+def rendering() -> Mapping[str, str]:
+    """How trials of the tests are rendered, as overrides of a scene."""
+    return RENDERING
+
+
+@pytest.fixture(scope="session")
 def shipped() -> ShippedScene:
     """Load a shipped scene for a trial: ``shipped("weak_lock", {"lock.strength_n": "60"})``.
 
