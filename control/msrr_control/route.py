@@ -48,7 +48,7 @@ class RouteSpec(Spec):
     stage_m: tuple[Positive, ...] = Field(default=(0.5, 0.75, 1.0, 0.3, 0.2), min_length=1)
     unit_margin_m: NonNegative = 0.08
     around_margin_m: NonNegative = 0.02
-    border_m: NonNegative = 0.15
+    border_m: NonNegative = 0.10
     least_run_m: Positive = 0.45
     turn_radps: Positive = 0.8
 
