@@ -16,8 +16,9 @@ from msrr_scenes.messages import Situation, Twist
 from msrr_scenes.plan import DockStep
 from msrr_scenes.scene import Scene
 
-#: A way that loses no more clearance than this [m] counts as one that keeps it.
-_LOSS_M = 1e-4
+#: A way that loses no more clearance than this [m] counts as one that keeps it: rounding, and no more, for a
+#: small loss allowed with every command adds up.
+_LOSS_M = 1e-6
 #: Halvings with which the largest harmless share of a command is found.
 _HALVINGS = 4
 #: Share of a command that is left where the clearance ahead has fallen to ``stop_m``.

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 
 from msrr_bullet.clearance import Clearance, ClearanceModel
 from msrr_control.drive_limits import nested_limit
-from msrr_scenes.messages import Array, GlobalPose, ObstacleEstimate, Situation, Twist, seconds
+from msrr_scenes.messages import (
+    NS_PER_S,
+    Array,
+    GlobalPose,
+    ObstacleEstimate,
+    Situation,
+    Twist,
+    seconds,
+)
 from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
 
 #: Way of the unit's farthest point between two measurements of clearance [m].
 _STEP_M = 0.01
 #: Time step with which the drive is followed [s].
-_STEP_S = 0.02
+_STEP_S = 0.01
 #: Below these speeds a unit stands.
 _STANDS_MPS = 0.002
 _STANDS_RADPS = 0.01
@@ -72,31 +81,38 @@ def _variance(covariance: Array, reach: float) -> float:
 class WayAhead:
     """Follows a unit's drive through its commands, and says where a command would take it.
 
-    The way ahead of a command: the drive obeys it until the next command can arrive (a control period and the
-    link's latency), then it brakes to a stand, all behind the nested limits of Zheng et al., eq. 3.
+    The way ahead of a command: what is under way to the drive arrives, then the command, and when the next
+    one could arrive the unit brakes to a stand, all behind the nested limits of Zheng et al., eq. 3.
     """
 
     def __init__(self, scene: Scene) -> None:
         """Take limits, control rate and latency from the scene; the unit stands."""
         self._limits = scene.limits
-        self._reaction_s = 1.0 / scene.control.rate_hz + 1e-3 * scene.link.latency_ms
+        self._period_s = 1.0 / scene.control.rate_hz
+        self._latency_s = 1e-3 * scene.link.latency_ms
         self.reset()
 
     def reset(self) -> None:
         """The unit stands and has no command."""
         self._speed = Twist()
-        self._command = Twist()
-        self._last_ns: int | None = None
+        self._command = Twist()  # that the drive has now
+        self._under_way: deque[tuple[int, Twist]] = deque()  # with their times of arrival
+        self._now_ns: int | None = None
 
     def advance(self, now_ns: int) -> None:
-        """Let the drive follow the last command up to now."""
-        if self._last_ns is not None:
-            self._speed = self._follow(self._speed, self._command, seconds(now_ns - self._last_ns))
-        self._last_ns = now_ns
+        """Let the drive follow its commands up to now."""
+        before_ns = now_ns if self._now_ns is None else self._now_ns
+        while self._under_way and self._under_way[0][0] <= now_ns:
+            arrived_ns, command = self._under_way.popleft()
+            self._speed = self._follow(self._speed, self._command, seconds(arrived_ns - before_ns))
+            before_ns, self._command = arrived_ns, command
+        self._speed = self._follow(self._speed, self._command, seconds(now_ns - before_ns))
+        self._now_ns = now_ns
 
     def passed(self, command: Twist) -> None:
-        """Take note of a command that goes to the drive."""
-        self._command = command
+        """Take note of a command that goes to the drive now."""
+        assert self._now_ns is not None, "advance comes first"
+        self._under_way.append((self._now_ns + round(self._latency_s * NS_PER_S), command))
 
     def present_pose(self, own: GlobalPose, now_ns: int) -> SE2:
         """Return ``X_WU`` now: an estimate that is not compensated for its delay is moved up to now."""
@@ -132,21 +148,36 @@ class WayAhead:
     def _longest(self, wish: Twist, reach: float) -> float:
         """Return a length [m] that no point of the unit exceeds on its way ahead."""
         at = self._limits
-        v = max(abs(self._speed.v), min(abs(wish.v), at.v_max_mps))
-        w = max(abs(self._speed.w), min(abs(wish.w), at.w_max_radps))
-        delay = self._reaction_s + _STEP_S + 1.0 / at.kappa_per_s
+        coming = [wish, self._command, *(command for _, command in self._under_way)]
+        v = max(abs(self._speed.v), min(max(abs(c.v) for c in coming), at.v_max_mps))
+        w = max(abs(self._speed.w), min(max(abs(c.w) for c in coming), at.w_max_radps))
+        delay = self._latency_s + self._period_s + 2.0 * _STEP_S + 1.0 / at.kappa_per_s
         return (v + reach * w) * delay + 0.5 * v**2 / at.a_max_mps2 + 0.5 * reach * w**2 / at.dw_max_radps2
 
     def _stages(self, wish: Twist, reach: float) -> Iterator[tuple[SE2, float]]:
         """Yield the way: pose seen from the unit now, and how far its farthest point went since the last."""
         speed, X_UA, t = self._speed, SE2(), 0.0
+        obeyed_s = self._latency_s + self._period_s
         while t < _LONGEST_S:
-            speed = self._follow(speed, wish if t < self._reaction_s else Twist(), _STEP_S)
-            t += _STEP_S
-            if t > self._reaction_s and abs(speed.v) < _STANDS_MPS and abs(speed.w) < _STANDS_RADPS:
+            after = self._follow(speed, self._command_in(t, wish) if t < obeyed_s else Twist(), _STEP_S)
+            # The larger of both speeds: rather a millimetre too far than one too short.
+            v, w = (max(a, b, key=abs) for a, b in ((speed.v, after.v), (speed.w, after.w)))
+            if t >= obeyed_s and abs(v) < _STANDS_MPS and abs(w) < _STANDS_RADPS:
                 return
-            X_UA = X_UA @ SE2.exp(speed.v * _STEP_S, 0.0, speed.w * _STEP_S)
-            yield X_UA, (abs(speed.v) + reach * abs(speed.w)) * _STEP_S
+            speed = after
+            t += _STEP_S
+            X_UA = X_UA @ SE2.exp(v * _STEP_S, 0.0, w * _STEP_S)
+            yield X_UA, (abs(v) + reach * abs(w)) * _STEP_S
+
+    def _command_in(self, time_s: float, wish: Twist) -> Twist:
+        """Return what the drive will be told ``time_s`` from now, if ``wish`` is sent now."""
+        if time_s >= self._latency_s:
+            return wish
+        command = self._command
+        for arrival_ns, later in self._under_way:
+            if seconds(arrival_ns - (self._now_ns or 0)) <= time_s:
+                command = later
+        return command
 
     def _follow(self, speed: Twist, wish: Twist, dt: float) -> Twist:
         at = self._limits
