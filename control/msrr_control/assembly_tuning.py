@@ -42,8 +42,8 @@ class WatchSpec(Spec):
     aligned_deg: Positive = 3.0
     askew_deg: Positive = 12.0
     moved_m: Positive = 0.02
-    target_moved_m: Positive = 0.04
-    target_moved_deg: Positive = 5.0
+    target_moved_m: Positive = 0.06
+    target_moved_deg: Positive = 6.0
     stuck_s: Positive = 5.0
     stuck_m: Positive = 0.04
     astray_m: Positive = 0.45

@@ -82,7 +82,7 @@ class LongStudyResult:
 
     def episode(self) -> NDArray[np.bool_]:
         """When the deviation is the obstacle's doing, shape (steps, trials)."""
-        return metrics.obstacle_episode(self.deviation(), self.walled)
+        return metrics.obstacle_episode(self.time, self.deviation(), self.walled)
 
     def tracking_error(self) -> Array:
         """Steady tracking error about the end of the arc, shape (trials,) [m]."""

@@ -15,6 +15,9 @@ Mask = NDArray[np.bool_]
 #: Deviation [m] below which an obstacle counts as recovered from.
 RECOVERED_M = 0.05
 
+#: Time by which an obstacle episode outlasts that [s]; the position gain of the path is about 1 1/s.
+TAIL_S = 2.0
+
 #: Time before and after the end of the arc over which steady tracking is judged [s].
 BEFORE_S, AFTER_S = 1.0, 2.0
 
@@ -25,17 +28,29 @@ def deviation(tip: Array, desired: Array) -> Array:
     return distance
 
 
-def obstacle_episode(off: Array, walled: Mask) -> Mask:
+def obstacle_episode(time: Array, off: Array, walled: Mask) -> Mask:
     """Return when the deviation is an obstacle's doing.
 
-    From the first instant at which a wall stands until the deviation falls below ``RECOVERED_M`` after the
-    last one; both arguments and the result are of shape (T, ...).
+    From the first instant at which a wall stands until ``TAIL_S`` after the deviation falls below
+    ``RECOVERED_M`` behind the last one: what is left of it then decays with the slowest gain, and is no error
+    of steady tracking.
+
+    Args:
+        time: Shape (T,) [s].
+        off: Deviation, shape (T, ...) [m].
+        walled: When a wall stood, shape (T, ...).
+
+    Returns:
+        Shape (T, ...).
     """
     began = np.logical_or.accumulate(walled, axis=0)
     more_to_come = np.logical_or.accumulate(walled[::-1], axis=0)[::-1]
     after = began & ~more_to_come
     settled = np.logical_or.accumulate(after & (off <= RECOVERED_M), axis=0)
-    return began & ~settled
+    since = time[np.argmax(settled, axis=0)]
+    t = time.reshape(-1, *(1,) * (off.ndim - 1))
+    episode: Mask = began & ~(settled & (t > since + TAIL_S))
+    return episode
 
 
 def tracking_error(time: Array, off: Array, arc_end: Array, episode: Mask) -> Array:

@@ -40,7 +40,7 @@ class WallSpec(Spec):
     early_m: Positive = 0.12
     past_m: Positive = 0.12
     widest_m: Positive = 0.32
-    before_end_m: Positive = 0.9
+    before_end_m: Positive = 0.8
 
     @model_validator(mode="after")
     def _has_room(self) -> WallSpec:
