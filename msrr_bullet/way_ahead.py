@@ -27,6 +27,10 @@ _STEP_S = 0.01
 #: Below these speeds a unit stands.
 _STANDS_MPS = 0.002
 _STANDS_RADPS = 0.01
+#: FCL's search fails where two shapes face each other to within some micrometres (measured: a disc straight
+#: before a face, 34 mm too far away), and a unit that is driven at something ends up just so. Measured from
+#: here beside where it is, it never does.
+_ASIDE = SE2(1.7e-4, 2.3e-4, 3e-4)
 #: No way ahead takes longer than this [s]: limits that brake so slowly are not worth looking at farther.
 _LONGEST_S = 5.0
 
@@ -64,7 +68,7 @@ class Surroundings:
 
     def clearance(self, X_WU: SE2) -> Clearance | None:
         """Return the smallest clearance of the unit at ``X_WU``; None when there is nothing around it."""
-        return self._model.minimum({self._own: X_WU, **self._poses}, self._unasked)
+        return self._model.minimum({self._own: X_WU @ _ASIDE, **self._poses}, self._unasked)
 
     def distance(self, X_WU: SE2) -> float:
         """Return the same as a number [m]; infinite when there is nothing around the unit."""
