@@ -10,10 +10,12 @@ from dataclasses import replace
 
 from msrr_bullet.global_sight import GlobalSight
 from msrr_bullet.guard import ClearanceGuard
+from msrr_control.assembler import build_assembler
+from msrr_control.assembly_setup import AssemblySetup
 from msrr_control.controller import build_controller
 from msrr_control.law import DockSetup
 from msrr_control.phases import PhaseMachine
-from msrr_control.senses import Senses
+from msrr_control.senses import Assembler, Senses
 from msrr_perception.detector import DETECTORS, Detector
 from msrr_perception.estimator import ESTIMATORS, Estimator
 from msrr_perception.los import LosEstimator
@@ -21,6 +23,8 @@ from msrr_perception.target import TargetModel
 from msrr_perception.vision import OnboardVision
 from msrr_scenes.messages import (
     Action,
+    AssemblyPath,
+    AssemblyProgress,
     Belief,
     Detections,
     Exposure,
@@ -77,11 +81,11 @@ class Autonomy:
         self._los_estimator = LosEstimator(target)
         self._above = GlobalSight.of(scene, step, detector)
         setup = DockSetup.of(scene, step)
-        self._phases = PhaseMachine(
-            scene.docking,
-            setup,
-            build_controller(scene.control.docking, setup),
-        )
+        self._assembler: Assembler | None = None
+        if self._above is not None:
+            self._assembler = build_assembler(scene.control.assembly, AssemblySetup.of(scene, step))
+        controller = build_controller(scene.control.docking, setup)
+        self._phases = PhaseMachine(scene.docking, setup, controller, self._assembler)
         self._guard = ClearanceGuard(scene, step) if self._above else None
         self._onboard = target.camera_name
         self._wheel_radius, self._track = target.wheel_radius, target.track
@@ -97,6 +101,18 @@ class Autonomy:
     def belief(self) -> Belief:
         """What the robot says about this step."""
         return self._phases.belief
+
+    @property
+    def assembly(self) -> AssemblyProgress | None:
+        """What the long-distance phase did at the last instant; None when it is not at work."""
+        if self._phases.phase is not Phase.ASSEMBLE:
+            return None
+        return getattr(self._assembler, "progress", None)
+
+    @property
+    def path(self) -> AssemblyPath | None:
+        """The path that the long-distance phase follows or followed last."""
+        return getattr(self._assembler, "path", None)
 
     def wants(self, camera: str) -> bool:
         """Say whether the frames of a camera are of any use in this phase; the others need not expose."""

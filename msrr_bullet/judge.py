@@ -69,7 +69,7 @@ class Judge:
         self._step = step
         self._plant = stage.plant
         self._X_UP = scene.geometry(step.unit).port(step.port)
-        self._X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
+        self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._pair: Pair = frozenset({step.unit, step.target_unit})
         self._attempt = 0
         self._deepest = math.inf
@@ -81,7 +81,7 @@ class Judge:
 
     def X_WD(self) -> SE2:
         """Return the true pose of the dock frame."""
-        return self._plant.pose(self._step.target_unit) @ self._X_TD
+        return self._plant.pose(self._step.target_unit) @ self.X_TD
 
     def X_DU(self) -> SE2:
         """Return the true pose of the docking unit in the dock frame."""

@@ -16,7 +16,8 @@ from msrr_bullet.log.records import Event, Level, StartPoses, TruePose
 from msrr_bullet.progress import Progress
 from msrr_bullet.stage import Stage
 from msrr_bullet.viewer.snapshot import Snapshot, Viewer
-from msrr_scenes.messages import Action, LosObservation, PoseEstimate, seconds
+from msrr_perception.global_estimator import X_DU
+from msrr_scenes.messages import Action, LosObservation, Phase, PoseEstimate, Situation, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement import Placement
 from msrr_scenes.plan import DockStep
@@ -29,6 +30,11 @@ class Believer(Protocol):
     @property
     def estimate(self) -> PoseEstimate | None:
         """Belief on which the last decision was taken."""
+        ...
+
+    @property
+    def situation(self) -> Situation | None:
+        """What global localisation knew when the last decision was taken."""
         ...
 
     @property
@@ -79,6 +85,8 @@ class Narrator:
             text = f"attempt {action.attempt}: {action.phase.value}: {action.reason}"
             self.event(action.stamp_ns, step.unit, text)
         believed = robot.estimate.X_DU if robot.estimate else None
+        if action.phase is Phase.ASSEMBLE and robot.situation is not None:
+            believed = X_DU(robot.situation, judge.X_TD)
         if self._observer is not None:
             now_s = seconds(action.stamp_ns)
             self._observer(

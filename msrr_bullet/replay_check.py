@@ -16,6 +16,8 @@ from msrr_bullet.log.tap import Robot
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import (
     Action,
+    AssemblyPath,
+    AssemblyProgress,
     Belief,
     Detections,
     Exposure,
@@ -44,6 +46,8 @@ _BELIEFS: dict[type, str] = {
     PoseEstimate: "estimate",
     LosObservation: "los",
     Situation: "situation",
+    AssemblyProgress: "assembly",
+    AssemblyPath: "path",
     Belief: "belief",
 }
 
@@ -124,6 +128,7 @@ class Comparison:
         self._windows: list[LogRecord] = []
         self._seen: dict[tuple[str, int], Detections] = {}
         self._believed: dict[type, bytes] = {}
+        self._path: AssemblyPath | None = None
         self._counts = dict.fromkeys(("steps", "sensor_messages", "commands", "estimates", "windows"), 0)
         self._counts["detections"] = 0
         self._mismatches: list[Mismatch] = []
@@ -224,7 +229,8 @@ class Comparison:
         robot = self._at(record)
         self._counts["commands"] += 1
         self._compare("command", record, robot.step(record.stamp_ns))
-        for belief in (robot.estimate, robot.los, robot.situation, robot.belief):
+        path, self._path = (None if robot.path is self._path else robot.path), robot.path
+        for belief in (robot.estimate, robot.los, robot.situation, robot.assembly, path, robot.belief):
             if belief is not None:
                 self._believed[type(belief)] = _text(belief, record.topic)
 

@@ -1,4 +1,4 @@
-"""Random streams keyed by stable names, so that adding or switching off one leaves the others as they were."""
+"""Random streams keyed by stable names: adding or switching off one leaves the others as they were."""
 
 from __future__ import annotations
 

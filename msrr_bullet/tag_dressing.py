@@ -13,8 +13,8 @@ from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
 from msrr_scenes.se3 import SE3, rotation_from_rpy
 
-#: How far an obstacle's plate floats above its lid [m], so that the two do not fight for the same depth: TinyRenderer
-#: draws a cylinder 1 mm too tall.
+#: How far an obstacle's plate floats above its lid [m], so that the two do not fight for the same depth:
+#: TinyRenderer draws a cylinder 1 mm too tall.
 PLATE_LIFT_M = 0.002
 
 #: A tag that lies face up: T's z points down into the obstacle, its top edge towards the obstacle's +y.

@@ -24,6 +24,8 @@ from msrr_bullet.log.records import (
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.messages import (
     Action,
+    AssemblyPath,
+    AssemblyProgress,
     Belief,
     Detections,
     Exposure,
@@ -141,10 +143,8 @@ _FORMATS: dict[type, Format] = {
     f.kind: f
     for f in (
         *map(_plain, (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, Detections, Exposure)),
-        *map(
-            _plain,
-            (Localisation, LosObservation, Situation, Action, Belief, Clearance, StepStart, StartPoses),
-        ),
+        *map(_plain, (Localisation, LosObservation, Situation, Action, AssemblyProgress, AssemblyPath)),
+        *map(_plain, (Belief, Clearance, StepStart, StartPoses)),
         _well_known(PoseEstimate, "foxglove.PoseInFrame", _show_estimate),
         _well_known(GlobalPose, "foxglove.PoseInFrame", _show_body),
         _well_known(ObstacleEstimate, "foxglove.PoseInFrame", _show_body),

@@ -9,6 +9,7 @@ from msrr_bullet.log.records import CameraWindow, StartPoses, StepStart, TruePos
 from msrr_bullet.log.records import Clearance as ClearanceRecord
 from msrr_bullet.picture import OnboardView
 from msrr_bullet.viewer.snapshot import Snapshot
+from msrr_perception.overhead_model import OVERHEAD
 from msrr_scenes.messages import (
     Action,
     Detections,
@@ -17,6 +18,7 @@ from msrr_scenes.messages import (
     Phase,
     Pixels,
     PoseEstimate,
+    Situation,
 )
 from msrr_scenes.pinhole import Window
 from msrr_scenes.plan import DockStep
@@ -41,7 +43,10 @@ def snapshots(log: Log) -> list[Snapshot]:
     def close(action: Action) -> None:
         estimate, los, near = now.get(PoseEstimate), now.get(LosObservation), now.get(ClearanceRecord)
         believed = None
-        if step is not None and isinstance(estimate, PoseEstimate):
+        situation = now.get(Situation)
+        if action.phase is Phase.ASSEMBLE and isinstance(situation, Situation):
+            believed = situation.own.X_WB
+        elif step is not None and isinstance(estimate, PoseEstimate):
             believed = dock_frame(scene, step, units) @ estimate.X_DU
         frames.append(
             Snapshot(
@@ -108,7 +113,7 @@ def onboard_views(log: Log, count: int = 3) -> tuple[OnboardView, ...]:
     seen = [
         d
         for _, d in log.messages(Detections, "/perception/*")
-        if d.tags and (end_ns is None or d.exposure.stamp_ns <= end_ns)
+        if d.tags and d.exposure.camera != OVERHEAD and (end_ns is None or d.exposure.stamp_ns <= end_ns)
     ]
     if not seen:
         return ()

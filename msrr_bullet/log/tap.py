@@ -9,6 +9,8 @@ from msrr_bullet.log.recorder import Recorder
 from msrr_bullet.log.records import StepStart
 from msrr_scenes.messages import (
     Action,
+    AssemblyPath,
+    AssemblyProgress,
     Belief,
     Detections,
     Exposure,
@@ -57,6 +59,16 @@ class Robot(Protocol):
         """What global localisation knew when the last decision was taken."""
         ...
 
+    @property
+    def assembly(self) -> AssemblyProgress | None:
+        """What the long-distance phase did; None when it is not at work."""
+        ...
+
+    @property
+    def path(self) -> AssemblyPath | None:
+        """The path that the long-distance phase follows."""
+        ...
+
     def wants(self, camera: str) -> bool:
         """Say whether the robot has a use for the frames of ``camera`` now."""
         ...
@@ -70,6 +82,7 @@ class RecordedRobot:
         self._robot = robot
         self._unit = unit
         self._recorder = recorder
+        self._path: AssemblyPath | None = None
         recorder.write(topics.STEPS, start_ns, StepStart(start_ns, index, unit))
 
     @property
@@ -117,5 +130,10 @@ class RecordedRobot:
             self._recorder.write(topics.los(self._unit), now_ns, los)
         if (situation := self._robot.situation) is not None:
             self._recorder.write(topics.situation(self._unit), now_ns, situation)
+        if (assembly := self._robot.assembly) is not None:
+            self._recorder.write(topics.assembly(self._unit), now_ns, assembly)
+        if (path := self._robot.path) is not None and path is not self._path:
+            self._recorder.write(topics.path(self._unit), now_ns, path)
+            self._path = path
         self._recorder.write(topics.belief(self._unit), now_ns, self._robot.belief)
         return action

@@ -65,6 +65,16 @@ def belief(unit: str) -> str:
     return f"/control/{unit}/belief"
 
 
+def assembly(unit: str) -> str:
+    """Return the topic of a unit's progress in the long-distance phase."""
+    return f"/control/{unit}/assembly"
+
+
+def path(unit: str) -> str:
+    """Return the topic of the paths that a unit's long-distance phase chooses."""
+    return f"/control/{unit}/path"
+
+
 def situation(unit: str) -> str:
     """Return the topic of what a unit knows of the whole arena."""
     return f"/perception/{unit}/situation"

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from msrr_scenes.spec import Positive, PoseSpec, Spec
+from msrr_scenes.spec import PoseSpec, Positive, Spec
 
 TAGS_PER_UNIT = 10
 FIRST_OBSTACLE_TAG = 500

@@ -38,5 +38,5 @@ class LosSpec(Spec):
         return math.radians(self.outer_deg)
 
     def angle_at_contact(self, camera_to_face: float) -> float:
-        """Return the edge angle [rad] seen by an aligned unit whose camera is ``camera_to_face`` [m] behind the face."""
+        """Return the edge angle [rad] of an aligned unit, its camera ``camera_to_face`` [m] off the face."""
         return math.atan2(self.half_width_m, camera_to_face + self.setback_m)

@@ -115,7 +115,7 @@ class TagsSpec(Spec):
 
 
 class ParametricSpec(Spec):
-    """Perception without pixels: the true relative pose with Gaussian errors, at the camera's rate and latency."""
+    """Perception without pixels: true poses with Gaussian errors, at the camera's rate and latency."""
 
     sigma_xy_m: NonNegative = 0.005
     sigma_yaw_deg: NonNegative = 1.0

@@ -54,7 +54,7 @@ class Spec(BaseModel):
 
 
 class Choice(Spec):
-    """An implementation by registered name or import path (``mypkg.mod:MyClass``), with its own parameters."""
+    """An implementation by registered name or import path (``mypkg.mod:MyClass``), with its parameters."""
 
     name: str
     params: dict[str, Any] = Field(default_factory=dict)
@@ -72,8 +72,8 @@ class PoseSpec(Spec):
     """A planar pose, drawn anew per trial when it has a spread.
 
     In frame ``world`` it is the pose of the body itself. In frame ``<unit>.<port>`` it is given in the dock
-    frame D of that port (face in the origin, x into the unit), and speaks of the *front port* of the unit that
-    is placed: ``x_m: -0.70`` leaves 0.70 m between the two faces.
+    frame D of that port (face in the origin, x into the unit), and speaks of the *front port* of the unit
+    that is placed: ``x_m: -0.70`` leaves 0.70 m between the two faces.
     """
 
     x_m: Finite = 0.0

@@ -119,7 +119,7 @@ class UnitGeometry:
 
     @cached_property
     def tag_slots(self) -> tuple[str, ...]:
-        """Links that carry a tag, in the order of a unit's tag ids: top, then per port left, middle, right."""
+        """Links that carry a tag in the order of their ids: top, then per port left, middle, right."""
         slots = ["tag_top"] if "tag_top" in self.frames else []
         for port in self.passive_ports:
             slots += [f"port_{port}_marker_{s}" for s in MARKER_SLOTS]

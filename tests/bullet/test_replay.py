@@ -18,6 +18,8 @@ from msrr_bullet.replay import replay, replay_isolated
 from msrr_bullet.replay_check import ReplayError, ReplayReport
 from msrr_scenes.messages import (
     Action,
+    AssemblyPath,
+    AssemblyProgress,
     Belief,
     Detections,
     Exposure,
@@ -56,6 +58,8 @@ class HashRobot:
         self.los: LosObservation | None = None
         self.belief = Belief()
         self.situation: Situation | None = None
+        self.assembly: AssemblyProgress | None = None
+        self.path: AssemblyPath | None = None
         self._steps = 0
 
     def wants(self, camera: str) -> bool:
