@@ -137,9 +137,9 @@ class RoutePlanner:
                 walls, and each adds to the margin at which they are driven around.
         """
         if caution == 0:
-            arcs = list(self._arcs(around))
-            if arcs:
-                return min(arcs, key=lambda r: r.seconds)
+            arc = next(self._arcs(around), None)
+            if arc is not None:
+                return arc
         margin = self.spec.around_margin_m * (1 + caution)
         ways = [*self._ways_around(around, margin), *self._staged(around, margin)]
         return min(ways, key=lambda r: r.seconds) if ways else None
