@@ -1,0 +1,184 @@
+"""The shape of the project: imports run one way, rooms explain themselves, nothing is tied to one machine."""
+
+from __future__ import annotations
+
+import ast
+import re
+import statistics
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+#: Package -> the folder it is in, and what it may import of the project and of the simulator.
+PACKAGES = {
+    "msrr_scenes": (ROOT / "scenes", {"msrr_scenes"}),
+    "msrr_perception": (ROOT / "perception", {"msrr_perception", "msrr_scenes"}),
+    "msrr_control": (ROOT / "control", {"msrr_control", "msrr_scenes"}),
+    "msrr_bullet": (
+        ROOT,
+        {"msrr_bullet", "msrr_perception", "msrr_control", "msrr_scenes", "pybullet", "pybullet_data"},
+    ),
+}
+GUARDED = {
+    "msrr_scenes",
+    "msrr_perception",
+    "msrr_control",
+    "msrr_bullet",
+    "pybullet",
+    "pybullet_data",
+    "tests",
+}
+
+#: The files that talk to whoever started the program.
+COMMAND_LINE = {"cli.py", "doors.py"}
+
+
+def sources(package: str) -> Iterator[Path]:
+    yield from sorted((PACKAGES[package][0] / package).rglob("*.py"))
+
+
+def imported(tree: ast.AST) -> Iterator[str]:
+    """Yield the top-level name of everything imported, at any depth of the code."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            yield (node.module or "").partition(".")[0]
+
+
+def tracked() -> list[Path]:
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode != 0:
+        pytest.skip("not a git checkout")
+    return [path for name in listed.stdout.split("\0") if name and (path := ROOT / name).is_file()]
+
+
+def texts() -> Iterator[tuple[Path, str]]:
+    for path in tracked():
+        try:
+            yield path, path.read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            continue  # a picture
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_imports_run_one_way(package: str) -> None:
+    allowed = PACKAGES[package][1]
+    for path in sources(package):
+        foreign = set(imported(ast.parse(path.read_text()))) & GUARDED - allowed
+        assert not foreign, f"{path.relative_to(ROOT)} imports {', '.join(sorted(foreign))}"
+
+
+def test_the_linters_contracts_are_kept() -> None:
+    """Through any number of steps, which the test above does not follow."""
+    done = subprocess.run(
+        [Path(sys.executable).with_name("lint-imports"), "--no-cache"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    assert re.search(r"Contracts: [1-9]\d* kept, 0 broken", done.stdout), done.stdout
+
+
+def test_the_robot_runs_where_there_is_no_simulator() -> None:
+    """Not by what is written in the files, but in a process: nothing on the way loads PyBullet."""
+    code = (
+        "import sys; sys.modules['pybullet'] = None\n"
+        "import msrr_perception.vision, msrr_perception.filter, msrr_control.phases, msrr_bullet.autonomy\n"
+        "import msrr_bullet.replay, msrr_scenes\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_control_never_loads_a_library_for_images() -> None:
+    code = (
+        "import pkgutil, importlib, sys, msrr_control as room\n"
+        "for m in pkgutil.iter_modules(room.__path__): importlib.import_module('msrr_control.' + m.name)\n"
+        "print(sorted({'cv2', 'pupil_apriltags', 'pybullet', 'msrr_perception', 'fcl'} & set(sys.modules)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == "[]", done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("room", ["scenes", "perception", "control", "msrr_bullet", "urdf"])
+def test_every_room_explains_itself(room: str) -> None:
+    readme = ROOT / room / "README.md"
+    assert readme.is_file(), f"{room} has no README.md"
+    assert len(readme.read_text().splitlines()) >= 10
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_package_is_typed(package: str) -> None:
+    assert (PACKAGES[package][0] / package / "py.typed").is_file()
+
+
+def test_files_keep_a_readable_size() -> None:
+    lengths = {p: len(p.read_text().splitlines()) for package in PACKAGES for p in sources(package)}
+    written = {p: n for p, n in lengths.items() if n > 1}
+    assert statistics.median(written.values()) <= 150
+    long = {str(p.relative_to(ROOT)): n for p, n in written.items() if n > 300}
+    assert max(written.values()) <= 400, long
+    assert len(long) <= 0.05 * len(written), long
+
+
+def test_no_drawer_for_odds_and_ends() -> None:
+    names = {p.stem for package in PACKAGES for p in sources(package)}
+    assert not names & {"utils", "util", "helpers", "common", "misc", "base"}
+
+
+def test_libraries_print_nothing() -> None:
+    """What they have to say they return, raise or log; only the command line speaks."""
+    for package in PACKAGES:
+        for path in sources(package):
+            if path.name in COMMAND_LINE:
+                continue
+            calls = [
+                node.lineno
+                for node in ast.walk(ast.parse(path.read_text()))
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
+            ]
+            assert not calls, f"{path.relative_to(ROOT)} prints in line {calls[0]}"
+
+
+def test_test_files_have_names_of_their_own() -> None:
+    names = Counter(p.name for p in tracked() if p.name.startswith("test_") and p.suffix == ".py")
+    assert not [name for name, count in names.items() if count > 1]
+
+
+def test_nothing_of_one_machine_is_in_the_project() -> None:
+    """No path of a home or of this checkout, no host of a package index, no address of a private network."""
+    here = [re.escape(f"{path}/") for path in (ROOT, Path.home(), Path(sys.prefix))]
+    forbidden = re.compile(
+        "|".join(
+            [
+                *here,
+                r"/(?:home|Users)/[a-z]",
+                r"--?(?:extra-)?index-url|--trusted-host|--find-links",
+                r"https?://[^\s/\"')]*/(?:simple|pypi|artifactory|nexus)\b",
+                r"https?://[\w.-]+\.(?:internal|local|corp|lan|intranet)\b",
+                r"\b(?:10|192\.168|172\.(?:1[6-9]|2\d|3[01]))\.\d{1,3}\.\d{1,3}\b(?!\.\d*[a-z])",
+                r"\.\./shared",
+            ]
+        )
+    )
+    for path, text in texts():
+        if path != Path(__file__).resolve():
+            found = forbidden.search(text)
+            assert found is None, f"{path.relative_to(ROOT)} holds {found.group()!r}"
+
+
+def test_constraints_are_versions_and_nothing_else() -> None:
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    strange = [line for line in lines if not re.fullmatch(r"(#.*|[A-Za-z0-9_.-]+==[0-9][\w.+!]*|)", line)]
+    assert not strange
+    names = [line.partition("==")[0].lower().replace("_", "-") for line in lines if "==" in line]
+    assert len(names) == len(set(names))
