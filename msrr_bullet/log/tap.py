@@ -100,6 +100,11 @@ class RecordedRobot:
         """Verdict on the step as of the last decision."""
         return self._robot.belief
 
+    @property
+    def situation(self) -> Situation | None:
+        """What global localisation knew when the last decision was taken."""
+        return self._robot.situation
+
     def wants(self, camera: str) -> bool:
         """Say whether the robot has a use for the frames of ``camera`` now."""
         return self._robot.wants(camera)
