@@ -6,11 +6,13 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-import typer
+import typer.main
+from typer.core import TyperGroup
 
 from msrr_bullet.cli import app
 from msrr_bullet.run import run_trial
@@ -25,17 +27,34 @@ _COMMAND = re.compile(r"^\s*(?:\$ )?(?:\.venv/bin/)?msrr (?P<arguments>[a-z].*)$
 _INLINE = re.compile(r"`(?:\.venv/bin/)?msrr (?P<arguments>[a-z][^`]*)`")
 
 
-def blocks(language: str) -> Iterator[object]:
+@dataclass(frozen=True)
+class Piece:
+    """A piece of a page: what a reader would copy, and where it stands."""
+
+    page: str
+    line: int
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.page}:{self.line}"
+
+
+def pieces(pattern: re.Pattern[str], group: str, language: str | None = None) -> list[Piece]:
+    found = []
     for page in PAGES:
-        for found in _BLOCK.finditer(page.read_text()):
-            if found["language"] == language:
-                line = page.read_text()[: found.start()].count("\n") + 1
-                yield pytest.param(found["text"], id=f"{page.relative_to(ROOT)}:{line}")
+        text = page.read_text()
+        for match in pattern.finditer(text):
+            if language is None or match["language"] == language:
+                line = text[: match.start()].count("\n") + 1
+                found.append(Piece(page.relative_to(ROOT).as_posix(), line, match[group]))
+    return found
 
 
-def programs() -> list[object]:
-    """Return the Python blocks that begin with an import; the others are sketches of a class."""
-    return [b for b in blocks("python") if re.match(r"(from|import) ", b.values[0])]  # type: ignore[attr-defined]
+PYTHON = pieces(_BLOCK, "text", "python")
+#: Blocks that begin with an import are whole programs; the others are sketches of a class.
+PROGRAMS = [piece for piece in PYTHON if re.match(r"(from|import) ", piece.text)]
+SCENES = [piece for piece in pieces(_BLOCK, "text", "yaml") if "\nplan:" in piece.text]
+COMMANDS = [*pieces(_COMMAND, "arguments"), *pieces(_INLINE, "arguments")]
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +63,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, shipped: Callable[..., Scen
     work = tmp_path_factory.mktemp("readme")
     run_trial(shipped("close_range", {"time_limit_s": "1"}), 1, out=work / "run")
     (work / "runs").mkdir()
-    for name in {n for b in programs() for n in re.findall(r"runs/(\w+)", b.values[0])}:  # type: ignore[attr-defined]
+    for name in {n for program in PROGRAMS for n in re.findall(r"runs/(\w+)", program.text)}:
         (work / "runs" / name).symlink_to(work / "run")
     return work
 
@@ -57,51 +76,43 @@ def execute(*arguments: str, cwd: Path) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("program", programs())
-def test_a_program_runs(program: str, folder: Path) -> None:
-    execute("-c", program, cwd=folder)
+@pytest.mark.parametrize("program", PROGRAMS, ids=str)
+def test_a_program_runs(program: Piece, folder: Path) -> None:
+    execute("-c", program.text, cwd=folder)
 
 
-@pytest.mark.parametrize("sketch", list(blocks("python")))
-def test_a_sketch_is_python(sketch: str) -> None:
-    compile(sketch, "sketch", "exec")
+@pytest.mark.parametrize("sketch", PYTHON, ids=str)
+def test_a_sketch_is_python(sketch: Piece) -> None:
+    compile(sketch.text, str(sketch), "exec")
 
 
 def test_the_readme_has_a_program_of_ten_lines() -> None:
-    (text, *_) = [b.values[0] for b in programs() if b.id.startswith("README.md")]  # type: ignore[attr-defined]
-    assert "run_trial(" in text
-    assert len([line for line in text.splitlines() if line.strip()]) <= 10
+    texts = [program.text for program in PROGRAMS if program.page == "README.md"]
+    assert texts, "README.md shows no Python program"
+    assert "run_trial(" in texts[0]
+    assert len([line for line in texts[0].splitlines() if line.strip()]) <= 10
 
 
-@pytest.mark.parametrize("text", [b for b in blocks("yaml") if "\nplan:" in b.values[0]])  # type: ignore[attr-defined]
-def test_a_scene_loads(text: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("scene", SCENES, ids=str)
+def test_a_scene_loads(scene: Piece, tmp_path: Path) -> None:
     file = tmp_path / "scene.yaml"
-    file.write_text(text)
+    file.write_text(scene.text)
     assert load_scene(file).plan
 
 
-def commands() -> list[object]:
-    found = {
-        match["arguments"].partition("#")[0].strip(): page.relative_to(ROOT)
-        for page in PAGES
-        for pattern in (_COMMAND, _INLINE)
-        for match in pattern.finditer(page.read_text())
-    }
-    return [pytest.param(command, id=f"{page}: msrr {command}") for command, page in found.items()]
-
-
-@pytest.mark.parametrize("command", commands())
-def test_a_command_exists_with_these_options(command: str) -> None:
-    """Parsed, not run. Names in capitals stand for something of the reader's."""
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda c: f"{c}-{c.text.split()[0]}")
+def test_a_command_exists_with_these_options(command: Piece) -> None:
+    """Looked up, not run: names in capitals stand for something of the reader's."""
     program = typer.main.get_command(app)
-    name, *arguments = (w for w in shlex.split(command) if not re.fullmatch(r"[][|.]+", w))
+    assert isinstance(program, TyperGroup)
+    name, *words = shlex.split(command.text, comments=True)
     with program.make_context("msrr", ["--help"], resilient_parsing=True) as context:
-        chosen = program.get_command(context, name)  # type: ignore[attr-defined]
-        assert chosen is not None, f"msrr has no command {name!r}"
-        options = {o for parameter in chosen.params for o in parameter.opts}
-        for word in arguments:
+        chosen = program.get_command(context, name)
+        assert chosen is not None, f"{command}: msrr has no command {name!r}"
+        options = {option for parameter in chosen.params for option in parameter.opts}
+        for word in (w.strip("[]") for w in words):
             if word.startswith("--"):
-                assert word.partition("=")[0].rstrip("]") in options, f"msrr {name} has no option {word}"
+                assert word.partition("=")[0] in options, f"{command}: msrr {name} has no option {word}"
 
 
 def test_the_own_controller_is_an_example_of_forty_lines() -> None:
