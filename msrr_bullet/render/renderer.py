@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 from msrr_bullet.render.floor import Floor, concrete_floor
 from msrr_scenes.messages import Pixels
@@ -48,8 +48,14 @@ def _tiny(context: RenderContext, **params: Literal["composited", "mesh"]) -> Re
     return TinyRenderer(context, **params)
 
 
+def _raster(context: RenderContext, **params: Any) -> Renderer:
+    from msrr_bullet.render.raster import RasterRenderer
+
+    return RasterRenderer(context, **params)
+
+
 #: Renderers by name; one of your own is named by its import path and built from a RenderContext as well.
-RENDERERS: Mapping[str, Callable[..., Renderer]] = MappingProxyType({"tiny": _tiny})
+RENDERERS: Mapping[str, Callable[..., Renderer]] = MappingProxyType({"tiny": _tiny, "raster": _raster})
 
 
 def build_renderer(choice: Choice, context: RenderContext) -> Renderer:

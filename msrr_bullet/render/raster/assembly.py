@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from msrr_bullet.render.raster.bodies import Look
 from msrr_bullet.render.raster.faces import Faces, faces_of
+from msrr_bullet.render.raster.look import Look
 from msrr_bullet.render.raster.picture import Textures
 from msrr_bullet.render.raster.projection import CELLS, SMOOTH, TEXTURED, Geometry
 from msrr_bullet.render.raster.texture import Texture
@@ -15,7 +17,7 @@ from msrr_scenes.errors import GeometryError
 _MOST_FACES = 1 << (31 - REGION_BITS)
 
 
-def assemble(looks: list[Look]) -> tuple[Geometry, Textures]:
+def assemble(looks: Sequence[Look]) -> tuple[Geometry, Textures]:
     """Return all faces in their movers' frames, and the textures they show.
 
     Raises:
@@ -23,7 +25,7 @@ def assemble(looks: list[Look]) -> tuple[Geometry, Textures]:
     """
     textures: list[Texture] = []
     columns: dict[str, list[np.ndarray]] = {name: [] for name in Geometry._fields}
-    vertex_count = face_count = corner_count = smooth_count = 0
+    vertex_count = face_count = corner_count = smooth_count = surface_count = 0
     for look in looks:
         faces = faces_of(look.mesh)
         n = len(faces.planes)
@@ -50,10 +52,12 @@ def assemble(looks: list[Look]) -> tuple[Geometry, Textures]:
         columns["weights"].append(_turned(faces.weights[rows], R, p, sign=-1.0))
         columns["uv"].append(_turned(faces.uv, R, p, sign=-1.0))
         columns["texture"].append(np.full(n, number))
+        columns["surface"].append(np.where(faces.surface >= 0, faces.surface + surface_count, -1))
         vertex_count += len(vertices)
         face_count += n
         corner_count += len(faces.corners)
         smooth_count += len(rows)
+        surface_count += int(faces.surface.max(initial=-1)) + 1
     if face_count >= _MOST_FACES:
         raise GeometryError(f"{face_count} faces are more than the raster renderer can tell apart")
     for name, last in (
@@ -94,7 +98,8 @@ def _cells(numbers: np.ndarray, textures: list[Texture], packed: Textures) -> np
     regions = np.cumsum([0, *(len(t.region_grey) if t.regions is not None else 0 for t in textures)])
     first = packed.first_level
     table = np.stack(
-        [packed.level_start[first], packed.level_rows[first], packed.level_columns[first], regions[:-1]], axis=1
+        [packed.level_start[first], packed.level_rows[first], packed.level_columns[first], regions[:-1]],
+        axis=1,
     )
     out = np.zeros((len(numbers), 4), dtype=np.int64)
     out[numbers >= 0] = table[numbers[numbers >= 0]]

@@ -7,12 +7,14 @@ each exposure: a body's base, and each link behind a joint that is not fixed.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pybullet
 
+from msrr_bullet.render.raster.look import Look
 from msrr_bullet.render.raster.mesh import Mesh, box, capsule, cylinder, sphere
 from msrr_bullet.render.raster.mesh_file import MeshPart, read_mesh
 from msrr_bullet.render.raster.projection import Array
@@ -20,30 +22,14 @@ from msrr_bullet.render.raster.texture import Texture, read_texture
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.se3 import SE3
 
-#: Weights of red, green and blue in a grey level (ITU-R BT.601), as OpenCV and mono cameras' data sheets have them.
+#: Weights of red, green and blue in a grey level (ITU-R BT.601), as OpenCV has them.
 _LUMA = np.array([0.299, 0.587, 0.114])
+
+#: An entry of PyBullet's getVisualShapeData.
+Shape = tuple[Any, ...]
 
 #: Link index by which PyBullet names a body's base.
 _BASE = -1
-
-
-@dataclass(frozen=True, eq=False)
-class Look:
-    """One visual shape.
-
-    Attributes:
-        mover: Number of the mover that carries it.
-        X_MG: The mesh's own frame in the mover's.
-        mesh: In metres.
-        grey: Reflectance, 0 to 1.
-        texture: Picture on it, which multiplies ``grey``, or None.
-    """
-
-    mover: int
-    X_MG: SE3
-    mesh: Mesh
-    grey: float
-    texture: Texture | None
 
 
 class Bodies:
@@ -72,7 +58,7 @@ class Bodies:
         bases = [key for key in pending if key[1] == _BASE]
         links = sorted(key for key in pending if key[1] != _BASE)
         for number, key in enumerate(bases + links):
-            self.looks += [Look(number, k.X_MG, k.mesh, k.grey, k.texture) for k in pending[key]]
+            self.looks += [replace(look, mover=number) for look in pending[key]]
         self._bases = [body for body, _ in bases]
         for body, link in links:
             if not self._links or self._links[-1][0] != body:
@@ -88,9 +74,7 @@ class Bodies:
             position, quaternion = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
             rows.append(position + quaternion)
         for body, links in self._links:
-            states = pybullet.getLinkStates(
-                body, links, computeForwardKinematics=1, physicsClientId=client
-            )
+            states = pybullet.getLinkStates(body, links, computeForwardKinematics=1, physicsClientId=client)
             rows += [state[4] + state[5] for state in states]
         return np.array(rows, dtype=np.float64).reshape(-1, 7)
 
@@ -101,7 +85,7 @@ def loaded_bodies(client: int) -> tuple[int, ...]:
     return tuple(pybullet.getBodyUniqueId(i, physicsClientId=client) for i in range(count))
 
 
-def _shapes(client: int, body: int) -> Iterator[tuple[tuple[int, SE3], tuple]]:
+def _shapes(client: int, body: int) -> Iterator[tuple[tuple[int, SE3], Shape]]:
     """Yield each visual shape of a body with the link that its mover is named after and its pose there."""
     shapes = pybullet.getVisualShapeData(
         body, flags=pybullet.VISUAL_SHAPE_DATA_TEXTURE_UNIQUE_IDS, physicsClientId=client
@@ -127,7 +111,7 @@ def _mover_of(client: int, body: int, link: int) -> tuple[int, SE3]:
 
 
 def _link_pose(client: int, body: int, link: int, of_mover: bool = True) -> SE3:
-    """Return a link's frame in W; of the base, as a mover, the inertial frame that PyBullet calls its pose."""
+    """Return a link's frame in W; for the base, as a mover, the inertial frame: PyBullet's base pose."""
     if link == _BASE:
         base = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
         X_WI = SE3.from_quaternion_xyzw(*base)
@@ -139,7 +123,7 @@ def _link_pose(client: int, body: int, link: int, of_mover: bool = True) -> SE3:
     return SE3.from_quaternion_xyzw(state[4], state[5])
 
 
-def _looks(shape: tuple, X_MG: SE3) -> Iterator[Look]:
+def _looks(shape: Shape, X_MG: SE3) -> Iterator[Look]:
     """Yield what is to be drawn of one entry of getVisualShapeData (numbered by mover later)."""
     body, link, kind, size, filename, _, _, rgba, texture_id = shape
     if rgba[3] == 0.0 or kind == pybullet.GEOM_PLANE:

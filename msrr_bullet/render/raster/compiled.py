@@ -14,14 +14,18 @@ import stat
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
-from numba.core import config
+from numba.core import config as _config
 
 F = TypeVar("F", bound=Callable[..., object])
+
+#: numba fills this module in when it is imported.
+config: Any = _config
 
 _SOURCES = Path(__file__).resolve().parent
 
@@ -45,7 +49,7 @@ def _digest() -> str:
 
 
 def _usable(folder: Path) -> bool:
-    """Create ``folder``; say whether we may write there and nobody else owns it (its contents get executed)."""
+    """Create ``folder``; say whether we may write there and nobody else may: its contents get executed."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         status = folder.stat()
@@ -68,10 +72,8 @@ def cache_folder() -> Path:
     given = os.environ.get("NUMBA_CACHE_DIR")
     owner = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
     candidates = [Path(given)] if given else []
-    try:
+    with suppress(RuntimeError):  # no home folder
         candidates.append(_user_caches() / "msrr-bullet")
-    except RuntimeError:  # no home folder
-        pass
     candidates.append(Path(tempfile.gettempdir()) / f"msrr-bullet-{owner}")
     for candidate in candidates:
         if _usable(candidate / name):
@@ -93,16 +95,15 @@ def kernel(function: F) -> F:
     before = config.CACHE_DIR
     config.CACHE_DIR = str(cache_folder())
     try:
-        compiled: F = numba.njit(cache=True, fastmath=False, boundscheck=False, error_model="numpy")(function)
+        compile_it = numba.njit(cache=True, fastmath=False, boundscheck=False, error_model="numpy")
+        return cast(F, compile_it(function))
     finally:
         config.CACHE_DIR = before  # the user's own kernels are none of our business
-    return compiled
 
 
 def inlined(function: F) -> F:
     """Decorate a step of an inner loop: its code is copied into every kernel that calls it.
 
-    A call would count references to every array of every tuple that it passes, which costs more than the step.
+    A call would count references to every array of every tuple that it passes: more work than the step is.
     """
-    compiled: F = numba.njit(inline="always", fastmath=False, error_model="numpy")(function)
-    return compiled
+    return cast(F, numba.njit(inline="always", fastmath=False, error_model="numpy")(function))

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from msrr_bullet.render.raster.mesh import Array, Indices, Mesh
 
@@ -38,6 +40,8 @@ class Faces:
         corner_normals: Those normals at three of the corners, shape (F, 3, 3).
         weights: Affine functions that weigh the second and the third of these corners, shape (F, 2, 4).
         uv: Affine functions of the texture coordinates, shape (F, 2, 4); zero without texture.
+        surface: Number of the round surface that a face is part of, from 0 up, or -1; shape (F,). Across an
+            edge within a surface the shading goes on without a crease.
     """
 
     vertices: Array
@@ -48,6 +52,7 @@ class Faces:
     corner_normals: Array
     weights: Array
     uv: Array
+    surface: Indices
 
 
 def faces_of(mesh: Mesh) -> Faces:
@@ -90,6 +95,7 @@ def faces_of(mesh: Mesh) -> Faces:
         normals[of],
         weights[of],
         maps[of],
+        _surfaces(triangles, normals, smooth)[of],
     )
 
 
@@ -117,31 +123,46 @@ def _coplanar_groups(
     triangles: Indices, normal: Array, offset: Array, maps: Array, extent: float
 ) -> list[list[int]]:
     """Return sets of triangles joined by edges, in one plane, that carry on each other's affine maps."""
-    owner: dict[tuple[int, int], int] = {}
-    for t, (a, b, c) in enumerate(triangles.tolist()):
-        owner[a, b] = owner[b, c] = owner[c, a] = t
-    root = list(range(len(triangles)))
+    t, other = _neighbours(triangles)[:, :, 0].T
+    joined = (
+        (np.abs(normal[t] - normal[other]).max(axis=1) < _COPLANAR)
+        & (np.abs(offset[t] - offset[other]) < _COPLANAR * extent)
+        & (
+            np.abs(maps[t] - maps[other]).max(axis=(1, 2))
+            < _COPLANAR * (1.0 + np.abs(maps[t]).max(axis=(1, 2)))
+        )
+    )
+    labels = _components(len(triangles), t[joined], other[joined])
+    order = np.argsort(labels, kind="stable")
+    return [g.tolist() for g in np.split(order, np.flatnonzero(np.diff(labels[order])) + 1) if len(g)]
 
-    def find(t: int) -> int:
-        while root[t] != t:
-            root[t] = root[root[t]]
-            t = root[t]
-        return t
 
-    for (a, b), t in owner.items():
-        other = owner.get((b, a))
-        if other is None or other <= t:
-            continue
-        if (
-            np.abs(normal[t] - normal[other]).max() < _COPLANAR
-            and abs(offset[t] - offset[other]) < _COPLANAR * extent
-            and np.abs(maps[t] - maps[other]).max() < _COPLANAR * (1.0 + np.abs(maps[t]).max())
-        ):
-            root[find(other)] = find(t)
-    groups: dict[int, list[int]] = {}
-    for t in range(len(triangles)):
-        groups.setdefault(find(t), []).append(t)
-    return list(groups.values())
+def _surfaces(triangles: Indices, normals: Array, smooth: NDArray[np.bool_]) -> Indices:
+    """Return the round surface of each triangle, or -1: neighbours whose normals agree along their edge."""
+    pairs = _neighbours(triangles)
+    (t, i), (other, j) = pairs[:, 0].T, pairs[:, 1].T
+    # An edge runs from corner i to i + 1 of one triangle and from j to j + 1 of the other, backwards.
+    start = np.abs(normals[t, i] - normals[other, (j + 1) % 3]).max(axis=1)
+    end = np.abs(normals[t, (i + 1) % 3] - normals[other, j]).max(axis=1)
+    joined = (np.maximum(start, end) < _FLAT) & smooth[t] & smooth[other]
+    return np.where(smooth, _components(len(triangles), t[joined], other[joined]), -1)
+
+
+def _neighbours(triangles: Indices) -> Indices:
+    """Return pairs of (triangle, edge) that share an edge, each once, shape (N, 2, 2)."""
+    sides = {
+        (a, b): (t, i)
+        for t, corners in enumerate(triangles.tolist())
+        for i, (a, b) in enumerate(zip(corners, corners[1:] + corners[:1], strict=True))
+    }
+    pairs = [(side, sides[b, a]) for (a, b), side in sides.items() if a < b and (b, a) in sides]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2, 2)
+
+
+def _components(count: int, a: Indices, b: Indices) -> Indices:
+    """Return the number of the connected part that each of ``count`` things belongs to."""
+    graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def _convex_outline(triangles: Indices, vertices: Array, normal: Array) -> list[int] | None:

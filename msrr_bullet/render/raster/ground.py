@@ -1,8 +1,9 @@
 """The background under the kernels: the floor's texture, filtered to each pixel's footprint.
 
 The same picture as :meth:`msrr_bullet.render.floor.Floor.image`. There, a pixel blends the two levels of the
-texture's pyramid next to its footprint. Here the blends are made beforehand, in steps of a quarter of a level,
-and a pixel is one bilinear lookup in the nearest of them.
+texture's pyramid next to its footprint. Here the blends are made beforehand, in steps of half a level, and a
+pixel is one bilinear lookup in the nearest of them. A texel is kept together with its neighbours to the
+right, below and diagonally, a byte each, so that a lookup is one access to memory.
 """
 
 from __future__ import annotations
@@ -20,16 +21,14 @@ from msrr_bullet.render.raster.projection import Array, Indices
 from msrr_scenes.errors import SceneError
 from msrr_scenes.se3 import SE3
 
-Texels = NDArray[np.uint16]
+Texels = NDArray[np.uint32]
+Short = NDArray[np.float32]
 
 #: Blends per level of the pyramid.
-STEPS = 4
+STEPS = 2
 
-#: Texels are kept as grey levels times this.
-_UNIT = 128.0
-
-#: Pixels of a row that share one blend, aligned to the frame.
-STRIDE = 32
+#: Pixels of a row that share one blend, aligned to the frame: for a camera with roll and for a level one.
+_STRIDES = (32, 1024)
 
 #: Descent of a ray below which the floor is so far away that only its mean is seen.
 _HORIZON = 1e-4
@@ -55,6 +54,7 @@ class GroundView(NamedTuple):
     forms: Array  # (3, 3) forms of x, y and t over the image
     scale: float  # footprint across a ray that falls plumb [texels]
     lean: float  # sine of the angle between optical axis and plumb line
+    stride: int  # pixels of a row that share one blend, aligned to the frame
 
 
 @lru_cache(maxsize=4)
@@ -65,8 +65,11 @@ def ground_of(floor: Floor) -> Ground:
         SceneError: The texture's edge is no power of two, or its greys do not lie in 0 to 255.
     """
     edge = floor.levels[0].shape[0]
-    if any(level.shape != (edge >> i, edge >> i) for i, level in enumerate(floor.levels)) or edge & (edge - 1):
-        raise SceneError("the floor's texture is not a pyramid of squares, each half as wide, from a power of two")
+    halved = all(level.shape == (edge >> i, edge >> i) for i, level in enumerate(floor.levels))
+    if not halved or edge != 1 << (len(floor.levels) - 1):
+        raise SceneError(
+            "the floor's texture is not a pyramid of squares, each half as wide, down to one texel"
+        )
     if floor.levels[0].min() < 0.0 or floor.levels[0].max() > 255.0:
         raise SceneError("the floor's texture has grey levels outside 0 to 255")
     blends: list[NDArray[np.float64]] = []
@@ -76,7 +79,7 @@ def ground_of(floor: Floor) -> Ground:
     blends.append(floor.levels[-1].astype(np.float64))
     sizes = np.array([blend.size for blend in blends], dtype=np.int64)
     return Ground(
-        texels=np.concatenate([np.rint(_UNIT * blend).astype(np.uint16).reshape(-1) for blend in blends]),
+        texels=np.concatenate([_with_neighbours(blend).reshape(-1) for blend in blends]),
         start=np.cumsum(sizes) - sizes,
         bits=np.array([int(math.log2(len(blend))) for blend in blends], dtype=np.int64),
         mean=float(floor.levels[-1][0, 0]),
@@ -97,12 +100,20 @@ def _doubled(level: NDArray[np.float64]) -> NDArray[np.float64]:
     return out
 
 
+def _with_neighbours(level: NDArray[np.float64]) -> Texels:
+    """Return each texel with the next in its row, in its column and diagonally, from the lowest byte up."""
+    own = np.rint(level).astype(np.uint32)
+    right = np.roll(own, -1, axis=1)
+    pair = own | right << 8
+    return (pair | np.roll(pair, -1, axis=0) << 16).astype(np.uint32)
+
+
 def view_ground(ground: Ground, focal: float, middle: tuple[float, float], X_WC: SE3) -> GroundView:
     """Return a floor as seen by a camera at ``X_WC``; from below there is no floor (all forms zero)."""
     r, p = X_WC.R, X_WC.p
     forms = np.zeros((3, 3))
     if p[2] <= 0.0:
-        return GroundView(forms, 1.0, 0.0)
+        return GroundView(forms, 1.0, 0.0, _STRIDES[1])
     forms[0] = ground.per_metre * (p[2] * r[0] - p[0] * r[2])
     forms[1] = ground.per_metre * (p[2] * r[1] - p[1] * r[2])
     forms[2] = -r[2]
@@ -110,45 +121,50 @@ def view_ground(ground: Ground, focal: float, middle: tuple[float, float], X_WC:
     forms[:, :2] /= focal
     forms[:, 2] -= forms[:, 0] * middle[0] + forms[:, 1] * middle[1]
     scale = ground.per_metre * float(p[2]) / focal
-    return GroundView(forms, scale, math.hypot(r[2, 0], r[2, 1]))
+    # A camera without roll sees each row of the floor at one distance.
+    level = abs(float(r[2, 0])) < 1e-3
+    return GroundView(forms, scale, math.hypot(r[2, 0], r[2, 1]), _STRIDES[level])
 
 
 @inlined
-def ground_blend(forms: Array, scale: float, lean: float, last: int, column: int, row: int) -> int:
+def ground_blend(
+    forms: Array, scale: float, lean: float, stride: int, last: int, column: int, row: int
+) -> int:
     """Return which blend the group of pixels that holds (column, row) is looked up in.
 
     The footprint is the longer one, along the line of sight.
     """
-    u = (column // STRIDE) * STRIDE + 0.5 * STRIDE
+    u = (column // stride) * stride + 0.5 * stride
     t = max(forms[2, 0] * u + (forms[2, 1] * (row + 0.5) + forms[2, 2]), _HORIZON)
     return int(min(max(STEPS * np.log2(scale * (t + lean) / (t * t)) + 0.5, 0.0), float(last)))
 
 
 @inlined
-def ground_grey(
-    texels: Texels, start: int, bits: int, shrink: float, x: float, y: float, t: float
-) -> np.float32:
-    """Return the floor's grey at (x / t, y / t) finest texels.
+def texel_place(
+    x: np.float32, y: np.float32, t: np.float32, start: np.int32, bits: np.int32, shrink: np.float32
+) -> tuple[np.int32, np.float32, np.float32]:
+    """Return where the texel up and left of a point of the floor is, and how far on the point lies.
 
     Args:
-        texels: All blends.
-        start: First texel of the blend to look it up in.
-        bits: Binary logarithm of that blend's edge.
-        shrink: That edge over the finest one.
-        x: Of the floor, times t.
-        y: Of the floor, times t.
+        x: Of the point in finest texels, times t.
+        y: Likewise.
         t: Descent of the ray.
+        start: First texel of the blend.
+        bits: Binary logarithm of the blend's edge.
+        shrink: That edge over the finest one.
     """
-    z = shrink / max(t, _HORIZON)
-    x, y = x * z - 0.5, y * z - 0.5
+    mask = (np.int32(1) << bits) - np.int32(1)
+    z = shrink / max(t, np.float32(_HORIZON))
+    x, y = x * z - np.float32(0.5), y * z - np.float32(0.5)
     fx, fy = np.floor(x), np.floor(y)
-    ax, ay = np.float32(x - fx), np.float32(y - fy)
-    mask = (1 << bits) - 1
-    i0, j0 = int(fx) & mask, int(fy) & mask
-    i1, j1 = (i0 + 1) & mask, (j0 + 1) & mask
-    upper, lower = start + (j0 << bits), start + (j1 << bits)
-    a, b = np.float32(texels[upper + i0]), np.float32(texels[upper + i1])
-    c, d = np.float32(texels[lower + i0]), np.float32(texels[lower + i1])
-    a += ax * (b - a)
-    c += ax * (d - c)
-    return (a + ay * (c - a)) * np.float32(1.0 / _UNIT)
+    return start + ((np.int32(fy) & mask) << bits) + (np.int32(fx) & mask), x - fx, y - fy
+
+
+@inlined
+def interpolated(texel: np.uint32, ax: np.float32, ay: np.float32) -> np.float32:
+    """Return the grey between a texel and its neighbours."""
+    byte = np.uint32(255)
+    a, b = np.float32(texel & byte), np.float32((texel >> np.uint32(8)) & byte)
+    c, d = np.float32((texel >> np.uint32(16)) & byte), np.float32(texel >> np.uint32(24))
+    upper, lower = a + ax * (b - a), c + ax * (d - c)
+    return upper + ay * (lower - upper)

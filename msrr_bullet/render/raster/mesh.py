@@ -87,9 +87,7 @@ def _revolved(profile: list[tuple[float, float]], slopes: Any, capped: bool = Fa
     turns = np.arange(n) * (2.0 * math.pi / n)
     c, s = np.cos(turns), np.sin(turns)
     vertices = np.concatenate([np.stack([r * c, r * s, np.full(n, z)], axis=1) for r, z in profile])
-    rings = [
-        np.stack([math.cos(a) * c, math.cos(a) * s, np.full(n, math.sin(a))], axis=1) for a in slopes
-    ]
+    rings = [np.stack([math.cos(a) * c, math.cos(a) * s, np.full(n, math.sin(a))], axis=1) for a in slopes]
     directions = np.concatenate(rings)
     i, j = np.arange(n), (np.arange(n) + 1) % n
     triangles = []

@@ -106,8 +106,8 @@ def _lines(path: Path) -> Iterator[list[str]]:
 
 
 def _corner(word: str, counts: tuple[int, int, int]) -> tuple[int, int, int]:
-    """Return (position, texture, normal) indices counted from 0 of ``7``, ``7/2``, ``7//3`` or ``-1/-1/-1``."""
-    fields = (word.split("/") + ["", ""])[:3]
+    """Return (position, texture, normal), counted from 0, of ``7``, ``7/2``, ``7//3`` or ``-1/-1/-1``."""
+    fields = [*word.split("/"), "", ""][:3]
     index = [int(f) if f else 0 for f in fields]
     position, texture, normal = (
         i - 1 if i > 0 else (n + i if i < 0 else -1) for i, n in zip(index, counts, strict=True)
@@ -127,7 +127,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def _material_pictures(path: Path) -> dict[str, Path]:
-    """Return the diffuse picture of each material; a material file that is missing has none, as in PyBullet."""
+    """Return the diffuse picture of each material; a file that is missing has none, as in PyBullet."""
     pictures: dict[str, Path] = {}
     name = ""
     if path.is_file():

@@ -18,6 +18,6 @@ _ROWS = (13, 5, 1, 9, 12, 6, 2, 14, 8, 4, 10, 0, 15, 7, 3, 11)
 
 
 def rooks() -> Short:
-    """Return the N-rooks pattern, shape (2, SAMPLES): places in the unit square, all x and all y different."""
+    """Return the N-rooks pattern, shape (2, SAMPLES): x and y in the unit square, all different."""
     places = np.stack([np.arange(SAMPLES) + 0.5, np.array(_ROWS) + 0.5]) / SAMPLES
     return places.astype(np.float32)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from msrr_bullet.render.raster.compiled import inlined, kernel
-from msrr_bullet.render.raster.ground import Ground, GroundView
+from msrr_bullet.render.raster.ground import Ground, GroundView, Short
 from msrr_bullet.render.raster.picture import Textures
 from msrr_bullet.render.raster.projection import Array, Faces, Geometry, Light, View, project
-from msrr_bullet.render.raster.resolve import Short, clear_samples, cover_samples, shade_open
-from msrr_bullet.render.raster.settle import Pixels, Samples, settle, shade_settled
-from msrr_bullet.render.raster.visibility import Corners, Identities, clear, cover_corners
+from msrr_bullet.render.raster.resolve import clear_samples, cover_samples, shade_open
+from msrr_bullet.render.raster.settle import Pixels, Samples, Scratch, settle
+from msrr_bullet.render.raster.visibility import Corners, clear, cover_corners
 
 #: Rows of a window that are worked on at a time, so that what is written stays in the processor's cache.
 BAND = 32
@@ -25,7 +25,7 @@ class Work(NamedTuple):
     seen: Array  # (V, 3) vertices in C
     faces: Faces
     corners: Corners
-    settled: Identities
+    scratch: Scratch
     samples: Samples
 
 
@@ -97,8 +97,18 @@ def draw(
         rows = out[top : top + BAND]
         clear(band, floor, work.corners)
         cover_corners(band, faces, count, textures.regions, work.corners)
-        settle(band, work.corners, work.settled, work.samples)
-        shade_settled(band, faces, textures, ground, ground_view, work.settled, rows)
+        settle(
+            band,
+            faces,
+            textures,
+            ground,
+            ground_view,
+            work.corners,
+            work.scratch,
+            pattern,
+            work.samples,
+            rows,
+        )
         clear_samples(band, floor, pattern, work.samples)
         cover_samples(band, faces, count, pattern, work.samples)
         shade_open(band, faces, textures, ground, ground_view, pattern, work.samples, rows)

@@ -1,11 +1,11 @@
 """Projection: which faces may be seen in a window, as linear forms over the image plane.
 
 For a point of a plane ``n . p = -h`` (h > 0: distance of the camera in front of it) and the ray
-``r = (x, y, 1)`` of a pixel, ``1 / z = -(n . r) / h``: the inverse depth of a face is *linear* over the image.
-So are the tests that bound it: the plane through the camera and an edge A -> B has the normal ``B x A``, and a
-ray lies inside the face where ``(B x A) . r >= 0`` for all its edges. These forms need no clipping: they
-hold when corners lie behind the camera (Olano and Greer, "Triangle scan conversion using 2D homogeneous
-coordinates", 1997). The near plane is one more linear form, ``1 / near - 1 / z >= 0``.
+``r = (x, y, 1)`` of a pixel, ``1 / z = -(n . r) / h``: the inverse depth of a face is *linear* over the
+image. So are the tests that bound it: the plane through the camera and an edge A -> B has the normal
+``B x A``, and a ray lies inside the face where ``(B x A) . r >= 0`` for all its edges. These forms need no
+clipping: they hold when corners lie behind the camera (Olano and Greer, "Triangle scan conversion using 2D
+homogeneous coordinates", 1997). The near plane is one more linear form, ``1 / near - 1 / z >= 0``.
 
 Two faces that share an edge compute forms that are exact negatives of each other, bit for bit, so a sample
 belongs to one of them and never to none.
@@ -50,6 +50,7 @@ class Geometry(NamedTuple):
     weights: Array  # (., 2, 4)
     uv: Array  # (F, 2, 4) where TEXTURED
     texture: Indices  # (F,) texture number
+    surface: Indices  # (F,) round surface that the face is part of, or -1
     cells: Indices  # (F, 4) first texel, rows, columns, first region, where CELLS
 
 
@@ -60,12 +61,13 @@ class Faces(NamedTuple):
     nearest: Array  # (N,) largest 1 / z on the face
     box: Array  # (N, 4) bounds u0, u1, v0, v1 [px]
     edge_start: Indices  # (N + 1,)
-    edges: Array  # (., 3) forms, inside where all >= 0
+    edges: Array  # (., 5) forms, inside where all >= 0; where a != 0: -b / a and -c / a, so that u = s v + t
     grey: Array  # (N,) grey level; where TEXTURED: of white
     shade: Array  # (N, 3) form of grey / z, where SMOOTH
     uv: Array  # (N, 2, 3) forms of texture coordinates / z
     kind: Indices  # (N,)
     texture: Indices  # (N,)
+    surface: Indices  # (N,)
     cells: Indices  # (N, 4)
 
 
@@ -117,7 +119,14 @@ def in_view(view: View, x: float, y: float, z: float, radius: float) -> bool:
 
 @kernel
 def project(
-    view: View, light: Light, geometry: Geometry, R_CM: Array, p_CM: Array, R_WM: Array, seen: Array, out: Faces
+    view: View,
+    light: Light,
+    geometry: Geometry,
+    R_CM: Array,
+    p_CM: Array,
+    R_WM: Array,
+    seen: Array,
+    out: Faces,
 ) -> int:
     """Fill ``out`` with the faces that may be seen in the window; return how many.
 
@@ -177,7 +186,7 @@ def project(
             a, b, c = form(view, wx, wy, wz)
             out.inverse_depth[count, 0], out.inverse_depth[count, 1], out.inverse_depth[count, 2] = a, b, c
             if out.nearest[count] * view.near > 1.0:  # a corner is nearer than the near plane
-                out.edges[edge, 0], out.edges[edge, 1], out.edges[edge, 2] = -a, -b, 1.0 / view.near - c
+                write_edge(out.edges, edge, -a, -b, 1.0 / view.near - c)
                 edge += 1
                 out.nearest[count] = 1.0 / view.near
             out.edge_start[count + 1] = edge
@@ -185,6 +194,7 @@ def project(
             grey = geometry.grey[face]
             out.kind[count] = kind
             out.texture[count] = geometry.texture[face]
+            out.surface[count] = geometry.surface[face]
             for k in range(4):
                 out.cells[count, k] = geometry.cells[face, k]
             if kind & SMOOTH:
@@ -264,21 +274,25 @@ def bounds(view: View, corners: Indices, first: int, end: int, seen: Array, out:
     u1, v1 = u1 + 1e-6 * (1.0 + abs(u1)), v1 + 1e-6 * (1.0 + abs(v1))
     out.box[count, 0], out.box[count, 1], out.box[count, 2], out.box[count, 3] = u0, u1, v0, v1
     out.nearest[count] = nearest
-    return (
-        u1 >= view.x and u0 <= view.x + view.width and v1 >= view.y and v0 <= view.y + view.height
-    )
+    return u1 >= view.x and u0 <= view.x + view.width and v1 >= view.y and v0 <= view.y + view.height
 
 
 @inlined
-def edge_forms(
-    view: View, corners: Indices, first: int, end: int, seen: Array, out: Faces, edge: int
-) -> int:
+def write_edge(edges: Array, row: int, a: float, b: float, c: float) -> None:
+    """Write an edge's form. The quotients are the same for an edge and its reverse, bit for bit."""
+    edges[row, 0], edges[row, 1], edges[row, 2] = a, b, c
+    edges[row, 3] = -b / a if a != 0.0 else 0.0
+    edges[row, 4] = -c / a if a != 0.0 else 0.0
+
+
+@inlined
+def edge_forms(view: View, corners: Indices, first: int, end: int, seen: Array, out: Faces, edge: int) -> int:
     """Write the forms of a face's edges from row ``edge`` on; return the row after the last."""
     ax, ay, az = seen[corners[end - 1]]
     for i in range(first, end):
         bx, by, bz = seen[corners[i]]
         a, b, c = form(view, by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax)
-        out.edges[edge, 0], out.edges[edge, 1], out.edges[edge, 2] = a, b, c
+        write_edge(out.edges, edge, a, b, c)
         edge += 1
         ax, ay, az = bx, by, bz
     return edge

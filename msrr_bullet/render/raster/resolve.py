@@ -3,24 +3,27 @@
 The samples are an N-rooks pattern: each lies in a row and a column of its own, so that the upright and level
 edges of which docking scenes are made move through sixteen shades and not through four.
 
-Loops over the samples have a fixed length and touch short arrays of single precision: they become a few vector
-instructions. Differences of forms are taken in double precision before they are rounded.
+Loops over the samples have a fixed length and touch short arrays of single precision: they become a few
+vector instructions. A form's value at a pixel is taken in double precision before it is rounded.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.render.raster.compiled import inlined, kernel
-from msrr_bullet.render.raster.ground import Ground, GroundView
+from msrr_bullet.render.raster.ground import Ground, GroundView, Short
 from msrr_bullet.render.raster.pattern import SAMPLES
-from msrr_bullet.render.raster.picture import Textures
-from msrr_bullet.render.raster.projection import CELLS, SMOOTH, TEXTURED, Array, Faces, Indices, View
-from msrr_bullet.render.raster.settle import Pixels, Samples, floor_at, pictured, quantised
+from msrr_bullet.render.raster.picture import Textures, picture_at
+from msrr_bullet.render.raster.projection import CELLS, SMOOTH, TEXTURED, Array, Faces, View
+from msrr_bullet.render.raster.settle import (
+    Pixels,
+    Samples,
+    floor_at,
+    mean_of_cells,
+    quantised,
+)
 from msrr_bullet.render.raster.visibility import FLOOR, REGION_BITS, WALL, Identities, cell_at
-
-Short = NDArray[np.float32]
 
 
 @inlined
@@ -81,7 +84,7 @@ def cover_samples(view: View, faces: Faces, count: int, pattern: Short, samples:
             rise[s] = a * pattern[0, s] + b * pattern[1, s]
         for y in range(top, bottom + 1):
             p, stop = start[y - view.y], start[y - view.y + 1]
-            if p == stop:
+            if p == stop or column[p] > box[f, 1] - view.x or column[stop - 1] < box[f, 0] - 1.0 - view.x:
                 continue
             left, right = columns_touched(view, edges, first, end, box[f, 0], box[f, 1], y)
             p = first_from(column, p, stop, left)
@@ -122,12 +125,12 @@ def columns_touched(
     """Return the first and the last column (from the window's left) in which a face may touch pixel row y."""
     low, high = max(u0, float(view.x)), min(u1, view.x + view.width - 1.0)
     for e in range(first, end):
-        value = edges[e, 1] * y + edges[e, 2] + max(edges[e, 1], 0.0)
+        slope = edges[e, 3]
         if edges[e, 0] > 0.0:
-            low = max(low, -value / edges[e, 0])
+            low = max(low, slope * y + edges[e, 4] + min(slope, 0.0))
         elif edges[e, 0] < 0.0:
-            high = min(high, -value / edges[e, 0])
-        elif value < 0.0:
+            high = min(high, slope * y + edges[e, 4] + max(slope, 0.0))
+        elif edges[e, 1] * y + edges[e, 2] + max(edges[e, 1], 0.0) < 0.0:
             high = -np.inf
     if not low <= high + 1.0:
         return 0, -1
@@ -161,6 +164,10 @@ def shade_open(
     start, column, identity = samples.start, samples.column, samples.identity
     kind, grey, cells, uv = faces.kind, faces.grey, faces.cells, faces.uv
     inverse_depth, shade, texels = faces.inverse_depth, faces.shade, textures.texels
+    place = np.empty(SAMPLES, np.int32)
+    texture, first_level, level_count = faces.texture, textures.first_level, textures.level_count
+    level_start, level_rows = textures.level_start, textures.level_rows
+    level_columns = textures.level_columns
     for j in range(view.height):
         y = view.y + j
         for p in range(start[j], start[j + 1]):
@@ -171,9 +178,9 @@ def shade_open(
             f = identity[p, 0] >> REGION_BITS
             total = 0.0
             if differs == 0 and f >= 0 and kind[f] == TEXTURED | CELLS:
-                total = grey[f] * mean_of_cells(uv, cells, inverse_depth, texels, f, x, y, pattern)
+                total = grey[f] * mean_of_cells(uv, cells, inverse_depth, texels, f, x, y, pattern, place)
             else:
-                floor = -1.0
+                floor, last, reflectance = -1.0, np.int32(WALL), 0.0
                 for s in range(SAMPLES):
                     name = identity[p, s]
                     f = name >> REGION_BITS
@@ -190,37 +197,31 @@ def shade_open(
                         w = inverse_depth[f, 0] * u + (inverse_depth[f, 1] * v + inverse_depth[f, 2])
                         if kind[f] == TEXTURED | CELLS:
                             total += grey[f] * texels[cell_at(uv, cells, f, u, v, w)]
-                        elif kind[f] == SMOOTH:
-                            total += (shade[f, 0] * u + (shade[f, 1] * v + shade[f, 2])) / w
                         else:
-                            total += pictured(faces, textures, f, u, v)
+                            value = grey[f]
+                            if kind[f] & SMOOTH:
+                                value = (shade[f, 0] * u + (shade[f, 1] * v + shade[f, 2])) / w
+                            if kind[f] & CELLS:
+                                value *= texels[cell_at(uv, cells, f, u, v, w)]
+                            elif kind[f] & TEXTURED:
+                                # The filter is as wide as a pixel: one lookup serves all samples of a face.
+                                if name != last:
+                                    last = name
+                                    reflectance = picture_at(
+                                        inverse_depth,
+                                        uv,
+                                        texture,
+                                        first_level,
+                                        level_count,
+                                        level_start,
+                                        level_rows,
+                                        level_columns,
+                                        texels,
+                                        f,
+                                        x + 0.5,
+                                        y + 0.5,
+                                    )
+                                value *= reflectance
+                            total += value
                 total /= SAMPLES
             out[j, column[p]] = quantised(total)
-
-
-@inlined
-def mean_of_cells(
-    uv: Array,
-    cells: Indices,
-    inverse_depth: Array,
-    texels: Short,
-    f: int,
-    x: int,
-    y: int,
-    pattern: Short,
-) -> float:
-    """Return the mean reflectance of face f's bitmap over the samples of a pixel that shows nothing else."""
-    sa, sb, s0 = uv[f, 0, 0], uv[f, 0, 1], uv[f, 0, 0] * x + (uv[f, 0, 1] * y + uv[f, 0, 2])
-    ta, tb, t0 = uv[f, 1, 0], uv[f, 1, 1], uv[f, 1, 0] * x + (uv[f, 1, 1] * y + uv[f, 1, 2])
-    wa, wb = inverse_depth[f, 0], inverse_depth[f, 1]
-    w0 = wa * x + (wb * y + inverse_depth[f, 2])
-    start, rows, columns = cells[f, 0], cells[f, 1], cells[f, 2]
-    total = 0.0
-    for s in range(SAMPLES):
-        px, py = pattern[0, s], pattern[1, s]
-        z = 1.0 / (w0 + (wa * px + wb * py))
-        column = int(np.floor((s0 + (sa * px + sb * py)) * z * columns))
-        row = int(np.floor((1.0 - (t0 + (ta * px + tb * py)) * z) * rows))
-        column, row = min(max(column, 0), columns - 1), min(max(row, 0), rows - 1)
-        total += texels[start + row * columns + column]
-    return total / SAMPLES

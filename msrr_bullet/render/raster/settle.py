@@ -8,14 +8,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.render.raster.compiled import inlined, kernel
-from msrr_bullet.render.raster.ground import STRIDE, Ground, GroundView, ground_blend, ground_grey
+from msrr_bullet.render.raster.ground import (
+    Ground,
+    GroundView,
+    Short,
+    ground_blend,
+    interpolated,
+    texel_place,
+)
+from msrr_bullet.render.raster.pattern import SAMPLES
 from msrr_bullet.render.raster.picture import Textures, picture_at
-from msrr_bullet.render.raster.projection import CELLS, SMOOTH, TEXTURED, Faces, Indices, View
+from msrr_bullet.render.raster.projection import CELLS, SMOOTH, TEXTURED, Array, Faces, Indices, View
 from msrr_bullet.render.raster.visibility import FLOOR, REGION_BITS, Corners, Depths, Identities, cell_at
 
 Pixels = NDArray[np.uint8]
 
 _REGION_MASK = (1 << REGION_BITS) - 1
+
+
+class Scratch(NamedTuple):
+    """Memory for one row of pixels."""
+
+    flags: Pixels  # a multiple of 8 of them, which are looked at together
+    place: Identities  # of texels
+    x: Short
+    y: Short
 
 
 class Samples(NamedTuple):
@@ -34,133 +51,257 @@ def quantised(grey: float) -> np.uint8:
     return np.uint8(min(max(grey, 0.0), 255.0) + 0.5)
 
 
-@kernel
-def pictured(faces: Faces, textures: Textures, f: int, u: float, v: float) -> float:
-    """Return the grey level at (u, v) of a face that wears a picture, or is both round and textured."""
-    w = faces.inverse_depth[f, 0] * u + (faces.inverse_depth[f, 1] * v + faces.inverse_depth[f, 2])
-    grey = faces.grey[f]
-    if faces.kind[f] & SMOOTH:
-        grey = (faces.shade[f, 0] * u + (faces.shade[f, 1] * v + faces.shade[f, 2])) / w
-    if faces.kind[f] & CELLS:
-        return grey * textures.texels[cell_at(faces.uv, faces.cells, f, u, v, w)]
-    if faces.kind[f] & TEXTURED:
-        return grey * picture_at(faces, textures, f, u, v, w)
-    return grey
+@inlined
+def mean_of_cells(
+    uv: Array,
+    cells: Indices,
+    inverse_depth: Array,
+    texels: Short,
+    f: int,
+    x: int,
+    y: int,
+    pattern: Short,
+    place: Identities,
+) -> float:
+    """Return the mean reflectance of face f's bitmap over the samples of a pixel that shows nothing else."""
+    sa, sb = np.float32(uv[f, 0, 0]), np.float32(uv[f, 0, 1])
+    ta, tb = np.float32(uv[f, 1, 0]), np.float32(uv[f, 1, 1])
+    wa, wb = np.float32(inverse_depth[f, 0]), np.float32(inverse_depth[f, 1])
+    s0 = np.float32(uv[f, 0, 0] * x + (uv[f, 0, 1] * y + uv[f, 0, 2]))
+    t0 = np.float32(uv[f, 1, 0] * x + (uv[f, 1, 1] * y + uv[f, 1, 2]))
+    w0 = np.float32(inverse_depth[f, 0] * x + (inverse_depth[f, 1] * y + inverse_depth[f, 2]))
+    start, rows, columns = np.int32(cells[f, 0]), np.int32(cells[f, 1]), np.int32(cells[f, 2])
+    for s in range(SAMPLES):
+        px, py = pattern[0, s], pattern[1, s]
+        z = np.float32(1.0) / (w0 + (wa * px + wb * py))
+        column = np.int32((s0 + (sa * px + sb * py)) * z * np.float32(columns))
+        row = np.int32((np.float32(1.0) - (t0 + (ta * px + tb * py)) * z) * np.float32(rows))
+        column = min(max(column, np.int32(0)), columns - np.int32(1))
+        row = min(max(row, np.int32(0)), rows - np.int32(1))
+        place[s] = start + row * columns + column
+    total = np.float32(0.0)
+    for s in range(SAMPLES):
+        total += texels[place[s]]
+    return float(total) / SAMPLES
 
 
 @kernel
-def settle(view: View, corners: Corners, settled: Identities, samples: Samples) -> None:
-    """Sort pixels into settled and open ones.
-
-    Args:
-        view: Camera and window.
-        corners: Of the window, all faces drawn.
-        settled: Filled with the identity of each settled pixel and of one corner of each open one, shape
-            (height, width).
-        samples: Its lists of open pixels are filled.
-    """
-    depth, identity, sliver = corners.depth, corners.identity, corners.sliver
-    start, column = samples.start, samples.column
-    count = 0
-    for j in range(view.height):
-        start[j] = count
-        for i in range(view.width):
-            name = identity[j, i]
-            differs = (
-                (name ^ identity[j, i + 1]) | (name ^ identity[j + 1, i]) | (name ^ identity[j + 1, i + 1])
-            ) != 0
-            if sliver[j, i] > np.float32(0.0):
-                differs |= sliver[j, i] > min(
-                    min(depth[j, i], depth[j, i + 1]), min(depth[j + 1, i], depth[j + 1, i + 1])
-                )
-            settled[j, i] = name
-            column[count] = i
-            count += differs
-    start[view.height] = count
-
-
-@kernel
-def shade_settled(
+def settle(
     view: View,
     faces: Faces,
     textures: Textures,
     ground: Ground,
     seen: GroundView,
-    settled: Identities,
+    corners: Corners,
+    scratch: Scratch,
+    pattern: Short,
+    samples: Samples,
     out: Pixels,
 ) -> None:
-    """Write every pixel as if what one corner shows filled it (open pixels are written again)."""
+    """Write the settled pixels and list the open ones.
+
+    A settled pixel shows at all four corners the same, so between two pixels that are not like that lies a
+    run of one identity. Two more kinds of pixels are settled: where all corners show one bitmap, it fills the
+    pixel, and is sampled without asking for depth; where they show one round surface, the pixel gets the mean
+    of what its corners show.
+
+    Args:
+        view: Camera and band of the window.
+        faces: In view.
+        textures: What they wear.
+        ground: The floor's texture.
+        seen: The floor seen from the camera.
+        corners: Of the band, all faces drawn.
+        scratch: Memory for one row.
+        pattern: Places of the samples in a pixel.
+        samples: Its lists of open pixels are filled.
+        out: The band's pixels.
+    """
+    depth, identity, sliver = corners.depth, corners.identity, corners.sliver
     kind, grey, cells, region_grey = faces.kind, faces.grey, faces.cells, textures.region_grey
-    shade, inverse_depth = faces.shade, faces.inverse_depth
+    uv, inverse_depth, texels = faces.uv, faces.inverse_depth, textures.texels
+    shade, surface = faces.shade, faces.surface
+    texture, first_level, level_count = faces.texture, textures.first_level, textures.level_count
+    level_start, level_rows = textures.level_start, textures.level_rows
+    level_columns = textures.level_columns
+    start, column = samples.start, samples.column
+    flags, place = scratch.flags, scratch.place
+    words = flags.view(np.uint64)
+    count = 0
     for j in range(view.height):
-        v = view.y + j + 0.5
-        stop = 0
-        while stop < view.width:  # runs of one identity
-            i, name = stop, settled[j, stop]
-            while stop < view.width and settled[j, stop] == name:
-                stop += 1
-            f = name >> REGION_BITS
-            if name == FLOOR:
-                shade_floor(view, ground, seen, out, j, i, stop)
-            elif name < 0 or kind[f] == 0 or kind[f] == TEXTURED | CELLS:
-                value = quantised(ground.wall)
-                if name >= 0:
-                    reflected = 1.0
-                    if kind[f] != 0:
-                        reflected = region_grey[cells[f, 3] + (name & _REGION_MASK)]
-                    value = quantised(grey[f] * reflected)
-                for k in range(i, stop):
-                    out[j, k] = value
-            elif kind[f] == SMOOTH:
-                a, b = shade[f, 0], shade[f, 1] * v + shade[f, 2]
-                c, d = inverse_depth[f, 0], inverse_depth[f, 1] * v + inverse_depth[f, 2]
-                for k in range(i, stop):
-                    u = view.x + k + 0.5
-                    out[j, k] = quantised((a * u + b) / (c * u + d))
-            else:
-                for k in range(i, stop):
-                    out[j, k] = quantised(pictured(faces, textures, f, view.x + k + 0.5, v))
+        start[j] = count
+        flag_row(depth, identity, sliver, j, view.width, flags)
+        i = 0
+        while i < view.width:
+            first = i
+            while i < view.width and flags[i] == 0:
+                if i % 8 == 0 and words[i // 8] == 0:
+                    i += 8
+                else:
+                    i += 1
+            i = min(i, view.width)
+            if first < i:
+                name = identity[j, first]
+                f = name >> REGION_BITS
+                value = ground.wall
+                if name >= 0 and kind[f] == 0:
+                    value = grey[f]
+                elif name >= 0 and kind[f] == TEXTURED | CELLS:
+                    value = grey[f] * region_grey[cells[f, 3] + (name & _REGION_MASK)]
+                elif name == FLOOR:
+                    shade_floor(view, ground, seen, scratch, out, j, first, i)
+                    continue
+                elif name >= 0 and kind[f] == SMOOTH:
+                    v = view.y + j + 0.5
+                    a, b = shade[f, 0], shade[f, 1] * v + shade[f, 2]
+                    c, d = inverse_depth[f, 0], inverse_depth[f, 1] * v + inverse_depth[f, 2]
+                    for k in range(first, i):
+                        u = view.x + k + 0.5
+                        out[j, k] = quantised((a * u + b) / (c * u + d))
+                    continue
+                elif name >= 0:  # a picture, or cells on something round
+                    v = view.y + j + 0.5
+                    for k in range(first, i):
+                        u = view.x + k + 0.5
+                        w = inverse_depth[f, 0] * u + (inverse_depth[f, 1] * v + inverse_depth[f, 2])
+                        value = grey[f]
+                        if kind[f] & SMOOTH:
+                            value = (shade[f, 0] * u + (shade[f, 1] * v + shade[f, 2])) / w
+                        if kind[f] & CELLS:
+                            value *= texels[cell_at(uv, cells, f, u, v, w)]
+                        else:
+                            value *= picture_at(
+                                inverse_depth,
+                                uv,
+                                texture,
+                                first_level,
+                                level_count,
+                                level_start,
+                                level_rows,
+                                level_columns,
+                                texels,
+                                f,
+                                u,
+                                v,
+                            )
+                        out[j, k] = quantised(value)
+                    continue
+                for k in range(first, i):
+                    out[j, k] = quantised(value)
+            while i < view.width and flags[i] != 0:
+                mean, f = -1.0, identity[j, i] >> REGION_BITS
+                if flags[i] == 1 and f >= 0:
+                    if kind[f] == SMOOTH:
+                        mean = mean_of_surface(
+                            view, inverse_depth, shade, surface, kind, depth, identity, j, i
+                        )
+                    elif kind[f] == TEXTURED | CELLS and (
+                        f
+                        == identity[j, i + 1] >> REGION_BITS
+                        == identity[j + 1, i] >> REGION_BITS
+                        == identity[j + 1, i + 1] >> REGION_BITS
+                    ):
+                        x, y = view.x + i, view.y + j
+                        mean = grey[f] * mean_of_cells(
+                            uv, cells, inverse_depth, texels, f, x, y, pattern, place
+                        )
+                if mean >= 0.0:
+                    out[j, i] = quantised(mean)
+                else:
+                    column[count] = i
+                    count += 1
+                i += 1
+    start[view.height] = count
+
+
+@kernel
+def flag_row(depth: Depths, identity: Identities, sliver: Depths, j: int, width: int, flags: Pixels) -> None:
+    """Flag the pixels of row ``j`` whose corners differ (1) and that something may cross between them (2)."""
+    for i in range(width):
+        name = identity[j, i]
+        differs = (name ^ identity[j, i + 1]) | (name ^ identity[j + 1, i]) | (name ^ identity[j + 1, i + 1])
+        least = min(min(depth[j, i], depth[j, i + 1]), min(depth[j + 1, i], depth[j + 1, i + 1]))
+        flags[i] = 2 * (sliver[j, i] > least) + (differs != 0)
+
+
+@inlined
+def mean_of_surface(
+    view: View,
+    inverse_depth: Array,
+    shade: Array,
+    surface: Indices,
+    kind: Indices,
+    depth: Depths,
+    identity: Identities,
+    j: int,
+    i: int,
+) -> float:
+    """Return the mean grey of a pixel's corners if they lie on one unbroken round surface, else -1."""
+    f = identity[j, i] >> REGION_BITS
+    a, b, c = inverse_depth[f, 0], inverse_depth[f, 1], inverse_depth[f, 2]
+    total = 0.0
+    for k in range(4):
+        row, column = j + k // 2, i + k % 2
+        g = identity[row, column] >> REGION_BITS
+        u, v, w = float(view.x + column), float(view.y + row), np.float64(depth[row, column])
+        # One part of the surface may hide another: then there is a step, more than the slope explains.
+        step = abs(w - (a * u + (b * v + c)))
+        if g < 0 or kind[g] != SMOOTH or surface[g] != surface[f] or step > 0.5 * (abs(a) + abs(b)):
+            total = -np.inf
+        else:
+            total += (shade[g, 0] * u + (shade[g, 1] * v + shade[g, 2])) / w
+    return max(0.25 * total, -1.0)
 
 
 @kernel
 def shade_floor(
-    view: View, ground: Ground, seen: GroundView, out: Pixels, j: int, first: int, end: int
+    view: View, ground: Ground, seen: GroundView, scratch: Scratch, out: Pixels, j: int, first: int, end: int
 ) -> None:
     """Write the floor into pixels ``first`` to ``end`` of row ``j``."""
-    texels, forms, last = ground.texels, seen.forms, len(ground.start) - 1
+    texels, forms, place, part_x, part_y = ground.texels, seen.forms, scratch.place, scratch.x, scratch.y
     v = view.y + j + 0.5
-    xu, yu, tu = forms[0, 0], forms[1, 0], forms[2, 0]
-    x, y, t = (
-        forms[0, 1] * v + forms[0, 2],
-        forms[1, 1] * v + forms[1, 2],
-        forms[2, 1] * v + forms[2, 2],
-    )
+    xu, yu, tu = np.float32(forms[0, 0]), np.float32(forms[1, 0]), np.float32(forms[2, 0])
+    x = np.float32(forms[0, 1] * v + forms[0, 2])
+    y = np.float32(forms[1, 1] * v + forms[1, 2])
+    t = np.float32(forms[2, 1] * v + forms[2, 2])
     stop = first
     while stop < end:
         i = stop
-        stop = min(((view.x + i) // STRIDE + 1) * STRIDE - view.x, end)
-        blend = ground_blend(forms, seen.scale, seen.lean, last, view.x + i, view.y + j)
-        start, bits = ground.start[blend], ground.bits[blend]
-        shrink = (1 << bits) / (1 << ground.bits[0])
+        stop = min(((view.x + i) // seen.stride + 1) * seen.stride - view.x, end)
+        start, bits, shrink = blend_of(ground, seen, view.x + i, view.y + j)
         for k in range(i, stop):
-            u = view.x + k + 0.5
-            out[j, k] = quantised(ground_grey(texels, start, bits, shrink, xu * u + x, yu * u + y, tu * u + t))
+            u = np.float32(np.int32(view.x + k)) + np.float32(0.5)
+            place[k], part_x[k], part_y[k] = texel_place(
+                xu * u + x, yu * u + y, tu * u + t, start, bits, shrink
+            )
+        for k in range(i, stop):  # apart from the loop above, which becomes vector code
+            grey = interpolated(texels[place[k]], part_x[k], part_y[k])
+            out[j, k] = np.uint8(np.int32(grey + np.float32(0.5)))
 
 
-@kernel
+@inlined
+def blend_of(
+    ground: Ground, seen: GroundView, column: int, row: int
+) -> tuple[np.int32, np.int32, np.float32]:
+    """Return first texel and bits of the blend for a pixel's group, and its edge over the finest one."""
+    last = len(ground.start) - 1
+    blend = ground_blend(seen.forms, seen.scale, seen.lean, seen.stride, last, column, row)
+    bits = ground.bits[blend]
+    return np.int32(ground.start[blend]), np.int32(bits), np.float32((1 << bits) / (1 << ground.bits[0]))
+
+
+@inlined
 def floor_at(ground: Ground, seen: GroundView, column: int, row: int) -> float:
     """Return the floor's grey in the middle of a pixel."""
     forms = seen.forms
-    blend = ground_blend(forms, seen.scale, seen.lean, len(ground.start) - 1, column, row)
-    bits = ground.bits[blend]
-    shrink = (1 << bits) / (1 << ground.bits[0])
-    u, v = column + 0.5, row + 0.5
-    return ground_grey(
-        ground.texels,
-        ground.start[blend],
+    start, bits, shrink = blend_of(ground, seen, column, row)
+    u, v = np.float32(column + 0.5), row + 0.5
+    place, ax, ay = texel_place(
+        np.float32(forms[0, 0]) * u + np.float32(forms[0, 1] * v + forms[0, 2]),
+        np.float32(forms[1, 0]) * u + np.float32(forms[1, 1] * v + forms[1, 2]),
+        np.float32(forms[2, 0]) * u + np.float32(forms[2, 1] * v + forms[2, 2]),
+        start,
         bits,
         shrink,
-        forms[0, 0] * u + (forms[0, 1] * v + forms[0, 2]),
-        forms[1, 0] * u + (forms[1, 1] * v + forms[1, 2]),
-        forms[2, 0] * u + (forms[2, 1] * v + forms[2, 2]),
     )
+    return float(interpolated(ground.texels[place], ax, ay))

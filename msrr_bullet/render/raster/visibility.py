@@ -67,34 +67,39 @@ def clear(view: View, floor: Array, corners: Corners) -> None:
 
 
 @inlined
-def span(edges: Array, first: int, end: int, along: int, across: float) -> tuple[float, float]:
-    """Return where a line of the image lies inside a face: lower bound inclusive, upper bound exclusive.
-
-    Args:
-        edges: Forms of the edges.
-        first: The face's first.
-        end: After the face's last.
-        along: 0: the line is a row, v = ``across``; 1: a column, u = ``across``.
-        across: Where the line is.
-    """
+def row_span(edges: Array, first: int, end: int, v: float) -> tuple[float, float]:
+    """Return where row v of the image lies inside a face: lower bound inclusive, upper bound exclusive."""
     low, high = -np.inf, np.inf
     for e in range(first, end):
-        slope = edges[e, along]
-        other = edges[e, 1 - along]
-        value = other * across + edges[e, 2]
-        if slope > 0.0:
-            low = max(low, -value / slope)
-        elif slope < 0.0:
-            high = min(high, -value / slope)
-        elif value < 0.0 or (value == 0.0 and other < 0.0):
+        bound = edges[e, 3] * v + edges[e, 4]
+        if edges[e, 0] > 0.0:
+            low = max(low, bound)
+        elif edges[e, 0] < 0.0:
+            high = min(high, bound)
+        elif edges[e, 1] * v + edges[e, 2] < 0.0 or (
+            edges[e, 1] * v + edges[e, 2] == 0.0 and edges[e, 1] < 0.0
+        ):
+            high = -np.inf
+    return low, high
+
+
+@inlined
+def column_span(edges: Array, first: int, end: int, u: float) -> tuple[float, float]:
+    """Return where column u of the image lies inside a face."""
+    low, high = -np.inf, np.inf
+    for e in range(first, end):
+        value = edges[e, 0] * u + edges[e, 2]
+        if edges[e, 1] > 0.0:
+            low = max(low, -value / edges[e, 1])
+        elif edges[e, 1] < 0.0:
+            high = min(high, -value / edges[e, 1])
+        elif value < 0.0:
             high = -np.inf
     return low, high
 
 
 @kernel
-def note_sliver(
-    view: View, sliver: Depths, a: float, b: float, c: float, column: float, row: float
-) -> None:
+def note_sliver(view: View, sliver: Depths, a: float, b: float, c: float, column: float, row: float) -> None:
     """Note what lies inside the pixel that holds (column, row), with the largest 1 / z it may have there.
 
     ``(a, b, c)`` is the form of its 1 / z.
@@ -114,6 +119,8 @@ def cover_corners(view: View, faces: Faces, count: int, regions: Indices, corner
     inverse_depth, edge_start, edges, box = faces.inverse_depth, faces.edge_start, faces.edges, faces.box
     kind, uv, cells = faces.kind, faces.uv, faces.cells
     for f in range(count):
+        if box[f, 3] < view.y or box[f, 2] > view.y + view.height:
+            continue
         a, b, c = inverse_depth[f, 0], inverse_depth[f, 1], inverse_depth[f, 2]
         first, end = edge_start[f], edge_start[f + 1]
         has_cells = (kind[f] & CELLS) != 0
@@ -121,7 +128,7 @@ def cover_corners(view: View, faces: Faces, count: int, regions: Indices, corner
         top = int(max(np.ceil(box[f, 2]), float(view.y)))
         bottom = int(min(np.floor(box[f, 3]), float(view.y + view.height)))
         for k in range(top, bottom + 1):
-            low, high = span(edges, first, end, 0, float(k))
+            low, high = row_span(edges, first, end, float(k))
             if not low <= high:
                 continue
             start = np.ceil(low)
@@ -169,7 +176,7 @@ def note_thin_columns(
     from_left = True
     while left <= right:
         k = left if from_left else right
-        low, high = span(edges, first, end, 1, float(k))
+        low, high = column_span(edges, first, end, float(k))
         if low <= high and np.ceil(low) >= high:
             note_sliver(view, sliver, a, b, c, float(k), low)
             note_sliver(view, sliver, a, b, c, k - 1.0, low)

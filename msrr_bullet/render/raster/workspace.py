@@ -7,7 +7,7 @@ import numpy as np
 from msrr_bullet.render.raster.pattern import SAMPLES
 from msrr_bullet.render.raster.pipeline import BAND, Work
 from msrr_bullet.render.raster.projection import Faces, Geometry
-from msrr_bullet.render.raster.settle import Samples
+from msrr_bullet.render.raster.settle import Samples, Scratch
 from msrr_bullet.render.raster.visibility import Corners
 
 
@@ -24,12 +24,13 @@ class Workspace:
             nearest=np.empty(n),
             box=np.empty((n, 4)),
             edge_start=np.zeros(n + 1, dtype=np.int64),
-            edges=np.empty((edges, 3)),
+            edges=np.empty((edges, 5)),
             grey=np.empty(n),
             shade=np.empty((n, 3)),
             uv=np.empty((n, 2, 3)),
             kind=np.empty(n, dtype=np.int64),
             texture=np.empty(n, dtype=np.int64),
+            surface=np.empty(n, dtype=np.int64),
             cells=np.empty((n, 4), dtype=np.int64),
         )
         self._width = 0
@@ -54,7 +55,12 @@ class Workspace:
                 identity=np.empty((BAND + 1, width + 1), dtype=np.int32),
                 sliver=np.empty((BAND, width), dtype=np.float32),
             ),
-            settled=np.empty((BAND, width), dtype=np.int32),
+            scratch=Scratch(
+                flags=np.zeros(8 * (width // 8 + 1), dtype=np.uint8),
+                place=np.empty(max(width, SAMPLES), dtype=np.int32),
+                x=np.empty(width, dtype=np.float32),
+                y=np.empty(width, dtype=np.float32),
+            ),
             samples=Samples(
                 start=np.empty(BAND + 1, dtype=np.int64),
                 # One more: the column of a pixel is written before it is known to be open.

@@ -1,0 +1,77 @@
+"""One world's faces, and pictures of them: what lies between the simulator and the kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from msrr_bullet.render.raster.assembly import assemble
+from msrr_bullet.render.raster.ground import Ground, view_ground
+from msrr_bullet.render.raster.look import Look
+from msrr_bullet.render.raster.pattern import rooks
+from msrr_bullet.render.raster.pipeline import draw
+from msrr_bullet.render.raster.projection import Array, Light, View
+from msrr_bullet.render.raster.workspace import Workspace
+from msrr_scenes.messages import Pixels
+from msrr_scenes.pinhole import PinholeCamera, Window
+from msrr_scenes.se3 import SE3
+
+#: Nothing nearer is drawn, so that a camera may sit inside a body [m].
+NEAR = 0.01
+
+#: The light of the scene, the same as TinyRenderer is given.
+_TOWARDS_LIGHT = np.array([-0.45, 0.25, 0.86])
+LIGHT = Light(_TOWARDS_LIGHT / np.linalg.norm(_TOWARDS_LIGHT), ambient=0.6, diffuse=0.4)
+
+
+class PictureMaker:
+    """Draws a fixed set of shapes on moving frames."""
+
+    def __init__(self, looks: Sequence[Look], movers: int) -> None:
+        """Prepare the shapes.
+
+        Args:
+            looks: Shapes, each on a mover.
+            movers: Number of movers.
+
+        Raises:
+            GeometryError: More faces than can be told apart.
+        """
+        self._geometry, self._textures = assemble(looks)
+        self._workspace = Workspace(self._geometry, movers)
+        self._pattern = rooks()
+
+    def picture(
+        self, camera: PinholeCamera, X_WC: SE3, window: Window, poses: Array, ground: Ground
+    ) -> Pixels:
+        """Return the mono8 pixels of ``window``, shape (height, width).
+
+        Args:
+            camera: Intrinsics.
+            X_WC: Pose of the camera.
+            window: Any rectangle, inside or outside the frame.
+            poses: Position [m] and quaternion xyzw of each mover in W, shape (M, 7).
+            ground: The floor.
+        """
+        middle = (0.5 * camera.width, 0.5 * camera.height)
+        X_CW = X_WC.inverse()
+        ground_view = view_ground(ground, camera.focal, middle, X_WC)
+        out = np.empty((window.height, window.width), dtype=np.uint8)
+        draw(
+            View(camera.focal, *middle, window.x, window.y, window.width, window.height, NEAR),
+            poses,
+            X_CW.R,
+            X_CW.p,
+            LIGHT,
+            self._geometry,
+            self._textures,
+            ground,
+            ground_view,
+            # Inverse depth of the plane z = 0: descent of the ray over height of the camera.
+            ground_view.forms[2] / max(float(X_WC.p[2]), 1e-9),
+            self._pattern,
+            self._workspace.fit(window.width),
+            out,
+        )
+        return out
