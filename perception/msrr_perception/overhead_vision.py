@@ -48,7 +48,8 @@ class OverheadVision:
     so that every corner delivered comes from the same kind of picture.
 
     A window follows the tag's own offset from where it was expected last time. That keeps a tag in its
-    window whose *reported* pose is biased, as an outdoor localisation's is.
+    window whose *reported* pose is biased, as an outdoor localisation's is. A tag that was seen where nobody
+    expected it is looked for there again, until the predictions have come round to it.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class OverheadVision:
         settle_after: int = 5,
         retry_widen: float = 2.5,
         widest_px: int = 320,
+        stray_px: float = 24.0,
     ) -> None:
         """Set up a front end that has seen nothing yet.
 
@@ -81,6 +83,7 @@ class OverheadVision:
             settle_after: Sights in a row after which a body counts as standing still.
             retry_widen: Factor on a window's margins at the second look.
             widest_px: Largest edge of a window; a body less well known is left to the search.
+            stray_px: How far a tag that nobody expected may move from one exposure to the next [px].
 
         Raises:
             SceneError: A parameter out of its range.
@@ -104,6 +107,7 @@ class OverheadVision:
         self._settle_after = settle_after
         self._retry_widen = retry_widen
         self._widest = widest_px
+        self._stray_px = stray_px
         self.reset()
 
     def reset(self) -> None:
@@ -112,6 +116,7 @@ class OverheadVision:
         self._last_part_ns: int | None = None
         self._last_frame_ns: int | None = None
         self._offsets: dict[int, Array] = {}
+        self._strays: dict[int, Array] = {}  # tag -> corners where it was seen unexpectedly last time
         self._settled: dict[int, int] = {}
 
     def look(self, exposure: Exposure, predictions: Mapping[str, GlobalPose], fetch: Fetch) -> Detections:
@@ -128,7 +133,9 @@ class OverheadVision:
         look = _Look(self._detector, self._searcher, fetch)
         expected = self._expected(predictions)
         asked = {i: e for i, e in expected.items() if self._is_due(i, exposure.frame)}
-        self._read(look, asked.values(), 1.0)
+        room = np.full((4, 2), self._stray_px / self._policy.sigmas)
+        strays = [ExpectedTag(i, pixels, room) for i, pixels in self._strays.items()]
+        self._read(look, [*asked.values(), *strays], 1.0)
         missed = [e for i, e in asked.items() if i not in look.found]
         self._read(look, missed, self._retry_widen)
         self._search(look, exposure.stamp_ns, expected)
@@ -198,20 +205,24 @@ class OverheadVision:
     def _remember(
         self, look: _Look, asked: Mapping[int, ExpectedTag], predictions: Mapping[str, GlobalPose]
     ) -> None:
-        for tag_id in asked.keys() | (look.found.keys() & self.model.tags.keys()):
-            seen = look.found.get(tag_id)
-            if seen is None:
-                self._settled[tag_id] = 0
-                self._offsets.pop(tag_id, None)
-                continue
+        self._strays = {}
+        for tag_id in asked.keys() - look.found.keys():
+            self._settled[tag_id] = 0
+            self._offsets.pop(tag_id, None)
+        for tag_id in look.found.keys() & self.model.tags.keys():
+            corners = look.found[tag_id].corners
+            tag = self.model.tags[tag_id]
             sights = self._settled.get(tag_id, 0)
             self._settled[tag_id] = sights + 1 if tag_id in asked else max(sights, 1)
-            tag = self.model.tags[tag_id]
             prediction = predictions.get(tag.name)
+            offset = None
             if prediction is not None:
-                offset = (seen.corners - self._locator.pixels(tag, prediction.X_WB)).mean(axis=0)
-                near = float(np.linalg.norm(offset)) <= _LARGEST_OFFSET_PX
-                self._offsets[tag_id] = offset if near else np.zeros(2)
+                offset = (corners - self._locator.pixels(tag, prediction.X_WB)).mean(axis=0)
+            if offset is not None and float(np.linalg.norm(offset)) <= _LARGEST_OFFSET_PX:
+                self._offsets[tag_id] = offset
+            else:
+                self._offsets.pop(tag_id, None)
+                self._strays[tag_id] = corners
 
 
 class _Look:

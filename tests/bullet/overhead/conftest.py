@@ -1,0 +1,156 @@
+"""An arena with a rendered overhead camera and a robot that looks through it; no phases, no judge."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from msrr_bullet.bullet_plant import BulletPlant
+from msrr_bullet.camera import Camera
+from msrr_bullet.localisation_error import LocalisationError
+from msrr_bullet.odometry import WheelEncoders
+from msrr_bullet.plant import Plant
+from msrr_bullet.render.renderer import RenderContext, build_renderer
+from msrr_bullet.schedule import Delayed, Periodic, duration_ns
+from msrr_bullet.streams import stream
+from msrr_bullet.tag_dressing import TagDressing
+from msrr_bullet.unicycle_plant import UnicyclePlant
+from msrr_bullet.world import BulletWorld
+from msrr_perception.detector import PupilDetector
+from msrr_perception.global_estimator import GlobalEstimator
+from msrr_perception.global_pose import overhead_pose
+from msrr_perception.overhead_model import OVERHEAD, OverheadModel
+from msrr_perception.overhead_vision import OverheadVision
+from msrr_scenes.messages import Detections, Situation, Twist
+from msrr_scenes.placement import draw_placement
+from msrr_scenes.scene import Scene
+from msrr_scenes.se2 import SE2
+
+POST: Mapping[str, Any] = {
+    "shape": "cylinder",
+    "radius_m": 0.06,
+    "height_m": 0.2,
+    "tag_id": 500,
+    "pose": {"x_m": 0.1, "y_m": 0.3},
+}
+
+
+def _scene(overhead: Mapping[str, Any], obstacles: Mapping[str, Any], plant: str, start: SE2) -> Scene:
+    pose = {"x_m": start.x, "y_m": start.y, "yaw_deg": 57.29577951308232 * start.yaw}
+    return Scene.model_validate(
+        {
+            "name": "arena",
+            "plant": plant,
+            "units": {
+                "a": {"number": 0, "pose": pose},
+                "b": {"number": 1, "pose": {"x_m": 1.1, "yaw_deg": 20}},
+            },
+            "obstacles": obstacles,
+            "cameras": {"overhead": {"samples": 1, **overhead}},
+            "plan": [{"unit": "a", "to": "b.rear"}],
+        }
+    )
+
+
+@dataclass
+class Arena:
+    """Plant, camera, vision and estimator in one loop.
+
+    Attributes:
+        law: What drives unit a, from the time [s] and what is known.
+        looks: Everything that was seen, in order of exposure.
+    """
+
+    scene: Scene
+    plant: Plant
+    camera: Camera
+    vision: OverheadVision
+    estimator: GlobalEstimator
+    encoders: WheelEncoders
+    error: LocalisationError
+    law: Callable[[float, Situation | None], Twist] = lambda t, known: Twist()
+    looks: list[Detections] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        spec = self.camera.spec
+        self._frames, self._readings = Periodic(spec.rate_hz), Periodic(self.scene.odometry.rate_hz)
+        self._control = Periodic(self.scene.control.rate_hz)
+        self._latency_ns = duration_ns(1e-3 * spec.latency_ms)
+        self._under_way: Delayed[Detections] = Delayed()
+
+    @property
+    def now_s(self) -> float:
+        return 1e-9 * self.plant.now_ns()
+
+    @property
+    def known(self) -> Situation | None:
+        return self.estimator.situation(self.plant.now_ns())
+
+    def run(self, until_s: float, watch: Callable[[], None] = lambda: None) -> None:
+        """Go on until a time; ``watch`` is called after every control instant."""
+        while self.plant.now_ns() < duration_ns(until_s):
+            now_ns = self.plant.now_ns()
+            if self._readings.due(now_ns):
+                self.estimator.add_odometry(self.encoders.read(self.plant.wheel_angles("a"), now_ns))
+            if self._frames.due(now_ns) and (exposure := self.camera.expose(now_ns)):
+                found = self.vision.look(exposure, self.estimator.predict(now_ns), self.camera.fetch)
+                self.looks.append(found)
+                self._under_way.send(now_ns + self._latency_ns, self.error.apply(found))
+            for arrived in self._under_way.arrived(now_ns):
+                self.estimator.add_detections(arrived)
+            if self._control.due(now_ns):
+                self.plant.command("a", self.law(self.now_s, self.known))
+                watch()
+            self.plant.step()
+
+    def pixels(self, looks: list[Detections]) -> list[int]:
+        """Pixels asked for in each look."""
+        return [sum(w.area for w in look.windows) for look in looks]
+
+
+OpenArena = Callable[..., Arena]
+
+
+@pytest.fixture
+def open_arena() -> Iterator[OpenArena]:
+    """Build an arena: ``open_arena(plant="bullet", overhead={"dropout": 0.4}, start=SE2(-1.0, 0.0))``."""
+    with ExitStack() as stack:
+
+        def build(
+            seed: int = 0,
+            plant: str = "unicycle",
+            overhead: Mapping[str, Any] | None = None,
+            obstacles: Mapping[str, Any] | None = None,
+            start: SE2 | None = None,
+            **vision: Any,
+        ) -> Arena:
+            scene = _scene(
+                overhead or {},
+                {"post": POST} if obstacles is None else obstacles,
+                plant,
+                start or SE2(-1.0, -0.5),
+            )
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            placement = draw_placement(scene, lambda name: stream(seed, name))
+            world = stack.enter_context(BulletWorld(scene, placement, dressing=TagDressing(scene, folder)))
+            spec = scene.cameras.overhead
+            assert spec is not None
+            renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
+            model = OverheadModel.from_scene(scene, scene.plan[0])
+            return Arena(
+                scene,
+                BulletPlant(world) if plant == "bullet" else UnicyclePlant(scene, placement, world),
+                Camera(OVERHEAD, spec, renderer, lambda: overhead_pose(spec), seed),
+                OverheadVision(model, PupilDetector(), **vision),
+                GlobalEstimator(model, scene.odometry),
+                WheelEncoders("a", scene.odometry, stream(seed, "unit/a/odometry")),
+                LocalisationError(spec.localisation, model, seed),
+            )
+
+        yield build

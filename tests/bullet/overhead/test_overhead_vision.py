@@ -1,0 +1,138 @@
+"""Windows, search and recovery of the overhead front end, on rendered pictures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from msrr_scenes.messages import Detections, GlobalPose, ObstacleEstimate, Situation, Twist
+from msrr_scenes.se2 import SE2
+
+FULL = 1280 * 960
+POST = {"shape": "cylinder", "radius_m": 0.06, "height_m": 0.2, "tag_id": 500}
+
+
+def curve(t: float, known: Situation | None) -> Twist:
+    return Twist(0.22, 0.5 * math.sin(t))
+
+
+def error(pose: GlobalPose | ObstacleEstimate, true: SE2) -> np.ndarray:
+    e = pose.X_WB.as_array() - true.as_array()
+    e[2] = math.remainder(e[2], 2.0 * math.pi)
+    return e
+
+
+def ids(look: Detections) -> list[int]:
+    return [t.tag_id for t in look.tags]
+
+
+def test_a_whole_drive_from_few_pixels(open_arena: Callable) -> None:
+    """All is found in the first frame; after that a whole frame a second and small windows suffice."""
+    arena = open_arena(plant="bullet", start=SE2(-1.2, -0.5, 0.3))
+    arena.law = curve
+    squares: list[float] = []
+    errors: list[np.ndarray] = []
+
+    def watch() -> None:
+        if arena.now_s > 1.0:
+            own = arena.known.own
+            e = error(own, arena.plant.pose("a"))
+            errors.append(e)
+            squares.append(float(e @ np.linalg.solve(own.covariance, e)))
+
+    arena.run(5.0, watch)
+    assert ids(arena.looks[0]) == [0, 10, 500]
+    assert all(0 in ids(look) for look in arena.looks)
+    pixels = arena.pixels(arena.looks)
+    whole = [p for p in pixels if p >= FULL]
+    assert len(whole) == 5
+    assert max(p for p in pixels if p < FULL) < 50_000
+    assert np.median(pixels) < 12_000
+    frame = arena.camera.pinhole.frame
+    for window in (w for look in arena.looks for w in look.windows):
+        assert frame.contains(window)
+        assert window.x % 4 == window.y % 4 == 0
+    rms = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert rms[:2].max() < 0.0008
+    assert rms[2] < math.radians(0.15)
+    # Errors in a row are not independent, so this is no chi-square test but a bound on boasting.
+    assert np.mean(squares) < 3.0
+    known = arena.known
+    assert known is not None
+    assert np.abs(error(known.target, arena.plant.pose("b"))[:2]).max() < 0.001
+    assert np.abs(error(known.obstacles[0], SE2(0.1, 0.3))[:2]).max() < 0.001
+
+
+@pytest.mark.parametrize("parts", [1, 4])
+def test_an_obstacle_that_appears_is_found_within_a_second(open_arena: Callable, parts: int) -> None:
+    late = {**POST, "appears_at_s": 1.25, "pose": {"x_m": 0.4, "y_m": -0.7, "yaw_deg": 50}}
+    arena = open_arena(obstacles={"late": late}, search_parts=parts)
+    arena.run(1.25)
+    assert arena.known is not None
+    assert arena.known.obstacles == ()
+    # A second for the search, a tenth until the next frame, and the latency.
+    arena.run(1.25 + 1.0 + 0.1 + 0.06 + 0.02)
+    assert [o.name for o in arena.known.obstacles] == ["late"]
+    found = arena.known.obstacles[0]
+    assert found.radius == pytest.approx(0.06)
+    assert found.X_WB.x == pytest.approx(0.4, abs=1e-3)
+    # Once found it is looked at in a window of its own.
+    assert 500 in ids(arena.looks[-1]) or 500 in ids(arena.looks[-2])
+
+
+def test_a_unit_carried_off_is_found_again(open_arena: Callable) -> None:
+    arena = open_arena()
+    arena.run(1.0)
+    arena.plant._poses["a"] = SE2(0.3, -0.9, 2.0)
+    arena.run(2.2)
+    assert arena.known is not None
+    assert np.abs(error(arena.known.own, SE2(0.3, -0.9, 2.0))[:2]).max() < 0.002
+
+
+def test_out_of_view_the_wheels_go_on_and_the_search_stays_modest(open_arena: Callable) -> None:
+    """The unit leaves the picture to the left and backs in again."""
+    arena = open_arena(start=SE2(-1.65, 0.0, math.pi))
+    arena.law = lambda t, known: Twist(0.22 if t < 1.5 else -0.22)
+    arena.run(2.0)
+    gone = [look for look in arena.looks if 0 not in ids(look)]
+    assert len(gone) >= 5
+    assert arena.known is not None
+    out = np.hypot(*error(arena.known.own, arena.plant.pose("a"))[:2])
+    assert out < 0.03
+    seconds = 1e-9 * (gone[-1].exposure.stamp_ns - gone[0].exposure.stamp_ns)
+    assert sum(arena.pixels(gone)) < FULL * (2.0 + seconds / 0.3)
+    arena.run(4.0)
+    assert np.hypot(*error(arena.known.own, arena.plant.pose("a"))[:2]) < 0.002
+
+
+def test_a_biased_localisation_costs_no_sight(open_arena: Callable) -> None:
+    """Told poses are off by 3 cm, 2 deg and noise; the windows stay on the tag as it is in the picture."""
+    wrong = {"bias_x_m": 0.03, "bias_yaw_deg": 2.0, "noise_m": 0.005, "noise_yaw_deg": 0.5, "dropout": 0.2}
+    arena = open_arena(overhead={"localisation": wrong}, start=SE2(-1.2, -0.5, 0.3))
+    arena.law = curve
+    arena.run(4.0)
+    assert all(0 in ids(look) for look in arena.looks)
+    assert sum(p >= FULL for p in arena.pixels(arena.looks)) <= 6
+    known = arena.known
+    assert known is not None
+    off = error(known.own, arena.plant.pose("a"))
+    np.testing.assert_allclose(off[:2], [0.03, 0.0], atol=0.02)  # the wheels contradict the yaw
+    assert np.hypot(*error(known.target, arena.plant.pose("b"))[:2]) < 0.006
+
+
+def test_lost_frames_are_bridged(open_arena: Callable) -> None:
+    arena = open_arena(overhead={"dropout": 0.4, "noise_grey": 6.0, "blur_px": 0.8}, seed=3)
+    arena.law = curve
+    worst = 0.0
+
+    def watch() -> None:
+        nonlocal worst
+        if arena.now_s > 1.0:
+            worst = max(worst, float(np.hypot(*error(arena.known.own, arena.plant.pose("a"))[:2])))
+
+    arena.run(4.0, watch)
+    assert len(arena.looks) < 35
+    assert 0.0 < worst < 0.006
