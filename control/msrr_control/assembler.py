@@ -344,7 +344,14 @@ def c1(setup: AssemblySetup, **params: Any) -> Assembler:
     return LongRangeAssembler(read_params("c1", AssemblyParams, params), setup)
 
 
-ASSEMBLERS: dict[str, Callable[..., Assembler]] = {"c1": c1}
+def c2(setup: AssemblySetup, **params: Any) -> Assembler:
+    """Build the long-distance phase of the paper's comparison C2."""
+    from msrr_control.comparison_assembler import ComparisonAssembler, ComparisonAssemblyParams
+
+    return ComparisonAssembler(read_params("c2", ComparisonAssemblyParams, params), setup)
+
+
+ASSEMBLERS: dict[str, Callable[..., Assembler]] = {"c1": c1, "c2": c2}
 
 
 def build_assembler(choice: Choice, setup: AssemblySetup) -> Assembler:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from msrr_control.long_guidance import SideWall
+from msrr_control.long_guidance import LongGuidanceState, SideWall, long_guidance_start
 from msrr_control.long_tracking import Obstacles
-from msrr_control.offset_point import offset_point, twist_for
+from msrr_control.offset_point import offset_point, point_velocity, twist_for
 from msrr_control.path import Pace, PaceSpec, Path, pace_step
 from msrr_control.sliding import SlidingGains, sliding_feedback
 from msrr_scenes.spec import Positive, Spec
@@ -83,10 +83,17 @@ class ComparisonLongParams(Spec):
 
 
 class ComparisonLongState(NamedTuple):
-    """Where the desired point is on the path, and that point, shape (..., 2) [m]."""
+    """State of the law; all arrays share the leading shape of the trials.
+
+    Attributes:
+        pace: Where the desired point is on the path.
+        desired: The desired point of the last step, shape (..., 2) [m].
+        guidance: What is tracked: the desired point and its velocity, without an upper layer between.
+    """
 
     pace: Pace
     desired: Array
+    guidance: LongGuidanceState
 
 
 class ComparisonLongLaw:
@@ -104,8 +111,10 @@ class ComparisonLongLaw:
 
     def start(self, pose: Array, twist: Array, s: float = 0.0) -> ComparisonLongState:
         """Return the state at the beginning of a path, or ``s`` [m] into it; ``pose`` has shape (..., 3)."""
+        tip = offset_point(pose, self.offset)
         at = Pace(np.full(pose.shape[:-1], s), np.zeros(pose.shape[:-1]))
-        return ComparisonLongState(at, offset_point(pose, self.offset))
+        velocity = point_velocity(twist, pose[..., 2], self.offset)
+        return ComparisonLongState(at, tip, long_guidance_start(tip, velocity))
 
     def step(
         self,
@@ -134,4 +143,5 @@ class ComparisonLongLaw:
         wish = twist_for(velocity, pose[..., 2], self.offset)
         most = np.array([self.limits.v_max_mps, self.limits.w_max_radps])
         command: Array = np.minimum(np.maximum(wish, -most), most)
-        return command, ComparisonLongState(pace, desired.point)
+        tracked = long_guidance_start(desired.point, desired.velocity)
+        return command, ComparisonLongState(pace, desired.point, tracked)
