@@ -67,6 +67,10 @@ class UnicyclePlant:
         for name, X_WU in self._poses.items():
             turned = (before[name].inverse() @ X_WU).log()
             self._moved[name] = Twist(float(turned[0]) / dt, float(turned[2]) / dt)
+            # Wheels roll as far as their unit: their motors are too weak to spin them against a port.
+            rates = wheel_speeds(self._moved[name], self._scene.geometry(name))
+            left, right = (angle + rate * dt for angle, rate in zip(self._wheels[name], rates, strict=True))
+            self._wheels[name] = left, right
         self.tick += 1
         for dock in self._docks.values():
             dock.step_cam(dt)
@@ -154,11 +158,8 @@ class UnicyclePlant:
             self._world.close()
 
     def _roll(self, name: str, dt: float) -> None:
-        """Turn the wheels, and let the unit follow them."""
+        """Move a unit as its drive would, with nothing in its way."""
         speed = self._drives[name].step(self._wishes[name], dt)
-        rates = wheel_speeds(speed, self._scene.geometry(name))
-        left, right = (angle + rate * dt for angle, rate in zip(self._wheels[name], rates, strict=True))
-        self._wheels[name] = left, right
         self._poses[name] = self._poses[name] @ SE2.exp(speed.v * dt, 0.0, speed.w * dt)
 
     def _settle(self, name: str, settled: set[str]) -> None:
