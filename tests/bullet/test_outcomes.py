@@ -146,3 +146,11 @@ def test_a_stuck_switch_does_no_harm_to_a_unit_that_seats(shipped: Load) -> None
         "docking.verify.by_sight": "true",
     }
     assert run_trial(shipped("stuck_seat_switch", clear, blind=True), SEED).outcome is Outcome.DOCKED
+
+
+def test_touching_the_target_beside_its_port_is_a_collision(shipped: Load) -> None:
+    """The docking pair may touch where it docks and nowhere else."""
+    astray = {"faults": "[{kind: camera_misaligned, unit: a, yaw_deg: 20}]", "docking.attempts": "1"}
+    result = run_trial(shipped("askew_camera", astray), SEED)
+    assert (result.outcome, result.belief) == (Outcome.COLLISION, "undecided")
+    assert result.contact is None

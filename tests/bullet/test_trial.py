@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.log import CameraWindow, Log, MemoryRecorder, StartPoses, read_log
+from msrr_bullet.log import CameraWindow, Log, MemoryRecorder, StartPoses, StepStart, read_log
 from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_of
 from msrr_bullet.progress import Progress
@@ -136,6 +136,50 @@ def test_plant_and_perception_are_independent_axes(plant: str, perception: str, 
     )
     assert result.outcome is Outcome.DOCKED, result.belief_reason
     assert (result.plant, result.perception) == (plant, perception)
+
+
+def test_ideal_unicycles_with_modelled_perception_dock_at_once(shipped: Load) -> None:
+    """The quick variant stands in for the full one in studies: it must not fail in ways of its own."""
+    results = [run_trial(shipped("close_range", blind=True), seed) for seed in range(5)]
+    assert [(r.outcome, r.attempts) for r in results] == [(Outcome.DOCKED, 1)] * 5
+
+
+@pytest.mark.parametrize("plant", ["bullet", "unicycle"])
+def test_wheels_stall_against_the_port(plant: str, shipped: Load) -> None:
+    """A seated unit that goes on pressing (its switch is dead) does not drive on by its own encoders."""
+    recorder = MemoryRecorder()
+    scene = shipped("dead_seat_switch", {"plant": plant, "perception": "parametric", "time_limit_s": "6.5"})
+    Trial(scene, 1, recorder=recorder).run()
+    wheel = scene.geometry("a").wheel_radius
+    way = {
+        ns: 0.5 * wheel * (m.left + m.right) for _, ns, m in recorder.messages if isinstance(m, WheelOdometry)
+    }
+    pressed = [w for ns, w in way.items() if 5.2e9 < ns < 6.0e9]
+    assert len(pressed) > 70
+    assert max(pressed) - min(pressed) < 0.002
+
+
+def test_a_plan_of_two_steps_is_carried_out_in_order(shipped: Load, tmp_path: Path) -> None:
+    file = tmp_path / "two.yaml"
+    file.write_text(
+        """
+        description: Two units dock to a third one, one after the other.
+        units:
+          b: {number: 1, pose: {x_m: 0.4}}
+          a: {number: 0, pose: {frame: b.rear, x_m: -0.30}}
+          c: {number: 2, pose: {frame: b.left, x_m: -0.30}}
+        plan: [{unit: a, to: b.rear}, {unit: c, to: b.left}]
+        """
+    )
+    recorder = MemoryRecorder()
+    result = Trial(shipped(str(file), {"perception": "parametric"}), SEED, recorder=recorder).run()
+    assert result.outcome is Outcome.DOCKED, result.belief_reason
+    assert [(r.step, r.attempt, r.phase) for r in result.records] == [(0, 1, Phase.DONE), (1, 1, Phase.DONE)]
+    assert result.attempts == 2
+    assert [(m.index, m.unit) for _, _, m in recorder.messages if isinstance(m, StepStart)] == [
+        (0, "a"),
+        (1, "c"),
+    ]
 
 
 def test_what_went_before_in_the_process_leaves_no_trace(shipped: Load) -> None:
