@@ -30,7 +30,7 @@ class CameraSpec(Spec):
     noise_grey: NonNegative = 2.0
     blur_px: NonNegative = 0.4
     dropout: Probability = 0.0
-    renderer: Choice = Choice(name="tiny")
+    renderer: Choice = Choice(name="raster")
     samples: int = Field(default=2, ge=1, le=8)
     readout: Literal["windows", "frames"] = "windows"
 
