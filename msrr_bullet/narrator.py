@@ -17,7 +17,16 @@ from msrr_bullet.progress import Progress
 from msrr_bullet.stage import Stage
 from msrr_bullet.viewer.snapshot import Snapshot, Viewer
 from msrr_perception.global_estimator import X_DU
-from msrr_scenes.messages import Action, LosObservation, Phase, PoseEstimate, Situation, seconds
+from msrr_scenes.messages import (
+    Action,
+    AssemblyPath,
+    AssemblyProgress,
+    LosObservation,
+    Phase,
+    PoseEstimate,
+    Situation,
+    seconds,
+)
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement import Placement
 from msrr_scenes.plan import DockStep
@@ -40,6 +49,16 @@ class Believer(Protocol):
     @property
     def los(self) -> LosObservation | None:
         """Line of sight on which the last decision was taken."""
+        ...
+
+    @property
+    def assembly(self) -> AssemblyProgress | None:
+        """What the long-distance phase did; None when it is not at work."""
+        ...
+
+    @property
+    def path(self) -> AssemblyPath | None:
+        """The path that the long-distance phase follows."""
         ...
 
 
@@ -132,4 +151,9 @@ class Narrator:
             attempt=action.attempt,
             los=robot.los,
             clearance=nearest,
+            twist=action.twist,
+            reason=action.reason,
+            situation=robot.situation,
+            assembly=robot.assembly,
+            path=robot.path,
         )

@@ -12,6 +12,8 @@ from msrr_bullet.viewer.snapshot import Snapshot
 from msrr_perception.overhead_model import OVERHEAD
 from msrr_scenes.messages import (
     Action,
+    AssemblyPath,
+    AssemblyProgress,
     Detections,
     Exposure,
     LosObservation,
@@ -40,10 +42,12 @@ def snapshots(log: Log) -> list[Snapshot]:
     now: dict[type, object] = {}
     units: dict[str, SE2] = {}
 
+    path: AssemblyPath | None = None
+
     def close(action: Action) -> None:
         estimate, los, near = now.get(PoseEstimate), now.get(LosObservation), now.get(ClearanceRecord)
         believed = None
-        situation = now.get(Situation)
+        situation, assembly = now.get(Situation), now.get(AssemblyProgress)
         if action.phase is Phase.ASSEMBLE and isinstance(situation, Situation):
             believed = situation.own.X_WB
         elif step is not None and isinstance(estimate, PoseEstimate):
@@ -59,6 +63,11 @@ def snapshots(log: Log) -> list[Snapshot]:
                 attempt=action.attempt,
                 los=los if isinstance(los, LosObservation) else None,
                 clearance=_clearance(near) if isinstance(near, ClearanceRecord) else None,
+                twist=action.twist,
+                reason=action.reason,
+                situation=situation if isinstance(situation, Situation) else None,
+                assembly=assembly if isinstance(assembly, AssemblyProgress) else None,
+                path=path,
             )
         )
 
@@ -71,6 +80,8 @@ def snapshots(log: Log) -> list[Snapshot]:
                 close(pending)
             pending = message
             now.clear()
+        elif isinstance(message, AssemblyPath):
+            path = message
         elif isinstance(message, TruePose):
             units[message.name] = message.X_WB
         elif isinstance(message, StartPoses):
@@ -80,6 +91,7 @@ def snapshots(log: Log) -> list[Snapshot]:
             if pending is not None:
                 close(pending)
                 pending = None
+            path = None
             step = scene.plan[message.index]
         else:
             now[type(message)] = message

@@ -105,6 +105,16 @@ class RecordedRobot:
         """What global localisation knew when the last decision was taken."""
         return self._robot.situation
 
+    @property
+    def assembly(self) -> AssemblyProgress | None:
+        """What the long-distance phase did; None when it is not at work."""
+        return self._robot.assembly
+
+    @property
+    def path(self) -> AssemblyPath | None:
+        """The path that the long-distance phase follows."""
+        return self._robot.path
+
     def wants(self, camera: str) -> bool:
         """Say whether the robot has a use for the frames of ``camera`` now."""
         return self._robot.wants(camera)

@@ -7,7 +7,14 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from msrr_bullet.clearance import Clearance
-from msrr_scenes.messages import LosObservation, Phase
+from msrr_scenes.messages import (
+    AssemblyPath,
+    AssemblyProgress,
+    LosObservation,
+    Phase,
+    Situation,
+    Twist,
+)
 from msrr_scenes.plan import DockStep
 from msrr_scenes.se2 import SE2
 
@@ -26,6 +33,11 @@ class Snapshot:
         attempt: Counted from 1; 0 before the first.
         los: Its line of sight to the target.
         clearance: The smallest clearance of any pair, docking pair included.
+        twist: What the docking unit commands; None before its first decision.
+        reason: Why its phase was entered.
+        situation: What it knows of the whole arena; None when it does not look from above.
+        assembly: What its long-distance phase does; None while that is not at work.
+        path: The path which that phase follows, or followed last.
     """
 
     stamp_ns: int
@@ -37,6 +49,11 @@ class Snapshot:
     attempt: int = 0
     los: LosObservation | None = None
     clearance: Clearance | None = None
+    twist: Twist | None = None
+    reason: str = ""
+    situation: Situation | None = None
+    assembly: AssemblyProgress | None = None
+    path: AssemblyPath | None = None
 
 
 class Viewer(Protocol):
