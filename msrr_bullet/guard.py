@@ -39,11 +39,11 @@ class GuardDecision:
 
     Attributes:
         twist: What may be commanded.
-        clearance: The smallest clearance of the unit at present, by the estimates; None while nothing else
-            is known, or when the guard is off.
+        clearance: The smallest clearance of the unit at present, by the estimates; None when the guard is
+            off and where nothing known is so near that it could matter.
         state: Whether the command passed as it was, slower (or in part), or not at all.
         ahead: Smallest clearance along the way that the whole command would lead [m], with what the
-            estimates may be wrong by taken off; infinite where ``clearance`` is None.
+            estimates may be wrong by taken off; where ``clearance`` is None, what it is at least.
     """
 
     twist: Twist
@@ -72,7 +72,8 @@ class ClearanceGuard:
         self._own = step.unit
         self._target = step.target_unit
         self._model = ClearanceModel(scene)
-        self._reach = scene.geometry(step.unit).circumradius
+        self._reaches = {unit: scene.geometry(unit).circumradius for unit in scene.units}
+        self._reaches |= {name: spec.radius_m for name, spec in scene.obstacles.items()}
         self._way = WayAhead(scene)
 
     def reset(self) -> None:
@@ -99,13 +100,14 @@ class ClearanceGuard:
         free = GuardDecision(twist, None, GuardState.FREE, math.inf)
         if situation is None or not self._spec.enabled:
             return free
-        around = Surroundings(self._model, situation, self._reach, self._target if docking else None)
+        around = Surroundings(self._model, situation, self._reaches, self._target if docking else None)
         X_WU = self._way.present_pose(situation.own, now_ns)
-        present = around.clearance(X_WU)
-        if present is None:
-            return free
         unsure = self._spec.sigmas * around.sigma
         slow, stop = self._spec.slow_m + unsure, self._spec.stop_m + unsure
+        at_least = around.at_least(X_WU) - self._way.longest(twist, around.reach)
+        present = around.clearance(X_WU) if at_least < slow else None
+        if present is None:
+            return GuardDecision(twist, None, GuardState.FREE, at_least - unsure)
 
         def ahead(wish: Twist) -> float:
             return self._way.closest(wish, X_WU, present.distance, around, slow)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from msrr_bullet.clearance import Clearance, ClearanceModel
 from msrr_control.drive_limits import nested_limit
@@ -39,19 +39,24 @@ class Surroundings:
     """What is known around one unit at one instant."""
 
     def __init__(
-        self, model: ClearanceModel, situation: Situation, reach: float, exempt: str | None = None
+        self,
+        model: ClearanceModel,
+        situation: Situation,
+        reaches: Mapping[str, float],
+        exempt: str | None = None,
     ) -> None:
         """Gather the estimates.
 
         Args:
             model: The shapes.
             situation: The estimates.
-            reach: Largest distance of the unit's footprint from its axle [m].
+            reaches: Largest distance of every body's footprint from its own origin [m].
             exempt: A unit that may be touched.
         """
         self._model = model
         self._own = situation.own.name
-        self.reach = reach
+        self._reaches = reaches
+        self.reach = reaches[self._own]
         known: list[GlobalPose | ObstacleEstimate] = [
             situation.target,
             *situation.others,
@@ -61,10 +66,17 @@ class Surroundings:
         self._poses = {b.name: b.X_WB for b in bodies}
         names = list(self._poses)
         self._unasked = frozenset(frozenset((a, b)) for i, a in enumerate(names) for b in names[i + 1 :])
-        own = _variance(situation.own.covariance, reach)
-        others = max((_variance(b.covariance, reach) for b in bodies), default=0.0)
+        own = _variance(situation.own.covariance, self.reach)
+        others = max((_variance(b.covariance, reaches[b.name]) for b in bodies), default=0.0)
         #: Standard deviation of the distance between the unit and what is known least of the others [m].
         self.sigma = math.sqrt(own + others)
+
+    def at_least(self, X_WU: SE2) -> float:
+        """Return what the clearance at ``X_WU`` is at least [m], from the circles about all bodies."""
+        apart = (
+            math.hypot(X.x - X_WU.x, X.y - X_WU.y) - self._reaches[name] for name, X in self._poses.items()
+        )
+        return min(apart, default=math.inf) - self.reach
 
     def clearance(self, X_WU: SE2) -> Clearance | None:
         """Return the smallest clearance of the unit at ``X_WU``; None when there is nothing around it."""
@@ -78,8 +90,8 @@ class Surroundings:
 
 def _variance(covariance: Array, reach: float) -> float:
     """Return the largest variance that a point of a body has in any direction [m^2]."""
-    a, b, c = float(covariance[0, 0]), float(covariance[1, 1]), float(covariance[0, 1])
-    return 0.5 * (a + b) + math.hypot(0.5 * (a - b), c) + reach**2 * float(covariance[2, 2])
+    (a, c, _), (_, b, _), (_, _, turn) = covariance.tolist()
+    return float(0.5 * (a + b) + math.hypot(0.5 * (a - b), c) + reach**2 * turn)
 
 
 class WayAhead:
@@ -135,7 +147,7 @@ class WayAhead:
             around: What is known around it.
             enough: Clearance above which the exact value does not matter [m].
         """
-        if present - self._longest(wish, around.reach) >= enough:
+        if present - self.longest(wish, around.reach) >= enough:
             return present
         closest = at_hand = present
         gone, X_UA = 0.0, SE2()
@@ -149,7 +161,7 @@ class WayAhead:
             closest = min(closest, around.distance(X_WU @ X_UA))
         return closest
 
-    def _longest(self, wish: Twist, reach: float) -> float:
+    def longest(self, wish: Twist, reach: float) -> float:
         """Return a length [m] that no point of the unit exceeds on its way ahead."""
         at = self._limits
         coming = [wish, self._command, *(command for _, command in self._under_way)]

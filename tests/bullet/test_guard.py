@@ -207,7 +207,7 @@ def test_an_estimate_from_the_past_is_moved_up_to_now() -> None:
     for i in range(100):  # at full speed by then
         guard.limit(Twist(0.4), known(i * 20_000_000, SE2(-3.0, 0.0), X_WO), i * 20_000_000)
     now_ns = 2_000_000_000
-    X_WA = SE2(2.0 - 0.06 - 0.118 - 0.27, 0.0)
+    X_WA = SE2(2.0 - 0.06 - 0.118 - 0.20, 0.0)
     late, prompt = (
         guard.limit(Twist(0.4), known(now_ns - age_ns, X_WA, X_WO), now_ns).clearance
         for age_ns in (150_000_000, 0)
