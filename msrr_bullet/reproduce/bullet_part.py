@@ -1,0 +1,211 @@
+"""The part of a reproduction that runs the real loop: contact physics, rendered images, real detection."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from msrr_bullet.reproduce.measured_trial import MeasuredTrial, Shelf, measured_trial
+from msrr_bullet.reproduce.measures import MEASURES, PhaseName, measure
+from msrr_bullet.reproduce.model import Measured, Reproduction, Row, Table
+from msrr_bullet.result import TrialResult, package_versions
+from msrr_bullet.stats import wilson
+from msrr_bullet.sweep import sweep
+from msrr_bullet.sweep_summary import TrialFailure
+from msrr_scenes.errors import MsrrError
+from msrr_scenes.load import load_scene
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.scene import Scene
+from msrr_scenes.spec import Choice
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One scene of the real loop, run under several controllers.
+
+    Attributes:
+        name: In tables and the JSON.
+        scene: Name or path.
+        description: For readers.
+        phases: Which of its phases are measured.
+        docking: Docking controllers by label.
+        assembly: Assemblers by label; a label without one keeps the scene's.
+        overrides: Of the scene.
+    """
+
+    name: str
+    scene: str
+    description: str
+    phases: tuple[PhaseName, ...]
+    docking: dict[str, Choice]
+    assembly: dict[str, Choice] = field(default_factory=dict)
+    overrides: dict[str, str] = field(default_factory=dict)
+
+    def load(self, label: str) -> Scene:
+        """Return the scene under one of the controllers."""
+        chosen = {**self.overrides, "control.docking": json.dumps(self.docking[label].model_dump())}
+        if label in self.assembly:
+            chosen["control.assembly"] = json.dumps(self.assembly[label].model_dump())
+        return load_scene(self.scene, chosen)
+
+
+def paper_experiments(docking: dict[str, Choice], mission: str = "two_units") -> tuple[Experiment, ...]:
+    """Return the experiments of ``msrr reproduce --plant bullet``.
+
+    Args:
+        docking: Contenders of the close phase by label.
+        mission: Scene of the whole mission.
+    """
+    both = {"C1": Choice(name="c1"), "C2": Choice(name="c2")}
+    fierce = {
+        "C1": Choice(name="c1", params={"feedback": {"k_n_per_s": 6.0}}),
+        "C2": Choice(name="c2", params={"feedback": {"k_per_s": 6.0}}),
+    }
+    return (
+        Experiment("whole mission", mission, f"scene {mission}", ("long", "close"), both, both),
+        Experiment("hard starts", "close_range_hard", "scene close_range_hard", ("close",), docking),
+        Experiment(
+            "high gain",
+            "close_range",
+            "scene close_range, gain 6 1/s, 100 ms latency that the estimator does not make up for",
+            ("close",),
+            fierce,
+            overrides={"cameras.onboard.latency_ms": "100", "control.delay_compensation": "false"},
+        ),
+    )
+
+
+def reproduce_bullet(
+    experiments: Iterable[Experiment],
+    seeds: range,
+    folder: Path,
+    jobs: int = 1,
+    tell: Callable[[str], None] | None = None,
+) -> Reproduction:
+    """Run the experiments; what is in ``folder`` from the same scene and code is not run again.
+
+    Args:
+        experiments: What to run.
+        seeds: One trial of each experiment and controller for each of them.
+        folder: Keeps every trial.
+        jobs: How many trials run at the same time.
+        tell: Is told what is done next, and how far it is.
+
+    Raises:
+        KeyboardInterrupt: It was stopped; what was computed is kept.
+        MsrrError: A scene cannot be run, or a trial's program failed.
+    """
+    tell = tell or (lambda text: None)
+    tables, spent = [], {}
+    for experiment in experiments:
+        began = time.perf_counter()
+        found = {
+            label: run_trials(
+                experiment.load(label),
+                seeds,
+                folder,
+                jobs,
+                lambda n, label=label, name=experiment.name: tell(f"{name}, {label}: {n} of {len(seeds)}"),
+            )
+            for label in experiment.docking
+        }
+        spent[experiment.name] = round(time.perf_counter() - began, 2)
+        for phase in experiment.phases:
+            rows = tuple(
+                _row(experiment.docking[label], label, phase, experiment.phases, trials)
+                for label, trials in found.items()
+            )
+            tables.append(
+                Table(
+                    phase=phase,
+                    plant="bullet",
+                    setting=experiment.name,
+                    description=experiment.description,
+                    rows=rows,
+                )
+            )
+    return Reproduction(
+        versions=package_versions(),
+        seeds={"bullet": (seeds.start, seeds.stop)},
+        tables=tuple(tables),
+        seconds=spent,
+    )
+
+
+def run_trials(
+    scene: Scene, seeds: range, folder: Path, jobs: int, count: Callable[[int], None]
+) -> tuple[MeasuredTrial, ...]:
+    """Run or fetch a measured trial for each seed, in order.
+
+    Raises:
+        KeyboardInterrupt: It was stopped; what was computed is kept.
+        MsrrError: The scene cannot be run, or a trial's program failed.
+    """
+    shelf = Shelf(folder, scene)
+    trials = {t.seed: t for t in shelf if t.seed in seeds}
+    count(len(trials))
+
+    def keep(found: TrialResult | TrialFailure, stored: bool) -> None:
+        if isinstance(found, MeasuredTrial):
+            shelf.put(found)
+            trials[found.seed] = found
+            count(len(trials))
+
+    left = [seed for seed in seeds if seed not in trials]
+    if left:
+        summary = sweep(scene, left, jobs, trial=measured_trial, observer=keep)
+        if summary.interrupted:
+            raise KeyboardInterrupt
+        if summary.failures:
+            first = summary.failures[0]
+            raise MsrrError(f"{scene.name}, seed {first.seed}: the program failed: {first.error}")
+    return tuple(trials[seed] for seed in seeds)
+
+
+def _row(
+    choice: Choice,
+    label: str,
+    phase: PhaseName,
+    phases: tuple[PhaseName, ...],
+    trials: tuple[MeasuredTrial, ...],
+) -> Row:
+    counted = {o.value: sum(t.outcome is o for t in trials) for o in Outcome}
+    kept = [t.kept_in_view for t in trials if t.kept_in_view is not None]
+    measures = {}
+    for what in MEASURES[phase]:
+        values = [t.measures[what.key] for t in trials if what.key in t.measures]
+        if what.key == "clearance":
+            values = [t.min_clearance_m for t in trials if t.min_clearance_m is not None]
+        measures[what.key] = Measured.of(values)
+    return Row(
+        controller=choice.name,
+        label=label,
+        trials=len(trials),
+        success=wilson(sum(t.docked for t in trials), len(trials)),
+        in_view=wilson(sum(kept), len(kept)) if phase == "close" else None,
+        measures=measures,
+        outcomes={name: n for name, n in counted.items() if n},
+        within_paper=sum(within_paper(t, phases) for t in trials),
+    )
+
+
+def within_paper(trial: MeasuredTrial, phases: tuple[PhaseName, ...]) -> bool:
+    """Say whether a trial docked and meets every figure that the paper gives of C1 in these phases.
+
+    A path that met no obstacle has neither amplitude nor recovery; every other figure has to be there.
+    """
+    if not trial.docked:
+        return False
+    for phase in phases:
+        for what in MEASURES[phase]:
+            if what.paper_c1 is None:
+                continue
+            value = trial.measures.get(what.key)
+            if value is None and what.key not in ("amplitude", "recovery"):
+                return False
+            if value is not None and value > (measure(what.key).paper_c1 or 0.0):
+                return False
+    return True

@@ -1,0 +1,218 @@
+"""Time series of one trial of the real loop, from what the loop tells its recorder."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_bullet.log import topics
+from msrr_bullet.log.records import TruePose
+from msrr_bullet.reproduce.close_studies import docking_law
+from msrr_control import metrics
+from msrr_control.controller import ControlInputs, sense
+from msrr_control.law import DockSetup
+from msrr_control.line_of_sight import edge_angles
+from msrr_control.offset_point import offset_point
+from msrr_scenes.messages import (
+    Action,
+    AssemblyProgress,
+    Exposure,
+    LosObservation,
+    Phase,
+    Pixels,
+    PoseEstimate,
+    seconds,
+)
+from msrr_scenes.pinhole import Window
+from msrr_scenes.scene import Scene
+from msrr_scenes.se2 import SE2
+
+Array = NDArray[np.float64]
+
+#: Stages of the long-distance phase in which a path is followed.
+_UNDER_WAY = ("drive", "settle")
+
+
+@dataclass(slots=True)
+class Instant:
+    """One control instant: the decision, what it was taken on, and the truth then."""
+
+    action: Action
+    estimate: PoseEstimate | None = None
+    los: LosObservation | None = None
+    assembly: AssemblyProgress | None = None
+    true: dict[str, SE2] = field(default_factory=dict)
+
+
+class SeriesRecorder:
+    """Keeps the control instants of the last step of a plan; a :class:`msrr_bullet.log.recorder.Recorder`."""
+
+    def __init__(self, unit: str) -> None:
+        """Listen to the robot ``unit``."""
+        self.instants: list[Instant] = []
+        self._action = topics.action(unit)
+        self._estimate, self._los = topics.estimate(unit), topics.los(unit)
+        self._assembly = topics.assembly(unit)
+
+    def write(self, topic: str, stamp_ns: int, message: Any) -> None:
+        """Take in a message."""
+        if topic == self._action:
+            self.instants.append(Instant(message))
+            return
+        if not self.instants or self.instants[-1].action.stamp_ns != stamp_ns:
+            return
+        now = self.instants[-1]
+        if topic == self._estimate:
+            now.estimate = message
+        elif topic == self._los:
+            now.los = message
+        elif topic == self._assembly:
+            now.assembly = message
+        elif isinstance(message, TruePose):
+            now.true[message.name] = message.X_WB
+
+    def window(self, exposure: Exposure, window: Window, pixels: Pixels) -> None:
+        """Pixels are of no interest here."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class LongSeries:
+    """The long-distance phase of one trial, truth in W.
+
+    Attributes:
+        time: Shape (T,) [s].
+        pose: True axle pose, shape (T, 3).
+        tip: True controlled point, shape (T, 2) [m].
+        desired: Desired point, as the unit had it, shape (T, 2) [m].
+        command: (v, w), shape (T, 2).
+        walled: An obstacle was being passed, shape (T,).
+        arc_end: When the desired point ended the last arc of the last path [s]; NaN if it never did.
+    """
+
+    time: Array
+    pose: Array
+    tip: Array
+    desired: Array
+    command: Array
+    walled: NDArray[np.bool_]
+    arc_end: float
+
+    @classmethod
+    def of(cls, instants: list[Instant], unit: str, offset: float) -> LongSeries | None:
+        """Select the instants at which a path was followed; None if there were not any."""
+        way = [(i, i.assembly) for i in instants if i.assembly is not None and i.assembly.stage in _UNDER_WAY]
+        way = [(i, a) for i, a in way if unit in i.true]
+        if not way:
+            return None
+        pose = np.array([i.true[unit].as_array() for i, _ in way])
+        last = way[-1][1].path
+        past = [i for i, a in way if a.path == last and 0.0 < a.arc_end <= a.s]
+        return cls(
+            time=np.array([seconds(i.action.stamp_ns) for i, _ in way]),
+            pose=pose,
+            tip=offset_point(pose, offset),
+            desired=np.array([a.desired for _, a in way]),
+            command=np.array([[i.action.twist.v, i.action.twist.w] for i, _ in way]),
+            walled=np.array([a.avoiding is not None for _, a in way]),
+            arc_end=seconds(past[0].action.stamp_ns) if past else math.nan,
+        )
+
+    def measures(self) -> dict[str, float]:
+        """Return the measures of the long phase that this trial has."""
+        off = metrics.deviation(self.tip, self.desired)
+        episode = metrics.obstacle_episode(self.time, off, self.walled)
+        found = {
+            "tracking": metrics.tracking_error(self.time, off, np.array(self.arc_end), episode),
+            "amplitude": metrics.amplitude(off, episode),
+            "recovery": metrics.recovery_time(self.time, off, episode),
+        }
+        return {key: float(value) for key, value in found.items() if np.isfinite(value)}
+
+
+@dataclass(frozen=True, eq=False)
+class CloseSeries:
+    """The last approach of one trial, truth in D; from the hand-over to the first contact of the pins.
+
+    Attributes:
+        time: From its beginning, shape (T,) [s].
+        pose: True axle pose, shape (T, 3).
+        tip: True controlled point, shape (T, 2) [m].
+        reference: The guidance trajectory, worked out again from the estimates, shape (T, 2) [m].
+        edges: True line of sight, shape (T, 2) [rad].
+        command: (v, w), shape (T, 2).
+    """
+
+    time: Array
+    pose: Array
+    tip: Array
+    reference: Array
+    edges: Array
+    command: Array
+
+    @classmethod
+    def of(cls, instants: list[Instant], scene: Scene, until_s: float | None) -> CloseSeries | None:
+        """Select the last approach; None if there was none.
+
+        The guidance depends on estimates and line of sight alone, so the law gives it again from these.
+        """
+        step = scene.plan[-1]
+        attempts = [i.action.attempt for i in instants if i.action.phase is Phase.DOCK]
+        if not attempts:
+            return None
+        run = [i for i in instants if i.action.phase is Phase.DOCK and i.action.attempt == attempts[-1]]
+        run = [i for i in run if i.estimate is not None and {step.unit, step.target_unit} <= set(i.true)]
+        if until_s is not None:
+            run = [i for i in run if seconds(i.action.stamp_ns) <= until_s]
+        if not run:
+            return None
+        setup = DockSetup.of(scene, step)
+        X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
+        pose = np.array(
+            [((i.true[step.target_unit] @ X_TD).inverse() @ i.true[step.unit]).as_array() for i in run]
+        )
+        time = np.array([seconds(i.action.stamp_ns) for i in run])
+        return cls(
+            time=time - time[0],
+            pose=pose,
+            tip=offset_point(pose, setup.offset),
+            reference=_guidance(run, scene, setup),
+            edges=edge_angles(pose, setup.los, setup.camera_offset),
+            command=np.array([[i.action.twist.v, i.action.twist.w] for i in run]),
+        )
+
+    def measures(self, settled_m: float, window_s: float = 1.0) -> dict[str, float]:
+        """Return settling time and final error."""
+        off = np.hypot(*(self.tip - self.reference).T)
+        beyond = np.flatnonzero(off > settled_m)
+        settling = 0.0 if beyond.size == 0 else float(self.time[min(beyond[-1] + 1, len(off) - 1)])
+        late = self.time >= self.time[-1] - window_s
+        return {"settling": settling, "final": float(off[late].max())}
+
+    def kept_in_view(self, bound: float) -> bool:
+        """Say whether both edges stayed within ``bound`` [rad]."""
+        return bool(np.abs(self.edges).max() <= bound)
+
+
+def _guidance(run: list[Instant], scene: Scene, setup: DockSetup) -> Array:
+    law = docking_law(scene.control.docking, setup)
+    state: Any = None
+    points = []
+    then = run[0].action.stamp_ns - round(1e9 / setup.rate_hz)
+    for instant in run:
+        now, estimate = instant.action.stamp_ns, instant.estimate
+        if estimate is None:
+            continue
+        dt = seconds(now - then)
+        sensed = sense(ControlInputs(now, dt, estimate, instant.los))
+        state = law.start(sensed) if state is None else state
+        _, state = law.step(state, sensed, dt)
+        points.append(law.reference(state))
+        then = now
+    return np.array(points)
