@@ -54,6 +54,13 @@ class Solid:
         """
         return _outline(self)
 
+    def points(self) -> Array:
+        """Return points in U, shape (N, 3) [m], whose convex hull is the shape.
+
+        Round shapes are given by 32 points on each circle.
+        """
+        return _points(self)
+
 
 def tag_corners(size: float) -> Array:
     """Return the corners of a tag's black border in T, shape (4, 3) [m]: bottom left, then counter-clockwise.
@@ -141,20 +148,32 @@ class UnitGeometry:
 
 
 def _outline(solid: Solid) -> Array:
+    if solid.kind == "sphere":
+        return solid.X_UG.p[:2] + solid.size[0] * _circle()
+    return _points(solid)[:, :2]
+
+
+def _points(solid: Solid) -> Array:
     if solid.kind == "box":
         corners = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
-        return solid.X_UG.act(corners * np.asarray(solid.size))[:, :2]
+        return solid.X_UG.act(corners * np.asarray(solid.size))
     if solid.kind == "cylinder":
         radius, length = solid.size
-        t = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
-        ring = np.stack([radius * np.cos(t), radius * np.sin(t), np.full_like(t, 0.5 * length)], axis=1)
-        ends = np.concatenate([ring, ring * np.array([1.0, 1.0, -1.0])])
-        return solid.X_UG.act(ends)[:, :2]
+        ring = np.column_stack([radius * _circle(), np.full(32, 0.5 * length)])
+        return solid.X_UG.act(np.concatenate([ring, ring * np.array([1.0, 1.0, -1.0])]))
     if solid.kind == "sphere":
-        t = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
-        return solid.X_UG.p[:2] + solid.size[0] * np.stack([np.cos(t), np.sin(t)], axis=1)
+        rings = [
+            np.column_stack([math.cos(a) * _circle(), np.full(32, math.sin(a))])
+            for a in np.linspace(-0.5 * math.pi, 0.5 * math.pi, 9)
+        ]
+        return solid.X_UG.act(solid.size[0] * np.concatenate(rings))
     assert solid.mesh is not None
-    return solid.X_UG.act(obj_vertices(solid.mesh) * np.asarray(solid.size))[:, :2]
+    return solid.X_UG.act(obj_vertices(solid.mesh) * np.asarray(solid.size))
+
+
+def _circle() -> Array:
+    t = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
+    return np.stack([np.cos(t), np.sin(t)], axis=1)
 
 
 def obj_vertices(path: Path) -> Array:
