@@ -45,8 +45,8 @@ class Disturbance(Spec):
         sigma_yaw_deg: The same for the heading.
         sigma_bearing_deg: The same for each edge angle.
         delay_s: Age of pose and angles when the law gets them.
-        compensated: The estimator moves each delayed pose forward by the odometry since its exposure; the
-            angles stay delayed.
+        compensated: The estimator moves each delayed pose forward by the odometry since its exposure, and
+            the angles with it.
         slip: Largest share by which a wheel's path differs from what its encoder says; drawn uniformly for
             each wheel of each trial.
         track_m: Distance between the wheels.
@@ -191,12 +191,14 @@ def run_study(
     state: State | None = None
     for k in range(steps):
         poses[k], twists[k] = pose, twist
-        edges[k] = edge_angles(pose, setup.los, setup.camera_offset)
+        edges[k] = _edges(pose, setup)
         tips[k] = offset_point(pose, setup.offset)
         delayed.append((counted, *_measured(pose, edges[k], wrong, rng)))
         was, seen, angles = delayed[0]
         if wrong.compensated:
-            seen = moved_on(seen, was, counted)
+            then, seen = seen, moved_on(seen, was, counted)
+            turned = _edges(seen, setup) - _edges(then, setup)
+            angles = angles + np.arctan2(np.sin(turned), np.cos(turned))
         sensed = Sensed(seen, angles, np.ones(trials), twist)
         state = law.start(sensed) if state is None else state
         commands[k], state = law.step(state, sensed, dt)
@@ -209,6 +211,10 @@ def run_study(
     reached = tips[..., 0] >= 0.0
     contact = np.where(reached.any(axis=0), reached.argmax(axis=0), -1)
     return StudyResult(dt, poses, commands, twists, edges, tips, references, contact, redrawn)
+
+
+def _edges(pose: Array, setup: DockSetup) -> Array:
+    return edge_angles(pose, setup.los, setup.camera_offset)
 
 
 def _measured(pose: Array, edges: Array, wrong: Disturbance, rng: np.random.Generator) -> tuple[Array, Array]:

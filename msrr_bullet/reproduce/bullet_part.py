@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from msrr_bullet.reproduce.measured_trial import MeasuredTrial, Shelf, measured_trial
@@ -102,16 +103,10 @@ def reproduce_bullet(
     tables, spent = [], {}
     for experiment in experiments:
         began = time.perf_counter()
-        found = {
-            label: run_trials(
-                experiment.load(label),
-                seeds,
-                folder,
-                jobs,
-                lambda n, label=label, name=experiment.name: tell(f"{name}, {label}: {n} of {len(seeds)}"),
-            )
-            for label in experiment.docking
-        }
+        found: dict[str, tuple[MeasuredTrial, ...]] = {}
+        for label in experiment.docking:
+            count = partial(_count, tell, f"{experiment.name}, {label}", len(seeds))
+            found[label] = run_trials(experiment.load(label), seeds, folder, jobs, count)
         spent[experiment.name] = round(time.perf_counter() - began, 2)
         for phase in experiment.phases:
             rows = tuple(
@@ -133,6 +128,10 @@ def reproduce_bullet(
         tables=tuple(tables),
         seconds=spent,
     )
+
+
+def _count(tell: Callable[[str], None], what: str, of: int, done: int) -> None:
+    tell(f"{what}: {done} of {of}")
 
 
 def run_trials(
