@@ -154,6 +154,7 @@ class Autonomy:
         if self._above is not None:
             near = self._phases.phase not in _GLOBAL
             self.situation = self._above.situation(now_ns, self.estimate if near else None)
+        before = self._phases.phase
         action = self._phases.step(
             Senses(
                 now_ns=now_ns,
@@ -165,6 +166,10 @@ class Autonomy:
                 situation=self.situation,
             )
         )
+        if action.phase is Phase.ASSEMBLE and before is not Phase.ASSEMBLE:
+            # What the camera on board saw from somewhere else is of no use for the next look.
+            for part in (self._estimator, self._los_estimator, self._vision):
+                part.reset()
         return self._guarded(action)
 
     def _guarded(self, action: Action) -> Action:

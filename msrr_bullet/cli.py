@@ -258,10 +258,13 @@ def check(
     overrides: Overrides = None,
 ) -> None:
     """Check scene files; the exit code is 2 when one cannot be used."""
+    from msrr_control.assembly_checks import check_assembly
+
     bad = 0
     for file in files:
         try:
             loaded = load_scene(file, parse_overrides(overrides))
+            check_assembly(loaded)
         except MsrrError as error:
             bad = say(str(error), BAD_INPUT)
             continue

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from msrr_bullet.clearance import Clearance, Pair
 from msrr_bullet.result import Contact, PlanarPose, Seating
 from msrr_bullet.stage import Stage
-from msrr_scenes.messages import Action, Phase, PoseEstimate, seconds
+from msrr_scenes.messages import Action, Phase, PoseEstimate, Setback, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.plan import DockStep
 from msrr_scenes.se2 import SE2
@@ -187,14 +187,17 @@ class Judge:
             return Outcome.FALSE_DOCK
         return Outcome.DOCKED if pull_passed else Outcome.LOCK_FAILED
 
-    def verdict_gave_up(self, ever_detected: bool) -> Outcome:
+    def verdict_gave_up(self, setback: Setback | None, ever_detected: bool) -> Outcome:
         """Return the verdict on a robot that gave up.
 
         Args:
+            setback: Why it did, in its own words.
             ever_detected: Any measurement of the target was ever made in this step.
         """
         if self._was_seated:
             return Outcome.FALSE_ABORT
+        if setback is Setback.BLOCKED and self.contact is None:
+            return Outcome.BLOCKED
         if not ever_detected:
             return Outcome.NEVER_DETECTED
         deepest = self._deepest_pose

@@ -153,7 +153,9 @@ class StepRun:
                 passed = engaged and plant.pull_test(unit).holds
                 outcome = self._judge.verdict_docked(seating, engaged, passed)
             else:
-                outcome = self._judge.verdict_gave_up(self._hardware.ever_detected)
+                outcome = self._judge.verdict_gave_up(
+                    self._robot.belief.setback, self._hardware.ever_detected
+                )
         self._narrator.verdict(plant.now_ns(), outcome)
         return StepEnd(
             outcome=outcome,

@@ -14,6 +14,7 @@ from msrr_bullet.stage_clock import Clock, NullClock
 from msrr_bullet.step_run import StepEnd, StepRun
 from msrr_bullet.streams import stream
 from msrr_bullet.viewer.snapshot import Viewer
+from msrr_control.assembly_checks import check_assembly
 from msrr_scenes.load import scene_hash
 from msrr_scenes.messages import Conviction, seconds
 from msrr_scenes.outcome import Outcome
@@ -48,7 +49,11 @@ class Trial:
             viewer: Is shown the trial while it runs.
             observer: Is told the progress at every control instant.
             clock: Is told which stage is running.
+
+        Raises:
+            SceneError: The long-distance phase cannot work in this scene.
         """
+        check_assembly(scene)
         self.scene = scene
         self.seed = seed
         self._narrator = Narrator(recorder or NullRecorder(), viewer, observer)

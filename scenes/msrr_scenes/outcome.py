@@ -18,6 +18,7 @@ class Outcome(Enum):
     LOCK_FAILED = "lock_failed"  # seated and closed, but the lock gave way under the pull
     TARGET_LOST = "target_lost"  # the marker was seen and lost, and no attempt was left
     NEVER_DETECTED = "never_detected"  # the marker was never seen
+    BLOCKED = "blocked"  # the robot found no way to the target and stopped where it was safe
     COLLISION = "collision"  # bodies other than the docking pair touched
     CLEARANCE_VIOLATED = "clearance_violated"  # bodies came closer than the scene allows
     LEFT_ARENA = "left_arena"
