@@ -1,4 +1,4 @@
-"""The command line: ``msrr dock | sweep | scenes | check | bench | replay``.
+"""The command line: ``msrr dock | sweep | scenes | check | bench | replay | tune | reproduce``.
 
 Exit codes: 0 docked or done; 1 not docked, or a replay that differs; 2 bad input, or a file that cannot be
 read or written; 70 an error of the program itself; 130 interrupted.
@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 from rich.console import Console
 
+from msrr_bullet import study_commands
+from msrr_bullet import cli_looking
 from msrr_bullet.doors import BAD_INPUT, NOT_DOCKED, PROGRAM_ERROR, Doors, say
 from msrr_scenes.assets import shipped_scenes
 from msrr_scenes.errors import MsrrError, SceneError
@@ -315,6 +317,13 @@ def replay(
     verdict = "identical" if report.identical else "different"
     console.print(f"{folder}: {verdict} ({counts})", highlight=False, markup=False, soft_wrap=True)
     raise typer.Exit(0 if report.identical else NOT_DOCKED)
+
+
+app.command()(study_commands.tune)
+app.command()(study_commands.reproduce)
+
+
+cli_looking.register(app)
 
 
 def _check_writable(file: Path | None) -> None:

@@ -143,9 +143,9 @@ class Tuned(BaseModel):
 def tune(
     controller: str,
     part: Part = "docking",
-    budget: int = 320,
+    budget: int = 240,
     seed: int = 0,
-    trials: int = 60,
+    trials: int = 40,
     mapper: Callable[[Callable[[Array], float], Iterable[Array]], Iterable[float]] | None = None,
     observer: Callable[[int, float], None] | None = None,
 ) -> Tuned:

@@ -10,14 +10,12 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
+from msrr_bullet.reproduce.findings import DOCKS
 from msrr_bullet.reproduce.gain_delay import LAWS
 from msrr_bullet.reproduce.model import GainDelayMap
 from msrr_bullet.reproduce.style import FAINT, FIRST, MARK, PAPER, SECOND, new_figure, save, styled
 
 Array = NDArray[np.float64]
-
-#: Share of trials from which a cell counts as docking.
-DOCKS = 0.95
 
 
 def draw_map(found: GainDelayMap, path: Path) -> Path:

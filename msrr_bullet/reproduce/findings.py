@@ -1,0 +1,159 @@
+"""What a reproduction says, in words and against what is asked; every number is read from the findings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from msrr_bullet.reproduce.gain_delay import LAWS
+from msrr_bullet.reproduce.measures import MEASURES, PhaseName, measure
+from msrr_bullet.reproduce.model import GainDelayMap, Reproduction, Row, Table
+from msrr_bullet.reproduce.settings import PAPER_TRAJECTORY
+
+#: Share of trials from which a cell of the map counts as docking.
+DOCKS = 0.95
+
+_PHASES: tuple[PhaseName, ...] = ("long", "close")
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """Something that is asked of the project, and what was found."""
+
+    text: str
+    found: str
+    met: bool
+
+
+def claims(found: Reproduction) -> list[Claim]:
+    """Return what can be said of what is asked, from the tables at hand."""
+    said: list[Claim] = []
+    for phase in _PHASES:
+        table = found.table(phase, "unicycle", "standard")
+        row = _row(table, "C1")
+        if table is None or row is None:
+            continue
+        for what in MEASURES[phase]:
+            q = row.measures[what.key].quantiles if what.key in row.measures else None
+            if what.asked_p50 is None or what.asked_p95 is None or q is None:
+                continue
+            p50, p95 = (float("inf") if v is None else v for v in (q.p50, q.p95))
+            s, unit = what.scale, what.unit
+            said.append(
+                Claim(
+                    f"C1, unicycle, {table.description}: {what.label}"
+                    f" at most {s * what.asked_p50:.3g} / {s * what.asked_p95:.3g} {unit}",
+                    f"{s * p50:.3g} / {s * p95:.3g} {unit}",
+                    p50 <= what.asked_p50 and p95 <= what.asked_p95,
+                )
+            )
+    said += _of_the_map(found)
+    said += _of_the_loop(found)
+    return said
+
+
+def _of_the_map(found: Reproduction) -> list[Claim]:
+    maps = [m for m in found.maps if not m.compensated]
+    if not maps:
+        return []
+    one, both, _ = _counts(maps[0])
+    return [
+        Claim(
+            "the map over gain and delay has a region where C1 docks and C2 does not, and one where both do",
+            f"{one} cells of C1 alone, {both} of both",
+            one > 0 and both > 0,
+        )
+    ]
+
+
+def _of_the_loop(found: Reproduction) -> list[Claim]:
+    said = []
+    mission = found.table("close", "bullet", "whole mission")
+    row = _row(mission, "C1")
+    if row is not None and row.within_paper is not None:
+        text = f"{row.within_paper} of {row.trials}"
+        enough = row.within_paper >= 0.95 * row.trials
+        said.append(Claim("C1, whole mission, images: every figure of the paper in 95 %", text, enough))
+    hard = found.table("close", "bullet", "hard starts")
+    row = _row(hard, "CBF")
+    if row is not None and row.in_view is not None:
+        text = f"{100 * row.in_view.rate:.0f} % kept in view, {100 * row.success.rate:.0f} % docked"
+        enough = row.in_view.rate == 1.0 and row.success.rate >= 0.97
+        said.append(
+            Claim("CBF, hard starts, images: target kept in view in all, docked in 97 %", text, enough)
+        )
+    return said
+
+
+def _row(table: Table | None, label: str) -> Row | None:
+    return None if table is None else next((r for r in table.rows if r.label == label), None)
+
+
+def _counts(found: GainDelayMap) -> tuple[int, int, int]:
+    """Return in how many cells C1 alone, both, and C2 alone dock."""
+    pairs = [
+        (a.success >= DOCKS, b.success >= DOCKS)
+        for row1, row2 in zip(found.cells["c1"], found.cells["c2"], strict=True)
+        for a, b in zip(row1, row2, strict=True)
+    ]
+    return (
+        sum(a and not b for a, b in pairs),
+        sum(a and b for a, b in pairs),
+        sum(b and not a for a, b in pairs),
+    )
+
+
+def map_text(found: Reproduction) -> str:
+    """Return what the maps show."""
+    text = []
+    for chart in found.maps:
+        one, both, other = _counts(chart)
+        all_cells = len(chart.gains) * len(chart.latencies)
+        how = "With" if chart.compensated else "Without"
+        text.append(
+            f"{how} delay compensation in the estimator, of {all_cells} pairs of gain and delay C1 and C2"
+            f" both dock in {both}, C1 alone in {one}, C2 alone in {other}."
+        )
+        if not chart.compensated:
+            text.append(_where_the_paper_lies(chart))
+    return " ".join(text)
+
+
+def _where_the_paper_lies(chart: GainDelayMap) -> str:
+    gain, latency = chart.paper_cell
+    i, j = chart.gains.index(gain), chart.latencies.index(latency)
+    c1, c2 = (1e3 * (chart.cells[law][i][j].final_p50_m or 0.0) for law in LAWS)
+    final, total = measure("final"), latency + chart.lag
+    lag_mm = 1e3 * PAPER_TRAJECTORY.speed_mps * latency
+    return (
+        f"The paper states neither gain nor delay of its comparison. Its final errors of"
+        f" {1e3 * (final.paper_c1 or 0.0):g} and {1e3 * (final.paper_c2 or 0.0):g} mm are most nearly those"
+        f" at k_n = {gain:g} 1/s and a total delay of {1e3 * total:.0f} ms: {c1:.0f} and {c2:.0f} mm, of which"
+        f" the way driven during the latency makes {lag_mm:.0f} mm. There gain times delay is"
+        f" {gain * total:.2f}"
+        f" for C1 and {(gain + chart.extra_gain) * total:.2f} for C2, whose boundary layer adds"
+        f" {chart.extra_gain:g} 1/s. Tuned more gently, both dock."
+    )
+
+
+def winner_text(found: Reproduction) -> str:
+    """Name the docking controller that wins, by the hardest table at hand; nothing without one."""
+    table = found.table("close", "bullet", "hard starts") or found.table("close", "unicycle", "hard")
+    if table is None:
+        return ""
+
+    def merit(row: Row) -> tuple[float, float, float]:
+        lateral = row.measures["lateral"].quantiles.p95 if "lateral" in row.measures else None
+        view = row.in_view.rate if row.in_view is not None else 0.0
+        return (row.success.rate, view, -(lateral if lateral is not None else float("inf")))
+
+    ranked = sorted(table.rows, key=merit, reverse=True)
+    best = ranked[0]
+    rest = "; ".join(
+        f"{r.label} {100 * r.success.rate:.1f} % and {100 * (r.in_view.rate if r.in_view else 0.0):.1f} %"
+        for r in ranked[1:]
+    )
+    return (
+        f"By docking rate, then by keeping the target in view, then by the lateral error at contact,"
+        f" {best.label} wins under {table.description} ({table.plant}): {100 * best.success.rate:.1f} %"
+        f" docked, {100 * (best.in_view.rate if best.in_view else 0.0):.1f} % kept in view; the others: {rest}."
+    )
