@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 from rich.console import Console
 
-from msrr_bullet import study_commands
-from msrr_bullet import cli_looking
+from msrr_bullet import run_commands, study_commands
 from msrr_bullet.doors import BAD_INPUT, NOT_DOCKED, PROGRAM_ERROR, Doors, say
 from msrr_scenes.assets import shipped_scenes
 from msrr_scenes.errors import MsrrError, SceneError
@@ -321,9 +320,7 @@ def replay(
 
 app.command()(study_commands.tune)
 app.command()(study_commands.reproduce)
-
-
-cli_looking.register(app)
+app.command()(run_commands.frames)
 
 
 def _check_writable(file: Path | None) -> None:

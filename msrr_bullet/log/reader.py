@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
 from json import JSONDecodeError, loads
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import zstandard
@@ -156,6 +158,21 @@ def read_log(path: Path) -> Log:
         return Log(path, LogHeader.from_metadata(metadata, files), complete)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
+
+
+@contextmanager
+def unpacked_log(path: Path) -> Iterator[Log]:
+    """Open a log with the units' URDFs that it holds, for as long as the ``with`` block lasts.
+
+    Args:
+        path: As for :func:`read_log`.
+
+    Raises:
+        LogError: As :func:`read_log` does, and when a file in the log has an unsafe name.
+    """
+    log = read_log(path)
+    with TemporaryDirectory(prefix="msrr-log-") as folder:
+        yield replace(log, header=log.header.unpacked(Path(folder)))
 
 
 def _records(path: Path, complete: bool) -> Iterator[McapRecord]:

@@ -15,6 +15,10 @@ PATH = BLUE
 BELIEF = ORANGE
 CLEARANCE = PURPLE
 SIGHT = GREEN
+#: Tags as detected, and windows read from a frame.
+DETECTION, WINDOW = VERMILLION, SKY
+#: The path that the unit means to drive, and where on it it should be.
+PLAN = 0x37424D
 FLOOR, GRID, DARK = 0xF3F4F6, 0xD3D8DE, 0x8A939C
 #: Top and bottom of the background, RGB in [0, 1].
 BACKGROUND = ((0.93, 0.95, 0.97), (0.80, 0.84, 0.88))

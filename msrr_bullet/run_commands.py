@@ -1,0 +1,58 @@
+"""The commands that look at a finished run: ``msrr frames | plot | export``. All they know is in its log."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+Run = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder of a trial, or its log.")]
+
+
+class CameraChoice(Enum):
+    """Whose frames."""
+
+    OVERHEAD = "overhead"
+    ONBOARD = "onboard"
+    BOTH = "both"
+
+
+def frames(
+    run: Run,
+    out: Annotated[Path | None, typer.Option(help="Folder for the pictures [default: RUN/frames].")] = None,
+    camera: Annotated[CameraChoice, typer.Option(help="Whose frames.")] = CameraChoice.BOTH,
+    every: Annotated[
+        float | None, typer.Option(metavar="S", min=0.001, help="One frame of each camera every S seconds.")
+    ] = None,
+    count: Annotated[int, typer.Option(metavar="N", min=1, help="Frames of each camera, spread.")] = 8,
+    video: Annotated[bool, typer.Option("--video", help="Also writes the run as film.webm.")] = False,
+) -> None:
+    """Write camera frames with what the robot made of them drawn on."""
+    _quietly()
+    from msrr_bullet.log import unpacked_log
+    from msrr_bullet.pictures.frames import write_frames
+
+    folder = out if out is not None else _beside(run) / "frames"
+    console = Console()
+    with console.status(f"{run}: drawing"), unpacked_log(run) as log:
+        written = write_frames(log, folder, camera.value, every_s=every, count=count, film=video)
+    film = f", {written.film.name}" if written.film else ""
+    _tell(console, f"{folder}: {len(written.frames)} frames, {written.sheet.name}{film}")
+
+
+def _quietly() -> None:
+    """Load the simulator, whose shapes and tags the pictures borrow, before it can print its greeting."""
+    from msrr_bullet.simulator import load_simulator
+
+    load_simulator()
+
+
+def _beside(run: Path) -> Path:
+    return run if run.is_dir() else run.parent
+
+
+def _tell(console: Console, text: str) -> None:
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
