@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
-from enum import Enum
+from enum import StrEnum
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,7 +18,7 @@ _JOBS = max(1, os.cpu_count() or 1)
 Jobs = Annotated[int, typer.Option(min=1, help="Processes.")]
 
 
-class Plants(str, Enum):
+class Plants(StrEnum):
     """What a reproduction runs on."""
 
     UNICYCLE = "unicycle"
@@ -26,7 +26,7 @@ class Plants(str, Enum):
     BOTH = "both"
 
 
-class Parts(str, Enum):
+class Parts(StrEnum):
     """Which of a unit's two controllers is tuned."""
 
     DOCKING = "docking"

@@ -127,8 +127,8 @@ def _where_the_paper_lies(chart: GainDelayMap) -> str:
     return (
         f"The paper states neither gain nor delay of its comparison. Its final errors of"
         f" {1e3 * (final.paper_c1 or 0.0):g} and {1e3 * (final.paper_c2 or 0.0):g} mm are most nearly those"
-        f" at k_n = {gain:g} 1/s and a total delay of {1e3 * total:.0f} ms: {c1:.0f} and {c2:.0f} mm, of which"
-        f" the way driven during the latency makes {lag_mm:.0f} mm. There gain times delay is"
+        f" at k_n = {gain:g} 1/s and a total delay of {1e3 * total:.0f} ms: {c1:.0f} and {c2:.0f} mm, of"
+        f" which the way driven during the latency makes {lag_mm:.0f} mm. There gain times delay is"
         f" {gain * total:.2f}"
         f" for C1 and {(gain + chart.extra_gain) * total:.2f} for C2, whose boundary layer adds"
         f" {chart.extra_gain:g} 1/s. Tuned more gently, both dock."
@@ -155,5 +155,6 @@ def winner_text(found: Reproduction) -> str:
     return (
         f"By docking rate, then by keeping the target in view, then by the lateral error at contact,"
         f" {best.label} wins under {table.description} ({table.plant}): {100 * best.success.rate:.1f} %"
-        f" docked, {100 * (best.in_view.rate if best.in_view else 0.0):.1f} % kept in view; the others: {rest}."
+        f" docked, {100 * (best.in_view.rate if best.in_view else 0.0):.1f} % kept in view; the others:"
+        f" {rest}."
     )
