@@ -22,6 +22,9 @@ ZONE_DEPTH_M = 0.036
 ZONE_HALF_WIDTH_M = 0.05
 ZONE_YAW_RAD = math.radians(20.0)
 
+#: More than a unit can drive between two control instants.
+_APPROACH_M = 0.05
+
 #: A unit this far off its seat, sideways or in heading, is not seated however deep it is.
 SEATED_LATERAL_M = 0.003
 SEATED_YAW_RAD = math.radians(2.0)
@@ -72,6 +75,7 @@ class Judge:
         self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._pair: Pair = frozenset({step.unit, step.target_unit})
         self._attempt = 0
+        self._gap = -math.inf  # as of the last control instant; not known yet
         self._deepest = math.inf
         self._deepest_pose: PortPose | None = None
         self._seated_since: int | None = None
@@ -124,6 +128,8 @@ class Judge:
             self._deepest, self._deepest_pose = math.inf, None
             self._seated_since, self._was_seated = None, False
             self.contact = None
+        if self._gap > ZONE_DEPTH_M + _APPROACH_M:
+            return  # the next control instant comes before the unit can be there
         at = self.port_pose()
         if not at.in_zone:
             return
@@ -163,7 +169,9 @@ class Judge:
         poses = self._stage.poses()
         # Units that were locked together by an earlier step are one body.
         found = self._stage.clearance.query(poses, self._stage.bonds)
-        authorised = docking and self.port_pose().in_zone
+        at = self.port_pose()
+        self._gap = at.gap
+        authorised = docking and at.in_zone
         for clearance in found:
             own_pair = clearance.pair == self._pair
             if clearance.distance <= 0.0 and not (own_pair and authorised):

@@ -7,9 +7,11 @@ and bodies are created in the order of the scene.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 
@@ -57,6 +59,18 @@ class UnitBody:
     X_IU: SE3
     wheels: tuple[int, int]
 
+    @cached_property
+    def origin(self) -> tuple[float, float, float]:
+        """Origin of U seen from the root's inertial frame [m]."""
+        x, y, z = self.X_IU.p.tolist()
+        return x, y, z
+
+    @cached_property
+    def forward(self) -> tuple[float, float, float]:
+        """Axis x of U seen from the root's inertial frame."""
+        x, y, z = self.X_IU.R[:, 0].tolist()
+        return x, y, z
+
     def link(self, name: str) -> int:
         """Return the index of a link; an unknown name lists the ones that exist."""
         try:
@@ -95,6 +109,7 @@ class BulletWorld:
         self._dressing = dressing
         self.units: dict[str, UnitBody] = {}
         self.obstacles: dict[str, int] = {}
+        self._planar: dict[str, SE2] = {}
         self.client: int = pybullet.connect(pybullet.DIRECT)
         if self.client < 0:
             raise MsrrError("PyBullet gave no DIRECT client; too many are open in this process")
@@ -125,6 +140,7 @@ class BulletWorld:
 
     def step(self) -> None:
         """Advance the physics by one tick of 1 / ``scene.physics_hz``."""
+        self._planar.clear()
         pybullet.stepSimulation(physicsClientId=self.client)
 
     def unit(self, name: str) -> UnitBody:
@@ -147,8 +163,26 @@ class BulletWorld:
         return SE3.from_quaternion_xyzw(position, quaternion) @ unit.X_IU
 
     def pose(self, name: str) -> SE2:
-        """Return the true ``X_WU`` in the plane."""
-        return self.pose3(name).to_se2()
+        """Return the true ``X_WU`` in the plane; asked for often, so it is kept until the world moves on."""
+        known = self._planar.get(name)
+        if known is None:
+            known = self._planar[name] = self._pose_in_plane(self.unit(name))
+        return known
+
+    def _pose_in_plane(self, unit: UnitBody) -> SE2:
+        (px, py, _), (x, y, z, w) = pybullet.getBasePositionAndOrientation(
+            unit.body, physicsClientId=self.client
+        )
+        # The first two rows of R_WI are all that the plane needs; matrices would take ten times as long.
+        r00, r01, r02 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
+        r10, r11, r12 = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
+        ax, ay, az = unit.origin
+        bx, by, bz = unit.forward
+        return SE2(
+            px + r00 * ax + r01 * ay + r02 * az,
+            py + r10 * ax + r11 * ay + r12 * az,
+            math.atan2(r10 * bx + r11 * by + r12 * bz, r00 * bx + r01 * by + r02 * bz),
+        )
 
     def link_pose(self, name: str, link: str) -> SE3:
         """Return the true pose ``X_WL`` of a unit's link, joints included."""
@@ -185,6 +219,7 @@ class BulletWorld:
     def place(self, name: str, X_WU: SE2, wheels: tuple[float, float]) -> None:
         """Put a unit on the floor at ``X_WU`` with its wheels at these angles [rad], all at rest."""
         unit = self.unit(name)
+        self._planar.clear()
         # PyBullet moves the centre of mass here, not the link frame.
         X_WI = SE3.from_se2(X_WU) @ unit.X_IU.inverse()
         pybullet.resetBasePositionAndOrientation(

@@ -106,6 +106,11 @@ class TargetModel:
         return np.stack([self.corners_D[e.tag_id][list(e.corners)].mean(axis=0) for e in self.edges])
 
     @cached_property
+    def all_corners_D(self) -> Array:
+        """Corners of all tags in D, shape (tags, 4, 3) [m], in the order of :attr:`tags`."""
+        return np.stack([self.corners_D[tag] for tag in self.tags])
+
+    @cached_property
     def tags(self) -> tuple[int, ...]:
         """Ids of all tags of the target unit, ascending."""
         return tuple(sorted(self.corners_D))

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msrr_perception.tag_camera import NEAREST_M, pose_vector, project_with_jacobian
 from msrr_perception.target import TargetModel
@@ -66,7 +67,7 @@ class ExpectedTag:
 
     def box(self, policy: WindowPolicy, widen: float = 1.0) -> Window:
         """Return the pixels that should hold the tag; ``widen`` scales all its margins."""
-        edges = np.linalg.norm(self.pixels - np.roll(self.pixels, 1, axis=0), axis=1)
+        edges = np.sqrt(((self.pixels - self.pixels[[3, 0, 1, 2]]) ** 2).sum(axis=1))
         room = widen * (
             policy.sigmas * self.sigma + policy.margin_px + policy.quiet_zone * float(edges.max())
         )
@@ -81,22 +82,26 @@ def expected_tags(
     What other bodies may hide is not known here; a tag that is hidden is simply not found.
     """
     X_CD = target.X_CU @ SE3.from_se2(prediction.X_DU).inverse()
-    pose = pose_vector(prediction.X_DU)
-    border = target.camera.frame
-    found = []
-    for tag in target.tags:
-        p_C = X_CD.act(target.corners_D[tag])
-        if float(p_C[:, 2].min()) < NEAREST_M or not _faces_camera(p_C):
-            continue
-        flat, J = project_with_jacobian(target, pose, target.corners_D[tag])
-        pixels = flat.reshape(4, 2)
-        lo, hi = pixels.min(axis=0), pixels.max(axis=0)
-        edges = np.linalg.norm(pixels - np.roll(pixels, 1, axis=0), axis=1)
-        inside = lo.min() >= -0.5 and hi[0] <= border.width - 0.5 and hi[1] <= border.height - 0.5
-        if inside and float(edges.min()) >= policy.least_edge_px:
-            variance = np.einsum("ij,jk,ik->i", J[:, :3], prediction.covariance, J[:, :3])
-            found.append(ExpectedTag(tag, pixels, np.sqrt(np.maximum(variance, 0.0)).reshape(4, 2)))
-    return tuple(found)
+    p_C = X_CD.act(target.all_corners_D)  # (tags, 4, 3)
+    seen = (p_C[:, :, 2].min(axis=1) >= NEAREST_M) & _face_camera(p_C)
+    if not seen.any():
+        return ()
+    tags = [tag for tag, shown in zip(target.tags, seen.tolist(), strict=True) if shown]
+    flat, J = project_with_jacobian(
+        target, pose_vector(prediction.X_DU), target.all_corners_D[seen].reshape(-1, 3)
+    )
+    pixels = flat.reshape(-1, 4, 2)
+    edges = np.sqrt(((pixels - pixels[:, [3, 0, 1, 2]]) ** 2).sum(axis=2))
+    low, high = pixels.min(axis=1), pixels.max(axis=1)
+    fits = (
+        (low >= -0.5).all(axis=1)
+        & (high <= [target.camera.width - 0.5, target.camera.height - 0.5]).all(axis=1)
+        & (edges.min(axis=1) >= policy.least_edge_px)
+    )
+    J_pose = J[:, :3]
+    variance = ((J_pose @ prediction.covariance) * J_pose).sum(axis=1)
+    sigma = np.sqrt(np.maximum(variance, 0.0)).reshape(-1, 4, 2)
+    return tuple(ExpectedTag(tag, pixels[i], sigma[i]) for i, tag in enumerate(tags) if fits[i])
 
 
 def choose_tags(
@@ -175,10 +180,12 @@ def _union(a: Window, b: Window) -> Window:
     return Window(x, y, max(a.x_end, b.x_end) - x, max(a.y_end, b.y_end) - y)
 
 
-def _faces_camera(p_C: Array) -> bool:
-    """Say whether the tag's printed side is seen: z of its frame T points into the tag."""
-    normal = np.cross(p_C[1] - p_C[0], p_C[0] - p_C[3])
-    return float(normal @ p_C.mean(axis=0)) > 0.0
+def _face_camera(p_C: Array) -> NDArray[np.bool_]:
+    """Say of which tags, corners (tags, 4, 3), the printed side is seen: z of T points into the tag."""
+    a, b = p_C[:, 1] - p_C[:, 0], p_C[:, 0] - p_C[:, 3]
+    normal = a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
+    seen: NDArray[np.bool_] = (normal * p_C.sum(axis=1)).sum(axis=1) > 0.0
+    return seen
 
 
 def pose_is_known(prediction: PoseEstimate, position_m: float, yaw: float) -> bool:
