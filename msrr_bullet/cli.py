@@ -321,6 +321,7 @@ def replay(
 app.command()(study_commands.tune)
 app.command()(study_commands.reproduce)
 app.command()(run_commands.frames)
+app.command()(run_commands.plot)
 
 
 def _check_writable(file: Path | None) -> None:

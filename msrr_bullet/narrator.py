@@ -11,8 +11,8 @@ from msrr_bullet.clearance import Clearance
 from msrr_bullet.judge import Judge
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
+from msrr_bullet.log.records import JUDGE, Event, Level, StartPoses, TruePose
 from msrr_bullet.log.records import Clearance as ClearanceRecord
-from msrr_bullet.log.records import Event, Level, StartPoses, TruePose
 from msrr_bullet.progress import Progress
 from msrr_bullet.stage import Stage
 from msrr_bullet.viewer.snapshot import Snapshot, Viewer
@@ -119,7 +119,7 @@ class Narrator:
     def verdict(self, stamp_ns: int, outcome: Outcome) -> None:
         """Tell how a step ended."""
         level = Level.INFO if outcome is Outcome.DOCKED else Level.WARNING
-        self.event(stamp_ns, "judge", outcome.value, level)
+        self.event(stamp_ns, JUDGE, outcome.value, level)
 
     def event(self, stamp_ns: int, source: str, text: str, level: Level = Level.INFO) -> None:
         """Record something worth a line."""

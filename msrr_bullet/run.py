@@ -10,7 +10,8 @@ from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.reader import LOG_NAME, read_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
-from msrr_bullet.log.story import onboard_views, snapshots
+from msrr_bullet.log.story import snapshots
+from msrr_bullet.log.views import docking_views
 from msrr_bullet.progress import Progress
 from msrr_bullet.result import TrialResult, package_versions
 from msrr_bullet.stage_clock import Clock
@@ -78,7 +79,7 @@ def _make(out: Path) -> None:
 
 def _derive(out: Path, result: TrialResult) -> None:
     """Write everything that follows from the log. The verdict comes first: it is the least replaceable."""
-    from msrr_bullet.picture import write_picture
+    from msrr_bullet.pictures.summary import write_picture
     from msrr_bullet.viewer.replay_page import write_replay
 
     try:
@@ -87,6 +88,6 @@ def _derive(out: Path, result: TrialResult) -> None:
         frames = snapshots(log)
         write_replay(out / REPLAY_NAME, log.header.scene, frames)
         headline = f"{result.outcome.value}, seed {result.seed}"
-        write_picture(out / PICTURE_NAME, log.header.scene, frames, onboard_views(log), headline)
+        write_picture(out / PICTURE_NAME, log.header.scene, frames, docking_views(log), headline)
     except OSError as error:
         raise RunFolderError(f"{error.filename or out}: cannot be written ({error.strerror})") from None

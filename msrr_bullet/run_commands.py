@@ -43,6 +43,26 @@ def frames(
     _tell(console, f"{folder}: {len(written.frames)} frames, {written.sheet.name}{film}")
 
 
+def plot(
+    run: Run,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A .png, .pdf or .svg file [default: RUN/plot.png].")
+    ] = None,
+) -> None:
+    """Plot a run's time series: errors, velocities, clearance, line of sight; belief on truth."""
+    _quietly()
+    from msrr_bullet.log import unpacked_log
+    from msrr_bullet.log.story import snapshots, verdict
+    from msrr_bullet.pictures.plot import write_plot
+
+    file = out if out is not None else _beside(run) / "plot.png"
+    console = Console()
+    with console.status(f"{run}: drawing"), unpacked_log(run) as log:
+        headline = f"{verdict(log) or 'broken off'}, seed {log.header.seed}"
+        write_plot(file, log.header.scene, snapshots(log), headline)
+    _tell(console, str(file))
+
+
 def _quietly() -> None:
     """Load the simulator, whose shapes and tags the pictures borrow, before it can print its greeting."""
     from msrr_bullet.simulator import load_simulator

@@ -98,6 +98,10 @@ class Level(Enum):
     ERROR = 4
 
 
+#: Who speaks in the event that tells the verdict.
+JUDGE = "judge"
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
     """Something worth a line: a phase, a contact, a fault, the verdict. ``source`` says who speaks."""

@@ -5,24 +5,18 @@ from __future__ import annotations
 from msrr_bullet.clearance import Clearance
 from msrr_bullet.log import topics
 from msrr_bullet.log.reader import Log
-from msrr_bullet.log.records import CameraWindow, StartPoses, StepStart, TruePose
+from msrr_bullet.log.records import JUDGE, Event, StartPoses, StepStart, TruePose
 from msrr_bullet.log.records import Clearance as ClearanceRecord
-from msrr_bullet.picture import OnboardView
 from msrr_bullet.viewer.snapshot import Snapshot
-from msrr_perception.overhead_model import OVERHEAD
 from msrr_scenes.messages import (
     Action,
     AssemblyPath,
     AssemblyProgress,
-    Detections,
-    Exposure,
     LosObservation,
     Phase,
-    Pixels,
     PoseEstimate,
     Situation,
 )
-from msrr_scenes.pinhole import Window
 from msrr_scenes.plan import DockStep
 from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
@@ -115,29 +109,7 @@ def _clearance(record: ClearanceRecord) -> Clearance | None:
     return Clearance(record.distance, record.pair[0], record.pair[1], a, b)
 
 
-def onboard_views(log: Log, count: int = 3) -> tuple[OnboardView, ...]:
-    """Return what perception read of ``count`` frames, spread over the docking phase, tags included.
-
-    The first is the first frame with a tag in it, the last the one nearest to the end of the docking phase.
-    """
-    docking = [a.stamp_ns for _, a in log.messages(Action, "/control/*") if a.phase is Phase.DOCK]
-    end_ns = docking[-1] if docking else None
-    seen = [
-        d
-        for _, d in log.messages(Detections, "/perception/*")
-        if d.tags and d.exposure.camera != OVERHEAD and (end_ns is None or d.exposure.stamp_ns <= end_ns)
-    ]
-    if not seen:
-        return ()
-    last = len(seen) - 1
-    wanted = {seen[round(i * last / max(count - 1, 1))].exposure for i in range(count)}
-    found: dict[Exposure, Detections] = {d.exposure: d for d in seen if d.exposure in wanted}
-    windows: dict[Exposure, list[tuple[Window, Pixels]]] = {e: [] for e in wanted}
-    for _, record in log.messages(CameraWindow, "/camera/*"):
-        if record.exposure in windows:
-            windows[record.exposure].append((record.window, record.pixels))
-    camera = log.header.scene.cameras.onboard.pinhole
-    return tuple(
-        OnboardView(e.stamp_ns, camera, windows[e], found[e].tags)
-        for e in sorted(wanted, key=lambda e: e.stamp_ns)
-    )
+def verdict(log: Log) -> str | None:
+    """Return the judge's last word as the log has it; None when the trial did not get that far."""
+    words = [event.text for _, event in log.messages(Event, topics.EVENTS) if event.source == JUDGE]
+    return words[-1] if words else None

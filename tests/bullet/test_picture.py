@@ -10,10 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
-from msrr_bullet.picture import DPI, SIZE, UNREAD, OnboardView, write_picture
+from msrr_bullet.log.views import UNREAD, CameraView
+from msrr_bullet.pictures.summary import DPI, WIDTH, write_picture
 from msrr_bullet.viewer import palette
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.messages import Phase, TagDetection
+from msrr_scenes.messages import Exposure, Phase, TagDetection
 from msrr_scenes.pinhole import Window
 
 
@@ -32,12 +33,13 @@ def view(drive):
     window = Window(200, 150, 220, 180)
     pixels = np.full((window.height, window.width), 90, dtype=np.uint8)
     corners = np.array([[300.0, 260.0], [340.0, 262.0], [338.0, 220.0], [298.0, 222.0]])
-    return OnboardView(drive.frames[60].stamp_ns, camera, [(window, pixels)], [TagDetection(11, corners)])
+    exposure = Exposure("a/onboard", 60, drive.frames[60].stamp_ns)
+    return CameraView(exposure, camera, [(window, pixels)], [TagDetection(11, corners)])
 
 
 def test_picture_holds_paths_units_and_curves(drive, tmp_path):
     image = read(write_picture(tmp_path / "run.png", drive.scene, drive.frames, headline="docked"))
-    assert image.shape == (round(SIZE[1] * DPI), round(SIZE[0] * DPI), 3)
+    assert image.shape[1] == round(WIDTH * DPI)
     for name in ("PATH", "BELIEF", "GREEN", "VERMILLION", "OBSTACLE"):
         assert count(image, getattr(palette, name)) > 150, name
 
@@ -69,7 +71,7 @@ def test_every_phase_has_a_colour():
 
 
 def test_neither_picture_nor_pages_touch_the_state_of_pyplot():
-    imports = "import sys, msrr_bullet.picture, msrr_bullet.viewer.replay_page"
+    imports = "import sys, msrr_bullet.pictures.summary, msrr_bullet.viewer.replay_page"
     code = f"{imports}; print('matplotlib.pyplot' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split()[-1] == "False"

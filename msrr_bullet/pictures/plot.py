@@ -1,0 +1,62 @@
+"""The time series of a run in one figure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from msrr_bullet.pictures import curves
+from msrr_bullet.pictures.series import Series
+from msrr_bullet.pictures.stack import draw_stack
+from msrr_bullet.viewer.snapshot import Snapshot
+from msrr_scenes.errors import MsrrError
+from msrr_scenes.scene import Scene
+
+#: Width and height of one row [in], and resolution [1/in].
+WIDTH, ROW, DPI = 13.0, 2.0, 120
+
+
+def write_plot(path: Path, scene: Scene, frames: Sequence[Snapshot], headline: str = "") -> Path:
+    """Write the time series of a run; the ending of the path says in which format (PNG, PDF, SVG).
+
+    On the left where the unit is, on the right what it does: distance from the path (when it followed one),
+    gap, lateral offset and heading before the port, belief on truth; velocities, clearance, line of sight.
+
+    Args:
+        path: File to write.
+        scene: The scene of the run.
+        frames: Instants in order, at any rate.
+        headline: Such as the outcome.
+
+    Raises:
+        MsrrError: There is not a single frame, or no such format.
+    """
+    series = Series.of(scene, frames)
+    where: list[Callable[[Axes], None]] = [
+        lambda axes: curves.gap(axes, series),
+        lambda axes: curves.lateral(axes, series),
+        lambda axes: curves.yaw(axes, series),
+    ]
+    if series.assembles:
+        where.insert(0, lambda axes: curves.off_path(axes, series))
+    what: list[Callable[[Axes], None]] = [
+        lambda axes: curves.speed(axes, series, scene.limits),
+        lambda axes: curves.turn_rate(axes, series, scene.limits),
+        lambda axes: curves.clearance(axes, series, scene.control.guard, scene.judge),
+        lambda axes: curves.sight(axes, series, scene),
+    ]
+    figure = Figure(figsize=(WIDTH, ROW * max(len(where), len(what)) + 0.6), dpi=DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    if path.suffix.lower().lstrip(".") not in figure.canvas.get_supported_filetypes():
+        raise MsrrError(f"{path}: no format for plots; end the name with .png, .pdf or .svg")
+    columns = figure.add_gridspec(1, 2)
+    draw_stack(figure, columns[0], series, where)
+    draw_stack(figure, columns[1], series, what)
+    figure.suptitle(f"{scene.name}{f': {headline}' if headline else ''}", fontsize=13, fontweight="bold")
+    metadata = {"Software": None} if path.suffix.lower() == ".png" else {"CreationDate": None}
+    figure.savefig(path, metadata=metadata)
+    return path
