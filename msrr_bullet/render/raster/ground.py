@@ -19,7 +19,6 @@ from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.raster.compiled import inlined
 from msrr_bullet.render.raster.projection import Array, Indices
 from msrr_scenes.errors import SceneError
-from msrr_scenes.se3 import SE3
 
 Texels = NDArray[np.uint32]
 Short = NDArray[np.float32]
@@ -28,7 +27,7 @@ Short = NDArray[np.float32]
 STEPS = 2
 
 #: Pixels of a row that share one blend, aligned to the frame: for a camera with roll and for a level one.
-_STRIDES = (32, 1024)
+_ROLLED_STRIDE, _LEVEL_STRIDE = 32, 1024
 
 #: Descent of a ray below which the floor is so far away that only its mean is seen.
 _HORIZON = 1e-4
@@ -108,22 +107,26 @@ def _with_neighbours(level: NDArray[np.float64]) -> Texels:
     return (pair | np.roll(pair, -1, axis=0) << 16).astype(np.uint32)
 
 
-def view_ground(ground: Ground, focal: float, middle: tuple[float, float], X_WC: SE3) -> GroundView:
-    """Return a floor as seen by a camera at ``X_WC``; from below there is no floor (all forms zero)."""
-    r, p = X_WC.R, X_WC.p
+@inlined
+def view_ground(
+    ground: Ground, focal: float, middle_x: float, middle_y: float, R_WC: Array, p_WC: Array
+) -> GroundView:
+    """Return a floor as seen by a camera; from below there is no floor (all forms zero)."""
     forms = np.zeros((3, 3))
-    if p[2] <= 0.0:
-        return GroundView(forms, 1.0, 0.0, _STRIDES[1])
-    forms[0] = ground.per_metre * (p[2] * r[0] - p[0] * r[2])
-    forms[1] = ground.per_metre * (p[2] * r[1] - p[1] * r[2])
-    forms[2] = -r[2]
-    # From rays (x, y, 1) to pixels, counted from their edges.
-    forms[:, :2] /= focal
-    forms[:, 2] -= forms[:, 0] * middle[0] + forms[:, 1] * middle[1]
-    scale = ground.per_metre * float(p[2]) / focal
+    if p_WC[2] > 0.0:
+        for i in range(3):
+            # Of rays (x, y, 1): where they meet the floor, and how fast they fall.
+            forms[0, i] = ground.per_metre * (p_WC[2] * R_WC[0, i] - p_WC[0] * R_WC[2, i])
+            forms[1, i] = ground.per_metre * (p_WC[2] * R_WC[1, i] - p_WC[1] * R_WC[2, i])
+            forms[2, i] = -R_WC[2, i]
+        for k in range(3):  # of pixels, counted from their edges
+            forms[k, 0] /= focal
+            forms[k, 1] /= focal
+            forms[k, 2] -= forms[k, 0] * middle_x + forms[k, 1] * middle_y
+    lean = np.sqrt(R_WC[2, 0] * R_WC[2, 0] + R_WC[2, 1] * R_WC[2, 1])
     # A camera without roll sees each row of the floor at one distance.
-    level = abs(float(r[2, 0])) < 1e-3
-    return GroundView(forms, scale, math.hypot(r[2, 0], r[2, 1]), _STRIDES[level])
+    stride = _LEVEL_STRIDE if abs(R_WC[2, 0]) < 1e-3 else _ROLLED_STRIDE
+    return GroundView(forms, ground.per_metre * p_WC[2] / focal, lean, stride)
 
 
 @inlined

@@ -1,4 +1,4 @@
-"""Where the samples of an open pixel lie."""
+"""Where the samples of a pixel lie."""
 
 from __future__ import annotations
 
@@ -7,17 +7,30 @@ from numpy.typing import NDArray
 
 Short = NDArray[np.float32]
 
-#: Samples of a pixel that holds an edge. A constant of the compiled code: loops over it become vector code.
+#: Samples with depth of a pixel in which faces meet, and samples of a pixel in which cells of one bitmap
+#: meet, which are cheap and decide how well a tag is located. Constants of the compiled code: loops over
+#: them become vector code.
 SAMPLES = 16
+CELL_SAMPLES = 32
 
-#: Rows of the samples, column by column. Of random permutations, improved by exchanges, the one for which
+#: Rows of the samples, column by column. Of random permutations, improved by exchanges, the ones for which
 #: the share of samples on one side of a straight edge is nearest to the area there: over all directions and
-#: offsets of the edge, root mean square plus 0.15 times the largest difference is least
-#: (0.030 and 0.104 of the contrast; a 4 x 4 grid has 0.028 and 0.12, and 0.125 for every upright edge).
-_ROWS = (13, 5, 1, 9, 12, 6, 2, 14, 8, 4, 10, 0, 15, 7, 3, 11)
+#: offsets of the edge, root mean square plus 0.15 times the largest difference is least. These two are 0.030
+#: and 0.104, 0.018 and 0.065 of the contrast; a 4 x 4 grid has 0.028 and 0.12, and 0.125 for upright edges.
+_ROWS = {
+    SAMPLES: (13, 5, 1, 9, 12, 6, 2, 14, 8, 4, 10, 0, 15, 7, 3, 11),
+    CELL_SAMPLES: (
+        *(13, 22, 3, 27, 7, 15, 31, 20, 1, 9, 26, 14, 19, 8, 2, 25),
+        *(30, 11, 21, 16, 4, 28, 10, 23, 0, 17, 6, 12, 29, 24, 18, 5),
+    ),
+}
 
 
-def rooks() -> Short:
-    """Return the N-rooks pattern, shape (2, SAMPLES): x and y in the unit square, all different."""
-    places = np.stack([np.arange(SAMPLES) + 0.5, np.array(_ROWS) + 0.5]) / SAMPLES
+def rooks(samples: int) -> Short:
+    """Return an N-rooks pattern, shape (2, samples): x and y in the unit square, all different.
+
+    Args:
+        samples: :data:`SAMPLES` or :data:`CELL_SAMPLES`.
+    """
+    places = np.stack([np.arange(samples) + 0.5, np.array(_ROWS[samples]) + 0.5]) / samples
     return places.astype(np.float32)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from msrr_bullet.render.raster.assembly import assemble
-from msrr_bullet.render.raster.ground import Ground, view_ground
+from msrr_bullet.render.raster.ground import Ground
 from msrr_bullet.render.raster.look import Look
-from msrr_bullet.render.raster.pattern import rooks
+from msrr_bullet.render.raster.pattern import CELL_SAMPLES, SAMPLES, rooks
 from msrr_bullet.render.raster.pipeline import draw
 from msrr_bullet.render.raster.projection import Array, Light, View
 from msrr_bullet.render.raster.workspace import Workspace
@@ -40,7 +40,7 @@ class PictureMaker:
         """
         self._geometry, self._textures = assemble(looks)
         self._workspace = Workspace(self._geometry, movers)
-        self._pattern = rooks()
+        self._pattern, self._cell_pattern = rooks(SAMPLES), rooks(CELL_SAMPLES)
 
     def picture(
         self, camera: PinholeCamera, X_WC: SE3, window: Window, poses: Array, ground: Ground
@@ -54,23 +54,27 @@ class PictureMaker:
             poses: Position [m] and quaternion xyzw of each mover in W, shape (M, 7).
             ground: The floor.
         """
-        middle = (0.5 * camera.width, 0.5 * camera.height)
-        X_CW = X_WC.inverse()
-        ground_view = view_ground(ground, camera.focal, middle, X_WC)
         out = np.empty((window.height, window.width), dtype=np.uint8)
         draw(
-            View(camera.focal, *middle, window.x, window.y, window.width, window.height, NEAR),
+            View(
+                camera.focal,
+                0.5 * camera.width,
+                0.5 * camera.height,
+                window.x,
+                window.y,
+                window.width,
+                window.height,
+                NEAR,
+            ),
             poses,
-            X_CW.R,
-            X_CW.p,
+            X_WC.R,
+            X_WC.p,
             LIGHT,
             self._geometry,
             self._textures,
             ground,
-            ground_view,
-            # Inverse depth of the plane z = 0: descent of the ray over height of the camera.
-            ground_view.forms[2] / max(float(X_WC.p[2]), 1e-9),
             self._pattern,
+            self._cell_pattern,
             self._workspace.fit(window.width),
             out,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from msrr_bullet.render.raster.compiled import inlined, kernel
-from msrr_bullet.render.raster.ground import Ground, GroundView, Short
+from msrr_bullet.render.raster.ground import Ground, Short, view_ground
 from msrr_bullet.render.raster.picture import Textures
 from msrr_bullet.render.raster.projection import Array, Faces, Geometry, Light, View, project
 from msrr_bullet.render.raster.resolve import clear_samples, cover_samples, shade_open
@@ -13,7 +13,7 @@ from msrr_bullet.render.raster.settle import Pixels, Samples, Scratch, settle
 from msrr_bullet.render.raster.visibility import Corners, clear, cover_corners
 
 #: Rows of a window that are worked on at a time, so that what is written stays in the processor's cache.
-BAND = 32
+BAND = 64
 
 
 class Work(NamedTuple):
@@ -22,7 +22,7 @@ class Work(NamedTuple):
     R_CM: Array  # (M, 3, 3) movers seen from the camera
     p_CM: Array  # (M, 3)
     R_WM: Array  # (M, 3, 3)
-    seen: Array  # (V, 3) vertices in C
+    seen: Array  # (V, 5) vertices in C, and in the image
     faces: Faces
     corners: Corners
     scratch: Scratch
@@ -30,7 +30,7 @@ class Work(NamedTuple):
 
 
 @inlined
-def place_movers(poses: Array, R_CW: Array, p_CW: Array, R_CM: Array, p_CM: Array, R_WM: Array) -> None:
+def place_movers(poses: Array, R_WC: Array, p_WC: Array, R_CM: Array, p_CM: Array, R_WM: Array) -> None:
     """Turn the movers' poses in W (position, quaternion xyzw) into rotations and poses seen from C."""
     for m in range(len(poses)):
         x, y, z, w = poses[m, 3], poses[m, 4], poses[m, 5], poses[m, 6]
@@ -41,9 +41,11 @@ def place_movers(poses: Array, R_CW: Array, p_CW: Array, R_CM: Array, p_CM: Arra
         Q[2, 0], Q[2, 1], Q[2, 2] = k * (x * z - y * w), k * (y * z + x * w), 1.0 - k * (x * x + y * y)
         for i in range(3):
             for j in range(3):
-                R_CM[m, i, j] = R_CW[i, 0] * Q[0, j] + R_CW[i, 1] * Q[1, j] + R_CW[i, 2] * Q[2, j]
+                R_CM[m, i, j] = R_WC[0, i] * Q[0, j] + R_WC[1, i] * Q[1, j] + R_WC[2, i] * Q[2, j]
             p_CM[m, i] = (
-                R_CW[i, 0] * poses[m, 0] + R_CW[i, 1] * poses[m, 1] + R_CW[i, 2] * poses[m, 2] + p_CW[i]
+                R_WC[0, i] * (poses[m, 0] - p_WC[0])
+                + R_WC[1, i] * (poses[m, 1] - p_WC[1])
+                + R_WC[2, i] * (poses[m, 2] - p_WC[2])
             )
 
 
@@ -51,15 +53,14 @@ def place_movers(poses: Array, R_CW: Array, p_CW: Array, R_CM: Array, p_CM: Arra
 def draw(
     view: View,
     poses: Array,
-    R_CW: Array,
-    p_CW: Array,
+    R_WC: Array,
+    p_WC: Array,
     light: Light,
     geometry: Geometry,
     textures: Textures,
     ground: Ground,
-    ground_view: GroundView,
-    floor: Array,
     pattern: Short,
+    cell_pattern: Short,
     work: Work,
     out: Pixels,
 ) -> None:
@@ -68,19 +69,21 @@ def draw(
     Args:
         view: Camera and window.
         poses: Position and quaternion xyzw of the movers in W, shape (M, 7).
-        R_CW: Rotation of the world seen from the camera, shape (3, 3).
-        p_CW: Its origin seen from the camera, shape (3,).
+        R_WC: Rotation of the camera in the world, shape (3, 3).
+        p_WC: Its place, shape (3,) [m].
         light: Of the scene.
         geometry: All faces.
         textures: What they wear.
         ground: The floor's texture.
-        ground_view: The floor seen from the camera.
-        floor: Form of the floor's 1 / z; zeros without a floor.
-        pattern: Places of the samples in a pixel.
+        pattern: Places of the samples in a pixel in which faces meet.
+        cell_pattern: Places of the samples where cells of one bitmap meet.
         work: Memory.
         out: The pixels, shape (height, width).
     """
-    place_movers(poses, R_CW, p_CW, work.R_CM, work.p_CM, work.R_WM)
+    place_movers(poses, R_WC, p_WC, work.R_CM, work.p_CM, work.R_WM)
+    ground_view = view_ground(ground, view.focal, view.middle_x, view.middle_y, R_WC, p_WC)
+    # The inverse depth of the plane z = 0 is the ray's descent over the camera's height.
+    floor = ground_view.forms[2] / max(p_WC[2], 1e-9)
     faces = work.faces
     count = project(view, light, geometry, work.R_CM, work.p_CM, work.R_WM, work.seen, faces)
     for top in range(0, view.height, BAND):
@@ -96,7 +99,7 @@ def draw(
         )
         rows = out[top : top + BAND]
         clear(band, floor, work.corners)
-        cover_corners(band, faces, count, textures.regions, work.corners)
+        cover_corners(band, faces, count, textures.regions, work.corners, work.scratch.place)
         settle(
             band,
             faces,
@@ -105,10 +108,10 @@ def draw(
             ground_view,
             work.corners,
             work.scratch,
-            pattern,
+            cell_pattern,
             work.samples,
             rows,
         )
         clear_samples(band, floor, pattern, work.samples)
         cover_samples(band, faces, count, pattern, work.samples)
-        shade_open(band, faces, textures, ground, ground_view, pattern, work.samples, rows)
+        shade_open(band, faces, textures, ground, ground_view, pattern, cell_pattern, work.samples, rows)

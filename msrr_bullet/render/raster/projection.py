@@ -137,7 +137,7 @@ def project(
         R_CM: Rotations of the movers seen from the camera, shape (M, 3, 3).
         p_CM: Their origins seen from the camera, shape (M, 3) [m].
         R_WM: Their rotations in the world, shape (M, 3, 3).
-        seen: Workspace for the vertices in C, shape (V, 3).
+        seen: Memory for the vertices in C and in the image, shape (V, 5).
         out: Filled; large enough for all faces.
     """
     count, edge = 0, 0
@@ -163,6 +163,10 @@ def project(
             px, py, pz = geometry.vertices[i]
             for k in range(3):
                 seen[i, k] = R[k, 0] * px + R[k, 1] * py + R[k, 2] * pz + t[k]
+            if seen[i, 2] >= view.near:
+                scale = view.focal / seen[i, 2]
+                seen[i, 3] = seen[i, 0] * scale + view.middle_x
+                seen[i, 4] = seen[i, 1] * scale + view.middle_y
         # The camera and the light in M.
         ox = -(R[0, 0] * t[0] + R[1, 0] * t[1] + R[2, 0] * t[2])
         oy = -(R[0, 1] * t[0] + R[1, 1] * t[1] + R[2, 1] * t[2])
@@ -253,27 +257,28 @@ def affine_form(
 def bounds(view: View, corners: Indices, first: int, end: int, seen: Array, out: Faces, count: int) -> bool:
     """Bound the part of a face beyond the near plane; say whether that may touch the window."""
     u0, u1, v0, v1 = np.inf, -np.inf, np.inf, -np.inf
-    nearest = 0.0
-    ax, ay, az = seen[corners[end - 1]]
+    nearest_z, cut = np.inf, False
+    k = corners[end - 1]
+    ax, ay, az = seen[k, 0], seen[k, 1], seen[k, 2]
     for i in range(first, end):
-        bx, by, bz = seen[corners[i]]
+        k = corners[i]
+        bx, by, bz = seen[k, 0], seen[k, 1], seen[k, 2]
         if (az < view.near) != (bz < view.near):  # the edge crosses the near plane
-            k = (view.near - az) / (bz - az)
-            u = view.focal * (ax + k * (bx - ax)) / view.near + view.middle_x
-            v = view.focal * (ay + k * (by - ay)) / view.near + view.middle_y
+            part = (view.near - az) / (bz - az)
+            u = view.focal * (ax + part * (bx - ax)) / view.near + view.middle_x
+            v = view.focal * (ay + part * (by - ay)) / view.near + view.middle_y
             u0, u1, v0, v1 = min(u0, u), max(u1, u), min(v0, v), max(v1, v)
-            nearest = 2.0 / view.near  # marks the face as cut
+            cut = True
         if bz >= view.near:
-            u = view.focal * bx / bz + view.middle_x
-            v = view.focal * by / bz + view.middle_y
+            u, v = seen[k, 3], seen[k, 4]
             u0, u1, v0, v1 = min(u0, u), max(u1, u), min(v0, v), max(v1, v)
-            nearest = max(nearest, 1.0 / bz)
+            nearest_z = min(nearest_z, bz)
         ax, ay, az = bx, by, bz
     # Rounding must not make the bounds narrower than the face.
     u0, v0 = u0 - 1e-6 * (1.0 + abs(u0)), v0 - 1e-6 * (1.0 + abs(v0))
     u1, v1 = u1 + 1e-6 * (1.0 + abs(u1)), v1 + 1e-6 * (1.0 + abs(v1))
     out.box[count, 0], out.box[count, 1], out.box[count, 2], out.box[count, 3] = u0, u1, v0, v1
-    out.nearest[count] = nearest
+    out.nearest[count] = 2.0 / view.near if cut else 1.0 / nearest_z  # more than possible marks a cut face
     return u1 >= view.x and u0 <= view.x + view.width and v1 >= view.y and v0 <= view.y + view.height
 
 
@@ -288,9 +293,11 @@ def write_edge(edges: Array, row: int, a: float, b: float, c: float) -> None:
 @inlined
 def edge_forms(view: View, corners: Indices, first: int, end: int, seen: Array, out: Faces, edge: int) -> int:
     """Write the forms of a face's edges from row ``edge`` on; return the row after the last."""
-    ax, ay, az = seen[corners[end - 1]]
+    k = corners[end - 1]
+    ax, ay, az = seen[k, 0], seen[k, 1], seen[k, 2]
     for i in range(first, end):
-        bx, by, bz = seen[corners[i]]
+        k = corners[i]
+        bx, by, bz = seen[k, 0], seen[k, 1], seen[k, 2]
         a, b, c = form(view, by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax)
         write_edge(out.edges, edge, a, b, c)
         edge += 1

@@ -16,7 +16,7 @@ from msrr_bullet.render.raster.ground import (
     interpolated,
     texel_place,
 )
-from msrr_bullet.render.raster.pattern import SAMPLES
+from msrr_bullet.render.raster.pattern import CELL_SAMPLES
 from msrr_bullet.render.raster.picture import Textures, picture_at
 from msrr_bullet.render.raster.projection import CELLS, SMOOTH, TEXTURED, Array, Faces, Indices, View
 from msrr_bullet.render.raster.visibility import FLOOR, REGION_BITS, Corners, Depths, Identities, cell_at
@@ -40,9 +40,8 @@ class Samples(NamedTuple):
 
     start: Indices  # (height + 1,) first open pixel of each row
     column: Identities  # (P,) from the window's left
-    depth: Depths  # (P, S) 1 / z of the nearest face
-    identity: Identities  # (P, S)
-    farthest: Depths  # (P,) smallest of ``depth``
+    key: Indices  # (P, S) depth and identity of the nearest face in one number
+    farthest: Indices  # (P,) smallest of ``key``
 
 
 @inlined
@@ -63,7 +62,7 @@ def mean_of_cells(
     pattern: Short,
     place: Identities,
 ) -> float:
-    """Return the mean reflectance of face f's bitmap over the samples of a pixel that shows nothing else."""
+    """Return the mean reflectance of face f's bitmap over a pixel that shows nothing else."""
     sa, sb = np.float32(uv[f, 0, 0]), np.float32(uv[f, 0, 1])
     ta, tb = np.float32(uv[f, 1, 0]), np.float32(uv[f, 1, 1])
     wa, wb = np.float32(inverse_depth[f, 0]), np.float32(inverse_depth[f, 1])
@@ -71,7 +70,7 @@ def mean_of_cells(
     t0 = np.float32(uv[f, 1, 0] * x + (uv[f, 1, 1] * y + uv[f, 1, 2]))
     w0 = np.float32(inverse_depth[f, 0] * x + (inverse_depth[f, 1] * y + inverse_depth[f, 2]))
     start, rows, columns = np.int32(cells[f, 0]), np.int32(cells[f, 1]), np.int32(cells[f, 2])
-    for s in range(SAMPLES):
+    for s in range(CELL_SAMPLES):
         px, py = pattern[0, s], pattern[1, s]
         z = np.float32(1.0) / (w0 + (wa * px + wb * py))
         column = np.int32((s0 + (sa * px + sb * py)) * z * np.float32(columns))
@@ -80,9 +79,9 @@ def mean_of_cells(
         row = min(max(row, np.int32(0)), rows - np.int32(1))
         place[s] = start + row * columns + column
     total = np.float32(0.0)
-    for s in range(SAMPLES):
+    for s in range(CELL_SAMPLES):
         total += texels[place[s]]
-    return float(total) / SAMPLES
+    return float(total) / CELL_SAMPLES
 
 
 @kernel
@@ -94,7 +93,7 @@ def settle(
     seen: GroundView,
     corners: Corners,
     scratch: Scratch,
-    pattern: Short,
+    cell_pattern: Short,
     samples: Samples,
     out: Pixels,
 ) -> None:
@@ -113,7 +112,7 @@ def settle(
         seen: The floor seen from the camera.
         corners: Of the band, all faces drawn.
         scratch: Memory for one row.
-        pattern: Places of the samples in a pixel.
+        cell_pattern: Places of the samples of cells in a pixel.
         samples: Its lists of open pixels are filled.
         out: The band's pixels.
     """
@@ -203,7 +202,7 @@ def settle(
                     ):
                         x, y = view.x + i, view.y + j
                         mean = grey[f] * mean_of_cells(
-                            uv, cells, inverse_depth, texels, f, x, y, pattern, place
+                            uv, cells, inverse_depth, texels, f, x, y, cell_pattern, place
                         )
                 if mean >= 0.0:
                     out[j, i] = quantised(mean)

@@ -112,8 +112,40 @@ def note_sliver(view: View, sliver: Depths, a: float, b: float, c: float, column
         sliver[j, i] = max(sliver[j, i], np.float32(w * 1.000001))
 
 
+@inlined
+def place_cells(
+    view: View,
+    uv: Array,
+    cells: Indices,
+    f: int,
+    a: float,
+    row: float,
+    k: int,
+    i0: int,
+    i1: int,
+    place: Identities,
+) -> None:
+    """Write where the texels of face f's bitmap at corners i0 to i1 of row k are.
+
+    Apart from the loop that asks whether they are seen, this becomes vector code. 1 / z is ``a u + row``.
+    """
+    start, rows, columns = np.int32(cells[f, 0]), np.int32(cells[f, 1]), np.int32(cells[f, 2])
+    s_rise, s_row = uv[f, 0, 0], uv[f, 0, 1] * k + uv[f, 0, 2]
+    t_rise, t_row = uv[f, 1, 0], uv[f, 1, 1] * k + uv[f, 1, 2]
+    for i in range(i0, i1):
+        u = np.float64(np.int32(view.x + i))
+        z = 1.0 / (a * u + row)
+        column = np.int32((s_rise * u + s_row) * z * columns)
+        line = np.int32((1.0 - (t_rise * u + t_row) * z) * rows)
+        column = min(max(column, np.int32(0)), columns - np.int32(1))
+        line = min(max(line, np.int32(0)), rows - np.int32(1))
+        place[i] = start + line * columns + column
+
+
 @kernel
-def cover_corners(view: View, faces: Faces, count: int, regions: Indices, corners: Corners) -> None:
+def cover_corners(
+    view: View, faces: Faces, count: int, regions: Indices, corners: Corners, place: Identities
+) -> None:
     """Draw all faces on the pixels' corners and note what falls between them."""
     depth, identity, sliver = corners.depth, corners.identity, corners.sliver
     inverse_depth, edge_start, edges, box = faces.inverse_depth, faces.edge_start, faces.edges, faces.box
@@ -140,14 +172,19 @@ def cover_corners(view: View, faces: Faces, count: int, regions: Indices, corner
             i0 = int(max(start, float(view.x))) - view.x
             i1 = int(min(np.ceil(high), view.x + view.width + 1.0)) - view.x
             j = k - view.y
-            for i in range(i0, i1):
-                w = a * (view.x + i) + row
-                nearer = np.float32(w) > depth[j, i]
-                if nearer:
-                    depth[j, i] = np.float32(w)
-                    identity[j, i] = name
-                    if has_cells:
-                        identity[j, i] |= regions[cell_at(uv, cells, f, float(view.x + i), float(k), w)]
+            if has_cells:
+                place_cells(view, uv, cells, f, a, row, k, i0, i1, place)
+                for i in range(i0, i1):
+                    w = np.float32(a * (view.x + i) + row)
+                    if w > depth[j, i]:
+                        depth[j, i] = w
+                        identity[j, i] = name | regions[place[i]]
+            else:
+                for i in range(i0, i1):
+                    w = np.float32(a * (view.x + i) + row)
+                    if w > depth[j, i]:
+                        depth[j, i] = w
+                        identity[j, i] = name
         note_thin_columns(view, edges, first, end, box[f, 0], box[f, 1], sliver, a, b, c)
         if np.floor(box[f, 0]) == np.floor(box[f, 1]) and np.floor(box[f, 2]) == np.floor(box[f, 3]):
             note_sliver(view, sliver, a, b, c, box[f, 0], box[f, 2])

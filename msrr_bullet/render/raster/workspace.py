@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.pattern import SAMPLES
+from msrr_bullet.render.raster.pattern import CELL_SAMPLES, SAMPLES
 from msrr_bullet.render.raster.pipeline import BAND, Work
 from msrr_bullet.render.raster.projection import Faces, Geometry
 from msrr_bullet.render.raster.settle import Samples, Scratch
@@ -18,7 +18,7 @@ class Workspace:
         """Make room for all faces and movers."""
         n, edges = len(geometry.planes), len(geometry.corners) + len(geometry.planes)
         self._movers = movers
-        self._seen = np.empty((len(geometry.vertices), 3))
+        self._seen = np.empty((len(geometry.vertices), 5))
         self._faces = Faces(
             inverse_depth=np.empty((n, 3)),
             nearest=np.empty(n),
@@ -57,7 +57,7 @@ class Workspace:
             ),
             scratch=Scratch(
                 flags=np.zeros(8 * (width // 8 + 1), dtype=np.uint8),
-                place=np.empty(max(width, SAMPLES), dtype=np.int32),
+                place=np.empty(max(width + 1, CELL_SAMPLES), dtype=np.int32),
                 x=np.empty(width, dtype=np.float32),
                 y=np.empty(width, dtype=np.float32),
             ),
@@ -66,8 +66,7 @@ class Workspace:
                 # One more: the column of a pixel is written before it is known to be open.
                 column=np.empty(pixels + 1, dtype=np.int32),
                 # Pages that are never touched cost nothing: few pixels are open.
-                depth=np.empty((pixels, SAMPLES), dtype=np.float32),
-                identity=np.empty((pixels, SAMPLES), dtype=np.int32),
-                farthest=np.empty(pixels, dtype=np.float32),
+                key=np.empty((pixels, SAMPLES), dtype=np.int64),
+                farthest=np.empty(pixels, dtype=np.int64),
             ),
         )
