@@ -10,18 +10,12 @@ from msrr_scenes.load import load_scene
 from msrr_scenes.scene import Scene
 
 #: How trials of the tests are rendered, unless a test is about rendering.
-RENDERING: Mapping[str, str] = {"cameras.onboard.samples": "1"}
+RENDERING: Mapping[str, str] = {"cameras.onboard.renderer": "raster"}
 
 #: Ideal unicycles and the true pose with errors: a trial in a fraction of a second, for what needs no pixels.
 BLIND: Mapping[str, str] = {"plant": "unicycle", "perception": "parametric"}
 
 ShippedScene = Callable[..., Scene]
-
-
-@pytest.fixture(scope="session")
-def rendering() -> Mapping[str, str]:
-    """How trials of the tests are rendered, as overrides of a scene."""
-    return RENDERING
 
 
 @pytest.fixture(scope="session")
@@ -35,3 +29,13 @@ def shipped() -> ShippedScene:
         return load_scene(name, {**RENDERING, **(BLIND if blind else {}), **(overrides or {})})
 
     return load
+
+
+#: Files that take longest. With ``--dist loadfile --no-loadscope-reorder`` they are begun first, so that no
+#: worker is left alone with one of them at the end.
+LONGEST = ("test_wheel.py", "test_docking.py", "test_camera.py", "test_replay_trial.py", "test_trial.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the longest files; the order within a file stays."""
+    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))

@@ -95,6 +95,7 @@ CASES = (
         lambda r: r.min_clearance_m is not None and 0.0 < r.min_clearance_m < 0.02,
         blind=True,
     ),
+    Case(Outcome.BLOCKED, "blocked", "gave_up", nothing_touched, blind=True),
     Case(
         Outcome.LEFT_ARENA, "no_room_to_retreat", "undecided", lambda r: r.phase is Phase.RETREAT, blind=True
     ),
