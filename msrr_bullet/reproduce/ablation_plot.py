@@ -66,7 +66,7 @@ def _bars(axes: Axes, found: Ablations, value: Callable[[Row], float], label: st
             label=name,
         )
         for at, height in zip(x, heights, strict=True):
-            text = "-" if np.isnan(height) else f"{height:.3g}"
+            text = "-" if np.isnan(height) else f"{height:.2g}" if height < 1.0 else f"{height:.3g}"
             axes.annotate(
                 text,
                 (at, 0.0 if np.isnan(height) else height),

@@ -37,7 +37,7 @@ class Measure:
 
 
 LONG = (
-    Measure("tracking", "steady tracking error", "m", 1.0, 0.029, 0.031, 0.020, 0.025),
+    Measure("tracking", "steady tracking error", "mm", 1e3, 0.029, 0.031, 0.020, 0.025),
     Measure("amplitude", "amplitude at the obstacle", "m", 1.0, 0.3, 0.5, 0.25, 0.27),
     Measure("recovery", "recovery after it", "s", 1.0, 3.0, 6.0, 2.2, 2.5),
     Measure("clearance", "smallest clearance", "m"),
