@@ -1,8 +1,8 @@
 """One tuning procedure for every controller: the same optimiser, budget, objective and settings.
 
 Differential evolution over the controller's own gains, on unicycles, with the same starts and noise in every
-evaluation. The first candidate is the controller as it ships, so that nothing worse than that is found on them.
-What is found is judged once more on starts and noise that were not tuned on.
+evaluation. The first candidate is the controller as it ships, so that nothing worse than that is found on
+these. What is found is judged once more on starts and noise that were not tuned on.
 """
 
 from __future__ import annotations
