@@ -322,6 +322,7 @@ app.command()(study_commands.tune)
 app.command()(study_commands.reproduce)
 app.command()(run_commands.frames)
 app.command()(run_commands.plot)
+app.command()(run_commands.export)
 
 
 def _check_writable(file: Path | None) -> None:

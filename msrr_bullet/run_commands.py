@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from msrr_scenes.errors import SceneError
+
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder of a trial, or its log.")]
 
 
@@ -61,6 +63,24 @@ def plot(
         headline = f"{verdict(log) or 'broken off'}, seed {log.header.seed}"
         write_plot(file, log.header.scene, snapshots(log), headline)
     _tell(console, str(file))
+
+
+def export(
+    run: Run,
+    as_csv: Annotated[bool, typer.Option("--csv", help="As CSV files, the one format there is.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for the tables [default: RUN/csv].")] = None,
+) -> None:
+    """Write a run's log as tables: one for each kind of message."""
+    if not as_csv:
+        raise SceneError("say in which format: msrr export RUN --csv")
+    from msrr_bullet.export import write_csv
+    from msrr_bullet.log import unpacked_log
+
+    folder = out if out is not None else _beside(run) / "csv"
+    console = Console()
+    with console.status(f"{run}: writing tables"), unpacked_log(run) as log:
+        written = write_csv(log, folder)
+    _tell(console, f"{folder}: {', '.join(path.name for path in written)}")
 
 
 def _quietly() -> None:

@@ -1,0 +1,5 @@
+"""A run's log as tables for other programs."""
+
+from msrr_bullet.export.csv_files import ExportError, documented, write_csv
+
+__all__ = ["ExportError", "documented", "write_csv"]
