@@ -8,11 +8,10 @@ caps of a cylinder, a tag's quad).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from msrr_bullet.render.raster.mesh import Array, Indices, Mesh
 
@@ -56,11 +55,32 @@ class Faces:
 
 
 def faces_of(mesh: Mesh) -> Faces:
-    """Return the faces of a mesh; triangles without area are dropped."""
+    """Return the faces of a mesh; triangles without area are dropped.
+
+    Units are alike, and so are trials: what was worked out for a mesh serves the next one with equal arrays.
+    """
+    optional = (None if a is None else a.tobytes() for a in (mesh.normals, mesh.uv))
+    return _faces(mesh.vertices.tobytes(), mesh.triangles.tobytes(), *optional)
+
+
+@lru_cache(maxsize=1024)
+def _faces(vertices: bytes, triangles: bytes, normals: bytes | None, uv: bytes | None) -> Faces:
+    """Return the faces of the mesh whose arrays have these bytes."""
+    return _work_out(
+        Mesh(
+            np.frombuffer(vertices, np.float64).reshape(-1, 3),
+            np.frombuffer(triangles, np.int64).reshape(-1, 3),
+            None if normals is None else np.frombuffer(normals, np.float64).reshape(-1, 3, 3),
+            None if uv is None else np.frombuffer(uv, np.float64).reshape(-1, 3, 2),
+        )
+    )
+
+
+def _work_out(mesh: Mesh) -> Faces:
     vertices, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
     triangles = index.reshape(-1)[mesh.triangles]
     p = vertices[triangles]  # (T, 3, 3)
-    area = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    area = _cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
     length = np.linalg.norm(area, axis=1)
     extent = float(np.ptp(vertices, axis=0).max())
     keep = length > 1e-14 * extent * extent
@@ -104,7 +124,7 @@ def _weights(p: Array, normal: Array) -> Array:
     one, two = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     out = np.zeros((len(p), 2, 4))
     for k, (own, other) in enumerate(((one, two), (two, one))):
-        gradient = np.cross(normal, other)
+        gradient = _cross(normal, other)
         gradient = gradient / np.einsum("ta,ta->t", gradient, own)[:, None]
         out[:, k, :3] = gradient
         out[:, k, 3] = -np.einsum("ta,ta->t", gradient, p[:, 0])
@@ -161,8 +181,23 @@ def _neighbours(triangles: Indices) -> Indices:
 
 def _components(count: int, a: Indices, b: Indices) -> Indices:
     """Return the number of the connected part that each of ``count`` things belongs to."""
-    graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    root = list(range(count))
+
+    def top(i: int) -> int:
+        while root[i] != i:
+            root[i] = root[root[i]]
+            i = root[i]
+        return i
+
+    for i, j in zip(a.tolist(), b.tolist(), strict=True):
+        low, high = sorted((top(i), top(j)))
+        root[high] = low
+    return np.unique([top(i) for i in range(count)], return_inverse=True)[1].astype(np.int64)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return the cross products of two sets of vectors, (N, 3); numpy's own is slow on few."""
+    return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
 
 
 def _convex_outline(triangles: Indices, vertices: Array, normal: Array) -> list[int] | None:
@@ -185,7 +220,8 @@ def _convex_outline(triangles: Indices, vertices: Array, normal: Array) -> list[
     if len(outline) != len(border):
         return None
     p = vertices[outline]
-    step = np.roll(p, -1, axis=0) - p
-    turn = np.cross(step, np.roll(step, -1, axis=0)) @ normal
+    step = np.concatenate([p[1:], p[:1]]) - p
+    ahead = np.concatenate([step[1:], step[:1]])
+    turn = _cross(step, ahead) @ normal
     straight = 1e-9 * float((step * step).sum(axis=1).max())
     return outline if bool((turn >= -straight).all()) else None
