@@ -126,13 +126,23 @@ def choose_tags(
         return ()
     start = turn % len(first)
     chosen: list[ExpectedTag] = []
+    boxes: list[Window] = []
+
+    def fits(tag: ExpectedTag, room_px: int) -> bool:
+        more = [*boxes, tag.box(policy)]
+        return sum(w.area for w in merged_windows(more, target.camera.frame, policy)) <= room_px
+
+    def take(tag: ExpectedTag) -> None:
+        chosen.append(tag)
+        boxes.append(tag.box(policy))
+
     for tag in [*first[start:], *first[:start]]:
-        if not chosen or _cost(target, [*chosen, tag], policy) <= policy.budget_px:
-            chosen.append(tag)
+        if not chosen or fits(tag, policy.budget_px):
+            take(tag)
     if own and len(chosen) == len(own):
         for extra in others:
-            if _cost(target, [*chosen, extra], policy) <= policy.extra_px:
-                chosen.append(extra)
+            if fits(extra, policy.extra_px):
+                take(extra)
     return tuple(sorted(chosen, key=lambda e: e.tag_id))
 
 
@@ -144,10 +154,6 @@ def plan_windows(
 ) -> tuple[Window, ...]:
     """Return the windows that hold ``tags``, ordered by place in the image; ``widen`` scales margins."""
     return merged_windows((e.box(policy, widen) for e in tags), target.camera.frame, policy)
-
-
-def _cost(target: TargetModel, tags: Sequence[ExpectedTag], policy: WindowPolicy) -> int:
-    return sum(w.area for w in plan_windows(target, tags, policy))
 
 
 def fitting_window(window: Window, frame: Window) -> Window | None:
@@ -162,16 +168,19 @@ def merged_windows(boxes: Iterable[Window], frame: Window, policy: WindowPolicy)
     fitted = (fitting_window(box, frame) for box in boxes)
     windows = [w for w in fitted if w is not None]
     while True:
-        best: tuple[int, int, int, Window] | None = None
+        best: tuple[int, int, int] | None = None
         for i, a in enumerate(windows):
             for j in range(i + 1, len(windows)):
-                both = _union(a, windows[j])
-                added = both.area - a.area - windows[j].area
+                b = windows[j]
+                x, y = min(a.x, b.x), min(a.y, b.y)
+                joined = (max(a.x_end, b.x_end) - x) * (max(a.y_end, b.y_end) - y)
+                added = joined - a.area - b.area
                 if added < policy.merge_px and (best is None or added < best[0]):
-                    best = (added, i, j, both)
+                    best = (added, i, j)
         if best is None:
             return tuple(sorted(windows, key=lambda w: (w.x, w.y)))
-        _, i, j, both = best
+        _, i, j = best
+        both = _union(windows[i], windows[j])
         windows = [*(w for k, w in enumerate(windows) if k not in (i, j)), both]
 
 
