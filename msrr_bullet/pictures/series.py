@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_bullet.viewer.snapshot import Snapshot
+from msrr_bullet.viewer.snapshot import Snapshot, meant_to_touch
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import LosStatus, Phase, seconds
 from msrr_scenes.scene import Scene
@@ -18,9 +18,6 @@ from msrr_scenes.se2 import SE2
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-#: Phases in which the docking pair may come close.
-_TOUCHING = (Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.RETREAT, Phase.DONE, Phase.FAILED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +85,7 @@ class Series:
             sight=np.array([(f.los.left, f.los.right) if f.los else _NOTHING for f in frames]),
             seen=np.array([f.los is not None and f.los.status is LosStatus.SEEN for f in frames]),
             clearance=np.array([f.clearance.distance if f.clearance else math.nan for f in frames]),
-            docking_pair=np.array([_may_touch(f) for f in frames]),
+            docking_pair=np.array([meant_to_touch(f) for f in frames]),
             off_path=off[:, 0],
             truly_off_path=off[:, 1],
             avoiding=np.array([f.assembly is not None and f.assembly.avoiding is not None for f in frames]),
@@ -141,9 +138,3 @@ def _driven(frames: Sequence[Snapshot]) -> Array:
         forward, _, turn = (X.inverse() @ Y).log() / seconds(b.stamp_ns - a.stamp_ns)
         rows.append((float(forward), float(turn)))
     return np.array([*rows, rows[-1] if rows else _NOTHING])
-
-
-def _may_touch(frame: Snapshot) -> bool:
-    if frame.clearance is None or frame.step is None or frame.phase not in _TOUCHING:
-        return False
-    return frame.clearance.pair == {frame.step.unit, frame.step.target_unit}

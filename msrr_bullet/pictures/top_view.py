@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from msrr_bullet.footprint import Part, obstacle_parts, unit_parts
 from msrr_bullet.pictures.series import acting_pose
 from msrr_bullet.viewer.palette import BELIEF, DARK, DOCKING_UNIT, OBSTACLE, PATH, PLAN, css, unit_colour
-from msrr_bullet.viewer.snapshot import Snapshot
-from msrr_scenes.messages import AssemblyPath, Phase
+from msrr_bullet.viewer.snapshot import Snapshot, planned_paths
+from msrr_scenes.messages import Phase
 from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
 
@@ -62,20 +62,11 @@ def extent(scene: Scene, frames: Sequence[Snapshot]) -> tuple[tuple[float, float
         for frame in (frames[0], *frames[:: max(1, len(frames) // 200)], frames[-1])
         for name, X in (*frame.units.items(), *frame.obstacles.items())
     }
-    discs |= {(x, y, 0.0) for path in planned(frames) for x, y in path.points}
+    discs |= {(x, y, 0.0) for path in planned_paths(frames) for x, y in path.points}
     x, y, r = np.array(sorted(discs)).T
     low = np.min(x - r) - MARGIN, np.min(y - r) - MARGIN
     high = np.max(x + r) + MARGIN, np.max(y + r) + MARGIN
     return (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
-
-
-def planned(frames: Sequence[Snapshot]) -> list[AssemblyPath]:
-    """Return every path of the long-distance phase, in order."""
-    found: list[AssemblyPath] = []
-    for frame in frames:
-        if frame.path is not None and (not found or frame.path is not found[-1]):
-            found.append(frame.path)
-    return found
 
 
 def _marks(frames: Sequence[Snapshot]) -> list[tuple[str, Snapshot]]:
@@ -92,7 +83,7 @@ def _marks(frames: Sequence[Snapshot]) -> list[tuple[str, Snapshot]]:
 
 
 def _ways(axes: Axes, frames: Sequence[Snapshot]) -> None:
-    for i, path in enumerate(planned(frames)):
+    for i, path in enumerate(planned_paths(frames)):
         points = np.array(path.points)
         label = None if i else "planned"
         axes.plot(*points.T, color=css(PLAN), linestyle="--", linewidth=1.2, label=label)

@@ -17,12 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.viewer import server
+from msrr_bullet.viewer.arena_belief import PLAN_NOW, plan_commands
 from msrr_bullet.viewer.commands import Command, set_property, set_transform
+from msrr_bullet.viewer.nodes import Placement
 from msrr_bullet.viewer.page import readings, render_page
-from msrr_bullet.viewer.scene_graph import PATH_STEP, Placement, SceneGraph, look_at
+from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at
 from msrr_bullet.viewer.snapshot import Snapshot
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.messages import NS_PER_S
+from msrr_scenes.messages import NS_PER_S, AssemblyPath
 from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
 
@@ -63,6 +65,7 @@ class LiveViewer:
         self._pace = pace
         self._placed: dict[str, Placement] = {}
         self._bands = {name: _Band(self._graph, name) for name in ("truth", "belief")}
+        self._path: AssemblyPath | None = None
         self._view_set = False
         self._next_frame = 0.0
         self._origin: tuple[float, int] | None = None
@@ -149,6 +152,9 @@ class LiveViewer:
         for node, placement in self._graph.placements(snapshot).items():
             commands += _changes(node, self._placed.get(node), placement)
             self._placed[node] = placement
+        if snapshot.path is not None and snapshot.path is not self._path:
+            commands += plan_commands(PLAN_NOW, snapshot.path.points)
+            self._path = snapshot.path
         for band in self._bands.values():
             commands += band.commands()
         self._send_commands(commands)

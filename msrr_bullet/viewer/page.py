@@ -10,20 +10,31 @@ from dataclasses import dataclass
 from importlib.resources import files
 
 from msrr_bullet.viewer.commands import Command, viewer_script
-from msrr_bullet.viewer.palette import BELIEF, CLEARANCE, DOCKING_UNIT, PATH, SIGHT, css
+from msrr_bullet.viewer.palette import ALARM, BELIEF, CLEARANCE, DOCKING_UNIT, PATH, PLAN, SIGHT, css
 from msrr_bullet.viewer.snapshot import Snapshot
 from msrr_scenes.messages import seconds
 from msrr_scenes.scene import Scene
 
-READINGS = ("time", "phase", "attempt", "line of sight", "belief off by", "clearance", "nearest pair")
+READINGS = (
+    "time",
+    "phase",
+    "attempt",
+    "on the path",
+    "line of sight",
+    "belief off by",
+    "clearance",
+    "nearest pair",
+)
 
 _LEGEND = (
     ("docking unit, truth", DOCKING_UNIT),
-    ("its belief and believed path", BELIEF),
+    ("its belief: itself, its path, other bodies", BELIEF),
     ("driven path", PATH),
     ("camera and line of sight", SIGHT),
     ("smallest clearance", CLEARANCE),
 )
+#: What only a trial with a camera above the arena has.
+_LEGEND_FROM_ABOVE = (("planned path and desired point", PLAN), ("clearance within the guard's reach", ALARM))
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,19 +59,27 @@ class Timeline:
 def readings(snapshot: Snapshot) -> tuple[str, ...]:
     """Return the readings of an instant as text, in the order of :data:`READINGS`."""
     phase = snapshot.phase.value.replace("_", " ") if snapshot.phase else "–"
-    los, error, clearance, pair = "–", "–", "–", "–"
+    path, los, error, clearance, pair = "–", "–", "–", "–", "–"
+    if snapshot.assembly is not None:
+        phase += f", {snapshot.assembly.stage}"
+        if snapshot.path is not None:
+            off = math.dist(snapshot.assembly.tip, snapshot.assembly.desired)
+            path = f"{snapshot.assembly.s:.2f} of {snapshot.assembly.length:.2f} m, {1e3 * off:.0f} mm off"
     if snapshot.los is not None:
         left, right = math.degrees(snapshot.los.left), math.degrees(snapshot.los.right)
-        los = f"{snapshot.los.status.value} {left:+.0f}° {right:+.0f}°"
+        los = snapshot.los.status.value
+        if math.isfinite(left) and math.isfinite(right):
+            los += f" {left:+.0f}° {right:+.0f}°"
     truth = snapshot.units.get(snapshot.step.unit) if snapshot.step else None
     if truth is not None and snapshot.estimate is not None:
-        off = truth.inverse() @ snapshot.estimate
-        error = f"{1e3 * math.hypot(off.x, off.y):.1f} mm {math.degrees(off.yaw):+.1f}°"
+        error_pose = truth.inverse() @ snapshot.estimate
+        distance, yaw = math.hypot(error_pose.x, error_pose.y), math.degrees(error_pose.yaw)
+        error = f"{1e3 * distance:.1f} mm {yaw:+.1f}°"
     if snapshot.clearance is not None:
         clearance = f"{1e3 * snapshot.clearance.distance:.0f} mm"
         pair = f"{snapshot.clearance.body_a} – {snapshot.clearance.body_b}"
     attempt = str(snapshot.attempt) if snapshot.attempt else "–"
-    return f"{seconds(snapshot.stamp_ns):.2f} s", phase, attempt, los, error, clearance, pair
+    return f"{seconds(snapshot.stamp_ns):.2f} s", phase, attempt, path, los, error, clearance, pair
 
 
 def render_page(scene: Scene, commands: Iterable[Command] = (), timeline: Timeline | None = None) -> str:
@@ -69,10 +88,13 @@ def render_page(scene: Scene, commands: Iterable[Command] = (), timeline: Timeli
     if timeline is not None:
         spans = [{"name": s.name, "from": s.start, "to": s.end, "colour": s.colour} for s in timeline.phases]
         replay = {"times": timeline.times, "values": timeline.values, "phases": spans}
+    above = scene.cameras.overhead is not None
     data = {
         "title": scene.name,
         "description": scene.description,
-        "legend": [(name, css(colour)) for name, colour in _LEGEND],
+        "legend": [
+            (name, css(colour)) for name, colour in (*_LEGEND, *(_LEGEND_FROM_ABOVE if above else ()))
+        ],
         "readings": READINGS,
         "commands": [base64.b64encode(command.data).decode("ascii") for command in commands],
         "replay": replay,

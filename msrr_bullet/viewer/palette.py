@@ -14,6 +14,8 @@ OBSTACLE = 0xB9A76A
 PATH = BLUE
 BELIEF = ORANGE
 CLEARANCE = PURPLE
+#: Clearance at which the guard acts.
+ALARM = VERMILLION
 SIGHT = GREEN
 #: Tags as detected, and windows read from a frame.
 DETECTION, WINDOW = VERMILLION, SKY

@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from msrr_bullet.viewer.arena_belief import PLAN_NODE, plan_commands
 from msrr_bullet.viewer.commands import Command, Track, set_animation
+from msrr_bullet.viewer.nodes import Placement
 from msrr_bullet.viewer.page import PhaseSpan, Timeline, readings, render_page
 from msrr_bullet.viewer.palette import PHASE_COLOURS, css
-from msrr_bullet.viewer.scene_graph import PATH_STEP, Placement, SceneGraph, look_at
-from msrr_bullet.viewer.snapshot import Snapshot
+from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at
+from msrr_bullet.viewer.snapshot import Snapshot, planned_paths
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import NS_PER_S, seconds
 from msrr_scenes.scene import Scene
@@ -82,6 +84,8 @@ def _paths(graph: SceneGraph, frames: Sequence[Snapshot]) -> Iterator[Command]:
     for name, believed in (("truth", False), ("belief", True)):
         for i, piece in enumerate(docking_path(frames, believed)):
             yield from graph.path_commands(f"{name}_{i}", piece)
+    for i, plan in enumerate(planned_paths(frames)):
+        yield from plan_commands(f"{PLAN_NODE}/{i}", plan.points)
 
 
 def _view(frames: Sequence[Snapshot]) -> Iterator[Command]:
@@ -96,6 +100,9 @@ def _animation(graph: SceneGraph, frames: Sequence[Snapshot]) -> Command:
     tracks: list[Track] = []
     for node in instants[0]:
         tracks += _tracks(node, times, [placements[node] for placements in instants])
+    for i, plan in enumerate(planned_paths(frames)):
+        followed = np.array([frame.path is plan for frame in frames])
+        tracks.append(Track(f"{PLAN_NODE}/{i}", "visible", "bool", times, followed))
     return set_animation([track.thinned() for track in tracks])
 
 

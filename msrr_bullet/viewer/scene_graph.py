@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 
 import meshcat.geometry as g
 import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.viewer import shapes
+from msrr_bullet.viewer.arena_belief import ArenaBelief
 from msrr_bullet.viewer.commands import Command, set_object, set_property, set_transform
+from msrr_bullet.viewer.nodes import HIDDEN, Placement
 from msrr_bullet.viewer.palette import (
+    ALARM,
     BACKGROUND,
     BELIEF,
     CLEARANCE,
@@ -29,11 +31,12 @@ from msrr_bullet.viewer.palette import (
     TYRE,
     unit_colour,
 )
-from msrr_bullet.viewer.snapshot import Snapshot
+from msrr_bullet.viewer.snapshot import Snapshot, meant_to_touch
 from msrr_scenes.bodies import CylinderSpec
 from msrr_scenes.faults import MarkerHidden
 from msrr_scenes.messages import LosStatus
 from msrr_scenes.pinhole import R_BODY_OPTICAL
+from msrr_scenes.plan import GuardSpec
 from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
 from msrr_scenes.se3 import SE3, rotation_from_rpy
@@ -58,18 +61,6 @@ GHOST_MARGIN = 0.004
 ZOOM = 2.2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Placement:
-    """Where a node is at an instant, whether it shows, and how far it is stretched."""
-
-    X: SE3 = field(default_factory=SE3)
-    visible: bool = True
-    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-
-
-HIDDEN = Placement(visible=False)
-
-
 class SceneGraph:
     """Nodes of one scene."""
 
@@ -78,6 +69,7 @@ class SceneGraph:
         self._scene = scene
         self._geometries = {name: scene.geometry(name) for name in scene.units}
         self._docking = tuple(dict.fromkeys(step.unit for step in scene.plan))
+        self._belief = ArenaBelief(scene)
 
     def build(self) -> Iterator[Command]:
         """Yield what is drawn once: floor, units, ghosts, obstacles, lines of sight, the clearance bar."""
@@ -89,8 +81,10 @@ class SceneGraph:
             yield from self._ghost(name)
         yield from self._obstacles()
         yield from self._sight()
-        yield set_object("clearance", g.Box([1.0, 0.006, 0.006]), shapes.ink(CLEARANCE))
-        yield set_property("clearance", "visible", False)
+        yield from self._belief.build()
+        for node, colour in (("clearance/free", CLEARANCE), ("clearance/guarded", ALARM)):
+            yield set_object(node, g.Box([1.0, 0.006, 0.006]), shapes.ink(colour))
+            yield set_property(node, "visible", False)
 
     def _surroundings(self) -> Iterator[Command]:
         yield set_property("Background", "top_color", BACKGROUND[0])
@@ -194,7 +188,8 @@ class SceneGraph:
         for name in self._scene.obstacles:
             X = snapshot.obstacles.get(name)
             nodes[f"obstacles/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
-        nodes["clearance"] = _bar(snapshot)
+        nodes.update(_bars(snapshot, self._scene.control.guard))
+        nodes.update(self._belief.placements(snapshot))
         nodes.update(self._sight_placements(snapshot, acting))
         return nodes
 
@@ -227,14 +222,17 @@ def _multiples(low: float, high: float) -> Iterable[float]:
     return [k * GRID_STEP for k in range(math.ceil(low / GRID_STEP), math.floor(high / GRID_STEP) + 1)]
 
 
-def _bar(snapshot: Snapshot) -> Placement:
-    """Return the bar between the nearest points of the nearest pair; nothing when they touch."""
+def _bars(snapshot: Snapshot, guard: GuardSpec) -> Iterator[tuple[str, Placement]]:
+    """Yield the bar between the nearest points of the nearest pair, alarming where the guard acts."""
     nearest = snapshot.clearance
-    if nearest is None or nearest.distance <= 0.0:
-        return HIDDEN
-    (ax, ay), (bx, by) = nearest.point_a, nearest.point_b
-    X = SE2(0.5 * (ax + bx), 0.5 * (ay + by), math.atan2(by - ay, bx - ax))
-    return Placement(SE3.from_se2(X, CLEARANCE_Z), scale=(nearest.distance, 1.0, 1.0))
+    bar, guarded = HIDDEN, False
+    if nearest is not None and nearest.distance > 0.0:
+        (ax, ay), (bx, by) = nearest.point_a, nearest.point_b
+        X = SE2(0.5 * (ax + bx), 0.5 * (ay + by), math.atan2(by - ay, bx - ax))
+        bar = Placement(SE3.from_se2(X, CLEARANCE_Z), scale=(nearest.distance, 1.0, 1.0))
+        guarded = guard.enabled and nearest.distance < guard.slow_m and not meant_to_touch(snapshot)
+    yield "clearance/free", HIDDEN if guarded else bar
+    yield "clearance/guarded", bar if guarded else HIDDEN
 
 
 def look_at(points: Array) -> Iterator[Command]:

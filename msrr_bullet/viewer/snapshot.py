@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -54,6 +54,26 @@ class Snapshot:
     situation: Situation | None = None
     assembly: AssemblyProgress | None = None
     path: AssemblyPath | None = None
+
+
+#: Phases in which the docking pair may come close.
+_DOCKING = (Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.RETREAT, Phase.DONE, Phase.FAILED)
+
+
+def meant_to_touch(snapshot: Snapshot) -> bool:
+    """Say whether the nearest pair is the docking pair in a phase in which it may come close."""
+    if snapshot.clearance is None or snapshot.step is None or snapshot.phase not in _DOCKING:
+        return False
+    return snapshot.clearance.pair == {snapshot.step.unit, snapshot.step.target_unit}
+
+
+def planned_paths(frames: Iterable[Snapshot]) -> list[AssemblyPath]:
+    """Return every path that the long-distance phase chose, in order."""
+    found: list[AssemblyPath] = []
+    for frame in frames:
+        if frame.path is not None and (not found or frame.path is not found[-1]):
+            found.append(frame.path)
+    return found
 
 
 class Viewer(Protocol):
