@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from msrr_bullet.reproduce.measures import MEASURES, Measure
 from msrr_bullet.reproduce.model import Row, Table
+from msrr_bullet.reproduce.settings import STANDARD
 from msrr_bullet.reproduce.style import FAINT, PAPER, look, new_figure, save, styled
 from msrr_bullet.streams import stream
 
@@ -21,13 +22,15 @@ _MOST = 200
 def draw_strips(table: Table, path: Path) -> Path:
     """Draw every measure of a table, one panel each."""
     shown = [m for m in MEASURES[table.phase] if any(m.key in r.measures for r in table.rows)]
+    # What is asked is asked on unicycles under the standard setting.
+    asked = table.plant == "unicycle" and table.setting == STANDARD.name
     with styled():
         columns = 2
         lines = -(-len(shown) // columns)
         figure = new_figure(15.0, 0.9 + lines * (1.2 + 0.52 * len(table.rows)))
         axes = np.atleast_1d(figure.subplots(lines, columns, squeeze=False)).ravel()
         for place, what in zip(axes, shown, strict=False):
-            _strip(place, table.rows, what)
+            _strip(place, table.rows, what, asked)
         for place in axes[len(shown) :]:
             place.set_axis_off()
         handles = [
@@ -36,14 +39,16 @@ def draw_strips(table: Table, path: Path) -> Path:
             Line2D([], [], color=FAINT, linewidth=2.0, label="95th percentile"),
             Line2D([], [], color=PAPER, linestyle="-", label="paper, C1"),
             Line2D([], [], color=PAPER, linestyle="--", label="paper, C2"),
-            Line2D([], [], color=PAPER, linestyle=":", label="asked of C1's 95th percentile"),
         ]
+        if asked:
+            text = "asked of C1's 95th percentile"
+            handles.append(Line2D([], [], color=PAPER, linestyle=":", label=text))
         figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False)
         figure.suptitle(f"{table.phase} phase, {table.plant}, {table.setting}", fontsize=16)
         return save(figure, path)
 
 
-def _strip(axes: Axes, rows: Sequence[Row], what: Measure) -> None:
+def _strip(axes: Axes, rows: Sequence[Row], what: Measure, asked: bool) -> None:
     jitter = stream(0, f"jitter/{what.key}")
     right = 0.0
     for i, row in enumerate(rows):
@@ -63,7 +68,7 @@ def _strip(axes: Axes, rows: Sequence[Row], what: Measure) -> None:
         if value is not None:
             axes.axvline(what.scale * value, color=PAPER, linestyle=style, linewidth=1.6)
             right = max(right, what.scale * value)
-    if what.asked_p95 is not None:
+    if asked and what.asked_p95 is not None:
         axes.axvline(what.scale * what.asked_p95, color=PAPER, linestyle=":", linewidth=1.6)
     axes.set_yticks(range(len(rows)), [r.label for r in rows])
     axes.set_ylim(len(rows) - 0.45, -0.55)
