@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from msrr_bullet.reproduce.gain_delay import LAWS
 from msrr_bullet.reproduce.measures import MEASURES, PhaseName, measure
-from msrr_bullet.reproduce.model import GainDelayMap, Reproduction, Row, Table
+from msrr_bullet.reproduce.model import Ablations, GainDelayMap, Reproduction, Row, Table
 from msrr_bullet.reproduce.settings import PAPER_TRAJECTORY
 
 #: Share of trials from which a cell of the map counts as docking.
@@ -133,6 +133,63 @@ def _where_the_paper_lies(chart: GainDelayMap) -> str:
         f" for C1 and {(gain + chart.extra_gain) * total:.2f} for C2, whose boundary layer adds"
         f" {chart.extra_gain:g} 1/s. Tuned more gently, both dock."
     )
+
+
+def ablation_text(found: Ablations) -> str:
+    """Say what C1 loses without each of its parts, in the setting in which it loses most."""
+    text = []
+    for k, variant in enumerate(found.tables[0].rows):
+        if k == 0:
+            continue
+        costs = []
+        for what, losses in _losses(found, k).items():
+            most, setting = max(losses)
+            if most >= 0.02:
+                costs.append(f"{100 * most:.0f} points of {what} ({setting})")
+        raised, label, setting = max(_raises(found, k))
+        if raised >= 1.1:
+            costs.append(f"{raised:.1f} times the 95th percentile of the {label} ({setting})")
+        nearer, setting = _clearance_lost(found, k)
+        if nearer >= 0.005:
+            costs.append(f"{1e3 * nearer:.0f} mm of the median clearance ({setting})")
+        name = variant.label[0].upper() + variant.label[1:]
+        text.append(f"{name}: {'; '.join(costs) if costs else 'nothing to speak of'}.")
+    return f"What C1 loses at worst. {' '.join(text)}"
+
+
+def _clearance_lost(found: Ablations, k: int) -> tuple[float, str]:
+    """Return by how much the median clearance of variant ``k`` is less than that of C1, at most, and where."""
+    lost = [(0.0, "")]
+    for table in found.tables:
+        whole, without = (table.rows[i].measures.get("clearance") for i in (0, k))
+        if whole is None or without is None or without.quantiles.p50 is None or without.quantiles.p50 <= 0.0:
+            continue  # one that drives through the obstacle fails; that is said already
+        lost.append(((whole.quantiles.p50 or 0.0) - without.quantiles.p50, table.setting))
+    return max(lost)
+
+
+def _losses(found: Ablations, k: int) -> dict[str, list[tuple[float, str]]]:
+    """Return by how much variant ``k`` is worse than C1 in each setting, for each rate."""
+    good = "docking" if found.phase == "close" else "passing the obstacle"
+    losses = {good: [(t.rows[0].success.rate - t.rows[k].success.rate, t.setting) for t in found.tables]}
+    for table in found.tables:
+        whole, without = table.rows[0].in_view, table.rows[k].in_view
+        if whole is not None and without is not None:
+            losses.setdefault("keeping the target in view", []).append(
+                (whole.rate - without.rate, table.setting)
+            )
+    return losses
+
+
+def _raises(found: Ablations, k: int) -> list[tuple[float, str, str]]:
+    """Return the ratios of the 95th percentiles of variant ``k`` to those of C1, with measure and setting."""
+    ratios = []
+    for table in found.tables:
+        for what in MEASURES[found.phase]:
+            whole, without = (table.rows[i].measures[what.key].quantiles.p95 for i in (0, k))
+            if what.paper_c1 is not None and whole and without is not None:
+                ratios.append((without / whole, what.label, table.setting))
+    return ratios
 
 
 def winner_text(found: Reproduction) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
 
-from msrr_bullet.reproduce.findings import Claim, claims, map_text, winner_text
+from msrr_bullet.reproduce.findings import Claim, ablation_text, claims, map_text, winner_text
 from msrr_bullet.reproduce.measures import MEASURES, Measure
 from msrr_bullet.reproduce.model import Reproduction, Row, Table
 from msrr_bullet.stats import Rate
@@ -52,6 +52,9 @@ def write_report(found: Reproduction, figures: Mapping[str, Path], path: Path) -
     if found.ablations:
         parts.append("<h2>What each part of C1 is worth</h2>")
         for ablation in found.ablations:
+            parts.append(
+                f"<p>{escape(ablation.phase.capitalize())} phase. {escape(ablation_text(ablation))}</p>"
+            )
             parts += _pictures(figures, f"Ablations, {ablation.phase}")
             parts += [_table(table) for table in ablation.tables]
     if found.panels:

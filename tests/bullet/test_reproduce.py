@@ -13,7 +13,7 @@ from msrr_bullet.reproduce.ablation_plot import draw_ablations
 from msrr_bullet.reproduce.ablations import ablation_jobs, ablation_row
 from msrr_bullet.reproduce.bullet_part import Experiment, reproduce_bullet, within_paper
 from msrr_bullet.reproduce.close_studies import close_row, close_series
-from msrr_bullet.reproduce.findings import claims, map_text, winner_text
+from msrr_bullet.reproduce.findings import ablation_text, claims, map_text, winner_text
 from msrr_bullet.reproduce.gain_delay import LAWS, gain_delay_map
 from msrr_bullet.reproduce.long_studies import long_row
 from msrr_bullet.reproduce.measured_trial import MeasuredTrial, Shelf, measured_trial, record_trial
@@ -112,6 +112,7 @@ def test_what_is_said_is_read_from_the_findings(unicycle: Reproduction) -> None:
     assert any(final is not None and f"/ {1e3 * final:.3g} mm" in c.found for c in said)
     assert "CBF" in winner_text(unicycle)
     assert "Without delay compensation" in map_text(unicycle)
+    assert "envelope: 100 points of passing the obstacle (standard)" in ablation_text(unicycle.ablations[0])
     assert winner_text(Reproduction(versions={}, seeds={})) == ""
 
 
