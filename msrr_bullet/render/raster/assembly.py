@@ -44,6 +44,7 @@ def assemble(looks: Sequence[Look]) -> tuple[Geometry, Textures]:
         columns["vertices"].append(vertices)
         columns["corner_start"].append(faces.start[:-1] + corner_count)
         columns["corners"].append(faces.corners + vertex_count)
+        columns["across"].append(np.where(faces.across >= 0, faces.across + face_count, -1))
         columns["planes"].append(_turned(faces.planes, R, p, sign=1.0))
         columns["grey"].append(np.full(n, 255.0 * look.grey))
         columns["kind"].append(_kinds(faces, look.texture))

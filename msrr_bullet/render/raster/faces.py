@@ -41,6 +41,7 @@ class Faces:
         uv: Affine functions of the texture coordinates, shape (F, 2, 4); zero without texture.
         surface: Number of the round surface that a face is part of, from 0 up, or -1; shape (F,). Across an
             edge within a surface the shading goes on without a crease.
+        across: Face of the same surface across the edge that ends at each corner, or -1; like ``corners``.
     """
 
     vertices: Array
@@ -52,6 +53,7 @@ class Faces:
     weights: Array
     uv: Array
     surface: Indices
+    across: Indices
 
 
 def faces_of(mesh: Mesh) -> Faces:
@@ -106,6 +108,7 @@ def _work_out(mesh: Mesh) -> Faces:
             polygons.append((group[0], outline))
     of = np.array([t for t, _ in polygons], dtype=np.int64)
     start = np.cumsum([0, *(len(corners) for _, corners in polygons)])
+    surface = _surfaces(triangles, normals, smooth)[of]
     return Faces(
         vertices,
         start.astype(np.int64),
@@ -115,7 +118,8 @@ def _work_out(mesh: Mesh) -> Faces:
         normals[of],
         weights[of],
         maps[of],
-        _surfaces(triangles, normals, smooth)[of],
+        surface,
+        _across([corners for _, corners in polygons], surface),
     )
 
 
@@ -166,6 +170,23 @@ def _surfaces(triangles: Indices, normals: Array, smooth: NDArray[np.bool_]) -> 
     end = np.abs(normals[t, (i + 1) % 3] - normals[other, j]).max(axis=1)
     joined = (np.maximum(start, end) < _FLAT) & smooth[t] & smooth[other]
     return np.where(smooth, _components(len(triangles), t[joined], other[joined]), -1)
+
+
+def _across(polygons: list[list[int]], surface: Indices) -> Indices:
+    """Return the face of the same surface across the edge that ends at each corner, or -1."""
+    sides = {
+        (corners[i - 1], corners[i]): face
+        for face, corners in enumerate(polygons)
+        if surface[face] >= 0
+        for i in range(len(corners))
+    }
+    across = []
+    for face, corners in enumerate(polygons):
+        for i in range(len(corners)):
+            other = sides.get((corners[i], corners[i - 1]), -1)
+            same = surface[face] >= 0 and other >= 0 and surface[other] == surface[face]
+            across.append(other if same else -1)
+    return np.array(across, dtype=np.int64)
 
 
 def _neighbours(triangles: Indices) -> Indices:

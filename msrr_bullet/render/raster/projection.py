@@ -42,6 +42,7 @@ class Geometry(NamedTuple):
     vertices: Array  # (V, 3) in M [m]
     corner_start: Indices  # (F + 1,)
     corners: Indices  # vertex of each corner
+    across: Indices  # face of the same round surface across the edge that ends at the corner, or -1
     planes: Array  # (F, 4) outward normal and offset in M
     grey: Array  # (F,) reflectance times 255
     kind: Indices  # (F,)
@@ -62,6 +63,7 @@ class Faces(NamedTuple):
     box: Array  # (N, 4) bounds u0, u1, v0, v1 [px]
     edge_start: Indices  # (N + 1,)
     edges: Array  # (., 5) forms, inside where all >= 0; where a != 0: -b / a and -c / a, so that u = s v + t
+    inner: NDArray[np.bool_]  # (.,) edges beyond which the same round surface goes on and is seen
     grey: Array  # (N,) grey level; where TEXTURED: of white
     shade: Array  # (N, 3) form of grey / z, where SMOOTH
     uv: Array  # (N, 2, 3) forms of texture coordinates / z
@@ -183,6 +185,15 @@ def project(
             first, end = geometry.corner_start[face], geometry.corner_start[face + 1]
             if not bounds(view, geometry.corners, first, end, seen, out, count):
                 continue
+            for i in range(first, end):
+                other = geometry.across[i]
+                out.inner[edge + i - first] = (
+                    other >= 0
+                    and geometry.planes[other, 0] * ox
+                    + geometry.planes[other, 1] * oy
+                    + geometry.planes[other, 2] * oz
+                    > geometry.planes[other, 3]
+                )
             edge = edge_forms(view, geometry.corners, first, end, seen, out, edge)
             wx = -(R[0, 0] * nx + R[0, 1] * ny + R[0, 2] * nz) / height
             wy = -(R[1, 0] * nx + R[1, 1] * ny + R[1, 2] * nz) / height
@@ -191,6 +202,7 @@ def project(
             out.inverse_depth[count, 0], out.inverse_depth[count, 1], out.inverse_depth[count, 2] = a, b, c
             if out.nearest[count] * view.near > 1.0:  # a corner is nearer than the near plane
                 write_edge(out.edges, edge, -a, -b, 1.0 / view.near - c)
+                out.inner[edge] = False
                 edge += 1
                 out.nearest[count] = 1.0 / view.near
             out.edge_start[count + 1] = edge

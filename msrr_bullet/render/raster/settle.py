@@ -243,9 +243,10 @@ def mean_of_surface(
         row, column = j + k // 2, i + k % 2
         g = identity[row, column] >> REGION_BITS
         u, v, w = float(view.x + column), float(view.y + row), np.float64(depth[row, column])
-        # One part of the surface may hide another: then there is a step, more than the slope explains.
+        # One part of the surface may hide another: then there is a step, more than the slopes explain.
         step = abs(w - (a * u + (b * v + c)))
-        if g < 0 or kind[g] != SMOOTH or surface[g] != surface[f] or step > 0.5 * (abs(a) + abs(b)):
+        slopes = abs(a) + abs(b) + abs(inverse_depth[g, 0]) + abs(inverse_depth[g, 1])
+        if g < 0 or kind[g] != SMOOTH or surface[g] != surface[f] or step > 0.5 * slopes + 1e-4 * w:
             total = -np.inf
         else:
             total += (shade[g, 0] * u + (shade[g, 1] * v + shade[g, 2])) / w

@@ -1,12 +1,12 @@
-"""Visibility: depth and identity at the pixels' corners, and what falls between them.
+"""Visibility: depth and identity at the pixels' corners, and where edges run between them.
 
 Faces are convex and their inverse depths are linear over the image. If one face is the nearest at all four
-corners of a pixel it covers the pixel, and it is nearest in all of it, unless something lies in front that
-touches none of the four corners: thinner than a pixel or ending inside it. Such a thing either crosses a side
-of the pixel between two corners, which shows when rows and columns of corners are scanned (a span without a
-whole number in it), or lies inside the pixel. Those pixels are noted with their inverse depth. Then
-:mod:`msrr_bullet.render.raster.settle` knows which pixels are settled. What remains unseen is a body that
-pierces another one within one pixel.
+corners of a pixel, it covers the pixel. Could another one be seen in it nevertheless? Not if that covers
+the pixel, too: the difference of the two inverse depths is linear, and greatest at a corner. So an edge of
+it would have to cross the pixel, in front of the first face. Pixels that edges cross are noted with the
+greatest inverse depth that the edge's face has there; then :mod:`msrr_bullet.render.raster.settle` knows
+which pixels are settled, without exception: however thin things are, and also where bodies pierce each
+other.
 
 An identity is ``face << REGION_BITS | region``: a tag's cells form rectangles, which are convex, too, and
 settle pixels like faces.
@@ -34,7 +34,7 @@ class Corners(NamedTuple):
 
     depth: Depths  # 1 / z of the nearest face [1/m]
     identity: Identities
-    sliver: Depths  # (height, width) largest 1 / z of what touches no corner of a pixel, or 0
+    sliver: Depths  # (height, width) largest 1 / z of a face that has an edge in the pixel, or 0
 
 
 @inlined
@@ -84,35 +84,6 @@ def row_span(edges: Array, first: int, end: int, v: float) -> tuple[float, float
 
 
 @inlined
-def column_span(edges: Array, first: int, end: int, u: float) -> tuple[float, float]:
-    """Return where column u of the image lies inside a face."""
-    low, high = -np.inf, np.inf
-    for e in range(first, end):
-        value = edges[e, 0] * u + edges[e, 2]
-        if edges[e, 1] > 0.0:
-            low = max(low, -value / edges[e, 1])
-        elif edges[e, 1] < 0.0:
-            high = min(high, -value / edges[e, 1])
-        elif value < 0.0:
-            high = -np.inf
-    return low, high
-
-
-@kernel
-def note_sliver(view: View, sliver: Depths, a: float, b: float, c: float, column: float, row: float) -> None:
-    """Note what lies inside the pixel that holds (column, row), with the largest 1 / z it may have there.
-
-    ``(a, b, c)`` is the form of its 1 / z.
-    """
-    u, v = np.floor(column), np.floor(row)
-    i, j = int(u) - view.x, int(v) - view.y
-    if 0 <= i < view.width and 0 <= j < view.height:
-        w = a * (u + 0.5) + (b * (v + 0.5) + c) + 0.5 * (abs(a) + abs(b))
-        # Rounded to single precision it must not fall below what it bounds.
-        sliver[j, i] = max(sliver[j, i], np.float32(w * 1.000001))
-
-
-@inlined
 def place_cells(
     view: View,
     uv: Array,
@@ -142,14 +113,63 @@ def place_cells(
         place[i] = start + line * columns + column
 
 
+@inlined
+def note_edges(
+    view: View,
+    edges: Array,
+    inner: NDArray[np.bool_],
+    first: int,
+    end: int,
+    u0: float,
+    u1: float,
+    a: float,
+    b: float,
+    c: float,
+    nearest: float,
+    k: int,
+    sliver: Depths,
+) -> None:
+    """Note in pixel row ``k`` where a face's edges run, with the largest 1 / z that the face has there.
+
+    The face reaches from u0 to u1 and has the form (a, b, c) of its 1 / z, at most ``nearest``.
+    """
+    low, high = max(u0, float(view.x)), min(u1, view.x + view.width - 0.5)
+    for e in range(first, end):
+        above = edges[e, 3] * k + edges[e, 4]
+        below = above + edges[e, 3]
+        if edges[e, 0] > 0.0:
+            low = max(low, min(above, below))
+        elif edges[e, 0] < 0.0:
+            high = min(high, max(above, below))
+        elif edges[e, 1] * k + edges[e, 2] + max(edges[e, 1], 0.0) < 0.0:
+            high = -np.inf
+    if low <= high:
+        reach = b * (k + 0.5) + c + 0.5 * (abs(a) + abs(b))
+        for e in range(first, end):
+            if not inner[e]:
+                start, stop = low, high
+                if edges[e, 0] != 0.0:
+                    above = edges[e, 3] * k + edges[e, 4]
+                    below = above + edges[e, 3]
+                    start, stop = max(low, min(above, below)), min(high, max(above, below))
+                elif (edges[e, 1] * k + edges[e, 2]) * (edges[e, 1] * (k + 1) + edges[e, 2]) > 0.0:
+                    stop = -np.inf  # a level edge in another row
+                if start <= stop:
+                    for i in range(int(np.floor(start)), int(np.floor(stop)) + 1):
+                        w = min(a * (i + 0.5) + reach, nearest)
+                        # Rounded to single precision it must not fall below what it bounds.
+                        note = np.float32(w * 1.000001)
+                        sliver[k - view.y, i - view.x] = max(sliver[k - view.y, i - view.x], note)
+
+
 @kernel
 def cover_corners(
     view: View, faces: Faces, count: int, regions: Indices, corners: Corners, place: Identities
 ) -> None:
-    """Draw all faces on the pixels' corners and note what falls between them."""
+    """Draw all faces on the pixels' corners and note where their edges run."""
     depth, identity, sliver = corners.depth, corners.identity, corners.sliver
     inverse_depth, edge_start, edges, box = faces.inverse_depth, faces.edge_start, faces.edges, faces.box
-    kind, uv, cells = faces.kind, faces.uv, faces.cells
+    kind, uv, cells, inner, nearest = faces.kind, faces.uv, faces.cells, faces.inner, faces.nearest
     for f in range(count):
         if box[f, 3] < view.y or box[f, 2] > view.y + view.height:
             continue
@@ -157,21 +177,20 @@ def cover_corners(
         first, end = edge_start[f], edge_start[f + 1]
         has_cells = (kind[f] & CELLS) != 0
         name = np.int32(f << REGION_BITS)
-        top = int(max(np.ceil(box[f, 2]), float(view.y)))
-        bottom = int(min(np.floor(box[f, 3]), float(view.y + view.height)))
+        top = int(max(np.floor(box[f, 2]), float(view.y)))
+        bottom = int(min(np.floor(box[f, 3]) + 1.0, float(view.y + view.height)))
         for k in range(top, bottom + 1):
+            j = k - view.y
+            if k < bottom:
+                note_edges(
+                    view, edges, inner, first, end, box[f, 0], box[f, 1], a, b, c, nearest[f], k, sliver
+                )
             low, high = row_span(edges, first, end, float(k))
-            if not low <= high:
-                continue
-            start = np.ceil(low)
-            if start >= high:  # between two corners
-                note_sliver(view, sliver, a, b, c, low, float(k))
-                note_sliver(view, sliver, a, b, c, low, k - 1.0)
+            if not np.ceil(low) < high:
                 continue
             row = b * k + c
-            i0 = int(max(start, float(view.x))) - view.x
+            i0 = int(max(np.ceil(low), float(view.x))) - view.x
             i1 = int(min(np.ceil(high), view.x + view.width + 1.0)) - view.x
-            j = k - view.y
             if has_cells:
                 place_cells(view, uv, cells, f, a, row, k, i0, i1, place)
                 for i in range(i0, i1):
@@ -185,43 +204,3 @@ def cover_corners(
                     if w > depth[j, i]:
                         depth[j, i] = w
                         identity[j, i] = name
-        note_thin_columns(view, edges, first, end, box[f, 0], box[f, 1], sliver, a, b, c)
-        if np.floor(box[f, 0]) == np.floor(box[f, 1]) and np.floor(box[f, 2]) == np.floor(box[f, 3]):
-            note_sliver(view, sliver, a, b, c, box[f, 0], box[f, 2])
-
-
-@kernel
-def note_thin_columns(
-    view: View,
-    edges: Array,
-    first: int,
-    end: int,
-    u0: float,
-    u1: float,
-    sliver: Depths,
-    a: float,
-    b: float,
-    c: float,
-) -> None:
-    """Note where a face crosses columns of corners between two corners: only near its left and right ends.
-
-    The length of a column inside a convex face rises to one maximum, so the search from either end stops
-    at the first column that is longer than a pixel.
-    """
-    left = int(max(np.ceil(u0), float(view.x)))
-    right = int(min(np.floor(u1), float(view.x + view.width)))
-    from_left = True
-    while left <= right:
-        k = left if from_left else right
-        low, high = column_span(edges, first, end, float(k))
-        if low <= high and np.ceil(low) >= high:
-            note_sliver(view, sliver, a, b, c, float(k), low)
-            note_sliver(view, sliver, a, b, c, k - 1.0, low)
-        thick = high - low > 1.0
-        if from_left:
-            left += 1
-            from_left = not thick
-        else:
-            right -= 1
-            if thick:
-                break

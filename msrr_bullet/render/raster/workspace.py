@@ -25,6 +25,7 @@ class Workspace:
             box=np.empty((n, 4)),
             edge_start=np.zeros(n + 1, dtype=np.int64),
             edges=np.empty((edges, 5)),
+            inner=np.empty(edges, dtype=np.bool_),
             grey=np.empty(n),
             shade=np.empty((n, 3)),
             uv=np.empty((n, 2, 3)),
