@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 #: Below these the scales of a trial that begins far away are linear, above logarithmic [mm], [deg].
 FINE_MM, FINE_DEG = 1.0, 1.0
+#: The same for clearances [m].
+FINE_M = 0.1
 #: A phase shorter than this share of the trial is told by its colour alone: a name needs room.
 NAMED_SHARE = 0.06
 
@@ -65,7 +67,8 @@ def _truth_and_belief(axes: Axes, series: Series, column: int, scale: float, lab
         (series.true_port, PATH, 2.6, "truth"),
         (series.believed_port, BELIEF, 1.0, "believed"),
     ):
-        axes.plot(series.time, scale * values[:, column], color=css(colour), linewidth=width, label=name)
+        curve = scale * series.torn(values)[:, column]
+        axes.plot(series.time, curve, color=css(colour), linewidth=width, label=name)
     axes.axhline(0.0, color=css(DARK), linewidth=0.6)
     axes.set_ylabel(label)
     prepare(axes)
@@ -139,7 +142,12 @@ def clearance(axes: Axes, series: Series, guard: GuardSpec, judge: JudgeSpec) ->
     told = ", ".join(f"{name} {1e3 * value:.0f} mm" for value, _, name in sorted(bounds, reverse=True))
     axes.set_title(told, fontsize=7, loc="right", pad=2)
     axes.set_ylabel("clearance [m]")
-    axes.set_ylim(bottom=min(0.0, float(np.nanmin(series.clearance, initial=0.0))))
+    low = float(np.nanmin(series.clearance, initial=0.0))
+    high = float(np.nanmax(series.clearance, initial=0.0))
+    axes.set_ylim(low, 1.3 * max(high, FINE_M))
+    if high > 3.0 * FINE_M:
+        axes.set_yscale("symlog", linthresh=FINE_M, linscale=1.5)
+        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.legend(loc="best", fontsize=8)
     prepare(axes)
 

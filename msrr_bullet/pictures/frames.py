@@ -106,9 +106,9 @@ def _chosen(log: Log, camera: CameraChoice, every_s: float | None, count: int) -
         if _is_wanted(exposure, camera):
             by_camera.setdefault(exposure.camera, []).append(exposure)
     if not by_camera:
-        kind = "camera" if camera == "both" else f"{camera} camera"
+        kind = "any camera" if camera == "both" else f"the {camera} camera"
         raise FramesError(
-            f"{log.path}: no frame of an {kind}; a run has some when its scene has the camera, "
+            f"{log.path}: no frame of {kind}; a run has some when its scene has the camera, "
             "perception is images, and the robot looked"
         )
     if every_s is None:

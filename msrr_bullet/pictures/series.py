@@ -40,6 +40,7 @@ class Series:
             shape (T,) [m].
         truly_off_path: The same from the unit's true pose, shape (T,) [m].
         avoiding: Where a wall beside an obstacle stands, shape (T,).
+        new_step: Where a step of the plan begins, shape (T,).
     """
 
     time: Array
@@ -55,11 +56,18 @@ class Series:
     off_path: Array
     truly_off_path: Array
     avoiding: Mask
+    new_step: Mask
 
     @property
     def assembles(self) -> bool:
         """The trial has a long-distance phase that got as far as following a path."""
         return bool(np.isfinite(self.off_path).any())
+
+    def torn(self, values: Array) -> Array:
+        """Return one of the series with a gap where another unit takes over: no line joins the two."""
+        torn = np.array(values)
+        torn[1:][self.new_step[1:]] = np.nan
+        return torn
 
     @classmethod
     def of(cls, scene: Scene, frames: Sequence[Snapshot]) -> Series:
@@ -89,6 +97,7 @@ class Series:
             off_path=off[:, 0],
             truly_off_path=off[:, 1],
             avoiding=np.array([f.assembly is not None and f.assembly.avoiding is not None for f in frames]),
+            new_step=np.array([True, *(a.step != b.step for a, b in pairwise(frames))]),
         )
 
 

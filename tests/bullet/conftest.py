@@ -1,13 +1,16 @@
-"""A drive made up by hand, for what only shows trials: quicker than a trial, and known to the millimetre."""
+"""For what only shows trials: a drive made up by hand, known to the millimetre, and two short runs."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
 from msrr_bullet.clearance import ClearanceModel
+from msrr_bullet.log import LOG_NAME, LogHeader, McapRecorder
+from msrr_bullet.trial import Trial
 from msrr_bullet.viewer.snapshot import Snapshot
 from msrr_scenes.load import load_scene
 from msrr_scenes.messages import LosObservation, LosStatus, Phase
@@ -66,3 +69,36 @@ def drive() -> Drive:
             )
         )
     return Drive(scene, tuple(frames))
+
+
+@pytest.fixture(scope="session")
+def short_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run folder with the log of 8 s seen from above and from the unit, up to half-way through docking."""
+    scene = load_scene(
+        "two_units",
+        {
+            "plant": "unicycle",
+            "cameras.onboard.samples": "1",
+            "cameras.overhead.samples": "1",
+            "time_limit_s": "8",
+            "units.a.pose.x_m": "-0.1",
+            "units.a.pose.y_m": "0.05",
+            "units.a.pose.yaw_deg": "20",
+            "obstacles.post.pose.x_m": "0.1",
+            "obstacles.post.pose.y_m": "-0.45",
+        },
+    )
+    folder = tmp_path_factory.mktemp("short_run")
+    with McapRecorder(folder / LOG_NAME, LogHeader.of(scene, 3, {})) as recorder:
+        Trial(scene, 3, recorder=recorder).run()
+    return folder
+
+
+@pytest.fixture(scope="session")
+def blind_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run folder with the log of a trial without a single pixel."""
+    scene = load_scene("close_range", {"plant": "unicycle", "perception": "parametric"})
+    folder = tmp_path_factory.mktemp("blind_run")
+    with McapRecorder(folder / LOG_NAME, LogHeader.of(scene, 1, {})) as recorder:
+        Trial(scene, 1, recorder=recorder).run()
+    return folder
