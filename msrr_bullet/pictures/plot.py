@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -18,6 +19,13 @@ from msrr_scenes.scene import Scene
 
 #: Width and height of one row [in], and resolution [1/in].
 WIDTH, ROW, DPI = 13.0, 2.0, 120
+
+#: The formats, and what of the day and the program each would tell: the same run gives the same file.
+_TIMELESS: dict[str, dict[str, str | None]] = {
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None},
+    ".svg": {"Date": None},
+}
 
 
 def write_plot(path: Path, scene: Scene, frames: Sequence[Snapshot], headline: str = "") -> Path:
@@ -35,6 +43,8 @@ def write_plot(path: Path, scene: Scene, frames: Sequence[Snapshot], headline: s
     Raises:
         MsrrError: There is not a single frame, or no such format.
     """
+    if path.suffix.lower() not in _TIMELESS:
+        raise MsrrError(f"{path}: no format for plots; end the name with {' or '.join(_TIMELESS)}")
     series = Series.of(scene, frames)
     where: list[Callable[[Axes], None]] = [
         lambda axes: curves.gap(axes, series),
@@ -51,12 +61,10 @@ def write_plot(path: Path, scene: Scene, frames: Sequence[Snapshot], headline: s
     ]
     figure = Figure(figsize=(WIDTH, ROW * max(len(where), len(what)) + 0.6), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
-    if path.suffix.lower().lstrip(".") not in figure.canvas.get_supported_filetypes():
-        raise MsrrError(f"{path}: no format for plots; end the name with .png, .pdf or .svg")
     columns = figure.add_gridspec(1, 2)
     draw_stack(figure, columns[0], series, where)
     draw_stack(figure, columns[1], series, what)
     figure.suptitle(f"{scene.name}{f': {headline}' if headline else ''}", fontsize=13, fontweight="bold")
-    metadata = {"Software": None} if path.suffix.lower() == ".png" else {"CreationDate": None}
-    figure.savefig(path, metadata=metadata)
+    with rc_context({"svg.hashsalt": "msrr"}):
+        figure.savefig(path, metadata=_TIMELESS[path.suffix.lower()])
     return path
