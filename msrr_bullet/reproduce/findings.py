@@ -158,7 +158,7 @@ def ablation_text(found: Ablations) -> str:
 
 
 def _clearance_lost(found: Ablations, k: int) -> tuple[float, str]:
-    """Return by how much the median clearance of variant ``k`` is less than that of C1, at most, and where."""
+    """Return by how much the median clearance of variant ``k`` is less at most than that of C1, and where."""
     lost = [(0.0, "")]
     for table in found.tables:
         whole, without = (table.rows[i].measures.get("clearance") for i in (0, k))
