@@ -8,10 +8,8 @@ import numpy as np
 
 from msrr_bullet.render.raster.faces import Faces, faces_of
 from msrr_bullet.render.raster.look import Look
-from msrr_bullet.render.raster.picture import Textures
-from msrr_bullet.render.raster.projection import CELLS, SMOOTH, TEXTURED, Geometry
+from msrr_bullet.render.raster.records import CELLS, REGION_BITS, SMOOTH, TEXTURED, Geometry, Textures
 from msrr_bullet.render.raster.texture import Texture
-from msrr_bullet.render.raster.visibility import REGION_BITS
 from msrr_scenes.errors import GeometryError
 
 _MOST_FACES = 1 << (31 - REGION_BITS)

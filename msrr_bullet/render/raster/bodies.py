@@ -17,7 +17,7 @@ import pybullet
 from msrr_bullet.render.raster.look import Look
 from msrr_bullet.render.raster.mesh import Mesh, box, capsule, cylinder, sphere
 from msrr_bullet.render.raster.mesh_file import MeshPart, read_mesh
-from msrr_bullet.render.raster.projection import Array
+from msrr_bullet.render.raster.records import Array
 from msrr_bullet.render.raster.texture import Texture, read_texture
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.se3 import SE3

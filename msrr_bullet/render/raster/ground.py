@@ -10,18 +10,14 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.render.floor import Floor
-from msrr_bullet.render.raster.compiled import inlined
-from msrr_bullet.render.raster.projection import Array, Indices
+from msrr_bullet.render.raster.compiled import inlined, kernel
+from msrr_bullet.render.raster.records import Array, Ground, GroundView, Pixels, Scratch, Texels, View
 from msrr_scenes.errors import SceneError
-
-Texels = NDArray[np.uint32]
-Short = NDArray[np.float32]
 
 #: Blends per level of the pyramid.
 STEPS = 2
@@ -31,29 +27,6 @@ _ROLLED_STRIDE, _LEVEL_STRIDE = 32, 1024
 
 #: Descent of a ray below which the floor is so far away that only its mean is seen.
 _HORIZON = 1e-4
-
-
-class Ground(NamedTuple):
-    """A floor as the kernels see it."""
-
-    texels: Texels  # all blends, finest first, row by row
-    start: Indices  # (B,) first texel of each blend
-    bits: Indices  # (B,) binary logarithm of its edge
-    mean: float
-    wall: float
-    per_metre: float  # finest texels per metre
-
-
-class GroundView(NamedTuple):
-    """A floor seen from a camera.
-
-    With t the descent of a pixel's ray, x / t and y / t are the point of the floor in finest texels.
-    """
-
-    forms: Array  # (3, 3) forms of x, y and t over the image
-    scale: float  # footprint across a ray that falls plumb [texels]
-    lean: float  # sine of the angle between optical axis and plumb line
-    stride: int  # pixels of a row that share one blend, aligned to the frame
 
 
 @lru_cache(maxsize=4)
@@ -171,3 +144,57 @@ def interpolated(texel: np.uint32, ax: np.float32, ay: np.float32) -> np.float32
     c, d = np.float32((texel >> np.uint32(16)) & byte), np.float32(texel >> np.uint32(24))
     upper, lower = a + ax * (b - a), c + ax * (d - c)
     return upper + ay * (lower - upper)
+
+
+@kernel
+def shade_floor(
+    view: View, ground: Ground, seen: GroundView, scratch: Scratch, out: Pixels, j: int, first: int, end: int
+) -> None:
+    """Write the floor into pixels ``first`` to ``end`` of row ``j``."""
+    texels, forms, place, part_x, part_y = ground.texels, seen.forms, scratch.place, scratch.x, scratch.y
+    v = view.y + j + 0.5
+    xu, yu, tu = np.float32(forms[0, 0]), np.float32(forms[1, 0]), np.float32(forms[2, 0])
+    x = np.float32(forms[0, 1] * v + forms[0, 2])
+    y = np.float32(forms[1, 1] * v + forms[1, 2])
+    t = np.float32(forms[2, 1] * v + forms[2, 2])
+    stop = first
+    while stop < end:
+        i = stop
+        stop = min(((view.x + i) // seen.stride + 1) * seen.stride - view.x, end)
+        start, bits, shrink = blend_of(ground, seen, view.x + i, view.y + j)
+        for k in range(i, stop):
+            u = np.float32(np.int32(view.x + k)) + np.float32(0.5)
+            place[k], part_x[k], part_y[k] = texel_place(
+                xu * u + x, yu * u + y, tu * u + t, start, bits, shrink
+            )
+        for k in range(i, stop):  # apart from the loop above, which becomes vector code
+            grey = interpolated(texels[place[k]], part_x[k], part_y[k])
+            out[j, k] = np.uint8(np.int32(grey + np.float32(0.5)))
+
+
+@inlined
+def blend_of(
+    ground: Ground, seen: GroundView, column: int, row: int
+) -> tuple[np.int32, np.int32, np.float32]:
+    """Return first texel and bits of the blend for a pixel's group, and its edge over the finest one."""
+    last = len(ground.start) - 1
+    blend = ground_blend(seen.forms, seen.scale, seen.lean, seen.stride, last, column, row)
+    bits = ground.bits[blend]
+    return np.int32(ground.start[blend]), np.int32(bits), np.float32((1 << bits) / (1 << ground.bits[0]))
+
+
+@inlined
+def floor_at(ground: Ground, seen: GroundView, column: int, row: int) -> float:
+    """Return the floor's grey in the middle of a pixel."""
+    forms = seen.forms
+    start, bits, shrink = blend_of(ground, seen, column, row)
+    u, v = np.float32(column + 0.5), row + 0.5
+    place, ax, ay = texel_place(
+        np.float32(forms[0, 0]) * u + np.float32(forms[0, 1] * v + forms[0, 2]),
+        np.float32(forms[1, 0]) * u + np.float32(forms[1, 1] * v + forms[1, 2]),
+        np.float32(forms[2, 0]) * u + np.float32(forms[2, 1] * v + forms[2, 2]),
+        start,
+        bits,
+        shrink,
+    )
+    return float(interpolated(ground.texels[place], ax, ay))

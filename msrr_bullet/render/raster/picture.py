@@ -2,26 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.render.raster.compiled import inlined, kernel
-from msrr_bullet.render.raster.projection import Array, Indices
-
-
-class Textures(NamedTuple):
-    """All textures, level by level; reflectance 0 to 1."""
-
-    first_level: Indices  # (T,) of each texture
-    level_count: Indices  # (T,)
-    level_start: Indices  # (L,) in texels
-    level_rows: Indices  # (L,)
-    level_columns: Indices  # (L,)
-    texels: NDArray[np.float32]  # all levels, row by row
-    regions: Indices  # of each texel, where the texture has cells: where to find its region's reflectance
-    region_grey: NDArray[np.float32]
+from msrr_bullet.render.raster.records import Array, Indices
 
 
 @kernel

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from msrr_bullet.render.raster.assembly import assemble
-from msrr_bullet.render.raster.ground import Ground
 from msrr_bullet.render.raster.look import Look
 from msrr_bullet.render.raster.pattern import CELL_SAMPLES, SAMPLES, rooks
 from msrr_bullet.render.raster.pipeline import draw
-from msrr_bullet.render.raster.projection import Array, Light, View
+from msrr_bullet.render.raster.records import Array, Ground, Light, View
 from msrr_bullet.render.raster.workspace import Workspace
 from msrr_scenes.messages import Pixels
 from msrr_scenes.pinhole import PinholeCamera, Window

@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from msrr_bullet.render.raster.compiled import inlined, kernel
-from msrr_bullet.render.raster.ground import Ground, Short, view_ground
-from msrr_bullet.render.raster.picture import Textures
-from msrr_bullet.render.raster.projection import Array, Faces, Geometry, Light, View, project
+from msrr_bullet.render.raster.ground import view_ground
+from msrr_bullet.render.raster.projection import project
+from msrr_bullet.render.raster.records import (
+    Array,
+    Geometry,
+    Ground,
+    Light,
+    Pixels,
+    Short,
+    Textures,
+    View,
+    Work,
+)
 from msrr_bullet.render.raster.resolve import clear_samples, cover_samples, shade_open
-from msrr_bullet.render.raster.settle import Pixels, Samples, Scratch, settle
-from msrr_bullet.render.raster.visibility import Corners, clear, cover_corners
+from msrr_bullet.render.raster.settle import settle
+from msrr_bullet.render.raster.visibility import clear, cover_corners
 
 #: Rows of a window that are worked on at a time, so that what is written stays in the processor's cache.
 BAND = 64
-
-
-class Work(NamedTuple):
-    """Memory of a frame; see :mod:`msrr_bullet.render.raster.workspace`."""
-
-    R_CM: Array  # (M, 3, 3) movers seen from the camera
-    p_CM: Array  # (M, 3)
-    R_WM: Array  # (M, 3, 3)
-    seen: Array  # (V, 5) vertices in C, and in the image
-    faces: Faces
-    corners: Corners
-    scratch: Scratch
-    samples: Samples
 
 
 @inlined

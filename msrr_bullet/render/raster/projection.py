@@ -15,83 +15,19 @@ Pixels are counted from their edges here: pixel i spans [i, i + 1], the image's 
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.render.raster.compiled import inlined, kernel
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
-#: What a face's shade follows: bits of ``kind``.
-FLAT, SMOOTH, TEXTURED, CELLS = 0, 1, 2, 4
-
-
-class Geometry(NamedTuple):
-    """All faces of the world in the frames of the movers M that carry them.
-
-    Shapes (S) belong to movers, faces (F) and vertices (V) to shapes, in order.
-    """
-
-    shape_mover: Indices  # (S,)
-    shape_ball: Array  # (S, 4) centre and radius in M [m]
-    shape_vertex: Indices  # (S + 1,)
-    shape_face: Indices  # (S + 1,)
-    vertices: Array  # (V, 3) in M [m]
-    corner_start: Indices  # (F + 1,)
-    corners: Indices  # vertex of each corner
-    across: Indices  # face of the same round surface across the edge that ends at the corner, or -1
-    planes: Array  # (F, 4) outward normal and offset in M
-    grey: Array  # (F,) reflectance times 255
-    kind: Indices  # (F,)
-    smooth: Indices  # (F,) row in the next two, where SMOOTH
-    corner_normals: Array  # (., 3, 3)
-    weights: Array  # (., 2, 4)
-    uv: Array  # (F, 2, 4) where TEXTURED
-    texture: Indices  # (F,) texture number
-    surface: Indices  # (F,) round surface that the face is part of, or -1
-    cells: Indices  # (F, 4) first texel, rows, columns, first region, where CELLS
-
-
-class Faces(NamedTuple):
-    """The faces in view. A form (a, b, c) is ``a u + b v + c`` at (u, v) of the image."""
-
-    inverse_depth: Array  # (N, 3) form of 1 / z [1/m]
-    nearest: Array  # (N,) largest 1 / z on the face
-    box: Array  # (N, 4) bounds u0, u1, v0, v1 [px]
-    edge_start: Indices  # (N + 1,)
-    edges: Array  # (., 5) forms, inside where all >= 0; where a != 0: -b / a and -c / a, so that u = s v + t
-    inner: NDArray[np.bool_]  # (.,) edges beyond which the same round surface goes on and is seen
-    grey: Array  # (N,) grey level; where TEXTURED: of white
-    shade: Array  # (N, 3) form of grey / z, where SMOOTH
-    uv: Array  # (N, 2, 3) forms of texture coordinates / z
-    kind: Indices  # (N,)
-    texture: Indices  # (N,)
-    surface: Indices  # (N,)
-    cells: Indices  # (N, 4)
-
-
-class View(NamedTuple):
-    """Camera and window: f, W / 2, H / 2, window x, y, width, height, near."""
-
-    focal: float
-    middle_x: float
-    middle_y: float
-    x: int
-    y: int
-    width: int
-    height: int
-    near: float
-
-
-class Light(NamedTuple):
-    """A distant light and the coefficients of ``ambient + diffuse * max(0, n . direction)``."""
-
-    direction: Array  # (3,) unit vector towards the light, in W
-    ambient: float
-    diffuse: float
+from msrr_bullet.render.raster.records import (
+    SMOOTH,
+    TEXTURED,
+    Array,
+    Faces,
+    Geometry,
+    Indices,
+    Light,
+    View,
+)
 
 
 @inlined

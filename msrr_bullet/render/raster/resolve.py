@@ -12,18 +12,29 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_bullet.render.raster.compiled import inlined, kernel
-from msrr_bullet.render.raster.ground import Ground, GroundView, Short
+from msrr_bullet.render.raster.ground import floor_at
 from msrr_bullet.render.raster.pattern import CELL_SAMPLES, SAMPLES
-from msrr_bullet.render.raster.picture import Textures, picture_at
-from msrr_bullet.render.raster.projection import CELLS, SMOOTH, TEXTURED, Array, Faces, View
-from msrr_bullet.render.raster.settle import (
+from msrr_bullet.render.raster.picture import picture_at
+from msrr_bullet.render.raster.records import (
+    CELLS,
+    FLOOR,
+    REGION_BITS,
+    SMOOTH,
+    TEXTURED,
+    WALL,
+    Array,
+    Faces,
+    Ground,
+    GroundView,
+    Identities,
     Pixels,
     Samples,
-    floor_at,
-    mean_of_cells,
-    quantised,
+    Short,
+    Textures,
+    View,
 )
-from msrr_bullet.render.raster.visibility import FLOOR, REGION_BITS, WALL, Identities, cell_at
+from msrr_bullet.render.raster.settle import mean_of_cells, quantised
+from msrr_bullet.render.raster.visibility import cell_at
 
 #: Identities count up from here, so that in a key they are not negative.
 _LEAST = WALL

@@ -2,46 +2,35 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.render.raster.compiled import inlined, kernel
-from msrr_bullet.render.raster.ground import (
+from msrr_bullet.render.raster.ground import shade_floor
+from msrr_bullet.render.raster.pattern import CELL_SAMPLES
+from msrr_bullet.render.raster.picture import picture_at
+from msrr_bullet.render.raster.records import (
+    CELLS,
+    FLOOR,
+    REGION_BITS,
+    SMOOTH,
+    TEXTURED,
+    Array,
+    Corners,
+    Faces,
     Ground,
     GroundView,
+    Identities,
+    Indices,
+    Pixels,
+    Samples,
+    Scratch,
     Short,
-    ground_blend,
-    interpolated,
-    texel_place,
+    Textures,
+    View,
 )
-from msrr_bullet.render.raster.pattern import CELL_SAMPLES
-from msrr_bullet.render.raster.picture import Textures, picture_at
-from msrr_bullet.render.raster.projection import CELLS, SMOOTH, TEXTURED, Array, Faces, Indices, View
-from msrr_bullet.render.raster.visibility import FLOOR, REGION_BITS, Corners, Depths, Identities, cell_at
-
-Pixels = NDArray[np.uint8]
+from msrr_bullet.render.raster.visibility import cell_at
 
 _REGION_MASK = (1 << REGION_BITS) - 1
-
-
-class Scratch(NamedTuple):
-    """Memory for one row of pixels."""
-
-    flags: Pixels  # a multiple of 8 of them, which are looked at together
-    place: Identities  # of texels
-    x: Short
-    y: Short
-
-
-class Samples(NamedTuple):
-    """The open pixels (P) of a band of rows, and their samples (S)."""
-
-    start: Indices  # (height + 1,) first open pixel of each row
-    column: Identities  # (P,) from the window's left
-    key: Indices  # (P, S) depth and identity of the nearest face in one number
-    farthest: Indices  # (P,) smallest of ``key``
 
 
 @inlined
@@ -214,7 +203,7 @@ def settle(
 
 
 @kernel
-def flag_row(depth: Depths, identity: Identities, sliver: Depths, j: int, width: int, flags: Pixels) -> None:
+def flag_row(depth: Short, identity: Identities, sliver: Short, j: int, width: int, flags: Pixels) -> None:
     """Flag the pixels of row ``j`` whose corners differ (1) and that something may cross between them (2)."""
     for i in range(width):
         name = identity[j, i]
@@ -230,7 +219,7 @@ def mean_of_surface(
     shade: Array,
     surface: Indices,
     kind: Indices,
-    depth: Depths,
+    depth: Short,
     identity: Identities,
     j: int,
     i: int,
@@ -251,57 +240,3 @@ def mean_of_surface(
         else:
             total += (shade[g, 0] * u + (shade[g, 1] * v + shade[g, 2])) / w
     return max(0.25 * total, -1.0)
-
-
-@kernel
-def shade_floor(
-    view: View, ground: Ground, seen: GroundView, scratch: Scratch, out: Pixels, j: int, first: int, end: int
-) -> None:
-    """Write the floor into pixels ``first`` to ``end`` of row ``j``."""
-    texels, forms, place, part_x, part_y = ground.texels, seen.forms, scratch.place, scratch.x, scratch.y
-    v = view.y + j + 0.5
-    xu, yu, tu = np.float32(forms[0, 0]), np.float32(forms[1, 0]), np.float32(forms[2, 0])
-    x = np.float32(forms[0, 1] * v + forms[0, 2])
-    y = np.float32(forms[1, 1] * v + forms[1, 2])
-    t = np.float32(forms[2, 1] * v + forms[2, 2])
-    stop = first
-    while stop < end:
-        i = stop
-        stop = min(((view.x + i) // seen.stride + 1) * seen.stride - view.x, end)
-        start, bits, shrink = blend_of(ground, seen, view.x + i, view.y + j)
-        for k in range(i, stop):
-            u = np.float32(np.int32(view.x + k)) + np.float32(0.5)
-            place[k], part_x[k], part_y[k] = texel_place(
-                xu * u + x, yu * u + y, tu * u + t, start, bits, shrink
-            )
-        for k in range(i, stop):  # apart from the loop above, which becomes vector code
-            grey = interpolated(texels[place[k]], part_x[k], part_y[k])
-            out[j, k] = np.uint8(np.int32(grey + np.float32(0.5)))
-
-
-@inlined
-def blend_of(
-    ground: Ground, seen: GroundView, column: int, row: int
-) -> tuple[np.int32, np.int32, np.float32]:
-    """Return first texel and bits of the blend for a pixel's group, and its edge over the finest one."""
-    last = len(ground.start) - 1
-    blend = ground_blend(seen.forms, seen.scale, seen.lean, seen.stride, last, column, row)
-    bits = ground.bits[blend]
-    return np.int32(ground.start[blend]), np.int32(bits), np.float32((1 << bits) / (1 << ground.bits[0]))
-
-
-@inlined
-def floor_at(ground: Ground, seen: GroundView, column: int, row: int) -> float:
-    """Return the floor's grey in the middle of a pixel."""
-    forms = seen.forms
-    start, bits, shrink = blend_of(ground, seen, column, row)
-    u, v = np.float32(column + 0.5), row + 0.5
-    place, ax, ay = texel_place(
-        np.float32(forms[0, 0]) * u + np.float32(forms[0, 1] * v + forms[0, 2]),
-        np.float32(forms[1, 0]) * u + np.float32(forms[1, 1] * v + forms[1, 2]),
-        np.float32(forms[2, 0]) * u + np.float32(forms[2, 1] * v + forms[2, 2]),
-        start,
-        bits,
-        shrink,
-    )
-    return float(interpolated(ground.texels[place], ax, ay))

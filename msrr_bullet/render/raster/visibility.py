@@ -14,27 +14,23 @@ settle pixels like faces.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.render.raster.compiled import inlined, kernel
-from msrr_bullet.render.raster.projection import CELLS, Array, Faces, Indices, View
-
-Depths = NDArray[np.float32]
-Identities = NDArray[np.int32]
-
-REGION_BITS = 10
-FLOOR, WALL = -1, -2
-
-
-class Corners(NamedTuple):
-    """The corners of the window's pixels, (height + 1, width + 1), and what lies between them."""
-
-    depth: Depths  # 1 / z of the nearest face [1/m]
-    identity: Identities
-    sliver: Depths  # (height, width) largest 1 / z of a face that has an edge in the pixel, or 0
+from msrr_bullet.render.raster.records import (
+    CELLS,
+    FLOOR,
+    REGION_BITS,
+    WALL,
+    Array,
+    Corners,
+    Faces,
+    Identities,
+    Indices,
+    Short,
+    View,
+)
 
 
 @inlined
@@ -127,7 +123,7 @@ def note_edges(
     c: float,
     nearest: float,
     k: int,
-    sliver: Depths,
+    sliver: Short,
 ) -> None:
     """Note in pixel row ``k`` where a face's edges run, with the largest 1 / z that the face has there.
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_bullet.render.raster.pattern import CELL_SAMPLES, SAMPLES
-from msrr_bullet.render.raster.pipeline import BAND, Work
-from msrr_bullet.render.raster.projection import Faces, Geometry
-from msrr_bullet.render.raster.settle import Samples, Scratch
-from msrr_bullet.render.raster.visibility import Corners
+from msrr_bullet.render.raster.pipeline import BAND
+from msrr_bullet.render.raster.records import Corners, Faces, Geometry, Samples, Scratch, Work
 
 
 class Workspace:
