@@ -11,13 +11,10 @@ import cv2
 import numpy as np
 
 from msrr_bullet.log.reader import Log
-from msrr_bullet.log.story import snapshots
-from msrr_bullet.log.views import CameraView, camera_views, exposures, optics, spread
+from msrr_bullet.log.views import CameraView, camera_views, exposures, spread
+from msrr_bullet.pictures.artist import Artist
 from msrr_bullet.pictures.canvas import BAR, PAPER, Image, bgr, framed, write_png
-from msrr_bullet.pictures.drawing import Picture, Stagecraft
-from msrr_bullet.pictures.moments import Moments
-from msrr_bullet.pictures.onboard_frame import draw_onboard
-from msrr_bullet.pictures.overhead_frame import draw_overhead
+from msrr_bullet.pictures.drawing import Picture
 from msrr_perception.overhead_model import OVERHEAD
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import NS_PER_S, Exposure
@@ -81,14 +78,14 @@ def write_frames(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FramesError(f"{folder}: cannot be made a folder ({error.strerror})") from None
-    artist = _Artist(log)
+    artist = Artist(log)
     paths: list[Path] = []
     tiles: list[Image] = []
     for view in camera_views(log, chosen):
         picture = artist.draw(view)
         name = f"{view.exposure.camera.replace('/', '_')}_{view.exposure.frame:05d}.png"
         paths.append(write_png(folder / name, picture.framed()))
-        tiles.append(_tile(picture))
+        tiles.append(tile(picture))
     sheet = write_png(folder / SHEET_NAME, _sheet(tiles))
     made = _write_film(log, artist, folder / FILM_NAME, camera) if film else None
     return WrittenFrames(tuple(paths), sheet, made)
@@ -125,29 +122,8 @@ def _paced(found: Sequence[Exposure], step_ns: int) -> Iterator[Exposure]:
             due = (exposure.stamp_ns // max(step_ns, 1) + 1) * step_ns
 
 
-class _Artist:
-    """Draws frames of one run."""
-
-    def __init__(self, log: Log) -> None:
-        self.moments = Moments(snapshots(log))
-        self.stagecraft = Stagecraft(log.header.scene, log.header.seed)
-
-    def draw(self, view: CameraView) -> Picture:
-        moment = self.moments.at(view.stamp_ns)
-        if view.exposure.camera == OVERHEAD:
-            return draw_overhead(self.stagecraft, view, moment, self.moments.until(view.stamp_ns))
-        return draw_onboard(self.stagecraft, view, moment)
-
-    def without_pixels(self, camera: str, stamp_ns: int) -> Picture:
-        """Draw what a camera would have had before it at a time at which it did not look."""
-        name = camera
-        if camera != OVERHEAD:
-            step = self.moments.at(stamp_ns).step
-            name = f"{step.unit}/onboard" if step else camera
-        return self.draw(CameraView(Exposure(name, -1, stamp_ns), optics(self.stagecraft.scene, name)))
-
-
-def _tile(picture: Picture) -> Image:
+def tile(picture: Picture) -> Image:
+    """Return a frame in small, with its caption, for a page of several."""
     height, width = picture.image.shape[:2]
     size = (TILE_WIDTH, round(TILE_WIDTH * height / width))
     small = cv2.resize(picture.image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
@@ -156,18 +132,18 @@ def _tile(picture: Picture) -> Image:
 
 def _sheet(tiles: Sequence[Image]) -> Image:
     gap = 8
-    high = max(tile.shape[0] for tile in tiles)
+    high = max(small.shape[0] for small in tiles)
     columns = min(COLUMNS, len(tiles))
     rows = -(-len(tiles) // columns)
     size = (rows * (high + gap) + gap, columns * (TILE_WIDTH + gap) + gap, 3)
     sheet: Image = np.full(size, bgr(PAPER), dtype=np.uint8)
-    for i, tile in enumerate(tiles):
+    for i, small in enumerate(tiles):
         y, x = gap + (i // columns) * (high + gap), gap + (i % columns) * (TILE_WIDTH + gap)
-        sheet[y : y + tile.shape[0], x : x + TILE_WIDTH] = tile
+        sheet[y : y + small.shape[0], x : x + TILE_WIDTH] = small
     return sheet
 
 
-def _write_film(log: Log, artist: _Artist, path: Path, camera: CameraChoice) -> Path:
+def _write_film(log: Log, artist: Artist, path: Path, camera: CameraChoice) -> Path:
     """Write the run at its own pace, one picture beside the other."""
     scene = log.header.scene
     panels = [OVERHEAD] if scene.cameras.overhead is not None and camera != "onboard" else []
@@ -192,12 +168,12 @@ def _write_film(log: Log, artist: _Artist, path: Path, camera: CameraChoice) -> 
     return path
 
 
-def _panel(artist: _Artist, name: str, latest: CameraView | None, now_ns: int) -> Image:
+def _panel(artist: Artist, name: str, latest: CameraView | None, now_ns: int) -> Image:
     """Draw a camera's last frame, or, once the next one has failed to come, its view without pixels."""
     cameras = artist.stagecraft.scene.cameras
     spec = cameras.overhead if name == OVERHEAD and cameras.overhead is not None else cameras.onboard
     if latest is None or now_ns - latest.stamp_ns > 1.5 * NS_PER_S / spec.rate_hz:
-        picture = artist.without_pixels(name, now_ns)
+        picture = artist.draw_unseen(name, now_ns)
     else:
         picture = artist.draw(latest)
     room_w, room_h = FILM_SIZE

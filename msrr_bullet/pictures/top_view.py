@@ -103,11 +103,20 @@ def _ways(axes: Axes, frames: Sequence[Snapshot]) -> None:
 def _names(axes: Axes, scene: Scene, frames: Sequence[Snapshot]) -> None:
     for name, X in frames[0].units.items():
         axes.annotate(name, (X.x, X.y), ha="center", va="center", fontsize=10, fontweight="bold")
+    (low, high), _ = extent(scene, frames)
     for name, X in frames[-1].obstacles.items():
         spec = scene.obstacles[name]
         words = name if spec.tag_id is None else f"{name} (tag {spec.tag_id})"
-        place = (X.x, X.y - spec.radius_m - 0.02)
-        axes.annotate(words, place, ha="center", va="top", fontsize=7)
+        side = 1.0 if X.x < 0.5 * (low + high) else -1.0  # towards the middle, where there is room
+        place = (X.x + side * (spec.radius_m + 0.02), X.y)
+        axes.annotate(
+            words,
+            place,
+            ha="left" if side > 0.0 else "right",
+            va="center",
+            fontsize=7,
+            bbox={"facecolor": "white", "alpha": 0.6, "linewidth": 0.0, "pad": 0.5},
+        )
 
 
 def _body(axes: Axes, parts: Sequence[Part], X_WB: SE2, colour: int, alpha: float) -> None:
