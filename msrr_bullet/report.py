@@ -78,18 +78,23 @@ def _error(value: float | None, factor: float, unit: str) -> str:
 def sweep_table(summary: SweepSummary) -> Table:
     """Return the closing table of a sweep."""
     title = f"{summary.scene}, {summary.trials} trials ({summary.plant}, {summary.perception})"
-    table = Table(title=title, title_justify="left")
+    s = summary.success
+    rate = f"docked: {100 * s.rate:.1f} %, 95 % interval {100 * s.low:.1f} .. {100 * s.high:.1f} %"
+    table = Table(title=title, title_justify="left", caption=rate, caption_justify="left")
     table.add_column("")
     for column in ("median", "95 %", "largest"):
         table.add_column(column, justify="right")
-    s = summary.success
-    table.add_row("docked", f"{100 * s.rate:.1f} %", f"{100 * s.low:.1f} ..", f"{100 * s.high:.1f} %")
     for name, values, unit in (
         ("lateral error at first contact", summary.contact_lateral_mm, "mm"),
         ("yaw error at first contact", summary.contact_yaw_deg, "deg"),
         ("gap between seated faces", summary.seated_axial_mm, "mm"),
+        ("steady tracking error", summary.tracking_error_m, "m"),
+        ("amplitude at an obstacle", summary.amplitude_m, "m"),
+        ("recovery from it", summary.recovery_s, "s"),
         ("attempts", summary.attempts, ""),
     ):
+        if values.p50 is None:
+            continue  # a scene that has no such thing
         table.add_row(name, *_quantiles(values, unit))
     table.add_section()
     for outcome, count in summary.outcomes.items():
@@ -105,7 +110,7 @@ def sweep_table(summary: SweepSummary) -> Table:
 
 def _quantiles(values: Quantiles, unit: str) -> list[str]:
     return [
-        _UNKNOWN if value is None else f"{value:.2f} {unit}".rstrip()
+        _UNKNOWN if value is None else f"{value:.{3 if unit == 'm' else 2}f} {unit}".rstrip()
         for value in (values.p50, values.p95, values.max)
     ]
 

@@ -126,6 +126,20 @@ class AttemptRecord(_Record):
     true: PlanarPose
 
 
+class AssemblyFigures(_Record):
+    """The paper's figures of the long-distance phase; see :mod:`msrr_control.metrics`.
+
+    Attributes:
+        tracking_error_m: Steady tracking error about the end of the arc; None when no arc was ended.
+        amplitude_m: Largest deviation while passing an obstacle; None when none was passed.
+        recovery_s: From that peak until the deviation stays below 5 cm; None when none was passed.
+    """
+
+    tracking_error_m: Distance | None = None
+    amplitude_m: Distance | None = None
+    recovery_s: Distance | None = None
+
+
 class TrialResult(_Record):
     """Verdict of one trial. SI and radians; what was measured is truth unless it says ``believed``.
 
@@ -148,6 +162,7 @@ class TrialResult(_Record):
         lock_engaged: The lock holds the other unit (a cam that closed on nothing does not).
         pull_test_passed: None when the pull test was not made.
         min_clearance_m: Smallest distance between bodies that were not docking; None with no such pair.
+        assembly: Figures of the last step's long-distance phase; None without one.
         start_redraws: Starts thrown away because the target lay outside the outer cone.
         records: One for each attempt, in order.
     """
@@ -170,6 +185,7 @@ class TrialResult(_Record):
     lock_engaged: bool = False
     pull_test_passed: bool | None = None
     min_clearance_m: float | None = None
+    assembly: AssemblyFigures | None = None
     start_redraws: int = Field(default=0, ge=0)
     records: tuple[AttemptRecord, ...] = ()
 

@@ -10,8 +10,9 @@ from msrr_bullet.eyes import Eye, ImageEye, ParametricEye, ParametricOverhead
 from msrr_bullet.hardware import Hardware
 from msrr_bullet.judge import Judge
 from msrr_bullet.log.tap import RecordedRobot
+from msrr_bullet.long_series import Instant, LongSeries
 from msrr_bullet.narrator import Narrator
-from msrr_bullet.result import AttemptRecord, Contact, PlanarPose, Seating
+from msrr_bullet.result import AssemblyFigures, AttemptRecord, Contact, PlanarPose, Seating
 from msrr_bullet.schedule import Periodic, duration_ns
 from msrr_bullet.stage import Stage
 from msrr_bullet.stage_clock import Clock
@@ -36,6 +37,7 @@ class StepEnd:
         lock_engaged: Whether it holds.
         pull_test_passed: None when there was none.
         min_clearance_m: Smallest distance between bodies that were not docking.
+        assembly: Figures of the long-distance phase; None without one.
         records: One for each attempt.
     """
 
@@ -48,6 +50,7 @@ class StepEnd:
     lock_engaged: bool
     pull_test_passed: bool | None
     min_clearance_m: float | None
+    assembly: AssemblyFigures | None
     records: tuple[AttemptRecord, ...]
 
 
@@ -69,6 +72,7 @@ class StepRun:
         self._hardware = Hardware(stage, step, self._eyes(), clock)
         self._link = stage.links[step.unit]
         self._records: list[AttemptRecord] = []
+        self._way: list[Instant] = []
 
     def run(self) -> StepEnd:
         """Run until the robot is done, the judge ends it, or time is up."""
@@ -89,6 +93,7 @@ class StepRun:
                     self._plug(action.attempt)
                 with self._clock("clearance"):
                     outcome, nearest = self._judge.safety(action)
+                self._note_way(action)
                 self._tell(action, nearest)
                 if outcome is None and now_ns >= deadline_ns:
                     outcome = Outcome.TIMEOUT
@@ -99,6 +104,27 @@ class StepRun:
                 plant.step()
             with self._clock("judge"):
                 self._judge.tick(plant.now_ns(), action.attempt, self._robot.estimate)
+
+    def _note_way(self, action: Action) -> None:
+        """Keep what the figures of the long-distance phase are made of."""
+        assembly = self._robot.assembly
+        if assembly is not None:
+            unit = self._step.unit
+            true = {unit: self._stage.plant.pose(unit)}
+            self._way.append(Instant(action, assembly=assembly, true=true))
+
+    def _figures(self) -> AssemblyFigures | None:
+        unit = self._step.unit
+        offset = self._stage.scene.geometry(unit).control_offset(self._step.port)
+        series = LongSeries.of(self._way, unit, offset)
+        if series is None:
+            return None
+        found = series.measures()
+        return AssemblyFigures(
+            tracking_error_m=found.get("tracking"),
+            amplitude_m=found.get("amplitude"),
+            recovery_s=found.get("recovery"),
+        )
 
     def _tell(self, action: Action, nearest: Clearance | None) -> None:
         with self._clock("log"):
@@ -167,5 +193,6 @@ class StepRun:
             lock_engaged=engaged,
             pull_test_passed=passed,
             min_clearance_m=self._judge.min_clearance,
+            assembly=self._figures(),
             records=tuple(self._records),
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from pydantic import BaseModel, ConfigDict
 
@@ -39,6 +39,10 @@ class SweepSummary(BaseModel):
         contact_lateral_mm: At the first pin contact, of all trials that came to it (truth).
         contact_yaw_deg: The same for the yaw error.
         seated_axial_mm: Gap between the faces, of all trials that ended seated (truth).
+        tracking_error_m: Of the long-distance phase, of all trials that ended an arc; see
+            :class:`msrr_bullet.result.AssemblyFigures`.
+        amplitude_m: The same, of all trials that passed an obstacle.
+        recovery_s: The same.
         attempts: Number of attempts, of all trials.
         docked_by_attempt: How many docked on which attempt.
         min_clearance_m: Smallest over all trials; None when nothing was there to come near.
@@ -62,6 +66,9 @@ class SweepSummary(BaseModel):
     contact_lateral_mm: Quantiles
     contact_yaw_deg: Quantiles
     seated_axial_mm: Quantiles
+    tracking_error_m: Quantiles
+    amplitude_m: Quantiles
+    recovery_s: Quantiles
     attempts: Quantiles
     docked_by_attempt: dict[int, int]
     min_clearance_m: float | None
@@ -74,6 +81,10 @@ class SweepSummary(BaseModel):
     def to_json(self) -> str:
         """Return the summary as indented JSON."""
         return self.model_dump_json(indent=2) + "\n"
+
+
+def _known(values: Iterable[float | None]) -> Iterator[float]:
+    return (value for value in values if value is not None)
 
 
 def summarise(
@@ -92,6 +103,7 @@ def summarise(
     contacts = [r.contact for r in trials if r.contact is not None]
     seatings = [r.seating for r in trials if r.seating is not None and r.seating.seated]
     clearances = [r.min_clearance_m for r in trials if r.min_clearance_m is not None]
+    figures = [r.assembly for r in trials if r.assembly is not None]
     by_attempt = Counter(r.attempts for r in trials if r.docked)
     return SweepSummary(
         scene=scene.name,
@@ -105,6 +117,9 @@ def summarise(
         contact_lateral_mm=quantiles(1000.0 * c.lateral_m for c in contacts),
         contact_yaw_deg=quantiles(math.degrees(c.yaw_rad) for c in contacts),
         seated_axial_mm=quantiles(1000.0 * s.axial_gap_m for s in seatings),
+        tracking_error_m=quantiles(_known(f.tracking_error_m for f in figures)),
+        amplitude_m=quantiles(_known(f.amplitude_m for f in figures)),
+        recovery_s=quantiles(_known(f.recovery_s for f in figures)),
         attempts=quantiles(float(r.attempts) for r in trials),
         docked_by_attempt=dict(sorted(by_attempt.items())),
         min_clearance_m=min(clearances, default=None),

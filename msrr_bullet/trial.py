@@ -94,6 +94,7 @@ class Trial:
             lock_engaged=last.lock_engaged,
             pull_test_passed=last.pull_test_passed,
             min_clearance_m=min(clearances, default=None),
+            assembly=last.assembly,
             start_redraws=redraws,
             records=tuple(record for e in ends for record in e.records),
         )

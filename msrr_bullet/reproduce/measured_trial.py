@@ -7,9 +7,10 @@ from pathlib import Path
 
 from pydantic import Field, ValidationError
 
+from msrr_bullet.long_series import LongSeries
 from msrr_bullet.provenance import code_fingerprint
 from msrr_bullet.reproduce.measures import SETTLED_M
-from msrr_bullet.reproduce.trial_series import CloseSeries, LongSeries, SeriesRecorder
+from msrr_bullet.reproduce.trial_series import CloseSeries, SeriesRecorder
 from msrr_bullet.result import TrialResult
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.load import scene_hash

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,41 +10,22 @@ from numpy.typing import NDArray
 
 from msrr_bullet.log import topics
 from msrr_bullet.log.records import TruePose
+from msrr_bullet.long_series import Instant
 from msrr_bullet.reproduce.close_studies import docking_law
-from msrr_control import metrics
 from msrr_control.controller import ControlInputs, sense
 from msrr_control.law import DockSetup
 from msrr_control.line_of_sight import edge_angles
 from msrr_control.offset_point import offset_point
 from msrr_scenes.messages import (
-    Action,
-    AssemblyProgress,
     Exposure,
-    LosObservation,
     Phase,
     Pixels,
-    PoseEstimate,
     seconds,
 )
 from msrr_scenes.pinhole import Window
 from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
 
 Array = NDArray[np.float64]
-
-#: Stages of the long-distance phase in which a path is followed.
-_UNDER_WAY = ("drive", "settle")
-
-
-@dataclass(slots=True)
-class Instant:
-    """One control instant: the decision, what it was taken on, and the truth then."""
-
-    action: Action
-    estimate: PoseEstimate | None = None
-    los: LosObservation | None = None
-    assembly: AssemblyProgress | None = None
-    true: dict[str, SE2] = field(default_factory=dict)
 
 
 class SeriesRecorder:
@@ -80,60 +60,6 @@ class SeriesRecorder:
 
     def close(self) -> None:
         """Do nothing."""
-
-
-@dataclass(frozen=True, eq=False)
-class LongSeries:
-    """The long-distance phase of one trial, truth in W.
-
-    Attributes:
-        time: Shape (T,) [s].
-        pose: True axle pose, shape (T, 3).
-        tip: True controlled point, shape (T, 2) [m].
-        desired: Desired point, as the unit had it, shape (T, 2) [m].
-        command: (v, w), shape (T, 2).
-        walled: An obstacle was being passed, shape (T,).
-        arc_end: When the desired point ended the last arc of the last path [s]; NaN if it never did.
-    """
-
-    time: Array
-    pose: Array
-    tip: Array
-    desired: Array
-    command: Array
-    walled: NDArray[np.bool_]
-    arc_end: float
-
-    @classmethod
-    def of(cls, instants: list[Instant], unit: str, offset: float) -> LongSeries | None:
-        """Select the instants at which a path was followed; None if there were not any."""
-        way = [(i, i.assembly) for i in instants if i.assembly is not None and i.assembly.stage in _UNDER_WAY]
-        way = [(i, a) for i, a in way if unit in i.true]
-        if not way:
-            return None
-        pose = np.array([i.true[unit].as_array() for i, _ in way])
-        last = way[-1][1].path
-        past = [i for i, a in way if a.path == last and 0.0 < a.arc_end <= a.s]
-        return cls(
-            time=np.array([seconds(i.action.stamp_ns) for i, _ in way]),
-            pose=pose,
-            tip=offset_point(pose, offset),
-            desired=np.array([a.desired for _, a in way]),
-            command=np.array([[i.action.twist.v, i.action.twist.w] for i, _ in way]),
-            walled=np.array([a.avoiding is not None for _, a in way]),
-            arc_end=seconds(past[0].action.stamp_ns) if past else math.nan,
-        )
-
-    def measures(self) -> dict[str, float]:
-        """Return the measures of the long phase that this trial has."""
-        off = metrics.deviation(self.tip, self.desired)
-        episode = metrics.obstacle_episode(self.time, off, self.walled)
-        found = {
-            "tracking": metrics.tracking_error(self.time, off, np.array(self.arc_end), episode),
-            "amplitude": metrics.amplitude(off, episode),
-            "recovery": metrics.recovery_time(self.time, off, episode),
-        }
-        return {key: float(value) for key, value in found.items() if np.isfinite(value)}
 
 
 @dataclass(frozen=True, eq=False)
