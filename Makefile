@@ -20,7 +20,7 @@ $(STAMP): pyproject.toml constraints.txt
 	touch $(STAMP)
 
 demo: $(STAMP)
-	$(BIN)/msrr dock close_range --seed 1 --out runs/demo
+	$(BIN)/msrr dock two_units --seed 1 --out runs/demo
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not nightly"
