@@ -20,8 +20,8 @@ from msrr_scenes.spec import Choice
 
 Array = NDArray[np.float64]
 
-#: Simulated time of a trial [s]; the paper's trajectory reaches the face in 7.
-DURATION = 10.0
+#: Simulated time of a trial [s]; the paper's trajectory reaches the face in 7, a slow law in 11.
+DURATION = 14.0
 
 
 def docking_law(controller: Choice, setup: DockSetup) -> DockingLaw[Any]:

@@ -8,6 +8,7 @@ from msrr_bullet.reproduce.gain_delay import LAWS
 from msrr_bullet.reproduce.measures import MEASURES, PhaseName, measure
 from msrr_bullet.reproduce.model import Ablations, GainDelayMap, Reproduction, Row, Table
 from msrr_bullet.reproduce.settings import PAPER_TRAJECTORY
+from msrr_bullet.stats import Rate
 
 #: Share of trials from which a cell of the map counts as docking.
 DOCKS = 0.95
@@ -193,25 +194,47 @@ def _raises(found: Ablations, k: int) -> list[tuple[float, str, str]]:
 
 
 def winner_text(found: Reproduction) -> str:
-    """Name the docking controller that wins, by the hardest table at hand; nothing without one."""
-    table = found.table("close", "bullet", "hard starts") or found.table("close", "unicycle", "hard")
+    """Name the docking controller that wins, by the hardest table at hand; nothing without one.
+
+    By docking rate, then by keeping the target in view, then by the lateral error at contact. Those whose two
+    rates cannot be told from the winner's (their intervals overlap) are named with it.
+    """
+    table = (
+        found.table("close", "bullet", "hard starts")
+        or found.table("close", "unicycle", "wide")
+        or found.table("close", "unicycle", "hard")
+    )
     if table is None:
         return ""
-
-    def merit(row: Row) -> tuple[float, float, float]:
-        lateral = row.measures["lateral"].quantiles.p95 if "lateral" in row.measures else None
-        view = row.in_view.rate if row.in_view is not None else 0.0
-        return (row.success.rate, view, -(lateral if lateral is not None else float("inf")))
-
-    ranked = sorted(table.rows, key=merit, reverse=True)
+    ranked = sorted(table.rows, key=_merit, reverse=True)
     best = ranked[0]
-    rest = "; ".join(
-        f"{r.label} {100 * r.success.rate:.1f} % and {100 * (r.in_view.rate if r.in_view else 0.0):.1f} %"
-        for r in ranked[1:]
+    equal = [r for r in ranked[1:] if _alike(r, best)]
+    others = [r for r in ranked[1:] if r not in equal]
+    text = (
+        f"{table.description} ({table.plant}, {best.trials} trials): {best.label} wins by docking rate, then"
+        f" by keeping the target in view, then by the lateral error at contact ({_credentials(best)})."
     )
-    return (
-        f"By docking rate, then by keeping the target in view, then by the lateral error at contact,"
-        f" {best.label} wins under {table.description} ({table.plant}): {100 * best.success.rate:.1f} %"
-        f" docked, {100 * (best.in_view.rate if best.in_view else 0.0):.1f} % kept in view; the others:"
-        f" {rest}."
-    )
+    if equal:
+        text += f" Its rates cannot be told from those of {'; '.join(map(_credentials, equal))}."
+    if others:
+        text += f" Behind it: {'; '.join(map(_credentials, others))}."
+    return text
+
+
+def _merit(row: Row) -> tuple[float, float, float]:
+    lateral = row.measures["lateral"].quantiles.p95 if "lateral" in row.measures else None
+    return (row.success.rate, _view(row).rate, -(lateral if lateral is not None else float("inf")))
+
+
+def _alike(row: Row, best: Row) -> bool:
+    return row.success.high >= best.success.low and _view(row).high >= _view(best).low
+
+
+def _view(row: Row) -> Rate:
+    return row.in_view if row.in_view is not None else Rate(rate=0.0, low=0.0, high=0.0)
+
+
+def _credentials(row: Row) -> str:
+    lateral = row.measures["lateral"].quantiles.p95 if "lateral" in row.measures else None
+    off = "" if lateral is None else f", {1e3 * lateral:.2g} mm"
+    return f"{row.label} {100 * row.success.rate:.1f} % docked, {100 * _view(row).rate:.1f} % in view{off}"

@@ -11,6 +11,7 @@ from msrr_control.long_study import LongStartSet
 from msrr_control.path import PaceSpec
 from msrr_control.study import CLOSE, CLOSE_HARD, Disturbance, StartSet
 from msrr_scenes.load import load_scene
+from msrr_scenes.spec import Spread
 from msrr_scenes.vehicle import LimitsSpec
 
 #: The trajectory of the paper's close phase: it neither slows down before contact nor waits for anybody.
@@ -70,6 +71,13 @@ HARD = Setting(
     limits="tight",
     disturbance=_NOISE.model_copy(update={"delay_s": 0.10}),
     starts=CLOSE_HARD,
+)
+WIDE = Setting(
+    "wide",
+    "TIGHT limits, starts of +-25 cm and +-30 deg, 5 mm, 1 deg, 100 ms, 2 % slip",
+    limits="tight",
+    disturbance=HARD.disturbance,
+    starts=StartSet(spread=Spread(x_m=0.05, y_m=0.25, yaw_deg=30.0)),
 )
 HIGH_GAIN = Setting(
     "high gain",
