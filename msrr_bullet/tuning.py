@@ -30,6 +30,7 @@ from msrr_control.comparison_long import ComparisonLongParams
 from msrr_control.graceful import GracefulParams
 from msrr_control.long_range import LongRangeParams
 from msrr_scenes.errors import SceneError, UnknownNameError
+from msrr_scenes.plan import GuardSpec
 from msrr_scenes.spec import Choice, Spec
 
 Array = NDArray[np.float64]
@@ -218,7 +219,7 @@ class Objective:
     of the time it took over 10 s; ten times the share of trials that do not come to the face where the
     mechanism captures them, and ten times the share that loses the target. Long phase: 95th percentiles of
     tracking error, amplitude and recovery over the paper's figures of its own law, and ten times the share
-    that touches the obstacle.
+    that comes nearer to the obstacle than the clearance guard would let it.
     """
 
     part: Part
@@ -255,8 +256,8 @@ def _close_cost(choice: Choice, setting: Setting, seeds: range) -> float:
 
 def _long_cost(choice: Choice, setting: Setting, seeds: range) -> float:
     result = run_long(choice, setting, seeds)
-    radius = setting.long_starts.obstacle_m or 0.0
-    cost = _FAILED * float(np.mean(result.body_distance() <= radius))
+    nearest = result.body_distance() - (setting.long_starts.obstacle_m or 0.0)
+    cost = _FAILED * float(np.mean(nearest < GuardSpec().stop_m))
     found = {
         "tracking": result.tracking_error(),
         "amplitude": result.amplitude(),
