@@ -1,0 +1,177 @@
+"""Makes the gallery: runs the shipped scenes, writes a small picture of each and the page that shows them.
+
+    python docs/make_gallery.py [SCENE ...]
+
+Without a name, all scenes are run anew, a few minutes' work; with names only those, and the page is written
+from what the others' pictures say of them.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import cv2
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+
+from msrr_bullet.log import Log, read_log
+from msrr_bullet.log.records import CameraWindow
+from msrr_bullet.log.views import camera_views, optics
+from msrr_bullet.pictures.artist import Artist
+from msrr_bullet.pictures.perspective import Perspective, on_floor
+from msrr_bullet.pictures.top_view import draw_top_view, extent
+from msrr_bullet.run import run_trial
+from msrr_perception.overhead_model import OVERHEAD
+from msrr_scenes.assets import shipped_scenes
+from msrr_scenes.load import load_scene
+from msrr_scenes.messages import Exposure
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.scene import Scene
+
+DOCS = Path(__file__).resolve().parent
+PICTURES = DOCS / "gallery"
+SEED = 0
+#: Size [in] and resolution of a picture [1/in].
+SIZE, DPI = (10.0, 2.7), 100
+
+INTRODUCTION = """\
+# Gallery of the scenes
+
+One run of every shipped scene with seed {seed}. On the left the run from above: where the docking unit drove
+(blue), where it believed to be (orange), and the path it had planned (dashed). Beside it frames of the
+cameras as the robot read them: grey where it read pixels, elsewhere drawn from truth; tags detected in
+vermillion, belief in orange, the line of sight in green between the bounds of its cone.
+
+`msrr dock SCENE --seed {seed}` runs one of them, `msrr frames RUN` draws all of its frames, and
+`python docs/make_gallery.py` makes this page.
+"""
+
+FAR, NEAR, WRONG = "From anywhere in the arena", "Docking", "What can go wrong"
+#: Scenes that `msrr tune` wrote, by the beginning of their names.
+TUNED, TUNED_PREFIX = "With tuned parameters", "tuned_"
+
+
+def chosen(log: Log) -> list[Exposure]:
+    """Return two telling frames: amid the long-distance phase and late in docking, or early and late.
+
+    Frames that were read as a whole show the noise of the floor and little else; others are preferred.
+    """
+    read: dict[Exposure, int] = {}
+    for _, record in log.messages(CameraWindow, "/camera/*"):
+        read[record.exposure] = read.get(record.exposure, 0) + record.window.area
+    by_camera: dict[bool, list[Exposure]] = {True: [], False: []}
+    for exposure, area in read.items():
+        if area < 0.3 * optics(log.header.scene, exposure.camera).frame.area:
+            by_camera[exposure.camera == OVERHEAD].append(exposure)
+    above, onboard = by_camera[True], by_camera[False]
+    if above and onboard:
+        return [above[len(above) // 2], onboard[int(0.8 * len(onboard))]]
+    found = onboard or above or list(read)
+    return [found[len(found) // 3], found[int(0.8 * len(found))]] if found else []
+
+
+def cropped(image: np.ndarray, artist: Artist) -> np.ndarray:
+    """Return the part of an overhead frame in which something happens, in the shape of the whole."""
+    scene = artist.stagecraft.scene
+    x, y = extent(scene, artist.moments.frames)
+    corners = Perspective.overhead(scene).pixels(on_floor([[a, b] for a in x for b in y]))
+    (u0, v0), (u1, v1) = corners.min(axis=0), corners.max(axis=0)
+    height, width = image.shape[:2]
+    scale = min(1.0, 1.1 * max((u1 - u0) / width, (v1 - v0) / height))
+    w, h = round(scale * width), round(scale * height)
+    left = int(np.clip(0.5 * (u0 + u1 - w), 0, width - w))
+    top = int(np.clip(0.5 * (v0 + v1 - h), 0, height - h))
+    return image[top : top + h, left : left + w]
+
+
+def draw(log: Log) -> Image.Image:
+    """Return the picture of a run."""
+    artist = Artist(log)
+    frames = [(view.exposure.camera, artist.draw(view)) for view in camera_views(log, chosen(log))]
+    figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 0.95))  # room for the captions of tall pictures
+    cells = figure.add_gridspec(1, 1 + len(frames), width_ratios=(1.15, *(1.0 for _ in frames)))
+    axes = figure.add_subplot(cells[0])
+    draw_top_view(axes, log.header.scene, artist.moments.frames, title=False)
+    axes.set(xlabel="", ylabel="")
+    axes.get_legend().remove()
+    for i, (camera, picture) in enumerate(frames):
+        axes = figure.add_subplot(cells[1 + i])
+        rgb = cv2.cvtColor(picture.image, cv2.COLOR_BGR2RGB)
+        axes.imshow(rgb if camera != OVERHEAD else cropped(rgb, artist), interpolation="antialiased")
+        axes.set_title(picture.caption, fontsize=8)
+        axes.set_axis_off()
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    buffer.seek(0)
+    return Image.open(buffer).convert("RGB")
+
+
+def make(name: str, folder: Path) -> None:
+    """Run a scene and write its picture, which carries the verdict with it."""
+    result = run_trial(load_scene(name), SEED, out=folder)
+    image = draw(read_log(folder))
+    notes = PngInfo()
+    verdict = {"outcome": result.outcome.value, "duration_s": result.duration_s, "attempts": result.attempts}
+    notes.add_text("msrr", json.dumps(verdict))
+    image.save(PICTURES / f"{name}.png", optimize=True, pnginfo=notes)
+    print(f"{name}: {result.outcome.value}, {(PICTURES / f'{name}.png').stat().st_size / 1e3:.0f} kB")
+
+
+def verdict(name: str) -> dict[str, str | float]:
+    """Return what the picture of a scene says of its run."""
+    with Image.open(PICTURES / f"{name}.png") as image:
+        return json.loads(image.text["msrr"])
+
+
+def chapter(scene: Scene) -> str:
+    """Return the heading under which a scene stands."""
+    if scene.name.startswith(TUNED_PREFIX):
+        return TUNED
+    spec = scene.cameras.overhead
+    far = [s for s in scene.plan if scene.units[s.unit].pose.frame == "world"]
+    if spec is not None and far:
+        return FAR
+    return NEAR if verdict(scene.name)["outcome"] == Outcome.DOCKED.value else WRONG
+
+
+def page(names: Sequence[str]) -> str:
+    """Return the page that shows all pictures."""
+    chapters: dict[str, list[str]] = {
+        "From anywhere in the arena": [],
+        "Docking": [],
+        "What can go wrong": [],
+    }
+    for name in names:
+        scene, told = load_scene(name), verdict(name)
+        tries = f", {told['attempts']} attempts" if told["attempts"] > len(scene.plan) else ""
+        ending = f"{told['outcome']} after {told['duration_s']:.1f} s{tries}"
+        chapters[chapter(scene)].append(
+            f"### `{name}`\n{scene.description} This run: {ending}.\n\n![{name}](gallery/{name}.png)\n"
+        )
+    parts = [INTRODUCTION.format(seed=SEED)]
+    parts += [f"## {title}\n\n" + "\n".join(entries) for title, entries in chapters.items() if entries]
+    return "\n".join(parts)
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Make the pictures of the scenes named, or of all, and the page."""
+    names = shipped_scenes()
+    PICTURES.mkdir(exist_ok=True)
+    for name in arguments or names:
+        with TemporaryDirectory() as folder:
+            make(name, Path(folder))
+    (DOCS / "gallery.md").write_text(page(names), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
