@@ -84,6 +84,7 @@ def capsule(radius: float, length: float) -> Mesh:
 def _revolved(profile: list[tuple[float, float]], slopes: Any, capped: bool = False) -> Mesh:
     """Turn a profile of (radius, z), lowest first, about z; the normal rises by ``slopes`` [rad]."""
     n = segments(max(radius for radius, _ in profile))
+    profile = [(radius if radius > 1e-12 else 0.0, z) for radius, z in profile]  # a pole is one point
     turns = np.arange(n) * (2.0 * math.pi / n)
     c, s = np.cos(turns), np.sin(turns)
     vertices = np.concatenate([np.stack([r * c, r * s, np.full(n, z)], axis=1) for r, z in profile])
