@@ -146,11 +146,7 @@ def chapter(scene: Scene) -> str:
 
 def page(names: Sequence[str]) -> str:
     """Return the page that shows all pictures."""
-    chapters: dict[str, list[str]] = {
-        "From anywhere in the arena": [],
-        "Docking": [],
-        "What can go wrong": [],
-    }
+    chapters: dict[str, list[str]] = {title: [] for title in (FAR, NEAR, TUNED, WRONG)}
     for name in names:
         scene, told = load_scene(name), verdict(name)
         tries = f", {told['attempts']} attempts" if told["attempts"] > len(scene.plan) else ""
