@@ -1,4 +1,4 @@
-"""The command line: ``msrr dock | sweep | scenes | check | bench | replay | tune | reproduce``.
+"""The command line: ``msrr dock | sweep | scenes | check | bench | replay | frames | plot | export | ...``.
 
 Exit codes: 0 docked or done; 1 not docked, or a replay that differs; 2 bad input, or a file that cannot be
 read or written; 70 an error of the program itself; 130 interrupted.

@@ -24,6 +24,8 @@ import tornado.httpclient
 import tornado.websocket
 import umsgpack
 
+from msrr_bullet.log import read_log
+from msrr_bullet.log.story import snapshots
 from msrr_bullet.viewer import live, page, palette
 from msrr_bullet.viewer.live import LiveViewer, ViewerError
 from msrr_bullet.viewer.replay_page import write_replay
@@ -31,6 +33,7 @@ from msrr_bullet.viewer.shapes import strip
 from msrr_perception.detector import PupilDetector
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.pinhole import Window
+from msrr_scenes.se2 import SE2
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_chromium = pytest.mark.skipif(
@@ -123,6 +126,48 @@ def test_live_page_shows_units_marker_and_path_in_a_browser(drive, tmp_path):
         image = screenshot(viewer.url, tmp_path, budget_ms=15_000)
         assert viewer.wait_for_browser(0.0)
     assert_shows_the_trial(image, drive.scene)
+
+
+@needs_chromium
+@pytest.mark.parametrize("live_page", [False, True], ids=["replay", "live"])
+def test_pages_show_the_plan_and_what_is_known_of_other_bodies(short_run, tmp_path, live_page):
+    log = read_log(short_run)
+    scene, frames = log.header.scene, snapshots(log)
+    moment = next(f for f in frames if f.stamp_ns >= 3_000_000_000)
+    assert moment.assembly is not None
+    if live_page:
+        with LiveViewer(scene, port=0) as viewer:
+            viewer.show(moment)
+            image = screenshot(viewer.url, tmp_path, budget_ms=8_000)
+    else:
+        image = screenshot(write_replay(tmp_path / "replay.html", scene, [moment]).as_uri(), tmp_path)
+    assert pixels_of(image, palette.PLAN) > 50, "planned path and desired point"
+    assert pixels_of(image, palette.BELIEF) > 150, "ghost, and the outlines of other bodies"
+
+
+@needs_chromium
+def test_a_trial_far_from_the_middle_of_the_world_is_in_view_too(drive, tmp_path):
+    def moved(X):
+        return SE2(X.x + 30.0, X.y - 20.0, X.yaw)
+
+    frame = replace(drive.frames[100], clearance=None)
+    far = replace(
+        frame,
+        units={name: moved(X) for name, X in frame.units.items()},
+        obstacles={name: moved(X) for name, X in frame.obstacles.items()},
+        estimate=moved(frame.estimate),
+    )
+    image = screenshot(write_replay(tmp_path / "far.html", drive.scene, [far]).as_uri(), tmp_path)
+    assert {drive.scene.tag_ids(unit)["tag_top"] for unit in drive.scene.units} <= tags_in(image)
+
+
+def test_readings_tell_the_path_and_no_angles_of_a_lost_target(short_run):
+    log = read_log(short_run)
+    frame = next(f for f in snapshots(log) if f.assembly is not None and f.stamp_ns >= 3_000_000_000)
+    told = dict(zip(page.READINGS, page.readings(frame), strict=True))
+    assert re.fullmatch(r"\d\.\d\d of \d\.\d\d m, \d+ mm off", told["on the path"])
+    assert told["line of sight"] == "lost"
+    assert told["phase"].startswith("assemble, ")
 
 
 def test_replay_is_one_file_that_asks_the_network_for_nothing(drive, tmp_path):
