@@ -121,11 +121,11 @@ def test_seated_the_lock_can_be_verified_by_sight(rig: Rig) -> None:
 def test_windows_see_what_the_full_frame_sees(rig: Rig) -> None:
     """The same view in windows and in full, for a tenth of the pixels: corners within 0.1 px.
 
-    The neighbouring ports' tags are seen at 50 degrees and 12 to 18 px wide; one in a hundred has a corner off
-    by a pixel, which the filter's gate is for. They agree within 0.2 px RMS.
+    The neighbouring ports' tags are seen at 50 degrees and 12 to 18 px wide; one in a hundred has a corner
+    off by a pixel, which the filter's gate is for. They agree within 0.2 px RMS.
     """
     neighbours = []
-    for X in _views(6)[:4]:
+    for X in _views(24)[:16]:
         full, _ = rig.look(OnboardVision(rig.target, PupilDetector()), X, None)
         few, _ = rig.look(OnboardVision(rig.target, PupilDetector()), X, X)
         whole = {t.tag_id: t.corners for t in full.tags}
@@ -135,5 +135,5 @@ def test_windows_see_what_the_full_frame_sees(rig: Rig) -> None:
                 np.testing.assert_allclose(tag.corners, whole[tag.tag_id], atol=0.1)
             elif tag.tag_id in whole:
                 neighbours.append(tag.corners - whole[tag.tag_id])
-    assert len(neighbours) >= 4
+    assert len(neighbours) >= 3
     assert np.sqrt(np.mean(np.square(neighbours))) < 0.2
