@@ -31,6 +31,9 @@ if TYPE_CHECKING:  # loaded only by the commands that need them: msrr --help has
 #: How long the live view waits for a browser before it runs the trial all the same [s].
 BROWSER_PATIENCE_S = 20.0
 
+#: What ``msrr bench`` measures instead of a scene when it is given this name.
+CAMERAS = "cameras"
+
 app = typer.Typer(
     name="msrr",
     cls=Doors,
@@ -137,9 +140,11 @@ def dock(
     from msrr_bullet.simulator import load_simulator
 
     load_simulator()
+    from msrr_bullet.render.prepare import prepare_renderers
     from msrr_bullet.run import run_trial
 
     console = Console()
+    prepare_renderers(loaded, console.print)
     with ExitStack() as stack:
         viewer = stack.enter_context(_shown_in_browser(loaded, console)) if view else None
         with console.status(f"{loaded.name}: building the world") as status:
@@ -211,6 +216,7 @@ def sweep(
     _check_writable(json_file)
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+    from msrr_bullet.render.prepare import prepare_renderers
     from msrr_bullet.report import sweep_table
     from msrr_bullet.sweep import sweep as run_sweep
     from msrr_bullet.sweep_summary import TrialFailure
@@ -233,6 +239,7 @@ def sweep(
                 )
             bar.update(task, advance=1, description=f"{loaded.name}, {docked} docked")
 
+        prepare_renderers(loaded, lambda text: bar.console.print(text, highlight=False))
         summary = run_sweep(loaded, wanted, jobs, None if fresh else store, observer=tell)
     console.print(sweep_table(summary))
     _write(json_file, summary.to_json())
@@ -279,7 +286,10 @@ def check(
 
 @app.command()
 def bench(scene: SceneName, json_file: JsonFile = None, overrides: Overrides = None) -> None:
-    """Measure speed and memory of a trial, and of the naive loop beside it."""
+    """Measure speed and memory of a trial, and of the naive loop beside it; of the renderers: bench cameras."""
+    if scene == CAMERAS:
+        _bench_cameras(json_file)
+        return
     loaded = load_scene(scene, parse_overrides(overrides))
     _check_writable(json_file)
     from msrr_bullet.simulator import load_simulator
@@ -292,6 +302,21 @@ def bench(scene: SceneName, json_file: JsonFile = None, overrides: Overrides = N
     with console.status(f"{loaded.name}: measuring"):
         report = run_bench(loaded)
     console.print(bench_table(report))
+    _write(json_file, report.to_json())
+
+
+def _bench_cameras(json_file: Path | None) -> None:
+    _check_writable(json_file)
+    from msrr_bullet.simulator import load_simulator
+
+    load_simulator()
+    from msrr_bullet.bench_cameras import bench_cameras, camera_tables
+
+    console = Console(stderr=json_file == Path("-"))
+    with console.status("cameras: measuring") as status:
+        report = bench_cameras(observer=lambda text: status.update(f"cameras: {text}"))
+    for table in camera_tables(report):
+        console.print(table)
     _write(json_file, report.to_json())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import signal
 from collections import deque
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from msrr_bullet.provenance import code_fingerprint
+from msrr_bullet.render.prepare import prepare_renderers
 from msrr_bullet.result import TrialResult
 from msrr_bullet.simulator import load_simulator
 from msrr_bullet.sweep_summary import SweepSummary, TrialFailure, summarise
@@ -21,6 +23,8 @@ from msrr_bullet.trial_store import TrialStore
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.load import scene_hash
 from msrr_scenes.scene import Scene
+
+_log = logging.getLogger(__name__)
 
 #: Runs one trial; importable by name, because it is sent to other processes.
 TrialFunction = Callable[[Scene, int], TrialResult]
@@ -104,6 +108,8 @@ def sweep(
             for result in results.values():
                 observer(result, True)
         todo = deque(seed for seed in wanted if seed not in results)
+        if todo and executor is None:
+            prepare_renderers(scene, _log.info)  # once, instead of in every worker at the same time
         crew = _Crew(jobs, executor, trial, scene)
         try:
             crew.work(todo, done)

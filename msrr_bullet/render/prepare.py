@@ -1,0 +1,21 @@
+"""Makes a scene's renderers ready before the first frame, or before a pool of workers would do it at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from msrr_scenes.scene import Scene
+
+
+def prepare_renderers(scene: Scene, announce: Callable[[str], None]) -> None:
+    """Compile what the cameras of ``scene`` need, unless it lies compiled on disk.
+
+    Args:
+        scene: Names the renderers.
+        announce: Is told in words before a compilation begins.
+    """
+    cameras = [scene.cameras.onboard, *([scene.cameras.overhead] if scene.cameras.overhead else [])]
+    if scene.perception == "images" and any(c.renderer.name == "raster" for c in cameras):
+        from msrr_bullet.render.raster.warm import warm
+
+        warm(announce)
