@@ -286,7 +286,7 @@ def check(
 
 @app.command()
 def bench(scene: SceneName, json_file: JsonFile = None, overrides: Overrides = None) -> None:
-    """Measure speed and memory of a trial, and of the naive loop beside it; of the renderers: bench cameras."""
+    """Measure a trial and the naive loop beside it; with SCENE = cameras, the renderers."""
     if scene == CAMERAS:
         _bench_cameras(json_file)
         return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from msrr_bullet.simulator import load_simulator
 from msrr_scenes.scene import Scene
 
 
@@ -16,6 +17,7 @@ def prepare_renderers(scene: Scene, announce: Callable[[str], None]) -> None:
     """
     cameras = [scene.cameras.onboard, *([scene.cameras.overhead] if scene.cameras.overhead else [])]
     if scene.perception == "images" and any(c.renderer.name == "raster" for c in cameras):
+        load_simulator()  # before the renderer imports it with its banner
         from msrr_bullet.render.raster.warm import warm
 
         warm(announce)
