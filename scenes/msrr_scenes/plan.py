@@ -102,7 +102,7 @@ class ControlSpec(Spec):
 
     rate_hz: Positive = 50.0
     assembly: Choice = Choice(name="c1")
-    docking: Choice = Choice(name="c1")
+    docking: Choice = Choice(name="cbf")
     estimator: Choice = Choice(name="corner_ekf")
     detector: Choice = Choice(name="pupil")
     delay_compensation: bool = True

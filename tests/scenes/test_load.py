@@ -185,7 +185,7 @@ def test_overrides_reach_everything(tmp_path: Path) -> None:
     assert scene.units["a"].pose.spread.x_m == 0.01
     assert scene.units["a"].pose.spread.y_m == 0.10  # beside it, untouched
     assert scene.faults[0].kind == "marker_hidden"
-    assert scene.control.docking.name == "c1"  # the default keeps its name
+    assert scene.control.docking.name == ControlSpec().docking.name  # the default keeps its name
     assert scene.control.detector.name == "my.module:Detector"  # a name alone is a choice
     assert scene.plant == "unicycle"
 
