@@ -7,6 +7,7 @@ import pytest
 from msrr_scenes import check_scene, load_scene, scene_hash
 from msrr_scenes.assets import shipped_scenes, urdf_folder
 from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
+from msrr_scenes.plan import ControlSpec
 
 GOOD = """\
 description: two units, one camera each
