@@ -115,11 +115,13 @@ class CornerEkf:
         """Forget everything but the encoders' readings."""
         if not hasattr(self, "_wheels"):
             self._wheels = WheelHistory()
+        self._told: dict[int, PoseEstimate | None] = {}
         self._entries: list[_Entry] = []
         self._head: tuple[FilterState, FilterState] | None = None
 
     def add_odometry(self, reading: WheelOdometry) -> None:
         """Take in an encoder reading."""
+        self._told.clear()
         if not self._wheels.add(reading):
             self._head = None  # a reading from the past changes the way to the present
 
@@ -134,6 +136,11 @@ class CornerEkf:
 
     def predict(self, stamp_ns: int) -> PoseEstimate | None:
         """Return the pose at an instant, past (within the horizon) or future, from all known by now."""
+        if stamp_ns not in self._told:  # several ask for the same instant
+            self._told[stamp_ns] = self._predict(stamp_ns)
+        return self._told[stamp_ns]
+
+    def _predict(self, stamp_ns: int) -> PoseEstimate | None:
         state = self._state_before(stamp_ns)
         if state is None:
             return None
@@ -168,6 +175,7 @@ class CornerEkf:
 
     def _insert(self, measurement: _Measurement) -> None:
         """Put a measurement in its place in time and run again what comes after it."""
+        self._told.clear()
         exposure = measurement.exposure
         key = (exposure.stamp_ns, exposure.frame, exposure.camera)
         i = bisect_left(self._entries, key, key=lambda e: e.key)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from msrr_perception.estimator import Estimator
 from msrr_perception.target import TargetModel
 from msrr_scenes.errors import SceneError
@@ -27,11 +25,16 @@ def edge_bearings(target: TargetModel, X_DU: SE2) -> tuple[float, float]:
 
     Source: Zheng et al., eq. 21, with the camera anywhere on the unit and looking along its own axis.
     """
-    p_U = X_DU.inverse().act(target.edge_points_D[:, :2])
-    points = np.column_stack([p_U, target.edge_points_D[:, 2]])
-    p_C = target.X_CU.act(points)
-    left, right = np.arctan2(-p_C[:, 0], p_C[:, 2])
-    return float(left), float(right)
+    (r00, r01, r02, p0), (r20, r21, r22, p2) = target.sideways_and_ahead
+    c, s = math.cos(X_DU.yaw), math.sin(X_DU.yaw)
+
+    def bearing(point: tuple[float, float, float]) -> float:
+        dx, dy, z = point[0] - X_DU.x, point[1] - X_DU.y, point[2]
+        x, y = c * dx + s * dy, c * dy - s * dx  # in U
+        return math.atan2(-(r00 * x + r01 * y + r02 * z + p0), r20 * x + r21 * y + r22 * z + p2)
+
+    left, right = target.edge_places_D
+    return bearing(left), bearing(right)
 
 
 def measured_bearings(target: TargetModel, detections: Detections) -> tuple[float | None, float | None]:

@@ -91,6 +91,7 @@ def _camera_points(target: TargetModel, pose: Array, points_D: Array) -> tuple[A
     stacked[0, 3], stacked[1, 3], stacked[2, 3] = wy, -wx, 0.0
     # d(Ry^T w)/dpitch, pulled back through Ry so that M can act on it like on the others.
     stacked[0, 4], stacked[1, 4], stacked[2, 4] = -z, 0.0, wx
+    stacked[:, 5] = 0.0  # the roll's follows from M w below
     out = (M @ stacked.reshape(3, 6 * n)).reshape(3, 6, n)
     out[0, 5] = 0.0
     out[1, 5] = out[2, 0]

@@ -106,6 +106,18 @@ class TargetModel:
         return np.stack([self.corners_D[e.tag_id][list(e.corners)].mean(axis=0) for e in self.edges])
 
     @cached_property
+    def edge_places_D(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """The same points as numbers: asked for at every control instant, where arrays of two are slow."""
+        (lx, ly, lz), (rx, ry, rz) = self.edge_points_D.tolist()
+        return (lx, ly, lz), (rx, ry, rz)
+
+    @cached_property
+    def sideways_and_ahead(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Rows x and z of X_CU, each (R, R, R, p), as numbers."""
+        x, _, z = np.column_stack([self.X_CU.R, self.X_CU.p]).tolist()
+        return tuple(x), tuple(z)
+
+    @cached_property
     def all_corners_D(self) -> Array:
         """Corners of all tags in D, shape (tags, 4, 3) [m], in the order of :attr:`tags`."""
         return np.stack([self.corners_D[tag] for tag in self.tags])
