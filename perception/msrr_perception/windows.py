@@ -126,23 +126,21 @@ def choose_tags(
         return ()
     start = turn % len(first)
     chosen: list[ExpectedTag] = []
-    boxes: list[Window] = []
+    taken: tuple[Window, ...] = ()
 
-    def fits(tag: ExpectedTag, room_px: int) -> bool:
-        more = [*boxes, tag.box(policy)]
-        return sum(w.area for w in merged_windows(more, target.camera.frame, policy)) <= room_px
-
-    def take(tag: ExpectedTag) -> None:
+    def take(tag: ExpectedTag, room_px: float) -> tuple[Window, ...]:
+        """Take a tag if there is room; return the windows that hold all tags taken so far."""
+        more = merged_windows([*taken, tag.box(policy)], target.camera.frame, policy)
+        if sum(w.area for w in more) > room_px:
+            return taken
         chosen.append(tag)
-        boxes.append(tag.box(policy))
+        return more
 
     for tag in [*first[start:], *first[:start]]:
-        if not chosen or fits(tag, policy.budget_px):
-            take(tag)
+        taken = take(tag, policy.budget_px if chosen else math.inf)
     if own and len(chosen) == len(own):
         for extra in others:
-            if fits(extra, policy.extra_px):
-                take(extra)
+            taken = take(extra, policy.extra_px)
     return tuple(sorted(chosen, key=lambda e: e.tag_id))
 
 
