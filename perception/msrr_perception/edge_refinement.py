@@ -25,6 +25,9 @@ _SAMPLES = 13
 #: An edge that would move farther than this is not the edge of a printed square [px].
 _LARGEST_SHIFT_PX = 1.5
 
+#: Indices of the next corner (edge) and of the one before, around a tag.
+_NEXT, _BEFORE = [1, 2, 3, 0], [3, 0, 1, 2]
+
 #: Least mean contrast across an edge [grey levels].
 _LEAST_CONTRAST = 8.0
 
@@ -41,7 +44,7 @@ def refine_corners(pixels: Pixels, corners: Array) -> Array:
         Shape (T, 4, 2). A tag that has an edge with too little contrast, too near the image's border, or too
         far from where it should be keeps its corners.
     """
-    ends = np.roll(corners, -1, axis=1)
+    ends = corners[:, _NEXT]
     along = ends - corners
     length = np.linalg.norm(along, axis=2)
     normal = np.stack([along[..., 1], -along[..., 0]], axis=2) / length[..., None]
@@ -49,8 +52,8 @@ def refine_corners(pixels: Pixels, corners: Array) -> Array:
     normal = normal * outward[..., None]
 
     # How far it is across the tag at each edge says how wide a module is there.
-    across = 0.5 * (np.roll(length, 1, axis=1) + np.roll(length, -1, axis=1))
-    slant = np.abs((np.roll(along, -1, axis=1) * normal).sum(axis=2)) / np.roll(length, -1, axis=1)
+    across = 0.5 * (length[:, _BEFORE] + length[:, _NEXT])
+    slant = np.abs((along[:, _NEXT] * normal).sum(axis=2)) / length[:, _NEXT]
     reach = np.clip(_REACH_MODULES * across * slant / 8.0, *_REACH_PX)
 
     s = np.linspace(_END_SHARE, 1.0 - _END_SHARE, _SECTIONS)
@@ -100,7 +103,7 @@ def _line(s: Array, shift: Array) -> tuple[Array, Array]:
 def _intersections(a: Array, b: Array) -> Array:
     """Return where each edge's line a-b meets the one before it: the tag's corners, (T, 4, 2)."""
     d = b - a
-    p, e = np.roll(a, 1, axis=1), np.roll(d, 1, axis=1)
+    p, e = a[:, _BEFORE], d[:, _BEFORE]
     r = a - p
     cross = e[..., 0] * d[..., 1] - e[..., 1] * d[..., 0]
     t = (r[..., 0] * d[..., 1] - r[..., 1] * d[..., 0]) / cross
