@@ -380,6 +380,8 @@ def test_no_server_outlives_its_owner_whatever_ends_it(tmp_path):
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
                 text=True,
+                # A shell's background jobs are deaf to Ctrl-C, and so are these tests when they run in one.
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
             )
         outlived = {how: end_owner(owner, ENDS[how]) for how, owner in owners.items()}
     finally:
