@@ -55,7 +55,7 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
     assert report.naive_ratio > 1.0
     assert 30.0 < report.peak_mb < 4_000.0
     assert json.loads(report.to_json())["naive_ratio"] == report.naive_ratio
-    assert bench_table(report).row_count == len(report.stages_ms_per_s) + 4
+    assert bench_table(report).row_count == len(report.stages_ms_per_s) + 5
 
 
 def test_a_scene_without_images_cannot_be_measured(scene: Scene) -> None:
