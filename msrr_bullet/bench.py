@@ -115,8 +115,8 @@ def naive(scene: Scene, samples: int | None = None) -> Scene:
 def bench(scene: Scene, seed: int = 0) -> BenchReport:
     """Measure one trial, then the naive loop of the same trial, one after the other in this process.
 
-    The trial is run twice and the second run counts. What the first takes longer (to load compiled code,
-    to work out the faces of the meshes) comes once in a process, however many trials it runs; it stands apart.
+    The trial is run twice and the second run counts. What the first takes longer (to load compiled code, to
+    work out the faces of the meshes) comes once in a process, however many trials it runs, and is told apart.
 
     Memory is that of the process from its start, so that the figure is the trial's own in a new process only.
 
