@@ -32,12 +32,14 @@ from msrr_bullet.viewer.replay_page import write_replay
 from msrr_bullet.viewer.shapes import strip
 from msrr_perception.detector import PupilDetector
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.load import load_scene
 from msrr_scenes.pinhole import Window
 from msrr_scenes.se2 import SE2
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_chromium = pytest.mark.skipif(
-    CHROMIUM is None, reason="no Chromium on this machine to open the page with"
+    CHROMIUM is None and not os.environ.get("MSRR_REQUIRE_CHROMIUM"),
+    reason="no Chromium on this machine to open the page with",
 )
 SIZE = (1280, 800)
 #: The stage of the page: beside the readings on the left, above the bar at the bottom.
@@ -126,6 +128,39 @@ def test_live_page_shows_units_marker_and_path_in_a_browser(drive, tmp_path):
         image = screenshot(viewer.url, tmp_path, budget_ms=15_000)
         assert viewer.wait_for_browser(0.0)
     assert_shows_the_trial(image, drive.scene)
+
+
+@needs_chromium
+def test_the_command_shows_its_running_trial_in_a_browser(tmp_path):
+    """``msrr dock --view`` waits for a browser, runs at the pace of real time, leaves no server behind."""
+    command = [sys.executable, "-u", "-m", "msrr_bullet.cli", "dock", "close_range", "--view"]
+    program = subprocess.Popen(
+        [*command, "--out", str(tmp_path / "run")],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "BROWSER": "true"},  # a browser of the desktop's has no place in a test
+    )
+    try:
+        url = next(found[0] for line in program.stdout if (found := re.findall(r"http://\S+", line)))
+
+        async def watch(seconds):
+            connection = await tornado.websocket.websocket_connect(url.replace("http:", "ws:") + "feed")
+            await asyncio.sleep(seconds)
+            connection.close()
+
+        asyncio.run(watch(5.0))
+        image = screenshot(url, tmp_path, budget_ms=15_000)
+        said = program.stdout.read()
+        assert program.wait(60) == 0, said
+    finally:
+        program.kill()
+        program.wait()
+        program.stdout.close()
+    assert "docked" in said
+    with pytest.raises(urllib.error.URLError):
+        urllib.request.urlopen(url, timeout=5)
+    assert_shows_the_trial(image, load_scene("close_range"))
 
 
 @needs_chromium
