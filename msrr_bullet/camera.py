@@ -77,7 +77,8 @@ class Camera:
         self.stats = CameraStats()
         self._renderer = renderer
         self._pose = pose
-        self._sensor = SensorModel(stream_key(seed, f"camera/{name}/noise"), spec.blur_px, spec.noise_grey)
+        key = stream_key(seed, f"camera/{name}/noise")
+        self._sensor = SensorModel(key, spec.blur_px, spec.noise_grey, spec.shot_grey)
         self._dropout = stream(seed, f"camera/{name}/dropout")
         self._blackouts = [f for f in faults if isinstance(f, CameraBlackout) and f.camera == name]
         self._exposure: Exposure | None = None

@@ -1,4 +1,4 @@
-"""What lens and sensor do to an ideal image: Gaussian blur, read noise, whole grey levels.
+"""What lens and sensor do to an ideal image: Gaussian blur, shot and read noise, whole grey levels.
 
 Every pixel is a function of the camera's key, the frame's number and the pixel's place in the full frame;
 so a window read out alone equals the crop of the whole frame, noise included. Library normal generators
@@ -26,23 +26,32 @@ _UNIT = 256
 
 
 class SensorModel:
-    """Lens blur and read noise of one camera.
+    """Lens blur, shot noise and read noise of one camera.
 
-    The read noise is Gaussian and independent of the light; shot noise is not modelled.
+    Read noise is Gaussian and independent of the light. Shot noise is that of a great many photons: Gaussian,
+    its variance in proportion to the light.
     """
 
-    def __init__(self, key: int, blur_px: float, noise_grey: float) -> None:
+    def __init__(self, key: int, blur_px: float, noise_grey: float, shot_grey: float = 0.0) -> None:
         """Set up a sensor.
 
         Args:
             key: Up to 128 bits that stand for the seed and the camera.
             blur_px: Standard deviation of the lens blur [px]; 0 is a perfect lens.
             noise_grey: Standard deviation of the read noise [grey levels]; 0 is a perfect sensor.
+            shot_grey: Standard deviation of the shot noise at white, 255 [grey levels].
         """
         self._key = key.to_bytes(16, "little")
         self._kernel = blur_kernel(blur_px)
         self._radius = len(self._kernel) // 2
-        self._tile = _noise_tile(key, noise_grey) if noise_grey > 0.0 else None
+        self._tile: NDArray[np.int16] | NDArray[np.float32] | None = None
+        self._sigma: NDArray[np.float32] | None = None
+        if shot_grey > 0.0:
+            light = np.arange(256) / 255.0
+            self._sigma = np.sqrt(noise_grey**2 + shot_grey**2 * light).astype(np.float32)
+            self._tile = _unit_tile(key)
+        elif noise_grey > 0.0:
+            self._tile = _noise_tile(key, noise_grey)
 
     @property
     def margin(self) -> int:
@@ -73,7 +82,13 @@ class SensorModel:
             return np.ascontiguousarray(pixels)
         return self._add_noise(pixels, self._tile, window, frame)
 
-    def _add_noise(self, pixels: Pixels, tile: NDArray[np.int16], window: Window, frame: int) -> Pixels:
+    def _add_noise(
+        self,
+        pixels: Pixels,
+        tile: NDArray[np.int16] | NDArray[np.float32],
+        window: Window,
+        frame: int,
+    ) -> Pixels:
         digest = hashlib.blake2b(frame.to_bytes(8, "little"), key=self._key, digest_size=9).digest()
         x = (int.from_bytes(digest[:4], "little") + window.x) % _TILE
         y = (int.from_bytes(digest[4:8], "little") + window.y) % _TILE
@@ -86,6 +101,8 @@ class SensorModel:
             for out_x, tile_x, width in _runs(x, window.width):
                 part = slice(out_y, out_y + height), slice(out_x, out_x + width)
                 noise = tile[tile_y : tile_y + height, tile_x : tile_x + width]
+                if self._sigma is not None:  # the tile holds standard normal numbers
+                    noise = np.rint(noise * self._sigma[pixels[part]])
                 out[part] = np.clip(pixels[part] + noise, 0, 255)
         return out
 
@@ -117,13 +134,18 @@ def blur_kernel(sigma: float) -> NDArray[np.float32]:
     return np.concatenate([half[radius:0:-1], half[: radius + 1]]).astype(np.float32)
 
 
+def _unit_tile(key: int) -> NDArray[np.float32]:
+    """Return standard normal numbers, shape (1024, 1024)."""
+    rng = np.random.Generator(np.random.PCG64(key))
+    return rng.standard_normal((_TILE, _TILE), dtype=np.float32)
+
+
 def _noise_tile(key: int, sigma: float) -> NDArray[np.int16]:
     """Return Gaussian noise in whole grey levels, shape (1024, 1024).
 
     What it is added to is whole already, so rounding here is the sensor's own rounding, once per trial
     instead of once per pixel.
     """
-    rng = np.random.Generator(np.random.PCG64(key))
-    noise = sigma * rng.standard_normal((_TILE, _TILE), dtype=np.float32)
+    noise = sigma * _unit_tile(key)
     whole: NDArray[np.int16] = np.rint(np.clip(noise, -255.0, 255.0)).astype(np.int16)
     return whole

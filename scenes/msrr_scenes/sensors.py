@@ -16,6 +16,7 @@ class CameraSpec(Spec):
 
     Attributes:
         noise_grey: Standard deviation of the additive read noise [grey levels].
+        shot_grey: Standard deviation of the shot noise at white [grey levels]; less in the dark.
         blur_px: Standard deviation of the Gaussian lens blur [px].
         dropout: Probability that a frame is lost between camera and computer.
         samples: Edge of the sub-pixel grid the renderer averages over (1: no anti-aliasing).
@@ -28,6 +29,7 @@ class CameraSpec(Spec):
     rate_hz: Positive = 25.0
     latency_ms: NonNegative = 40.0
     noise_grey: NonNegative = 2.0
+    shot_grey: NonNegative = 0.0
     blur_px: NonNegative = 0.4
     dropout: Probability = 0.0
     renderer: Choice = Choice(name="raster")

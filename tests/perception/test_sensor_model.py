@@ -28,9 +28,12 @@ def cut(pixels: NDArray[np.uint8], window: Window, margin: int) -> NDArray[np.ui
     return pixels[p.y + margin : p.y_end + margin, p.x + margin : p.x_end + margin]
 
 
-@pytest.mark.parametrize(("blur", "noise"), [(0.0, 0.0), (0.4, 2.0), (1.0, 8.0), (2.5, 0.0), (0.0, 40.0)])
-def test_window_is_the_crop_of_the_frame_bit_for_bit(blur: float, noise: float) -> None:
-    sensor = SensorModel(key=2**127 + 5, blur_px=blur, noise_grey=noise)
+@pytest.mark.parametrize(
+    ("blur", "noise", "shot"),
+    [(0.0, 0.0, 0.0), (0.4, 2.0, 0.0), (1.0, 8.0, 5.0), (2.5, 0.0, 3.0), (0.0, 40.0, 0.0)],
+)
+def test_window_is_the_crop_of_the_frame_bit_for_bit(blur: float, noise: float, shot: float) -> None:
+    sensor = SensorModel(key=2**127 + 5, blur_px=blur, noise_grey=noise, shot_grey=shot)
     ideal = scene_pixels(sensor.margin)
     rng = np.random.default_rng(3)
     for frame in (0, 1, 12345):
@@ -62,6 +65,16 @@ def test_noise_is_white_and_has_the_stated_sigma(sigma: float) -> None:
     assert abs(np.mean(a**4) / a.var() ** 2 - 3.0) < 5.0 * np.sqrt(24.0 / n)
     for one, other in ((a, b), (a[:, 1:], a[:, :-1]), (a[1:], a[:-1])):
         assert abs(np.mean(one * other)) / variance < 5.0 / np.sqrt(one.size)
+
+
+@pytest.mark.parametrize("grey", [40, 100, 192])
+def test_the_variance_of_shot_noise_goes_with_the_light(grey: int) -> None:
+    """N = 307,200 pixels; 5 standard errors of the variance fail by chance once in 2 million."""
+    sensor = SensorModel(key=11, blur_px=0.0, noise_grey=2.0, shot_grey=6.0)
+    lifted = np.full((480, 640), grey, dtype=np.uint8)
+    seen = sensor.read_out(lifted, FRAME, 3).astype(float) - grey
+    variance = 2.0**2 + 6.0**2 * grey / 255.0 + 1.0 / 12.0
+    assert seen.var() == pytest.approx(variance, rel=5.0 * np.sqrt(2.0 / seen.size))
 
 
 def test_noise_depends_on_camera_key_and_frame_and_on_nothing_else() -> None:
