@@ -1,4 +1,4 @@
-"""The commands that look at a finished run: ``msrr frames | plot | export``. All they know is in its log."""
+"""The commands that look at a finished run, by its log alone: ``msrr replay | frames | plot | export``."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from msrr_bullet.doors import NOT_DOCKED
 from msrr_scenes.errors import SceneError
 
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder of a trial, or its log.")]
@@ -20,6 +21,24 @@ class CameraChoice(Enum):
     OVERHEAD = "overhead"
     ONBOARD = "onboard"
     BOTH = "both"
+
+
+def replay(run: Run) -> None:
+    """Run perception and control again from a log alone, without the simulator, and compare."""
+    from msrr_bullet.replay import replay_isolated
+
+    report = replay_isolated(run)
+    console = Console()
+    for mismatch in report.mismatches:
+        _tell(
+            console,
+            f"{mismatch.time_s:.3f} s, {mismatch.what}: "
+            f"logged {mismatch.logged}, replayed {mismatch.replayed}",
+        )
+    counts = f"{report.commands} commands, {report.windows} windows, {report.estimates} estimates"
+    verdict = "identical" if report.identical else "different"
+    _tell(console, f"{run}: {verdict} ({counts})")
+    raise typer.Exit(0 if report.identical else NOT_DOCKED)
 
 
 def frames(

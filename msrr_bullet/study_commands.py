@@ -13,6 +13,8 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 
+from msrr_bullet.options import parse_seeds
+
 _JOBS = max(1, os.cpu_count() or 1)
 
 Jobs = Annotated[int, typer.Option(min=1, help="Processes.")]
@@ -84,7 +86,6 @@ def reproduce(
 ) -> None:
     """Reproduce the paper's experiments: report, figures and the JSON they are made from."""
     _one_thread_each()
-    from msrr_bullet.cli import parse_seeds
     from msrr_bullet.reproduce.run import reproduce as run_reproduction
 
     given = parse_seeds(seeds) if seeds is not None else None

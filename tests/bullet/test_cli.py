@@ -11,7 +11,8 @@ from typing import Any, NoReturn
 
 import pytest
 
-from msrr_bullet.cli import parse_overrides, parse_seeds, run
+from msrr_bullet.cli import run
+from msrr_bullet.options import parse_overrides, parse_seeds
 from msrr_bullet.result import TrialResult
 from msrr_scenes.assets import shipped_scenes
 from msrr_scenes.errors import SceneError
