@@ -180,7 +180,7 @@ class _Sink:
         for name, content in header.files.items():
             kind = "application/xml" if name.endswith(".urdf") else "application/octet-stream"
             self._writer.add_attachment(0, 0, name, kind, content)
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._writer.flush()  # type: ignore[no-untyped-call]  # mcap annotates its others
 
     def take(self, batch: list[_Entry], flush: bool) -> None:
         for entry in batch:
@@ -195,10 +195,10 @@ class _Sink:
                 data=content,
             )
         if flush:
-            self._writer.flush()  # type: ignore[no-untyped-call]
+            self._writer.flush()  # type: ignore[no-untyped-call]  # mcap annotates its others
 
     def finish(self) -> None:
-        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._writer.finish()  # type: ignore[no-untyped-call]  # mcap annotates its others
         self._file.flush()
 
     def _channel(self, topic: str, form: Format) -> int:

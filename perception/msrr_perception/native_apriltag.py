@@ -79,7 +79,7 @@ _LIBRARY_DEFAULTS = {
 }
 
 
-class _Immortal(bindings.Detector):  # type: ignore[misc]
+class _Immortal(bindings.Detector):  # type: ignore[misc]  # untyped, so a base class of type Any
     """A wrapper that leaves the native memory to the end of the process."""
 
     def __del__(self) -> None:

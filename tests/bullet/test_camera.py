@@ -222,7 +222,7 @@ def test_dropout_has_its_rate_and_is_the_same_whatever_else_happens() -> None:
     """2,000 frames at 30 %: a fair stream leaves 600 +- 103 (5 sigma) once in 1.7 million seeds."""
 
     def lost(**options: object) -> list[bool]:
-        camera = small(Counting(), dropout=0.3, **options)  # type: ignore[arg-type]
+        camera = small(Counting(), dropout=0.3, **options)  # type: ignore[arg-type]  # any of its keywords
         return [camera.expose(k * 40_000_000) is None for k in range(2000)]
 
     plain = lost()
