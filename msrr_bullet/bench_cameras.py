@@ -8,7 +8,6 @@ from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
 from msrr_bullet.render.contest import (
-    CONTESTANTS,
     PIXEL_TOLERANCE,
     CornerRow,
     CostRow,
@@ -19,6 +18,7 @@ from msrr_bullet.render.contest import (
     pixel_row,
     range_rows,
 )
+from msrr_bullet.render.contest_worlds import CONTESTANTS
 from msrr_bullet.result import package_versions
 
 

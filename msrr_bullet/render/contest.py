@@ -7,44 +7,33 @@ possible.
 from __future__ import annotations
 
 import math
-import tempfile
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 import pybullet
 from pydantic import BaseModel, ConfigDict
 
 from msrr_bullet.render.clutter import add_clutter, random_view
-from msrr_bullet.render.renderer import RenderContext, Renderer, build_renderer
+from msrr_bullet.render.contest_worlds import (
+    CONTESTANTS,
+    REFERENCE,
+    bare_client,
+    build_contestant,
+    contestants,
+    facing_units,
+)
+from msrr_bullet.render.renderer import Renderer
 from msrr_bullet.streams import stream, stream_key
 from msrr_bullet.tag_assets import load_tag_plate
-from msrr_bullet.tag_dressing import TagDressing
-from msrr_bullet.world import BulletWorld
 from msrr_perception.detector import PupilDetector
 from msrr_perception.joint_pose import joint_pose
 from msrr_perception.sensor_model import SensorModel
 from msrr_perception.target import TargetModel
-from msrr_scenes.load import load_scene
 from msrr_scenes.messages import Pixels
 from msrr_scenes.pinhole import PinholeCamera, Window, optical_pose
-from msrr_scenes.placement import Placement
-from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
 from msrr_scenes.se3 import SE3
-from msrr_scenes.spec import Choice
 from msrr_scenes.unit_geometry import tag_corners
-
-#: Renderers that are compared: label -> (registered name, TinyRenderer's samples per pixel edge).
-CONTESTANTS: Mapping[str, tuple[str, int]] = MappingProxyType(
-    {"tiny 1x": ("tiny", 1), "tiny 2x": ("tiny", 2), "tiny 4x": ("tiny", 4), "raster": ("raster", 1)}
-)
-
-#: The one that a pixel is compared with.
-_REFERENCE = ("tiny", 8)
 
 #: Grey levels by which no pixel may be off.
 PIXEL_TOLERANCE = 40
@@ -133,38 +122,6 @@ class PixelRow(BaseModel):
     worst: int
     off: int
     mean: float
-
-
-def contestants(client: int) -> dict[str, Renderer]:
-    """Return the renderers that are compared, by label, for the bodies of a client."""
-    return {label: _build(client, *spec) for label, spec in CONTESTANTS.items()}
-
-
-def _build(client: int, name: str, samples: int) -> Renderer:
-    return build_renderer(Choice(name=name), RenderContext(client, samples))
-
-
-@contextmanager
-def bare_client() -> Iterator[tuple[int, Path]]:
-    """Open an empty PyBullet client and a folder for its files; both go at the end."""
-    client = pybullet.connect(pybullet.DIRECT)
-    try:
-        with tempfile.TemporaryDirectory(prefix="msrr-") as folder:
-            yield client, Path(folder)
-    finally:
-        pybullet.disconnect(physicsClientId=client)
-
-
-@contextmanager
-def facing_units(X_DU: SE2) -> Iterator[tuple[Scene, BulletWorld]]:
-    """Open the world of scene ``close_range`` with its unit a at ``X_DU`` before b's rear port."""
-    scene = load_scene("close_range")
-    X_WD = scene.units["b"].pose.nominal @ scene.geometry("b").dock_frame("rear")
-    placement = Placement({"b": scene.units["b"].pose.nominal, "a": X_WD @ X_DU}, {})
-    with tempfile.TemporaryDirectory(prefix="msrr-") as folder:
-        dressing = TagDressing(scene, Path(folder))
-        with BulletWorld(scene, placement, dressing=dressing) as world:
-            yield scene, world
 
 
 def cost_rows(repeats: int) -> tuple[CostRow, ...]:
@@ -316,8 +273,8 @@ def pixel_row(seeds: range) -> PixelRow:
             add_clutter(client, rng, folder)
             X_WC = random_view(rng)
             pictures = [
-                _build(client, *spec).render(camera, X_WC, camera.frame).astype(np.int16)
-                for spec in (CONTESTANTS["raster"], _REFERENCE)
+                build_contestant(client, *spec).render(camera, X_WC, camera.frame).astype(np.int16)
+                for spec in (CONTESTANTS["raster"], REFERENCE)
             ]
         differences.append(np.abs(pictures[0] - pictures[1]))
     d = np.array(differences)

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from msrr_bullet.bench_cameras import CameraBench, bench_cameras, camera_tables
-from msrr_bullet.render.contest import CONTESTANTS
+from msrr_bullet.render.contest_worlds import CONTESTANTS
 
 
 @pytest.fixture(scope="module")

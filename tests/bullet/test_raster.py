@@ -18,7 +18,8 @@ import pybullet_data
 import pytest
 
 from msrr_bullet.render.clutter import add_clutter, random_view
-from msrr_bullet.render.contest import corner_rows, facing_units, pixel_row
+from msrr_bullet.render.contest import corner_rows, pixel_row
+from msrr_bullet.render.contest_worlds import facing_units
 from msrr_bullet.render.floor import Floor, concrete_floor
 from msrr_bullet.render.raster import RasterRenderer, warm
 from msrr_bullet.render.renderer import RenderContext, Renderer, build_renderer
