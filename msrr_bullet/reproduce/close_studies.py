@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_bullet.reproduce.measures import CAPTURE_DEG, CAPTURE_M, SETTLED_M
-from msrr_bullet.reproduce.model import Measured, Row, Series, rate_of
+from msrr_bullet.reproduce.measures import CAPTURE_DEG, CAPTURE_M, SETTLED_M, measure
+from msrr_bullet.reproduce.model import Measured, Row, Series, met_of, rate_of
 from msrr_bullet.reproduce.settings import PAPER_TRAJECTORY, Setting
 from msrr_bullet.streams import stream
 from msrr_control.close_range import CloseRangeState
@@ -72,19 +72,24 @@ def close_row(controller: Choice, label: str, setting: Setting, seeds: range) ->
     result = run_close(on_paper_trajectory(controller), setting, seeds)
     settled, final = result.settling_time(SETTLED_M), result.final_error()
     lateral, yaw = result.at_contact()
-    met = (settled <= 4.0) & (final <= 0.007)
+    caught = captured(result)
+    met = np.array(caught)
+    for what, values in (("settling", settled), ("final", final)):
+        met &= values <= (measure(what).paper_c1 or np.inf)
     return Row(
         controller=controller.name,
         label=label,
         trials=len(seeds),
-        success=rate_of(captured(result)),
-        in_view=rate_of(result.in_cone(setting.dock_setup().los.outer)),
+        success=rate_of(caught),
+        in_view=rate_of(result.in_cone(setting.half_fov)),
+        in_cone=rate_of(result.in_cone(setting.dock_setup().los.outer)),
         measures={
             "settling": Measured.of(settled),
             "final": Measured.of(final),
             "lateral": Measured.of(np.abs(lateral)),
             "yaw": Measured.of(np.abs(yaw)),
         },
+        met=met_of({"settling": settled, "final": final}),
         within_paper=int(met.sum()),
     )
 

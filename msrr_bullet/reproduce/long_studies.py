@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.reproduce.close_studies import merged, pairs
-from msrr_bullet.reproduce.measures import measure
-from msrr_bullet.reproduce.model import Measured, Row, Series, rate_of
+from msrr_bullet.reproduce.measures import paper_figures
+from msrr_bullet.reproduce.model import Measured, Row, Series, met_of, rate_of
 from msrr_bullet.reproduce.settings import PAPER_PACE, Setting
 from msrr_bullet.streams import stream
 from msrr_control.comparison_long import ComparisonLongLaw, ComparisonLongParams
@@ -69,15 +69,18 @@ def long_row(choice: Choice, label: str, setting: Setting, seeds: range) -> Row:
         "recovery": result.recovery_time(),
         "clearance": result.body_distance(_HALF_BODY, _HALF_BODY) - (setting.long_starts.obstacle_m or 0.0),
     }
-    met = np.ones(len(seeds), dtype=bool)
-    for key in ("tracking", "amplitude", "recovery"):
-        met &= found[key] <= (measure(key).paper_c1 or np.inf)
+    clear = found["clearance"] > 0.0
+    met = np.array(clear)
+    for what in paper_figures(("long",)):
+        # One still about its obstacle at the end of the arc has no tracking error, and does not meet its bound.
+        met &= found[what.key] <= (what.paper_c1 or np.inf)
     return Row(
         controller=choice.name,
         label=label,
         trials=len(seeds),
-        success=rate_of(found["clearance"] > 0.0),
+        success=rate_of(clear),
         measures={key: Measured.of(values) for key, values in found.items()},
+        met=met_of(found),
         within_paper=int(met.sum()),
     )
 

@@ -22,11 +22,16 @@ class MeasuredTrial(TrialResult):
 
     Attributes:
         measures: By key, see :mod:`msrr_bullet.reproduce.measures`, in SI.
-        kept_in_view: The target stayed in the outer cone during the last approach; None without one.
+        kept_in_view: Both edges of the target stayed in the field of view of the unit's camera in every
+            approach, from the hand-over to the contact, by truth; None without an approach.
+        kept_in_cone: The same of the outer bound of the line of sight, which is narrower.
+        code: :func:`msrr_bullet.provenance.code_fingerprint` in the process that ran it.
     """
 
     measures: dict[str, float] = Field(default_factory=dict)
     kept_in_view: bool | None = None
+    kept_in_cone: bool | None = None
+    code: str
 
 
 def record_trial(scene: Scene, seed: int) -> tuple[TrialResult, LongSeries | None, CloseSeries | None]:
@@ -57,17 +62,28 @@ def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
     if result.contact is not None:
         measures["lateral"], measures["yaw"] = result.contact.lateral_m, result.contact.yaw_rad
     values = {name: getattr(result, name) for name in TrialResult.model_fields}
-    kept = close.kept_in_view(scene.los.outer) if close is not None else None
-    return MeasuredTrial(**values, measures=measures, kept_in_view=kept)
+    half_fov = scene.cameras.onboard.pinhole.half_fov
+    return MeasuredTrial(
+        **values,
+        measures=measures,
+        kept_in_view=close.kept_within(half_fov) if close is not None else None,
+        kept_in_cone=close.kept_within(scene.los.outer) if close is not None else None,
+        code=code_fingerprint(scene),
+    )
 
 
 class Shelf:
-    """Keeps measured trials of one scene in a file of one JSON line each, so that a stopped run resumes."""
+    """Keeps measured trials of one scene in a file of one JSON line each, so that a stopped run resumes.
+
+    Trials are tied to the scene (all its values, URDFs and meshes) and to the code (every source file, the
+    versions of the packages): whatever of these differs, the trial is run again.
+    """
 
     def __init__(self, folder: Path, scene: Scene) -> None:
         """Use the file of this scene and this code in ``folder``."""
         folder.mkdir(parents=True, exist_ok=True)
-        self.path = folder / f"{scene_hash(scene)[:12]}-{code_fingerprint(scene)[:12]}.jsonl"
+        self._scene, self._code = scene_hash(scene), code_fingerprint(scene)
+        self.path = folder / f"{self._scene[:12]}-{self._code[:12]}.jsonl"
         if self.path.is_file():  # a killed run may have left half a line
             kept, newline, torn = self.path.read_bytes().rpartition(b"\n")
             if torn:
@@ -77,17 +93,33 @@ class Shelf:
         """Iterate over what is kept.
 
         Raises:
-            MsrrError: A line is no trial.
+            MsrrError: A line is no trial, or one of another scene or code.
         """
         if not self.path.is_file():
             return
         for number, line in enumerate(self.path.read_text(encoding="utf-8").splitlines(), start=1):
             try:
-                yield MeasuredTrial.model_validate_json(line)
+                trial = MeasuredTrial.model_validate_json(line)
             except ValidationError as error:
                 raise MsrrError(f"{self.path}:{number}: not a measured trial; remove the file") from error
+            if (trial.scene_hash, trial.code) != (self._scene, self._code):
+                raise MsrrError(f"{self.path}:{number}: a trial of another scene or code; remove the file")
+            yield trial
 
     def put(self, trial: MeasuredTrial) -> None:
-        """Keep a trial."""
+        """Keep a trial.
+
+        Raises:
+            MsrrError: It is of another scene, or of other code: a worker loads what is on disk when it
+                starts, which someone may have edited since this process did.
+        """
+        if trial.scene_hash != self._scene:
+            raise MsrrError(f"{self.path}: a trial of another scene does not belong here")
+        if trial.code != self._code:
+            raise MsrrError(
+                f"{trial.scene}, seed {trial.seed}: the code was changed while the trials ran. This one is not of"
+                " the same code as those before it, and is not kept; start again, from a copy of the project that"
+                " nobody edits"
+            )
         with self.path.open("a", encoding="utf-8") as file:
             file.write(trial.model_dump_json() + "\n")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -53,6 +54,9 @@ CLOSE = (
 
 MEASURES: dict[PhaseName, tuple[Measure, ...]] = {"long": LONG, "close": CLOSE}
 
+#: Figures that a trial has only if its path met an obstacle.
+OF_THE_OBSTACLE = ("amplitude", "recovery")
+
 #: Distance [m] below which an error counts as settled.
 SETTLED_M = 0.015
 
@@ -60,3 +64,8 @@ SETTLED_M = 0.015
 def measure(key: str) -> Measure:
     """Return the measure of that key."""
     return next(m for measures in MEASURES.values() for m in measures if m.key == key)
+
+
+def paper_figures(phases: Iterable[PhaseName]) -> tuple[Measure, ...]:
+    """Return the measures of these phases of which the paper gives a figure for its own law."""
+    return tuple(m for phase in phases for m in MEASURES[phase] if m.paper_c1 is not None)

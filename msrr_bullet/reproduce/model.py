@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from msrr_bullet.reproduce.measures import PhaseName
-from msrr_bullet.stats import Quantiles, Rate, quantiles
+from msrr_bullet.reproduce.measures import PhaseName, measure
+from msrr_bullet.stats import Quantiles, Rate, quantiles, wilson
 
 Array = NDArray[np.float64]
 
@@ -40,6 +40,13 @@ class Measured(_Part):
         return cls(values=kept, quantiles=quantiles(kept), count=len(kept))
 
 
+class Count(_Part):
+    """So many of so many trials."""
+
+    n: int
+    of: int
+
+
 class Row(_Part):
     """One controller in one setting.
 
@@ -49,10 +56,13 @@ class Row(_Part):
         trials: How many.
         success: Share that ended well: inside the mechanism's capture at the face (close), clear of the
             obstacle (long), docked by the judge's verdict (bullet).
-        in_view: Share that kept the target in the outer cone all the way; None where that means nothing.
+        in_view: Share whose camera had the target, both edges of it, in its field of view in every approach,
+            from the hand-over to the contact, by truth; None where that means nothing.
+        in_cone: Share that kept both edges within the outer bound of the line of sight, which is narrower.
         measures: By key, see :mod:`msrr_bullet.reproduce.measures`.
         outcomes: The judge's verdicts, where there is a judge.
-        within_paper: Trials that meet every figure of the paper, where each has them all.
+        met: Trials that meet the paper's figure of its own law, of those that have the measure, by key.
+        within_paper: Trials that ended well and meet every figure of the paper.
     """
 
     controller: str
@@ -60,8 +70,10 @@ class Row(_Part):
     trials: int
     success: Rate
     in_view: Rate | None = None
+    in_cone: Rate | None = None
     measures: dict[str, Measured]
     outcomes: dict[str, int] = {}
+    met: dict[str, Count] = {}
     within_paper: int | None = None
 
 
@@ -184,6 +196,15 @@ class Reproduction(_Part):
 
 def rate_of(flags: NDArray[np.bool_]) -> Rate:
     """Return the share of true flags with its interval."""
-    from msrr_bullet.stats import wilson
-
     return wilson(int(flags.sum()), int(flags.size))
+
+
+def met_of(values: Mapping[str, Iterable[float] | Array]) -> dict[str, Count]:
+    """Count which values meet the paper's figure of its own law, by key; NaN is a trial without a value."""
+    counts = {}
+    for key, found in values.items():
+        most = measure(key).paper_c1
+        if most is not None:
+            kept = [v for v in found if math.isfinite(v)]
+            counts[key] = Count(n=sum(v <= most for v in kept), of=len(kept))
+    return counts

@@ -11,6 +11,7 @@ from msrr_control.long_study import LongStartSet
 from msrr_control.path import PaceSpec
 from msrr_control.study import CLOSE, CLOSE_HARD, Disturbance, StartSet
 from msrr_scenes.load import load_scene
+from msrr_scenes.scene import Scene
 from msrr_scenes.spec import Spread
 from msrr_scenes.vehicle import LimitsSpec
 
@@ -50,10 +51,20 @@ class Setting:
         """The drive's limits."""
         return LimitsSpec.model_validate({"setting": self.limits})
 
+    @property
+    def scene(self) -> Scene:
+        """The shipped unit in front of a port, under these limits."""
+        return load_scene("close_range", {"limits.setting": self.limits})
+
     def dock_setup(self) -> DockSetup:
         """Return the facts of the shipped unit's docking step, under these limits."""
-        scene = load_scene("close_range", {"limits.setting": self.limits})
+        scene = self.scene
         return DockSetup.of(scene, scene.plan[0])
+
+    @property
+    def half_fov(self) -> float:
+        """Half the field of view of the shipped unit's camera [rad]."""
+        return self.scene.cameras.onboard.pinhole.half_fov
 
 
 _NOISE = Disturbance(sigma_xy_m=0.005, sigma_yaw_deg=1.0, delay_s=0.05, slip=0.02)

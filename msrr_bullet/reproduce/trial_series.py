@@ -16,12 +16,7 @@ from msrr_control.controller import ControlInputs, sense
 from msrr_control.law import DockSetup
 from msrr_control.line_of_sight import edge_angles
 from msrr_control.offset_point import offset_point
-from msrr_scenes.messages import (
-    Exposure,
-    Phase,
-    Pixels,
-    seconds,
-)
+from msrr_scenes.messages import Exposure, Phase, Pixels, seconds
 from msrr_scenes.pinhole import Window
 from msrr_scenes.scene import Scene
 
@@ -66,12 +61,15 @@ class SeriesRecorder:
 class CloseSeries:
     """The last approach of one trial, truth in D; from the hand-over to the first contact of the pins.
 
+    An approach begins when the target has been found and the docking law takes over.
+
     Attributes:
         time: From its beginning, shape (T,) [s].
         pose: True axle pose, shape (T, 3).
         tip: True controlled point, shape (T, 2) [m].
         reference: The guidance trajectory, worked out again from the estimates, shape (T, 2) [m].
-        edges: True line of sight, shape (T, 2) [rad].
+        edges: True angles of both edges of the target during this approach and those before it, each to its
+            end, shape (S, 2) [rad].
         command: (v, w), shape (T, 2).
     """
 
@@ -89,40 +87,57 @@ class CloseSeries:
         The guidance depends on estimates and line of sight alone, so the law gives it again from these.
         """
         step = scene.plan[-1]
-        attempts = [i.action.attempt for i in instants if i.action.phase is Phase.DOCK]
-        if not attempts:
+        way = [i for i in instants if i.action.phase is Phase.DOCK]
+        way = [i for i in way if {step.unit, step.target_unit} <= set(i.true)]
+        if not way:
             return None
-        run = [i for i in instants if i.action.phase is Phase.DOCK and i.action.attempt == attempts[-1]]
-        run = [i for i in run if i.estimate is not None and {step.unit, step.target_unit} <= set(i.true)]
-        if until_s is not None:
+        last = way[-1].action.attempt
+        earlier = [i for i in way if i.action.attempt != last]
+        run = [i for i in way if i.action.attempt == last]
+        # The pins may have touched in an earlier approach only; this one then counts to its end.
+        if until_s is not None and until_s >= seconds(run[0].action.stamp_ns):
             run = [i for i in run if seconds(i.action.stamp_ns) <= until_s]
-        if not run:
-            return None
         setup = DockSetup.of(scene, step)
         X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
-        pose = np.array(
-            [((i.true[step.target_unit] @ X_TD).inverse() @ i.true[step.unit]).as_array() for i in run]
-        )
+
+        def poses(of: list[Instant]) -> Array:
+            X_DU = [(i.true[step.target_unit] @ X_TD).inverse() @ i.true[step.unit] for i in of]
+            return np.array([X.as_array() for X in X_DU]).reshape(-1, 3)
+
+        seen = edge_angles(np.concatenate([poses(earlier), poses(run)]), setup.los, setup.camera_offset)
+        run = [i for i in run if i.estimate is not None]
+        if not run:
+            return None
+        pose = poses(run)
         time = np.array([seconds(i.action.stamp_ns) for i in run])
         return cls(
             time=time - time[0],
             pose=pose,
             tip=offset_point(pose, setup.offset),
             reference=_guidance(run, scene, setup),
-            edges=edge_angles(pose, setup.los, setup.camera_offset),
+            edges=seen,
             command=np.array([[i.action.twist.v, i.action.twist.w] for i in run]),
         )
 
     def measures(self, settled_m: float, window_s: float = 1.0) -> dict[str, float]:
-        """Return settling time and final error."""
-        off = np.hypot(*(self.tip - self.reference).T)
-        beyond = np.flatnonzero(off > settled_m)
-        settling = 0.0 if beyond.size == 0 else float(self.time[min(beyond[-1] + 1, len(off) - 1)])
-        late = self.time >= self.time[-1] - window_s
-        return {"settling": settling, "final": float(off[late].max())}
+        """Return settling time [s] and final error [m]; an approach that did not settle has no settling time.
 
-    def kept_in_view(self, bound: float) -> bool:
-        """Say whether both edges stayed within ``bound`` [rad]."""
+        Args:
+            settled_m: Distance of the tip from the guidance trajectory below which it counts as settled [m].
+            window_s: The final error is the largest one in this time before the end [s].
+        """
+        off = np.hypot(*(self.tip - self.reference).T)
+        late = self.time >= self.time[-1] - window_s
+        found = {"final": float(off[late].max())}
+        beyond = np.flatnonzero(off > settled_m)
+        if beyond.size == 0:
+            found["settling"] = 0.0
+        elif beyond[-1] + 1 < len(off):
+            found["settling"] = float(self.time[beyond[-1] + 1])
+        return found
+
+    def kept_within(self, bound: float) -> bool:
+        """Say whether both edges of the target stayed within ``bound`` [rad] in every approach."""
         return bool(np.abs(self.edges).max() <= bound)
 
 

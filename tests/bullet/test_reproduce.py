@@ -128,7 +128,7 @@ def test_trials_of_the_real_loop_are_measured(blind_loop: dict[str, str]) -> Non
     # The guidance worked out again ends beyond the face and starts beside the tip.
     assert abs(close.reference[0, 0] - close.tip[0, 0]) < 0.02
     assert np.all(np.diff(close.reference[:, 0]) >= -1e-12)
-    assert close.kept_in_view(scene.los.outer)
+    assert close.kept_within(scene.los.outer)
 
 
 def test_stopped_runs_resume(blind_loop: dict[str, str], tmp_path: Path) -> None:
@@ -142,7 +142,8 @@ def test_stopped_runs_resume(blind_loop: dict[str, str], tmp_path: Path) -> None
         file.write('{"half a li')  # what a kill leaves
     told: list[str] = []
     both = reproduce_bullet([experiment], range(2), tmp_path, tell=told.append)
-    assert told[0] == "short, C1: 1 of 2"
+    assert told[0] == "short, C1: 1 of 2 (1 of all 2)"
+    assert told[-1] == "short, C1: 2 of 2 (2 of all 2, about 0 s left)"
     row = both.tables[0].rows[0]
     assert (row.trials, row.outcomes, row.within_paper) == (2, {"docked": 2}, 2)
     assert row.measures["final"].values[0] == pytest.approx(first.measures["final"], abs=1e-6)
