@@ -16,6 +16,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from msrr_bullet.engine_urdf import read_urdf, weld
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.scene import Scene
 from msrr_scenes.se3 import SE3
@@ -93,7 +94,7 @@ def _plate_name(unit: str, slot: str) -> str:
 
 
 def build_unit_urdf(scene: Scene, unit: str, folder: Path, hidden: Collection[str] = ()) -> Path:
-    """Write a copy of a unit's URDF whose tag links show their plates; return its path.
+    """Write a copy of a unit's URDF that shows its plates, welded for the engine; return its path.
 
     Args:
         scene: Says which URDF, which ids and which sizes.
@@ -105,11 +106,7 @@ def build_unit_urdf(scene: Scene, unit: str, folder: Path, hidden: Collection[st
         GeometryError: A tag slot has no link in the URDF.
     """
     geometry = scene.geometry(unit)
-    tree = ElementTree.parse(geometry.urdf)
-    for element in tree.iter():
-        # The copy lies elsewhere, so what it names relative to itself has to be named in full.
-        if element.tag in ("mesh", "texture") and "filename" in element.attrib:
-            element.set("filename", str((geometry.urdf.parent / element.attrib["filename"]).resolve()))
+    tree = read_urdf(geometry.urdf)
     links = {e.attrib["name"]: e for e in tree.getroot().findall("link")}
     for slot, tag_id in scene.tag_ids(unit).items():
         if slot not in links:
@@ -119,6 +116,7 @@ def build_unit_urdf(scene: Scene, unit: str, folder: Path, hidden: Collection[st
         shown = None if unit in hidden else tag_id
         mesh, _ = write_plate(folder, _plate_name(unit, slot), scene.tag_size(slot), shown)
         _add_visual(links[slot], mesh)
+    weld(tree, geometry.mechanism)
     path = folder / f"{unit}.urdf"
     tree.write(path, encoding="utf-8", xml_declaration=True)
     return path
@@ -143,19 +141,20 @@ def apply_textures(client: int, body: int, scene: Scene, unit: str, folder: Path
         folder: As given to :func:`build_unit_urdf`.
 
     Raises:
-        GeometryError: The body lacks a tag link (loaded with merged fixed links, or from another file).
+        GeometryError: The body lacks a plate (it was loaded from another file).
     """
-    count = pybullet.getNumJoints(body, physicsClientId=client)
-    index = {pybullet.getJointInfo(body, i, physicsClientId=client)[12].decode(): i for i in range(count)}
-    shapes: dict[int, int] = {}
+    plates: dict[str, tuple[int, int]] = {}
+    count: dict[int, int] = {}
     for shape in pybullet.getVisualShapeData(body, physicsClientId=client):
-        shapes[shape[1]] = shapes.get(shape[1], 0) + 1
+        link, mesh = shape[1], shape[4].decode()
+        plates[mesh] = (link, count.setdefault(link, 0))
+        count[link] += 1
     for slot in scene.tag_ids(unit):
-        if slot not in index:
-            raise GeometryError(f"body {body} of unit {unit!r} has no link {slot!r}")
-        texture = folder / f"{_plate_name(unit, slot)}.png"
-        # The plate is the last visual of its link: build_unit_urdf appends it.
-        _set_texture(client, body, index[slot], shapes[index[slot]] - 1, texture)
+        name = _plate_name(unit, slot)
+        plate = plates.get(str((folder / f"{name}.obj").resolve()))
+        if plate is None:
+            raise GeometryError(f"body {body} of unit {unit!r} has no plate for {slot!r}")
+        _set_texture(client, body, *plate, folder / f"{name}.png")
 
 
 def load_tag_plate(client: int, folder: Path, tag_id: int, size: float, X_WT: SE3) -> int:

@@ -8,6 +8,7 @@ and bodies are created in the order of the scene.
 from __future__ import annotations
 
 import math
+import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from msrr_bullet.dressing import Dressing
+from msrr_bullet.engine_urdf import read_urdf, weld
 from msrr_scenes.bodies import CylinderSpec
 from msrr_scenes.errors import GeometryError, MsrrError, UnknownNameError
 from msrr_scenes.messages import Twist
@@ -36,6 +38,8 @@ GRAVITY_MPS2 = 9.80665
 FLOOR_FRICTION = 1.0
 OBSTACLE_FRICTION = 0.5
 OBSTACLE_RGBA = (0.55, 0.55, 0.55, 1.0)
+#: Converged, in contact: with 50 the pins of a unit that jams at the mouth are pressed in, and the target
+#: creeps away by millimetres; with 400 the median case moves by less than 0.1 mm against 150.
 SOLVER_ITERATIONS = 150
 #: Link index by which PyBullet names a body's root link.
 ROOT = -1
@@ -47,7 +51,8 @@ class UnitBody:
 
     Attributes:
         body: PyBullet's id.
-        links: Index of every link; the root link has :data:`ROOT`.
+        links: Index of every link that the engine knows (:mod:`msrr_bullet.engine_urdf` welds most of them);
+            the root link has :data:`ROOT`.
         geometry: Read from the unit's URDF.
         X_IU: Frame U seen from the root's *inertial* frame, which is what PyBullet calls the base pose.
         wheels: Indices of the left and the right wheel's joint.
@@ -78,10 +83,6 @@ class UnitBody:
         except KeyError:
             raise UnknownNameError("link", name, self.links) from None
 
-    def links_named(self, prefix: str) -> tuple[str, ...]:
-        """Return the names of the links that begin with ``prefix``, in the order of the URDF."""
-        return tuple(name for name in self.links if name.startswith(prefix))
-
 
 class BulletWorld:
     """Floor, units and obstacles of a scene.
@@ -110,6 +111,11 @@ class BulletWorld:
         self.units: dict[str, UnitBody] = {}
         self.obstacles: dict[str, int] = {}
         self._planar: dict[str, SE2] = {}
+        # Latest first; of those that appear together, the scene's first is last and comes first.
+        self._waiting = sorted(
+            ((spec.appears_at_s, name) for name, spec in reversed(scene.obstacles.items())),
+            key=lambda entry: -entry[0],
+        )
         self.client: int = pybullet.connect(pybullet.DIRECT)
         if self.client < 0:
             raise MsrrError("PyBullet gave no DIRECT client; too many are open in this process")
@@ -152,9 +158,9 @@ class BulletWorld:
 
     def reveal(self, now_s: float) -> None:
         """Put up the obstacles whose time has come and that are not there yet."""
-        for name, spec in self.scene.obstacles.items():
-            if name not in self.obstacles and spec.appears_at_s <= now_s:
-                self.obstacles[name] = self._add_obstacle(name)
+        while self._waiting and self._waiting[-1][0] <= now_s:
+            _, name = self._waiting.pop()
+            self.obstacles[name] = self._add_obstacle(name)
 
     def pose3(self, name: str) -> SE3:
         """Return the true ``X_WU``: the middle of the axle on the ground, pitch and roll included."""
@@ -185,8 +191,11 @@ class BulletWorld:
         )
 
     def link_pose(self, name: str, link: str) -> SE3:
-        """Return the true pose ``X_WL`` of a unit's link, joints included."""
+        """Return the true pose ``X_WL`` of a unit's link, joints included; of any link of its URDF."""
         unit = self.unit(name)
+        if link not in unit.links and link in unit.geometry.frames:
+            # Welded to the root: the wheels carry nothing.
+            return self.pose3(name) @ unit.geometry.frame(link)
         index = unit.link(link)
         if index == ROOT:
             return self.pose3(name) @ unit.geometry.frame(link)
@@ -260,8 +269,10 @@ class BulletWorld:
 
     def _add_unit(self, name: str, X_WU: SE2) -> None:
         geometry = self.scene.geometry(name)
-        urdf = self._dressing.unit_urdf(name) if self._dressing else geometry.urdf
-        body = _load(urdf, self.client)
+        if self._dressing:
+            body = _load(self._dressing.unit_urdf(name), self.client)
+        else:
+            body = _load_bare(geometry, self.client)
         root = pybullet.getBodyInfo(body, physicsClientId=self.client)[0].decode()
         links = {root: ROOT}
         for joint in range(pybullet.getNumJoints(body, physicsClientId=self.client)):
@@ -307,6 +318,15 @@ class BulletWorld:
         if self._dressing and spec.tag_id is not None:
             self._dressing.dress_obstacle(self.client, name, X_WB)
         return body
+
+
+def _load_bare(geometry: UnitGeometry, client: int) -> int:
+    tree = read_urdf(geometry.urdf)
+    weld(tree, geometry.mechanism)
+    with tempfile.TemporaryDirectory(prefix="msrr-") as folder:
+        path = Path(folder) / geometry.urdf.name
+        tree.write(path, encoding="utf-8", xml_declaration=True)
+        return _load(path, client)
 
 
 def _load(urdf: Path, client: int) -> int:

@@ -3,7 +3,9 @@
 A unit's URDF names the frames that matter as links: ``axle`` (frame U: on the ground under the middle of the
 axle, x forward), ``camera`` (x along the optical axis), ``port_<name>`` (on the ground under the port's
 face, x out of the face), ``tag_top`` and, for each passive port, ``port_<name>_marker_{left,middle,right}``
-(tag frames: x right, y down, z into the tag, as an onlooker sees it). Any URDF with these frames works.
+(tag frames: x right, y down, z into the tag, as an onlooker sees it). The lock needs the links
+``pin_{left,right}`` and, for each passive port, ``port_<name>_hole_{left,right}``: the bottoms of the holes. Any
+URDF with these frames works.
 """
 
 from __future__ import annotations
@@ -133,6 +135,11 @@ class UnitGeometry:
         return tuple(slots)
 
     @cached_property
+    def mechanism(self) -> tuple[str, ...]:
+        """Links of the lock: pins of the active port and bottoms of the holes of the passive ones."""
+        return tuple(name for name in self.frames if name.startswith("pin_") or "_hole_" in name)
+
+    @cached_property
     def footprint(self) -> Array:
         """Convex outline of all shapes on the ground, shape (N, 2) [m], counter-clockwise."""
         from scipy.spatial import ConvexHull
@@ -184,7 +191,8 @@ def obj_vertices(path: Path) -> Array:
     return np.array(rows, dtype=np.float64)
 
 
-def _origin(element: ElementTree.Element | None) -> SE3:
+def urdf_origin(element: ElementTree.Element | None) -> SE3:
+    """Return the pose in an ``<origin>`` of a URDF; the identity for None."""
     if element is None:
         return SE3()
     xyz = [float(a) for a in element.get("xyz", "0 0 0").split()]
@@ -193,7 +201,7 @@ def _origin(element: ElementTree.Element | None) -> SE3:
 
 
 def _solid(link: str, X_UL: SE3, collision: ElementTree.Element, folder: Path) -> Solid:
-    X_UG = X_UL @ _origin(collision.find("origin"))
+    X_UG = X_UL @ urdf_origin(collision.find("origin"))
     geometry = collision.find("geometry")
     shape = geometry[0] if geometry is not None and len(geometry) else None
     if shape is None:
@@ -236,7 +244,7 @@ def _read_tree(path: Path, root: ElementTree.Element) -> UnitGeometry:
         up, down = joint.find("parent"), joint.find("child")
         if up is None or down is None:
             raise GeometryError(f"{path}: joint {joint.get('name')!r} lacks a parent or a child")
-        parent[down.attrib["link"]] = (up.attrib["link"], _origin(joint.find("origin")))
+        parent[down.attrib["link"]] = (up.attrib["link"], urdf_origin(joint.find("origin")))
 
     def to_root(name: str) -> SE3:
         X, seen = SE3(), {name}

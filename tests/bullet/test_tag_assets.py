@@ -121,13 +121,14 @@ def test_every_slot_of_two_units_shows_its_own_tag(client: int, scene: Scene, tm
     }
     for unit, body in bodies.items():
         apply_textures(client, body, scene, unit, tmp_path)
-    links = {pybullet.getJointInfo(bodies["a"], i)[12].decode(): i for i in range(pybullet.getNumJoints(0))}
     for unit, body in bodies.items():
         ids = scene.tag_ids(unit)
         assert len(set(ids.values())) == 10
+        inertial = pybullet.getDynamicsInfo(body, -1)
+        X_RI = SE3.from_quaternion_xyzw(inertial[3], inertial[4])
+        X_WR = SE3.from_quaternion_xyzw(*pybullet.getBasePositionAndOrientation(body)) @ X_RI.inverse()
         for slot, tag_id in ids.items():
-            state = pybullet.getLinkState(body, links[slot], computeForwardKinematics=True)
-            X_WT = SE3.from_quaternion_xyzw(state[4], state[5])
+            X_WT = X_WR @ scene.geometry(unit).frame(slot)
             size = scene.tag_size(slot)
             distance = 3.0 * size
             image = renderer.render(CAMERA, look_at(X_WT, distance), CAMERA.frame)

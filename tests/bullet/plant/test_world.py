@@ -6,7 +6,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from msrr_bullet.world import BulletWorld
+from msrr_bullet.world import GRAVITY_MPS2, BulletWorld
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement import Placement
@@ -43,9 +43,9 @@ def test_units_stand_where_they_are_placed_not_their_centres_of_mass(world):
     assert world.wheel_angles("a") == pytest.approx((0.5, -0.5))
 
 
-def test_no_named_frame_is_merged_away_and_all_lie_where_the_urdf_says(world):
+def test_all_named_frames_lie_where_the_urdf_says(world):
     unit = world.unit("a")
-    assert set(unit.links) == set(unit.geometry.frames)
+    assert set(unit.links) < set(unit.geometry.frames), "most of them are welded"
     for link, X_UL in unit.geometry.frames.items():
         if not link.startswith("wheel"):
             close(world.link_pose("a", link), world.pose3("a") @ X_UL, 1e-6)
@@ -59,6 +59,25 @@ def test_every_setting_of_the_urdf_reaches_the_physics(world):
     }
     assert friction["caster_front"] == friction["caster_rear"] == 0.0
     assert friction["wheel_left"] == friction["wheel_right"] == 1.0
+    mechanism = set(world.unit("a").geometry.mechanism)
+    assert set(friction) - mechanism == {"base", "wheel_left", "wheel_right", "caster_front", "caster_rear"}
+    assert {friction[name] for name in ("base", *mechanism)} == {0.35}
+
+
+def test_the_wheels_carry_the_unit(world):
+    """Four points of contact share the load as the solver pleases; on the casters the wheels would slip."""
+    unit = world.unit("a")
+    for _ in range(120):
+        world.step()
+    contacts = pybullet.getContactPoints(bodyA=unit.body, bodyB=world.floor, physicsClientId=world.client)
+    load = sum(point[9] for point in contacts)
+    on_wheels = sum(point[9] for point in contacts if point[3] in unit.wheels)
+    mass = sum(
+        pybullet.getDynamicsInfo(unit.body, index, physicsClientId=world.client)[0]
+        for index in unit.links.values()
+    )
+    assert load == pytest.approx(mass * GRAVITY_MPS2, rel=1e-3)
+    assert on_wheels > 0.9 * load
 
 
 def test_a_unit_stands_still_and_level(world):
