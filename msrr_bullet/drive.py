@@ -14,6 +14,8 @@ from msrr_scenes.vehicle import LimitsSpec, WheelMotorSpec
 STANDSTILL_MPS = 1e-4
 STANDSTILL_RADPS = 1e-3
 
+_AT_REST = Twist()
+
 
 def wheel_speeds(twist: Twist, geometry: UnitGeometry) -> tuple[float, float]:
     """Return the speeds of the left and the right wheel [rad/s] that roll a unit along ``twist``."""
@@ -31,6 +33,8 @@ class LimitedDrive:
 
     def step(self, wish: Twist, dt: float) -> Twist:
         """Advance the speeds towards ``wish`` by ``dt`` [s] and return them."""
+        if self.speed == wish == _AT_REST:
+            return self.speed
         at = self._limits
         self.speed = Twist(
             nested_limit(self.speed.v, float(wish.v), at.v_max_mps, at.a_max_mps2, at.kappa_per_s, dt),
@@ -48,6 +52,7 @@ class WheelMotors:
         self._unit = unit
         self._torque = spec.torque_nm
         self._holding = spec.holding_torque_nm
+        self._told: tuple[tuple[float, float], float] | None = None
         self.drive(Twist())
 
     def drive(self, twist: Twist) -> None:
@@ -61,6 +66,9 @@ class WheelMotors:
         self._control((0.0, 0.0), 0.0)
 
     def _control(self, speeds: tuple[float, float], torque: float) -> None:
+        if (speeds, torque) == self._told:
+            return  # the engine keeps a motor's target until it gets another
+        self._told = (speeds, torque)
         for joint, speed in zip(self._unit.wheels, speeds, strict=True):
             pybullet.setJointMotorControl2(
                 self._unit.body,
