@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pybullet
 
-from msrr_bullet.world import UnitBody
+from msrr_bullet.unit_body import UnitBody
 from msrr_control.drive_limits import nested_limit
 from msrr_scenes.messages import Twist
 from msrr_scenes.unit_geometry import UnitGeometry

@@ -18,7 +18,8 @@ import pybullet
 from numpy.typing import NDArray
 
 from msrr_bullet.cam import CAM_REACH, PULL_SLACK, SWITCH_TRAVEL, Cam, PullResult
-from msrr_bullet.world import ROOT, BulletWorld, UnitBody
+from msrr_bullet.unit_body import ROOT, UnitBody
+from msrr_bullet.world import BulletWorld
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.messages import LockPosition
 from msrr_scenes.plan import DockStep

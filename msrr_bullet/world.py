@@ -8,12 +8,7 @@ and bodies are created in the order of the scene.
 from __future__ import annotations
 
 import math
-import tempfile
-from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
 from types import TracebackType
 
 import numpy as np
@@ -21,15 +16,14 @@ import pybullet
 from numpy.typing import NDArray
 
 from msrr_bullet.dressing import Dressing
-from msrr_bullet.engine_urdf import read_urdf, weld
+from msrr_bullet.unit_body import ROOT, UnitBody, load_unit
 from msrr_scenes.bodies import CylinderSpec
-from msrr_scenes.errors import GeometryError, MsrrError, UnknownNameError
+from msrr_scenes.errors import MsrrError, UnknownNameError
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement import Placement
 from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
 from msrr_scenes.se3 import SE3
-from msrr_scenes.unit_geometry import UnitGeometry
 
 Array = NDArray[np.float64]
 
@@ -41,47 +35,6 @@ OBSTACLE_RGBA = (0.55, 0.55, 0.55, 1.0)
 #: Converged, in contact: with 50 the pins of a unit that jams at the mouth are pressed in, and the target
 #: creeps away by millimetres; with 400 the median case moves by less than 0.1 mm against 150.
 SOLVER_ITERATIONS = 150
-#: Link index by which PyBullet names a body's root link.
-ROOT = -1
-
-
-@dataclass(frozen=True, eq=False)
-class UnitBody:
-    """A unit in the world.
-
-    Attributes:
-        body: PyBullet's id.
-        links: Index of every link that the engine knows (:mod:`msrr_bullet.engine_urdf` welds most of them);
-            the root link has :data:`ROOT`.
-        geometry: Read from the unit's URDF.
-        X_IU: Frame U seen from the root's *inertial* frame, which is what PyBullet calls the base pose.
-        wheels: Indices of the left and the right wheel's joint.
-    """
-
-    body: int
-    links: Mapping[str, int]
-    geometry: UnitGeometry
-    X_IU: SE3
-    wheels: tuple[int, int]
-
-    @cached_property
-    def origin(self) -> tuple[float, float, float]:
-        """Origin of U seen from the root's inertial frame [m]."""
-        x, y, z = self.X_IU.p.tolist()
-        return x, y, z
-
-    @cached_property
-    def forward(self) -> tuple[float, float, float]:
-        """Axis x of U seen from the root's inertial frame."""
-        x, y, z = self.X_IU.R[:, 0].tolist()
-        return x, y, z
-
-    def link(self, name: str) -> int:
-        """Return the index of a link; an unknown name lists the ones that exist."""
-        try:
-            return self.links[name]
-        except KeyError:
-            raise UnknownNameError("link", name, self.links) from None
 
 
 class BulletWorld:
@@ -268,23 +221,11 @@ class BulletWorld:
         return floor
 
     def _add_unit(self, name: str, X_WU: SE2) -> None:
-        geometry = self.scene.geometry(name)
-        if self._dressing:
-            body = _load(self._dressing.unit_urdf(name), self.client)
-        else:
-            body = _load_bare(geometry, self.client)
-        root = pybullet.getBodyInfo(body, physicsClientId=self.client)[0].decode()
-        links = {root: ROOT}
-        for joint in range(pybullet.getNumJoints(body, physicsClientId=self.client)):
-            links[pybullet.getJointInfo(body, joint, physicsClientId=self.client)[12].decode()] = joint
-        info = pybullet.getDynamicsInfo(body, ROOT, physicsClientId=self.client)
-        X_RI = SE3.from_quaternion_xyzw(info[3], info[4])
-        X_IU = X_RI.inverse() @ geometry.frame(root).inverse()
-        wheels = (links["wheel_left"], links["wheel_right"])
-        self.units[name] = UnitBody(body, links, geometry, X_IU, wheels)
+        copy = self._dressing.unit_urdf(name) if self._dressing else None
+        unit = self.units[name] = load_unit(self.client, self.scene.geometry(name), copy)
         self.place(name, X_WU, (0.0, 0.0))
         if self._dressing:
-            self._dressing.dress_unit(self.client, body, name)
+            self._dressing.dress_unit(self.client, unit.body, name)
 
     def _add_obstacle(self, name: str) -> int:
         spec = self.scene.obstacles[name]
@@ -318,22 +259,3 @@ class BulletWorld:
         if self._dressing and spec.tag_id is not None:
             self._dressing.dress_obstacle(self.client, name, X_WB)
         return body
-
-
-def _load_bare(geometry: UnitGeometry, client: int) -> int:
-    tree = read_urdf(geometry.urdf)
-    weld(tree, geometry.mechanism)
-    with tempfile.TemporaryDirectory(prefix="msrr-") as folder:
-        path = Path(folder) / geometry.urdf.name
-        tree.write(path, encoding="utf-8", xml_declaration=True)
-        return _load(path, client)
-
-
-def _load(urdf: Path, client: int) -> int:
-    try:
-        body: int = pybullet.loadURDF(
-            str(urdf), useFixedBase=False, flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client
-        )
-    except pybullet.error as error:
-        raise GeometryError(f"{urdf}: PyBullet cannot load this URDF ({error})") from None
-    return body

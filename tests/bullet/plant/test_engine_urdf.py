@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-import msrr_bullet.world
+import msrr_bullet.unit_body
 from msrr_bullet.bullet_plant import BulletPlant
 from msrr_bullet.engine_urdf import read_urdf, weld
 from msrr_bullet.world import BulletWorld
@@ -38,7 +38,7 @@ def driven(scene) -> np.ndarray:
 def test_a_welded_unit_moves_as_the_unwelded_one(two_units, monkeypatch) -> None:
     """Not bit for bit: the solver stops at a tolerance, and the slip of a tyre follows it."""
     welded = driven(two_units())
-    monkeypatch.setattr(msrr_bullet.world, "weld", lambda tree, apart: None)
+    monkeypatch.setattr(msrr_bullet.unit_body, "weld", lambda tree, apart: None)
     unwelded = driven(two_units())
     assert welded[0, -1] == 13
     assert unwelded[0, -1] == 35
