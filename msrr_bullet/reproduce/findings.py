@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from msrr_bullet.reproduce.gain_delay import LAWS
 from msrr_bullet.reproduce.measures import MEASURES, PhaseName, measure
-from msrr_bullet.reproduce.model import Ablations, GainDelayMap, Reproduction, Row, Table
+from msrr_bullet.reproduce.model import GainDelayMap, Reproduction, Row, Table
 from msrr_bullet.reproduce.settings import PAPER_TRAJECTORY
-from msrr_bullet.stats import Rate
+from msrr_bullet.stats import Rate, wilson
+from msrr_scenes.plan import ControlSpec
 
 #: Share of trials from which a cell of the map counts as docking.
 DOCKS = 0.95
@@ -68,21 +70,41 @@ def _of_the_map(found: Reproduction) -> list[Claim]:
 
 def _of_the_loop(found: Reproduction) -> list[Claim]:
     said = []
-    mission = found.table("close", "bullet", "whole mission")
-    row = _row(mission, "C1")
-    if row is not None and row.within_paper is not None:
-        text = f"{row.within_paper} of {row.trials}"
-        enough = row.within_paper >= 0.95 * row.trials
-        said.append(Claim("C1, whole mission, images: every figure of the paper in 95 %", text, enough))
+    tables = [found.table(phase, "bullet", "whole mission") for phase in _PHASES]
+    rows = {label: [r for r in (_row(t, label) for t in tables) if r is not None] for label in ("C1", "C2")}
+    if rows["C1"]:
+        one = rows["C1"][0]
+        n = one.within_paper or 0
+        text = "; ".join(f"{label}: {_within(of)}" for label, of in rows.items() if of)
+        said.append(
+            Claim(
+                "C1, whole mission, bullet and images: docked and every figure of the paper met in 95 %",
+                text,
+                n >= 0.95 * one.trials,
+            )
+        )
     hard = found.table("close", "bullet", "hard starts")
     row = _row(hard, "CBF")
-    if row is not None and row.in_view is not None:
-        text = f"{100 * row.in_view.rate:.0f} % kept in view, {100 * row.success.rate:.0f} % docked"
+    if hard is not None and row is not None and row.in_view is not None:
+        text = "; ".join(f"{r.label}: {_credentials(r)}" for r in hard.rows)
         enough = row.in_view.rate == 1.0 and row.success.rate >= 0.97
         said.append(
-            Claim("CBF, hard starts, images: target kept in view in all, docked in 97 %", text, enough)
+            Claim(
+                "CBF, hard starts, bullet and images: target kept in view in all, docked in 97 %",
+                text,
+                enough,
+            )
         )
     return said
+
+
+def _within(rows: Sequence[Row]) -> str:
+    """Return how many trials meet every figure of the paper, and how many each of them."""
+    rate = wilson(rows[0].within_paper or 0, rows[0].trials)
+    each = ", ".join(
+        f"{measure(key).label} {count.n} of {count.of}" for row in rows for key, count in row.met.items()
+    )
+    return f"{rows[0].within_paper} of {rows[0].trials} ({percent(rate)}): {each}"
 
 
 def _row(table: Table | None, label: str) -> Row | None:
@@ -103,20 +125,52 @@ def _counts(found: GainDelayMap) -> tuple[int, int, int]:
     )
 
 
-def map_text(found: Reproduction) -> str:
-    """Return what the maps show."""
+def map_text(found: Reproduction) -> list[str]:
+    """Return what the maps show, a paragraph each."""
     text = []
     for chart in found.maps:
         one, both, other = _counts(chart)
         all_cells = len(chart.gains) * len(chart.latencies)
         how = "With" if chart.compensated else "Without"
-        text.append(
+        said = (
             f"{how} delay compensation in the estimator, of {all_cells} pairs of gain and delay C1 and C2"
-            f" both dock in {both}, C1 alone in {one}, C2 alone in {other}."
+            f" both dock in {both}, C1 alone in {one}, C2 alone in {other}, neither in"
+            f" {all_cells - one - both - other} (to dock: in at least {100 * DOCKS:.0f} % of {chart.trials}"
+            " trials)."
         )
+        if both:
+            said += f" Both dock at {_region(chart, True, True)}."
+        if one:
+            said += f" C1 alone docks at {_region(chart, True, False)}."
         if not chart.compensated:
-            text.append(_where_the_paper_lies(chart))
-    return " ".join(text)
+            said += f" {_where_the_paper_lies(chart)}"
+        text.append(said)
+    return text
+
+
+def _region(chart: GainDelayMap, c1: bool, c2: bool) -> str:
+    """Return at which gains and total delays these dock, adjoining gains of the same delays together."""
+    spans: list[tuple[list[float], str]] = []
+    for i, gain in enumerate(chart.gains):
+        hits = [
+            chart.lag + latency
+            for j, latency in enumerate(chart.latencies)
+            if (chart.cells["c1"][i][j].success >= DOCKS, chart.cells["c2"][i][j].success >= DOCKS)
+            == (c1, c2)
+        ]
+        if not hits:
+            continue
+        low, high = (f"{1e3 * t:.0f}" for t in (hits[0], hits[-1]))
+        span = f"{low} ms" if low == high else f"{low} to {high} ms"
+        if spans and spans[-1][1] == span:
+            spans[-1][0].append(gain)
+        else:
+            spans.append(([gain], span))
+    return "; ".join(f"k_n = {_between(gains)} 1/s and {span}" for gains, span in spans)
+
+
+def _between(gains: Sequence[float]) -> str:
+    return f"{gains[0]:g}" if len(gains) == 1 else f"{gains[0]:g} .. {gains[-1]:g}"
 
 
 def _where_the_paper_lies(chart: GainDelayMap) -> str:
@@ -125,116 +179,88 @@ def _where_the_paper_lies(chart: GainDelayMap) -> str:
     c1, c2 = (1e3 * (chart.cells[law][i][j].final_p50_m or 0.0) for law in LAWS)
     final, total = measure("final"), latency + chart.lag
     lag_mm = 1e3 * PAPER_TRAJECTORY.speed_mps * latency
+    docks = [f"{law.upper()} docks in {100 * chart.cells[law][i][j].success:.0f} %" for law in LAWS]
     return (
         f"The paper states neither gain nor delay of its comparison. Its final errors of"
         f" {1e3 * (final.paper_c1 or 0.0):g} and {1e3 * (final.paper_c2 or 0.0):g} mm are most nearly those"
         f" at k_n = {gain:g} 1/s and a total delay of {1e3 * total:.0f} ms: {c1:.0f} and {c2:.0f} mm, of"
-        f" which the way driven during the latency makes {lag_mm:.0f} mm. There gain times delay is"
+        f" which the way driven during the latency makes {lag_mm:.0f} mm. There {' and '.join(docks)}; gain"
+        f" times delay is"
         f" {gain * total:.2f}"
         f" for C1 and {(gain + chart.extra_gain) * total:.2f} for C2, whose boundary layer adds"
         f" {chart.extra_gain:g} 1/s. Tuned more gently, both dock."
     )
 
 
-def ablation_text(found: Ablations) -> str:
-    """Say what C1 loses without each of its parts, in the setting in which it loses most."""
-    text = []
-    for k, variant in enumerate(found.tables[0].rows):
-        if k == 0:
-            continue
-        costs = []
-        for what, losses in _losses(found, k).items():
-            most, setting = max(losses)
-            if most >= 0.02:
-                costs.append(f"{100 * most:.0f} points of {what} ({setting})")
-        raised, label, setting = max(_raises(found, k))
-        if raised >= 1.1:
-            costs.append(f"{raised:.1f} times the 95th percentile of the {label} ({setting})")
-        nearer, setting = _clearance_lost(found, k)
-        if nearer >= 0.005:
-            costs.append(f"{1e3 * nearer:.0f} mm of the median clearance ({setting})")
-        name = variant.label[0].upper() + variant.label[1:]
-        text.append(f"{name}: {'; '.join(costs) if costs else 'nothing to speak of'}.")
-    return f"What C1 loses at worst. {' '.join(text)}"
-
-
-def _clearance_lost(found: Ablations, k: int) -> tuple[float, str]:
-    """Return by how much the median clearance of variant ``k`` is less at most than that of C1, and where."""
-    lost = [(0.0, "")]
-    for table in found.tables:
-        whole, without = (table.rows[i].measures.get("clearance") for i in (0, k))
-        if whole is None or without is None or without.quantiles.p50 is None or without.quantiles.p50 <= 0.0:
-            continue  # one that drives through the obstacle fails; that is said already
-        lost.append(((whole.quantiles.p50 or 0.0) - without.quantiles.p50, table.setting))
-    return max(lost)
-
-
-def _losses(found: Ablations, k: int) -> dict[str, list[tuple[float, str]]]:
-    """Return by how much variant ``k`` is worse than C1 in each setting, for each rate."""
-    good = "docking" if found.phase == "close" else "passing the obstacle"
-    losses = {good: [(t.rows[0].success.rate - t.rows[k].success.rate, t.setting) for t in found.tables]}
-    for table in found.tables:
-        whole, without = table.rows[0].in_view, table.rows[k].in_view
-        if whole is not None and without is not None:
-            losses.setdefault("keeping the target in view", []).append(
-                (whole.rate - without.rate, table.setting)
-            )
-    return losses
-
-
-def _raises(found: Ablations, k: int) -> list[tuple[float, str, str]]:
-    """Return the ratios of the 95th percentiles of variant ``k`` to those of C1, with measure and setting."""
-    ratios = []
-    for table in found.tables:
-        for what in MEASURES[found.phase]:
-            whole, without = (table.rows[i].measures[what.key].quantiles.p95 for i in (0, k))
-            if what.paper_c1 is not None and whole and without is not None:
-                ratios.append((without / whole, what.label, table.setting))
-    return ratios
-
-
-def winner_text(found: Reproduction) -> str:
-    """Name the docking controller that wins, by the hardest table at hand; nothing without one.
-
-    By docking rate, then by keeping the target in view, then by the lateral error at contact. Those whose two
-    rates cannot be told from the winner's (their intervals overlap) are named with it.
-    """
-    table = (
+def hardest(found: Reproduction) -> Table | None:
+    """Return the hardest table of the close phase at hand: by it the default controller is chosen."""
+    return (
         found.table("close", "bullet", "hard starts")
         or found.table("close", "unicycle", "wide")
         or found.table("close", "unicycle", "hard")
     )
+
+
+def winner_text(found: Reproduction) -> str:
+    """Name the default controllers, the docking controller that wins, and the evidence; nothing without any.
+
+    By docking rate, then by keeping the target in view, then by keeping it in the cone, then by the lateral
+    error at contact. Those whose rates cannot be told from the winner's (their intervals overlap) are named
+    with it.
+    """
+    table = hardest(found)
     if table is None:
         return ""
     ranked = sorted(table.rows, key=_merit, reverse=True)
     best = ranked[0]
     equal = [r for r in ranked[1:] if _alike(r, best)]
     others = [r for r in ranked[1:] if r not in equal]
+    shipped = ControlSpec()
+    default = _row(table, shipped.docking.name.upper())
     text = (
-        f"{table.description} ({table.plant}, {best.trials} trials): {best.label} wins by docking rate, then"
-        f" by keeping the target in view, then by the lateral error at contact ({_credentials(best)})."
+        f"The default docking controller is {shipped.docking.name.upper()}, the default of the long-distance"
+        f" phase {shipped.assembly.name.upper()}. The evidence ({table.plant}, {best.trials} trials;"
+        f" {table.description}): {best.label} wins by docking rate, then by keeping the target in view, then"
+        f" by keeping it in the cone, then by the lateral error at contact ({_credentials(best)})."
     )
+    if default is not None and default is not best:
+        place = "cannot be told from it" if default in equal else "is behind it"
+        text += f" The default {place}."
     if equal:
-        text += f" Its rates cannot be told from those of {'; '.join(map(_credentials, equal))}."
+        text += f" Its rates cannot be told from those of {_listed(equal)}."
     if others:
-        text += f" Behind it: {'; '.join(map(_credentials, others))}."
+        text += f" Behind it: {_listed(others)}."
     return text
 
 
-def _merit(row: Row) -> tuple[float, float, float]:
+def _listed(rows: Sequence[Row]) -> str:
+    return "; ".join(f"{r.label} ({_credentials(r)})" for r in rows)
+
+
+def _merit(row: Row) -> tuple[float, float, float, float]:
     lateral = row.measures["lateral"].quantiles.p95 if "lateral" in row.measures else None
-    return (row.success.rate, _view(row).rate, -(lateral if lateral is not None else float("inf")))
+    off = lateral if lateral is not None else float("inf")
+    return (row.success.rate, _known(row.in_view).rate, _known(row.in_cone).rate, -off)
 
 
 def _alike(row: Row, best: Row) -> bool:
-    return row.success.high >= best.success.low and _view(row).high >= _view(best).low
+    pairs = ((row.success, best.success), (row.in_view, best.in_view), (row.in_cone, best.in_cone))
+    return all(_known(a).high >= _known(b).low for a, b in pairs)
 
 
-def _view(row: Row) -> Rate:
-    return row.in_view if row.in_view is not None else Rate(rate=0.0, low=0.0, high=0.0)
+def _known(rate: Rate | None) -> Rate:
+    return rate if rate is not None else Rate(rate=0.0, low=0.0, high=0.0)
 
 
 def _credentials(row: Row) -> str:
+    rates = ((row.success, "docked"), (row.in_view, "in view"), (row.in_cone, "in the cone"))
+    said = [f"{percent(rate)} {what}" for rate, what in rates if rate is not None]
     lateral = row.measures["lateral"].quantiles.p95 if "lateral" in row.measures else None
-    off = "" if lateral is None else f", {1e3 * lateral:.2g} mm"
-    return f"{row.label} {100 * row.success.rate:.1f} % docked, {100 * _view(row).rate:.1f} % in view{off}"
+    if lateral is not None:
+        said.append(f"{1e3 * lateral:.2g} mm off at contact in 95 %")
+    return ", ".join(said)
+
+
+def percent(rate: Rate) -> str:
+    """Return a rate with its interval."""
+    return f"{100 * rate.rate:.1f} % ({100 * rate.low:.1f} .. {100 * rate.high:.1f})"

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
 
-from msrr_bullet.reproduce.findings import Claim, ablation_text, claims, map_text, winner_text
+from msrr_bullet.reproduce.ablation_findings import ablation_text
+from msrr_bullet.reproduce.findings import Claim, claims, map_text, percent, winner_text
 from msrr_bullet.reproduce.measures import MEASURES, Measure
 from msrr_bullet.reproduce.model import Reproduction, Row, Table
-from msrr_bullet.stats import Rate
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1b1f24; max-width: 76rem; margin: 2rem auto;
@@ -32,11 +32,18 @@ def write_report(found: Reproduction, figures: Mapping[str, Path], path: Path) -
         figures: PNG files by title, in the order in which they are shown; a title begins with its section.
         path: File to write.
     """
+    view = (
+        "<i>Kept in view</i>: both edges of the target stayed in the camera's field of view in every"
+        " approach, from the hand-over to the contact; <i>kept in the cone</i>: within the narrower outer"
+        " bound of the line of sight. Both by truth. Errors at contact: truth, when the pins first touch"
+        " (bullet) or the faces meet (unicycle)."
+    )
     parts = [
         "<h1>The paper's experiments, reproduced</h1>",
         "<p>Zheng, Jiang, Tan, Zhang, Ye, <i>Segmented Safety Docking Control for Mobile Self-Reconfigurable"
         " Robots</i>, beside this project's implementation of its law (C1), of its comparison (C2), and of"
         " other laws. Figures are median / 95th percentile; rates carry their 95 % Wilson interval.</p>",
+        f"<p>{view}</p>",
         f"<p class=note>{escape(_how(found))}</p>",
     ]
     said = claims(found)
@@ -47,14 +54,18 @@ def write_report(found: Reproduction, figures: Mapping[str, Path], path: Path) -
         parts.append(f"<p>{escape(winner)}</p>")
     parts += _tables(found, "unicycle", "Controllers beside the paper: ideal unicycles", figures)
     if found.maps:
-        parts += ["<h2>Gain and delay</h2>", f"<p>{escape(map_text(found))}</p>"]
+        parts.append("<h2>Gain and delay</h2>")
+        parts += [f"<p>{escape(text)}</p>" for text in map_text(found)]
         parts += _pictures(figures, "Gain and delay")
     if found.ablations:
         parts.append("<h2>What each part of C1 is worth</h2>")
         for ablation in found.ablations:
             parts.append(
-                f"<p>{escape(ablation.phase.capitalize())} phase. {escape(ablation_text(ablation))}</p>"
+                f"<p>{escape(ablation.phase.capitalize())} phase: of each figure, the setting in which it"
+                " changes most, where the 95 % intervals of C1 with and without the part have nothing in"
+                " common.</p>"
             )
+            parts.append(f"<ul>{''.join(f'<li>{escape(t)}</li>' for t in ablation_text(ablation))}</ul>")
             parts += _pictures(figures, f"Ablations, {ablation.phase}")
             parts += [_table(table) for table in ablation.tables]
     if found.panels:
@@ -116,7 +127,7 @@ def _table(table: Table) -> str:
     measures = [m for m in MEASURES[table.phase] if any(m.key in r.measures for r in table.rows)]
     shown = any(r.in_view is not None for r in table.rows)
     good = "docked" if table.plant == "bullet" or table.phase == "close" else "clear of the obstacle"
-    heads = ["", "trials", good, *(["kept in view"] if shown else [])]
+    heads = ["", "trials", good, *(["kept in view", "kept in the cone"] if shown else [])]
     heads += [f"{m.label} [{m.unit}]" for m in measures]
     heads += (
         ["within every figure of the paper"] if any(r.within_paper is not None for r in table.rows) else []
@@ -126,7 +137,7 @@ def _table(table: Table) -> str:
         _paper_cells("paper, C1", [m.paper_c1 for m in measures], measures, shown),
         _paper_cells("paper, C2", [m.paper_c2 for m in measures], measures, shown),
     ]
-    body = "".join("<tr>" + "".join(f"<td>{escape(c)}</td>" for c in row) + "</tr>" for row in rows)
+    body = "".join("<tr>" + "".join(_cell(c) for c in row) + "</tr>" for row in rows)
     head = "".join(f"<th>{escape(h)}</th>" for h in heads)
     title = f"<h3>{escape(table.phase)} phase, {escape(table.setting)}</h3>"
     note = f"<p class=note>{escape(table.description)}{escape(_outcomes(table))}</p>"
@@ -145,8 +156,8 @@ def _outcomes(table: Table) -> str:
 def _cells(row: Row, measures: Iterable[Measure], shown: bool) -> list[str]:
     cells = [row.label, str(row.trials), percent(row.success)]
     if shown:
-        cells.append(percent(row.in_view) if row.in_view is not None else "-")
-    cells += [two_quantiles(row, m) for m in measures]
+        cells += [percent(rate) if rate is not None else "-" for rate in (row.in_view, row.in_cone)]
+    cells += [_with_met(row, m) for m in measures]
     if row.within_paper is not None:
         cells.append(f"{row.within_paper} of {row.trials}")
     return cells
@@ -155,13 +166,20 @@ def _cells(row: Row, measures: Iterable[Measure], shown: bool) -> list[str]:
 def _paper_cells(
     label: str, values: list[float | None], measures: Iterable[Measure], shown: bool
 ) -> list[str]:
-    cells = [label, "1", "-", *(["-"] if shown else [])]
+    cells = [label, "1", "-", *(["-", "-"] if shown else [])]
     return cells + ["-" if v is None else f"{m.scale * v:.3g}" for v, m in zip(values, measures, strict=True)]
 
 
-def percent(rate: Rate) -> str:
-    """Return a rate with its interval."""
-    return f"{100 * rate.rate:.1f} % ({100 * rate.low:.1f} .. {100 * rate.high:.1f})"
+def _cell(text: str) -> str:
+    """Return a cell; what stands in a second line is a note to the first."""
+    first, _, note = text.partition("\n")
+    return f"<td>{escape(first)}{f'<br><small>{escape(note)}</small>' if note else ''}</td>"
+
+
+def _with_met(row: Row, what: Measure) -> str:
+    met = row.met.get(what.key)
+    text = two_quantiles(row, what)
+    return text if met is None else f"{text}\n{met.n} of {met.of} within the paper's"
 
 
 def two_quantiles(row: Row, what: Measure) -> str:

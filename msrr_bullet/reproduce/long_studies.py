@@ -72,7 +72,7 @@ def long_row(choice: Choice, label: str, setting: Setting, seeds: range) -> Row:
     clear = found["clearance"] > 0.0
     met = np.array(clear)
     for what in paper_figures(("long",)):
-        # One still about its obstacle at the end of the arc has no tracking error, and does not meet its bound.
+        # One still about its obstacle at the end of the arc has no tracking error: it does not meet that.
         met &= found[what.key] <= (what.paper_c1 or np.inf)
     return Row(
         controller=choice.name,

@@ -117,9 +117,9 @@ class Shelf:
             raise MsrrError(f"{self.path}: a trial of another scene does not belong here")
         if trial.code != self._code:
             raise MsrrError(
-                f"{trial.scene}, seed {trial.seed}: the code was changed while the trials ran. This one is not of"
-                " the same code as those before it, and is not kept; start again, from a copy of the project that"
-                " nobody edits"
+                f"{trial.scene}, seed {trial.seed}: the code was changed while the trials ran. This one is"
+                " not of the same code as those before it, and is not kept; start again, from a copy of the"
+                " project that nobody edits"
             )
         with self.path.open("a", encoding="utf-8") as file:
             file.write(trial.model_dump_json() + "\n")
