@@ -13,9 +13,10 @@ the separating axes of the polygons (Ericson, Real-Time Collision Detection, 200
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
+from operator import itemgetter
 
 import fcl
 import numpy as np
@@ -38,6 +39,11 @@ POINT_RADIUS = 1e-9
 TOUCHING = 1e-9
 #: How much wider than the gap between two supporting lines a distance may be and still be believed [m].
 CERTAIN = 1e-6
+#: What bounds from circles give away [m], so that neither rounding nor a sphere that stands for a point makes
+#: one larger than the distance that is measured.
+ROUNDING = 1e-8
+#: Orders (bound, one, other) by the bound alone.
+_by_bound = itemgetter(0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,35 +81,59 @@ def _spindle(core: Array) -> fcl.CollisionGeometry:
 
 
 class _PlacedPart:
-    """One part of a body with its FCL object, at the body's present pose."""
+    """One part of a body at the body's present pose; its FCL object follows when it is measured."""
 
     def __init__(self, part: Part) -> None:
         self.part = part
         self.radius = part.radius
         self.circumradius = part.circumradius
+        # Two or eight points: plain floats are faster than arrays.
+        self._core: list[list[float]] = part.core.tolist()
+        self.middle: list[float] = part.centre.tolist()
         # A sphere lies about its own origin, so a disc's centre goes into the placement instead.
-        self._offset = part.core[0] if len(part.core) == 1 else np.zeros(2)
-        self.object = fcl.CollisionObject(_spindle(part.core), fcl.Transform())
-        self.centre = (0.0, 0.0)
-        self.pose = SE2()
+        self._offset = self._core[0] if len(self._core) == 1 else [0.0, 0.0]
+        self._object = fcl.CollisionObject(_spindle(part.core), fcl.Transform())
+        self._left_behind = False
+        self.place(SE2(), 1.0, 0.0)
 
-    def place(self, X_WB: SE2) -> None:
-        c, s = math.cos(X_WB.yaw), math.sin(X_WB.yaw)
-        ox, oy = self._offset
-        self.object.setTransform(
-            fcl.Transform(
-                np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]),
-                np.array([X_WB.x + c * ox - s * oy, X_WB.y + s * ox + c * oy, 0.0]),
-            )
-        )
-        mx, my = self.part.centre
-        self.centre = (X_WB.x + c * mx - s * my, X_WB.y + s * mx + c * my)
-        self.pose = X_WB
+    def place(self, X_WB: SE2, c: float, s: float) -> None:
+        """Move to a pose whose heading has the cosine ``c`` and the sine ``s``."""
+        mx, my = self.middle
+        self.x, self.y = X_WB.x + c * mx - s * my, X_WB.y + s * mx + c * my
+        self._pose, self._c, self._s = X_WB, c, s
+        self._left_behind = True
+
+    @property
+    def object(self) -> fcl.CollisionObject:
+        """The FCL object, at the present pose."""
+        if self._left_behind:
+            X, c, s = self._pose, self._c, self._s
+            ox, oy = self._offset
+            rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            place = np.array([X.x + c * ox - s * oy, X.y + s * ox + c * oy, 0.0])
+            self._object.setTransform(fcl.Transform(rotation, place))
+            self._left_behind = False
+        return self._object
+
+    def core(self) -> Array:
+        """Return the core's vertices in W, shape (N, 2) [m]."""
+        return self._pose.act(self.part.core)
+
+    def corners(self) -> list[Point]:
+        """Return the same as points."""
+        X, c, s = self._pose, self._c, self._s
+        return [(X.x + c * x - s * y, X.y + s * x + c * y) for x, y in self._core]
+
+    def front(self, nx: float, ny: float) -> float:
+        """Return how far the core reaches along a direction of W, from W's origin [m]."""
+        c, s = self._c, self._s
+        bx, by = c * nx + s * ny, c * ny - s * nx
+        return self._pose.x * nx + self._pose.y * ny + max([x * bx + y * by for x, y in self._core])
 
     def bound(self, other: _PlacedPart) -> float:
         """Return a distance [m] that the two parts have at least, from the circles about them."""
-        apart = math.hypot(self.centre[0] - other.centre[0], self.centre[1] - other.centre[1])
-        return apart - self.circumradius - other.circumradius
+        apart = math.hypot(self.x - other.x, self.y - other.y)
+        return apart - self.circumradius - other.circumradius - ROUNDING
 
 
 class _Body:
@@ -112,44 +142,46 @@ class _Body:
     def __init__(self, name: str, parts: Sequence[Part]) -> None:
         self.name = name
         self.parts = tuple(_PlacedPart(part) for part in parts)
-        self._pose: SE2 | None = None
+        self._reach = max(math.hypot(*part.middle) + part.circumradius for part in self.parts)
+        self._pose = SE2()
 
     def place(self, X_WB: SE2) -> None:
-        if self._pose != X_WB:
-            for part in self.parts:
-                part.place(X_WB)
-            self._pose = X_WB
+        if self._pose is X_WB or self._pose == X_WB:
+            return
+        c, s = math.cos(X_WB.yaw), math.sin(X_WB.yaw)
+        for part in self.parts:
+            part.place(X_WB, c, s)
+        self._pose = X_WB
+
+    def bound(self, other: _Body) -> float:
+        """Return a distance [m] that the two bodies have at least, from the circles about them."""
+        apart = math.hypot(self._pose.x - other._pose.x, self._pose.y - other._pose.y)
+        return apart - self._reach - other._reach - ROUNDING
 
 
-def _overlap(a: _PlacedPart, b: _PlacedPart) -> tuple[float, Array, Array, Array]:
-    """Return two cores' overlap [m], the direction (2,) from a to b, and their deepest points (2,) in W."""
-    p, q = a.pose.act(a.part.core), b.pose.act(b.part.core)
-    axes = [np.empty((0, 2))]
-    for core, sign in ((p, 1.0), (q, -1.0)):
-        if len(core) > 1:
-            edge = np.roll(core, -1, axis=0) - core
-            normal = np.column_stack([edge[:, 1], -edge[:, 0]])
-            axes.append(sign * normal / np.linalg.norm(normal, axis=1, keepdims=True))
-    n = np.concatenate(axes)
-    if not len(n):  # two centres in one place: every direction is as good
-        return 0.0, np.array([1.0, 0.0]), p[0], q[0]
-    best = int(np.argmin((p @ n.T).max(axis=0) - (q @ n.T).min(axis=0)))
-    normal, tangent = n[best], np.array([-n[best, 1], n[best, 0]])
-    front, back = float((p @ normal).max()), float((q @ normal).min())
+def _overlap(p: Sequence[Point], q: Sequence[Point]) -> tuple[float, Point, Point, Point]:
+    """Return two cores' overlap [m], the direction from ``p`` to ``q`` and their deepest points, in W."""
+    best: tuple[float, float, float] | None = None
+    for own, other, sign in ((p, q, 1.0), (q, p, -1.0)):
+        for (x, y), (x_next, y_next) in pairwise((*own, own[0])):
+            ex, ey = x_next - x, y_next - y
+            length = math.sqrt(ex * ex + ey * ey)
+            if length == 0.0:  # a point has no edges
+                continue
+            nx, ny = ey / length, -ex / length  # outwards: the edge's own side reaches farthest along it
+            depth = nx * x + ny * y - min([nx * u + ny * v for u, v in other])
+            if best is None or depth < best[0]:
+                best = (depth, sign * nx, sign * ny)
+    if best is None:  # two centres in one place: every direction is as good
+        return 0.0, (1.0, 0.0), p[0], q[0]
+    depth, nx, ny = best
     # Each core is deepest in a vertex or along an edge; the points lie face to face where the two overlap.
-    deepest_a, deepest_b = p[p @ normal >= front - TOUCHING], q[q @ normal <= back + TOUCHING]
-    along = np.array([[np.min(d @ tangent), np.max(d @ tangent)] for d in (deepest_a, deepest_b)])
-    middle = 0.5 * (along[:, 0].max() + along[:, 1].min()) * tangent
-    return front - back, normal, middle + front * normal, middle + back * normal
-
-
-def _is_certain(p: Array, q: Array, distance: float, direction: Array) -> bool:
-    """Say whether two cores (N, 2) in W are as far apart as found: no point of either lies in between.
-
-    FCL's search ends early where two shapes face each other to within micrometres, up to 95 mm too far apart.
-    """
-    gap = float((q @ direction).min() - (p @ direction).max())
-    return gap >= distance - CERTAIN
+    front, back = max([nx * x + ny * y for x, y in p]), min([nx * x + ny * y for x, y in q])
+    along_p = [nx * y - ny * x for x, y in p if nx * x + ny * y >= front - TOUCHING]
+    along_q = [nx * y - ny * x for x, y in q if nx * x + ny * y <= back + TOUCHING]
+    middle = 0.5 * (max(min(along_p), min(along_q)) + min(max(along_p), max(along_q)))
+    deepest_p = (front * nx - middle * ny, front * ny + middle * nx)
+    return front - back, (nx, ny), deepest_p, (back * nx - middle * ny, back * ny + middle * nx)
 
 
 def _nearest_points(p: Array, q: Array) -> tuple[float, Array, Array]:
@@ -172,20 +204,21 @@ def _measure(a: _PlacedPart, b: _PlacedPart) -> tuple[float, Point, Point]:
     result = fcl.DistanceResult()
     distance = fcl.distance(a.object, b.object, fcl.DistanceRequest(enable_nearest_points=True), result)
     if distance > TOUCHING:
-        core_a, core_b = (np.asarray(p[:2]) for p in result.nearest_points)
-        direction = (core_b - core_a) / distance
-        p, q = a.pose.act(a.part.core), b.pose.act(b.part.core)
-        if not _is_certain(p, q, distance, direction):
-            distance, core_a, core_b = _nearest_points(p, q)
-            direction = (core_b - core_a) / distance
+        (ax, ay, _), (bx, by, _) = (p.tolist() for p in result.nearest_points)
+        nx, ny = (bx - ax) / distance, (by - ay) / distance
+        # FCL's search ends early where two shapes face each other to within micrometres, up to 95 mm too far
+        # apart. The cores are as far apart as found if no point of either lies in between.
+        if -b.front(-nx, -ny) - a.front(nx, ny) < distance - CERTAIN:
+            distance, core_a, core_b = _nearest_points(a.core(), b.core())
+            (ax, ay), (bx, by) = core_a.tolist(), core_b.tolist()
+            nx, ny = (bx - ax) / distance, (by - ay) / distance
     else:
-        depth, direction, core_a, core_b = _overlap(a, b)
+        depth, (nx, ny), (ax, ay), (bx, by) = _overlap(a.corners(), b.corners())
         distance = -depth
-    point_a, point_b = core_a + a.radius * direction, core_b - b.radius * direction
     return (
         float(distance) - a.radius - b.radius,
-        (float(point_a[0]), float(point_a[1])),
-        (float(point_b[0]), float(point_b[1])),
+        (ax + a.radius * nx, ay + a.radius * ny),
+        (bx - b.radius * nx, by - b.radius * ny),
     )
 
 
@@ -231,37 +264,47 @@ class ClearanceModel:
         return tuple(sorted((c for c in found if c is not None), key=lambda c: c.distance))
 
     def minimum(self, poses: Mapping[str, SE2], exempt: Collection[Pair] = frozenset()) -> Clearance | None:
-        """Return the smallest clearance, or None when there is no pair; cheaper than all of :meth:`query`.
+        """Return the smallest clearance, cheaper than by :meth:`query`; None when there is no pair."""
+        return self._smallest(self._pairs(poses, exempt))
 
-        Pairs are taken in the order of what the circles about them promise, until none can be nearer.
+    def nearest(self, name: str, X_WB: SE2, others: Mapping[str, SE2]) -> Clearance | None:
+        """Return the smallest clearance of one body, of pose ``X_WB``, from others; None if there are none.
+
+        Raises:
+            UnknownNameError: A body that the scene does not have.
         """
+        own = self._placed(name, X_WB)
+        return self._smallest((own, self._placed(other, X)) for other, X in others.items())
+
+    def _placed(self, name: str, X_WB: SE2) -> _Body:
+        body = self._bodies.get(name)
+        if body is None:
+            raise UnknownNameError("body", name, self._bodies)
+        body.place(X_WB)
+        return body
+
+    def _pairs(self, poses: Mapping[str, SE2], exempt: Collection[Pair]) -> Iterator[tuple[_Body, _Body]]:
+        present = [self._placed(name, X_WB) for name, X_WB in poses.items()]
+        for a, b in combinations(present, 2):
+            if a.name in self._fixed and b.name in self._fixed:
+                continue
+            if not exempt or frozenset((a.name, b.name)) not in exempt:
+                yield a, b
+
+    def _smallest(self, pairs: Iterable[tuple[_Body, _Body]]) -> Clearance | None:
+        """Take pairs in the order of what the circles about them promise, until none can be nearer."""
         best: Clearance | None = None
-        bounded = [
-            (min(p.bound(q) for p in a.parts for q in b.parts), a, b) for a, b in self._pairs(poses, exempt)
-        ]
-        for bound, a, b in sorted(bounded, key=lambda entry: entry[0]):
+        for bound, a, b in sorted(((a.bound(b), a, b) for a, b in pairs), key=_by_bound):
             if best is not None and bound >= best.distance:
                 break
             best = self._between(a, b, best.distance if best else math.inf) or best
         return best
 
-    def _pairs(self, poses: Mapping[str, SE2], exempt: Collection[Pair]) -> Iterator[tuple[_Body, _Body]]:
-        present = []
-        for name, X_WB in poses.items():
-            if name not in self._bodies:
-                raise UnknownNameError("body", name, self._bodies)
-            self._bodies[name].place(X_WB)
-            present.append(name)
-        for a, b in combinations(present, 2):
-            if not ({a, b} <= self._fixed or frozenset((a, b)) in exempt):
-                yield self._bodies[a], self._bodies[b]
-
     @staticmethod
     def _between(a: _Body, b: _Body, below: float) -> Clearance | None:
         """Return the clearance of two placed bodies, or None when it is not below ``below`` [m]."""
         best: Clearance | None = None
-        bounded = [(p.bound(q), p, q) for p in a.parts for q in b.parts]
-        for bound, p, q in sorted(bounded, key=lambda entry: entry[0]):
+        for bound, p, q in sorted(((p.bound(q), p, q) for p in a.parts for q in b.parts), key=_by_bound):
             if bound >= below:
                 break
             distance, point_a, point_b = _measure(p, q)

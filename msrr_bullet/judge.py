@@ -167,27 +167,29 @@ class Judge:
         """
         docking = action.phase in _DOCKING
         poses = self._stage.poses()
-        # Units that were locked together by an earlier step are one body.
-        found = self._stage.clearance.query(poses, self._stage.bonds)
         at = self.port_pose()
         self._gap = at.gap
-        authorised = docking and at.in_zone
-        for clearance in found:
-            own_pair = clearance.pair == self._pair
-            if clearance.distance <= 0.0 and not (own_pair and authorised):
-                return Outcome.COLLISION, clearance
-            if own_pair and docking:
-                continue
-            if self.min_clearance is None or clearance.distance < self.min_clearance:
-                self.min_clearance = clearance.distance
-            if clearance.distance < self._scene.judge.min_clearance_m:
-                return Outcome.CLEARANCE_VIOLATED, clearance
+        model, bonds = self._stage.clearance, self._stage.bonds
+        # Units that were locked together by an earlier step are one body.
+        first = nearest = model.minimum(poses, bonds)
+        if nearest is not None and docking and nearest.pair == self._pair:
+            if nearest.distance <= 0.0 and not at.in_zone:
+                return Outcome.COLLISION, nearest
+            nearest = model.minimum(poses, {*bonds, self._pair})
+        # All other pairs are at least as far apart: what holds of this one holds of them.
+        if nearest is not None:
+            if nearest.distance <= 0.0:
+                return Outcome.COLLISION, nearest
+            if self.min_clearance is None or nearest.distance < self.min_clearance:
+                self.min_clearance = nearest.distance
+            if nearest.distance < self._scene.judge.min_clearance_m:
+                return Outcome.CLEARANCE_VIOLATED, nearest
         arena = self._scene.arena
         for unit in self._scene.units:
             X_WU = poses[unit]
             if not (arena.x_m[0] <= X_WU.x <= arena.x_m[1] and arena.y_m[0] <= X_WU.y <= arena.y_m[1]):
-                return Outcome.LEFT_ARENA, found[0] if found else None
-        return None, found[0] if found else None
+                return Outcome.LEFT_ARENA, first
+        return None, first
 
     def verdict_docked(self, seating: Seating | None, engaged: bool, pull_passed: bool) -> Outcome:
         """Return the verdict on a robot that says it is docked."""

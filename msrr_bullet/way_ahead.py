@@ -64,8 +64,6 @@ class Surroundings:
         ]
         bodies = [b for b in known if b.name != exempt]
         self._poses = {b.name: b.X_WB for b in bodies}
-        names = list(self._poses)
-        self._unasked = frozenset(frozenset((a, b)) for i, a in enumerate(names) for b in names[i + 1 :])
         own = _variance(situation.own.covariance, self.reach)
         others = max((_variance(b.covariance, reaches[b.name]) for b in bodies), default=0.0)
         #: Standard deviation of the distance between the unit and what is known least of the others [m].
@@ -80,7 +78,7 @@ class Surroundings:
 
     def clearance(self, X_WU: SE2) -> Clearance | None:
         """Return the smallest clearance of the unit at ``X_WU``; None when there is nothing around it."""
-        return self._model.minimum({self._own: X_WU @ _ASIDE, **self._poses}, self._unasked)
+        return self._model.nearest(self._own, X_WU @ _ASIDE, self._poses)
 
     def distance(self, X_WU: SE2) -> float:
         """Return the same as a number [m]; infinite when there is nothing around the unit."""

@@ -165,10 +165,15 @@ def test_minimum_is_the_first_of_all_pairs():
         everything = model.query(poses)
         assert len(everything) == 14  # 15 pairs less the one of two fixed bodies
         assert [c.distance for c in everything] == sorted(c.distance for c in everything)
-        assert model.minimum(poses).distance == pytest.approx(everything[0].distance, abs=1e-12)
+        assert (
+            model.minimum(poses) == everything[0]
+        )  # to the bit: what may be nearer is measured, not guessed
         exempt = {everything[0].pair}
         assert exempt.isdisjoint({c.pair for c in model.query(poses, exempt)})
-        assert model.minimum(poses, exempt).distance == pytest.approx(everything[1].distance, abs=1e-12)
+        assert model.minimum(poses, exempt) == everything[1]
+        others = {name: X for name, X in poses.items() if name != "a"}
+        assert model.nearest("a", poses["a"], others) == next(c for c in everything if "a" in c.pair)
+    assert model.nearest("a", SE2(), {}) is None
 
 
 def test_footprint_of_the_unit_is_the_shadow_of_all_its_solids():
