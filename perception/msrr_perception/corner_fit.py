@@ -13,11 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_perception.tag_camera import YAW, project_with_jacobian
+from msrr_perception.kernels.fit import fit
+from msrr_perception.tag_camera import YAW
 from msrr_perception.target import TargetModel
 from msrr_scenes.messages import Array
-
-_MAX_DAMPING = 1e9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,42 +82,23 @@ def fit_corners(
 
     Returns:
         The best state found, with its covariance about that state.
+
+    Raises:
+        numpy.linalg.LinAlgError: Corners and prior together do not fix every direction of the state.
     """
-    n = start.shape[0]
     weight = 1.0 / (corners.sigma_px * corners.sigma_px)
-    state, damping, converged = start.copy(), 0.0, False
-    H, g, chi2, cost = _linearise(target, corners, state, prior_mean, prior_information, weight)
-    for _ in range(max_iterations):
-        step = np.linalg.solve(H + np.diag(damping * np.diagonal(H)) if damping else H, g)
-        if float(step @ H @ step) < tolerance * tolerance * n:
-            converged = True
-            break
-        trial = state + step
-        new = _linearise(target, corners, trial, prior_mean, prior_information, weight)
-        if new[3] <= cost:
-            state, damping = trial, 0.1 * damping if damping > 1e-6 else 0.0
-            H, g, chi2, cost = new
-        else:
-            damping = max(10.0 * damping, 1e-3)
-            if damping > _MAX_DAMPING:
-                break
+    state, covariance, chi2, cost, converged, solvable = fit(
+        target.optics,
+        corners.points_D,
+        corners.pixels,
+        weight,
+        start,
+        prior_mean,
+        prior_information,
+        max_iterations,
+        tolerance,
+    )
+    if not solvable:
+        raise np.linalg.LinAlgError("corners and prior leave a direction of the state open")
     state[YAW] = math.remainder(state[YAW], 2.0 * math.pi)
-    covariance = np.linalg.inv(H)
-    return CornerFit(state, 0.5 * (covariance + covariance.T), chi2, cost, converged)
-
-
-def _linearise(
-    target: TargetModel, corners: Corners, state: Array, mean: Array, information: Array, weight: float
-) -> tuple[Array, Array, float, float]:
-    """Return Hessian, descent direction, chi2 and cost at ``state``."""
-    predicted, J = project_with_jacobian(target, state[:5], corners.points_D)
-    residual = corners.pixels - predicted
-    d = deviation(state, mean)
-    pull = information @ d
-    H = information.copy()
-    JT = J.T * weight
-    H[:5, :5] += JT @ J
-    g = -pull
-    g[:5] += JT @ residual
-    chi2 = weight * float(residual @ residual)
-    return H, g, chi2, chi2 + float(d @ pull)
+    return CornerFit(state, covariance, chi2, cost, converged)

@@ -16,8 +16,8 @@ from scipy.stats import chi2
 
 from msrr_perception.corner_fit import Corners, fit_corners
 from msrr_perception.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise, consistent_pose, gather_corners
+from msrr_perception.kernels.fit import gate_distances
 from msrr_perception.motion import DEFAULT_NOISE, STATE_SIZE, DriveMotion, FilterState, MotionNoise
-from msrr_perception.tag_camera import project_with_jacobian
 from msrr_perception.target import TargetModel
 from msrr_perception.wheel_history import WheelHistory
 from msrr_scenes.errors import SceneError
@@ -265,11 +265,14 @@ class CornerEkf:
 
     def _gate(self, prior: FilterState, corners: Corners) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Say of each tag, shape (tags,), whether its corners lie where the prediction allows them."""
-        predicted, J = project_with_jacobian(self.target, prior.mean[:5], corners.points_D)
-        r = (corners.pixels - predicted).reshape(-1, 8, 1)
-        J = J.reshape(-1, 8, 5)
-        S = J @ prior.covariance[:5, :5] @ J.transpose(0, 2, 1) + corners.sigma_px**2 * np.eye(8)
-        distance: Array = (r * np.linalg.solve(S, r)).sum(axis=(1, 2))
+        distance: Array = gate_distances(
+            self.target.optics,
+            corners.points_D,
+            corners.pixels,
+            corners.sigma_px,
+            prior.mean,
+            prior.covariance,
+        )
         return distance <= self._tag_gate
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from msrr_perception.kernels.drive import Drive, drive_along
 from msrr_perception.target import TargetModel
 from msrr_perception.wheel_history import WheelAngles, WheelHistory
 from msrr_scenes.messages import Array, seconds
@@ -86,13 +88,22 @@ class DriveMotion:
     """
 
     def __init__(self, target: TargetModel, odometry: OdometrySpec, noise: MotionNoise) -> None:
-        self._radius = target.wheel_radius
-        self._track = target.track
-        self._front = target.front
-        self._noise = noise
         self._scale_sigma = max(odometry.scale_error, _LEAST_SCALE_SIGMA)
-        # Encoder noise grows with the angle turned, so it has the form of slip.
-        self._wheel_variance = noise.slip**2 + odometry.noise_rad**2 * self._radius
+        self._drive = Drive(
+            radius=target.wheel_radius,
+            track=target.track,
+            front=target.front,
+            contact_zone=noise.contact_zone,
+            # Encoder noise grows with the angle turned, so it has the form of slip.
+            wheel_variance=noise.slip**2 + odometry.noise_rad**2 * target.wheel_radius,
+            sideways=noise.sideways**2,
+            contact=noise.contact**2,
+            guidance=noise.guidance**2,
+            drift=noise.drift**2,
+            turn_drift=noise.turn_drift**2,
+            tilt=noise.tilt_sigma**2,
+            tilt_time=noise.tilt_time,
+        )
 
     def initial(
         self, stamp_ns: int, mean: Array, covariance: Array, wheels: WheelAngles | None
@@ -110,79 +121,23 @@ class DriveMotion:
             return state
         wheels = state.wheels or history.at(state.stamp_ns)
         if wheels is None:
-            return self._wait(state, stamp_ns)
-        mean, P = state.mean.copy(), state.covariance
-        before_ns = state.stamp_ns
+            return self._moved(state, stamp_ns, [(0.0, 0.0, seconds(stamp_ns - state.stamp_ns))], None)
+        steps, before_ns = [], state.stamp_ns
         for now in history.way(state.stamp_ns, stamp_ns):
-            P = self._step(
-                mean, P, now.left - wheels.left, now.right - wheels.right, seconds(now.stamp_ns - before_ns)
-            )
+            dt = seconds(now.stamp_ns - before_ns)
+            steps.append((now.left - wheels.left, now.right - wheels.right, dt))
             wheels, before_ns = now, now.stamp_ns
-        return replace(state, stamp_ns=stamp_ns, mean=mean, covariance=P, wheels=wheels)
+        return self._moved(state, stamp_ns, steps, wheels)
 
-    def _wait(self, state: FilterState, stamp_ns: int) -> FilterState:
-        mean = state.mean.copy()
-        P = self._step(mean, state.covariance, 0.0, 0.0, seconds(stamp_ns - state.stamp_ns))
-        return replace(state, stamp_ns=stamp_ns, mean=mean, covariance=P)
-
-    def _step(self, mean: Array, P: Array, left: float, right: float, dt: float) -> Array:
-        """Move ``mean`` in place by wheel angles [rad]; return the new covariance."""
-        noise = self._noise
-        x, y, yaw, _, _, scale_left, scale_right = mean.tolist()
-        d_left, d_right = self._radius * left, self._radius * right
-        turn = (d_right * (1.0 + scale_right) - d_left * (1.0 + scale_left)) / self._track
-        forward = 0.5 * (d_right * (1.0 + scale_right) + d_left * (1.0 + scale_left))
-        half = 0.5 * turn
-        chord = forward * (math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
-        c, s = math.cos(yaw + half), math.sin(yaw + half)
-        keep = math.exp(-dt / noise.tilt_time)
-
-        F = np.eye(STATE_SIZE)
-        F[0, 2], F[1, 2] = -chord * s, chord * c
-        for column, sign, d in ((5, -1.0, d_left), (6, 1.0, d_right)):
-            turn_rate = sign * d / self._track
-            F[0, column] = 0.5 * (d * c - chord * s * turn_rate)
-            F[1, column] = 0.5 * (d * s + chord * c * turn_rate)
-            F[2, column] = turn_rate
-        F[3, 3] = F[4, 4] = keep
-        P_new: Array = F @ P @ F.T
-        at_port = -x - self._front < noise.contact_zone
-        P_new[:3, :3] += self._slip(abs(d_left), abs(d_right), c, s, dt, at_port)
-        P_new[3, 3] += (1.0 - keep * keep) * noise.tilt_sigma**2
-        P_new[4, 4] += (1.0 - keep * keep) * noise.tilt_sigma**2
-
-        mean[0], mean[1] = x + chord * c, y + chord * s
-        mean[2] = math.remainder(yaw + turn, 2.0 * math.pi)
-        mean[3:5] *= keep
-        return P_new
-
-    def _slip(self, left: float, right: float, c: float, s: float, dt: float, at_port: bool) -> Array:
-        """Return the covariance that one step adds to (x, y, yaw), shape (3, 3).
-
-        Args:
-            left: Way of the left wheel, not negative [m].
-            right: Way of the right wheel [m].
-            c: Cosine of the heading.
-            s: Its sine.
-            dt: Duration [s].
-            at_port: The wheels may spin, and the holes guide the pins.
-        """
-        noise, way = self._noise, 0.5 * (left + right)
-        rest = noise.drift**2 * dt
-        per_wheel, forward, side = self._wheel_variance, rest, noise.sideways**2 * way + rest
-        if at_port:
-            per_wheel += noise.guidance**2
-            forward += noise.contact**2 * way
-            side += noise.guidance**2 * way
-        v_left, v_right = per_wheel * left, per_wheel * right
-        forward += 0.25 * (v_left + v_right)
-        turn = (v_left + v_right) / self._track**2 + noise.turn_drift**2 * dt
-        both = 0.5 * (v_right - v_left) / self._track  # forward and turn together
-        cross = c * s * (forward - side)
-        return np.array(
-            [
-                [c * c * forward + s * s * side, cross, c * both],
-                [cross, s * s * forward + c * c * side, s * both],
-                [c * both, s * both, turn],
-            ]
+    def _moved(
+        self,
+        state: FilterState,
+        stamp_ns: int,
+        steps: Sequence[tuple[float, float, float]],
+        wheels: WheelAngles | None,
+    ) -> FilterState:
+        """Return the belief after ``steps``: angles turned left and right [rad], time taken [s]."""
+        mean, P = drive_along(
+            state.mean, state.covariance, np.array(steps, dtype=np.float64).reshape(-1, 3), self._drive
         )
+        return FilterState(stamp_ns, mean, P, wheels, state.last_seen_ns, state.rejected)

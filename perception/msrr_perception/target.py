@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from msrr_perception.kernels.project import Optics
 from msrr_scenes.errors import SceneError
 from msrr_scenes.los_geometry import LosSpec
 from msrr_scenes.messages import Array
@@ -99,6 +100,13 @@ class TargetModel:
     def X_CU(self) -> SE3:
         """U in the camera's optical frame."""
         return self.X_UC.inverse()
+
+    @cached_property
+    def optics(self) -> Optics:
+        """Camera and mounting as the kernels want them."""
+        return Optics(
+            np.array(self.X_CU.R), np.array(self.X_UC.p), self.camera.focal, self.camera.cx, self.camera.cy
+        )
 
     @cached_property
     def edge_points_D(self) -> Array:

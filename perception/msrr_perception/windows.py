@@ -11,14 +11,11 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from msrr_perception.tag_camera import NEAREST_M, pose_vector, project_with_jacobian
+from msrr_perception.kernels.project import expect
+from msrr_perception.tag_camera import pose_vector
 from msrr_perception.target import TargetModel
 from msrr_scenes.messages import Array, PoseEstimate
 from msrr_scenes.pinhole import Window
-from msrr_scenes.se3 import SE3
 
 _TILE = 4
 
@@ -67,11 +64,19 @@ class ExpectedTag:
 
     def box(self, policy: WindowPolicy, widen: float = 1.0) -> Window:
         """Return the pixels that should hold the tag; ``widen`` scales all its margins."""
-        edges = np.sqrt(((self.pixels - self.pixels[[3, 0, 1, 2]]) ** 2).sum(axis=1))
-        room = widen * (
-            policy.sigmas * self.sigma + policy.margin_px + policy.quiet_zone * float(edges.max())
-        )
-        return Window.around(np.concatenate([self.pixels - room, self.pixels + room]), 0.0)
+        places = self.pixels.tolist()
+        longest = max(math.dist(a, b) for a, b in zip(places, places[1:] + places[:1], strict=True))
+        room = policy.margin_px + policy.quiet_zone * longest
+        x0, y0, x1, y1 = math.inf, math.inf, -math.inf, -math.inf
+        for (u, v), (sigma_u, sigma_v) in zip(places, self.sigma.tolist(), strict=True):
+            room_u, room_v = (
+                widen * (policy.sigmas * sigma_u + room),
+                widen * (policy.sigmas * sigma_v + room),
+            )
+            x0, x1 = min(x0, u - room_u), max(x1, u + room_u)
+            y0, y1 = min(y0, v - room_v), max(y1, v + room_v)
+        x, y = math.floor(x0), math.floor(y0)
+        return Window(x, y, math.ceil(x1) - x + 1, math.ceil(y1) - y + 1)
 
 
 def expected_tags(
@@ -81,27 +86,18 @@ def expected_tags(
 
     What other bodies may hide is not known here; a tag that is hidden is simply not found.
     """
-    X_CD = target.X_CU @ SE3.from_se2(prediction.X_DU).inverse()
-    p_C = X_CD.act(target.all_corners_D)  # (tags, 4, 3)
-    seen = (p_C[:, :, 2].min(axis=1) >= NEAREST_M) & _face_camera(p_C)
-    if not seen.any():
-        return ()
-    tags = [tag for tag, shown in zip(target.tags, seen.tolist(), strict=True) if shown]
-    flat, J = project_with_jacobian(
-        target, pose_vector(prediction.X_DU), target.all_corners_D[seen].reshape(-1, 3)
+    camera = target.camera
+    pixels, sigma, expected = expect(
+        target.optics,
+        camera.width,
+        camera.height,
+        pose_vector(prediction.X_DU),
+        prediction.covariance,
+        target.all_corners_D,
+        policy.least_edge_px,
     )
-    pixels = flat.reshape(-1, 4, 2)
-    edges = np.sqrt(((pixels - pixels[:, [3, 0, 1, 2]]) ** 2).sum(axis=2))
-    low, high = pixels.min(axis=1), pixels.max(axis=1)
-    fits = (
-        (low >= -0.5).all(axis=1)
-        & (high <= [target.camera.width - 0.5, target.camera.height - 0.5]).all(axis=1)
-        & (edges.min(axis=1) >= policy.least_edge_px)
-    )
-    J_pose = J[:, :3]
-    variance = ((J_pose @ prediction.covariance) * J_pose).sum(axis=1)
-    sigma = np.sqrt(np.maximum(variance, 0.0)).reshape(-1, 4, 2)
-    return tuple(ExpectedTag(tag, pixels[i], sigma[i]) for i, tag in enumerate(tags) if fits[i])
+    shown = zip(target.tags, expected.tolist(), strict=True)
+    return tuple(ExpectedTag(tag, pixels[i], sigma[i]) for i, (tag, fits) in enumerate(shown) if fits)
 
 
 def choose_tags(
@@ -126,12 +122,13 @@ def choose_tags(
         return ()
     start = turn % len(first)
     chosen: list[ExpectedTag] = []
-    taken: tuple[Window, ...] = ()
+    frame = target.camera.frame
+    taken: list[_Box] = []
 
-    def take(tag: ExpectedTag, room_px: float) -> tuple[Window, ...]:
-        """Take a tag if there is room; return the windows that hold all tags taken so far."""
-        more = merged_windows([*taken, tag.box(policy)], target.camera.frame, policy)
-        if sum(w.area for w in more) > room_px:
+    def take(tag: ExpectedTag, room_px: float) -> list[_Box]:
+        """Take a tag if there is room; return the boxes that hold all tags taken so far."""
+        more = _merged([*taken, *_fitted(tag.box(policy), frame)], policy.merge_px)
+        if sum((x_end - x) * (y_end - y) for x, y, x_end, y_end in more) > room_px:
             return taken
         chosen.append(tag)
         return more
@@ -154,49 +151,55 @@ def plan_windows(
     return merged_windows((e.box(policy, widen) for e in tags), target.camera.frame, policy)
 
 
+#: First column and row of a window, and those after its last; cheaper than objects in the loops below.
+_Box = tuple[int, int, int, int]
+
+
 def fitting_window(window: Window, frame: Window) -> Window | None:
     """Return ``window`` grown to whole tiles and cut to ``frame``; None when they have no pixel in common."""
-    x, y = math.floor(window.x / _TILE) * _TILE, math.floor(window.y / _TILE) * _TILE
-    x_end, y_end = math.ceil(window.x_end / _TILE) * _TILE, math.ceil(window.y_end / _TILE) * _TILE
-    return Window(x, y, x_end - x, y_end - y).intersection(frame)
+    for x, y, x_end, y_end in _fitted(window, frame):
+        return Window(x, y, x_end - x, y_end - y)
+    return None
 
 
 def merged_windows(boxes: Iterable[Window], frame: Window, policy: WindowPolicy) -> tuple[Window, ...]:
     """Return the boxes cut to the frame, with those joined that are cheaper to look at as one."""
-    fitted = (fitting_window(box, frame) for box in boxes)
-    windows = [w for w in fitted if w is not None]
+    fitted = [fit for box in boxes for fit in _fitted(box, frame)]
+    merged = _merged(fitted, policy.merge_px)
+    return tuple(Window(x, y, x_end - x, y_end - y) for x, y, x_end, y_end in merged)
+
+
+def _fitted(window: Window, frame: Window) -> tuple[_Box, ...]:
+    """Return the box of ``window`` grown to whole tiles and cut to ``frame``; none when nothing is left."""
+    x, y = max(window.x // _TILE * _TILE, frame.x), max(window.y // _TILE * _TILE, frame.y)
+    x_end = min(-(-(window.x + window.width) // _TILE) * _TILE, frame.x + frame.width)
+    y_end = min(-(-(window.y + window.height) // _TILE) * _TILE, frame.y + frame.height)
+    return ((x, y, x_end, y_end),) if x < x_end and y < y_end else ()
+
+
+def _merged(boxes: list[_Box], merge_px: int) -> list[_Box]:
+    """Join boxes as long as that adds fewer pixels than ``merge_px``, cheapest first; sorted by place."""
+    boxes = list(boxes)
     while True:
-        best: tuple[int, int, int] | None = None
-        for i, a in enumerate(windows):
-            for j in range(i + 1, len(windows)):
-                b = windows[j]
-                x, y = min(a.x, b.x), min(a.y, b.y)
-                joined = (max(a.x_end, b.x_end) - x) * (max(a.y_end, b.y_end) - y)
-                added = joined - a.area - b.area
-                if added < policy.merge_px and (best is None or added < best[0]):
-                    best = (added, i, j)
+        least, best = merge_px, None
+        for i, (ax, ay, ax_end, ay_end) in enumerate(boxes):
+            area = (ax_end - ax) * (ay_end - ay)
+            for j in range(i + 1, len(boxes)):
+                bx, by, bx_end, by_end = boxes[j]
+                x, y = ax if ax < bx else bx, ay if ay < by else by
+                x_end, y_end = ax_end if ax_end > bx_end else bx_end, ay_end if ay_end > by_end else by_end
+                added = (x_end - x) * (y_end - y) - area - (bx_end - bx) * (by_end - by)
+                if added < least:
+                    least, best = added, (i, j, (x, y, x_end, y_end))
         if best is None:
-            return tuple(sorted(windows, key=lambda w: (w.x, w.y)))
-        _, i, j = best
-        both = _union(windows[i], windows[j])
-        windows = [*(w for k, w in enumerate(windows) if k not in (i, j)), both]
-
-
-def _union(a: Window, b: Window) -> Window:
-    x, y = min(a.x, b.x), min(a.y, b.y)
-    return Window(x, y, max(a.x_end, b.x_end) - x, max(a.y_end, b.y_end) - y)
-
-
-def _face_camera(p_C: Array) -> NDArray[np.bool_]:
-    """Say of which tags, corners (tags, 4, 3), the printed side is seen: z of T points into the tag."""
-    a, b = p_C[:, 1] - p_C[:, 0], p_C[:, 0] - p_C[:, 3]
-    normal = a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
-    seen: NDArray[np.bool_] = (normal * p_C.sum(axis=1)).sum(axis=1) > 0.0
-    return seen
+            return sorted(boxes)
+        i, j, joined = best
+        boxes = [*(box for k, box in enumerate(boxes) if k not in (i, j)), joined]
 
 
 def pose_is_known(prediction: PoseEstimate, position_m: float, yaw: float) -> bool:
     """Say whether every direction of the prediction is known better than ``position_m`` and ``yaw`` [rad]."""
     P = prediction.covariance
-    largest = float(np.linalg.eigvalsh(P[:2, :2])[-1])
-    return largest < position_m**2 and float(P[2, 2]) < yaw**2
+    (xx, xy, _), (_, yy, _), (_, _, turn) = P.tolist()
+    largest = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)  # eigenvalue of the position's part
+    return bool(largest < position_m**2 and turn < yaw**2)

@@ -1,9 +1,8 @@
-"""Parts of the raster renderer: faces, textures, mesh files, the folder of compiled code, patterns."""
+"""Parts of the raster renderer: faces, textures, mesh files, patterns."""
 
 from __future__ import annotations
 
 import math
-import os
 import struct
 from pathlib import Path
 
@@ -14,7 +13,6 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from msrr_bullet.render.floor import Floor, concrete_floor
-from msrr_bullet.render.raster import compiled
 from msrr_bullet.render.raster.assembly import assemble
 from msrr_bullet.render.raster.faces import faces_of
 from msrr_bullet.render.raster.ground import ground_of
@@ -253,52 +251,3 @@ def test_samples_share_no_row_and_no_column_and_have_no_bias(samples: int) -> No
             squares.append(error**2)
     assert worst < {16: 0.11, 32: 0.075}[samples]
     assert math.sqrt(np.mean(squares)) < {16: 0.031, 32: 0.0185}[samples]
-
-
-# --- where compiled code is kept ---------------------------------------------------------------------------
-
-
-@pytest.fixture
-def folder_of(monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
-    def find(**environment: str) -> Path:
-        for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME", "TMPDIR"):
-            monkeypatch.delenv(name, raising=False)
-        for name, value in environment.items():
-            monkeypatch.setenv(name, value)
-        monkeypatch.setattr("tempfile.tempdir", environment.get("TMPDIR"))
-        return compiled.cache_folder.__wrapped__()
-
-    return find
-
-
-def test_the_folder_of_compiled_code_is_the_users(folder_of, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    given, cache, home, temporary = (tmp_path / n for n in ("given", "cache", "home", "tmp"))
-    blocked = tmp_path / "file"
-    blocked.write_text("")
-    temporary.mkdir()
-    assert folder_of(NUMBA_CACHE_DIR=str(given), HOME=str(home)).parent == given
-    assert folder_of(XDG_CACHE_HOME=str(cache), HOME=str(home)).parent == cache / "msrr-bullet"
-    assert folder_of(HOME=str(home)).parent == home / ".cache" / "msrr-bullet"
-    fallback = folder_of(XDG_CACHE_HOME=str(blocked), TMPDIR=str(temporary))
-    assert fallback.parent == temporary / f"msrr-bullet-{os.getuid()}"
-    # Nobody else may put code there for us to run.
-    assert fallback.stat().st_mode & 0o077 == 0
-    fallback.chmod(0o777)
-    private = folder_of(XDG_CACHE_HOME=str(blocked), TMPDIR=str(temporary))
-    assert private.parent == temporary
-    assert private.stat().st_mode & 0o077 == 0
-
-
-def test_an_edited_kernel_is_compiled_anew(
-    folder_of, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:  # type: ignore[no-untyped-def]
-    before = folder_of(NUMBA_CACHE_DIR=str(tmp_path))
-    copy = tmp_path / "sources"
-    copy.mkdir()
-    for source in compiled._SOURCES.glob("*.py"):
-        (copy / source.name).write_bytes(source.read_bytes())
-    monkeypatch.setattr(compiled, "_SOURCES", copy)
-    assert folder_of(NUMBA_CACHE_DIR=str(tmp_path)) == before
-    with (copy / "settle.py").open("a") as file:
-        file.write("# edited\n")
-    assert folder_of(NUMBA_CACHE_DIR=str(tmp_path)) != before

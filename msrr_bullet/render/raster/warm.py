@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from msrr_bullet.render.floor import Floor
-from msrr_bullet.render.raster.compiled import cache_folder, is_compiled
+from msrr_bullet.render.raster.compiled import compiler
 from msrr_bullet.render.raster.ground import ground_of
 from msrr_bullet.render.raster.look import Look
 from msrr_bullet.render.raster.mesh import box
@@ -27,9 +27,10 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     Args:
         announce: Is told, in words, before a compilation begins. A load from disk is not worth a word.
     """
-    if not is_compiled():
+    if not compiler.is_compiled():
         announce(
-            f"Compiling the raster renderer, once for this version (about ten seconds), into {cache_folder()}"
+            "Compiling the raster renderer, once for this version (about ten seconds), into "
+            f"{compiler.folder}"
         )
     plain = Floor((np.zeros((1, 1), dtype=np.float32),), period=1.0, wall=0.0)
     maker = PictureMaker([Look(0, SE3(), box(np.ones(3)), grey=1.0)], movers=1)

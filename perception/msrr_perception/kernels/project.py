@@ -1,0 +1,154 @@
+"""Projection of the target's points, with derivatives; the geometry is that of :mod:`..tag_camera`."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from msrr_perception.kernels.compiled import inlined, kernel
+from msrr_scenes.messages import Array
+
+#: Points nearer to the image plane than this have no usable projection [m].
+NEAREST_M = 0.01
+
+
+class Optics(NamedTuple):
+    """A camera on its unit, as kernels want it."""
+
+    R_CU: Array  # (3, 3)
+    p_UC: Array  # (3,) [m]
+    focal: float  # [px]
+    cx: float
+    cy: float
+
+
+@inlined
+def project_into(optics: Optics, pose: Array, points: Array, pixels: Array, J: Array) -> None:
+    """Write pixels, shape (2 N,), and their derivatives by the pose, shape (2 N, 5).
+
+    Args:
+        optics: The camera.
+        pose: ``(x, y, yaw, pitch, roll)``, or more entries, which are not looked at.
+        points: In D, shape (N, 3) [m].
+        pixels: Written.
+        J: Written.
+    """
+    x, y = pose[0], pose[1]
+    cy, sy = math.cos(pose[2]), math.sin(pose[2])
+    cp, sp = math.cos(pose[3]), math.sin(pose[3])
+    cr, sr = math.cos(pose[4]), math.sin(pose[4])
+    R, p, f = optics.R_CU, optics.p_UC, optics.focal
+    # Columns: the point with the tilt undone, then its derivative by each entry of the pose.
+    q = np.empty((3, 6))
+    for i in range(points.shape[0]):
+        dx, dy, z = points[i, 0] - x, points[i, 1] - y, points[i, 2]
+        wx, wy = cy * dx + sy * dy, cy * dy - sy * dx
+        for k in range(5):
+            if k == 0:
+                a, b, c = wx, wy, z
+            elif k == 1:
+                a, b, c = -cy, sy, 0.0
+            elif k == 2:
+                a, b, c = -sy, -cy, 0.0
+            elif k == 3:
+                a, b, c = wy, -wx, 0.0
+            else:  # d(Ry^T w) / dpitch, pulled back through Ry
+                a, b, c = -z, 0.0, wx
+            q[0, k] = cp * a - sp * c
+            q[1, k] = sr * sp * a + cr * b + sr * cp * c
+            q[2, k] = cr * sp * a - sr * b + cr * cp * c
+        q[0, 5], q[1, 5], q[2, 5] = 0.0, q[2, 0], -q[1, 0]
+        for k in range(3):
+            q[k, 0] -= p[k]
+        inverse = 1.0 / max(R[2, 0] * q[0, 0] + R[2, 1] * q[1, 0] + R[2, 2] * q[2, 0], NEAREST_M)
+        u = (R[0, 0] * q[0, 0] + R[0, 1] * q[1, 0] + R[0, 2] * q[2, 0]) * inverse
+        v = (R[1, 0] * q[0, 0] + R[1, 1] * q[1, 0] + R[1, 2] * q[2, 0]) * inverse
+        pixels[2 * i], pixels[2 * i + 1] = f * u + optics.cx, f * v + optics.cy
+        scale = f * inverse
+        for k in range(1, 6):
+            gx = R[0, 0] * q[0, k] + R[0, 1] * q[1, k] + R[0, 2] * q[2, k]
+            gy = R[1, 0] * q[0, k] + R[1, 1] * q[1, k] + R[1, 2] * q[2, k]
+            gz = R[2, 0] * q[0, k] + R[2, 1] * q[1, k] + R[2, 2] * q[2, k]
+            J[2 * i, k - 1] = scale * (gx - u * gz)
+            J[2 * i + 1, k - 1] = scale * (gy - v * gz)
+
+
+@kernel
+def project_with_jacobian(optics: Optics, pose: Array, points: Array) -> tuple[Array, Array]:
+    """Return pixels, shape (2 N,), and their derivatives by the pose, shape (2 N, 5)."""
+    n = points.shape[0]
+    pixels, J = np.empty(2 * n), np.empty((2 * n, 5))
+    project_into(optics, pose, points, pixels, J)
+    return pixels, J
+
+
+@kernel
+def expect(
+    optics: Optics,
+    width: int,
+    height: int,
+    pose: Array,
+    covariance: Array,
+    corners: Array,
+    least_edge: float,
+) -> tuple[Array, Array, Array]:
+    """Predict how tags appear.
+
+    Args:
+        optics: The camera.
+        width: Of the image [px].
+        height: Of the image [px].
+        pose: ``(x, y, yaw, pitch, roll)``.
+        covariance: Of (x, y, yaw), shape (3, 3).
+        corners: Of all tags in D, shape (T, 4, 3) [m].
+        least_edge: Shortest edge that is read [px].
+
+    Returns:
+        Pixels and their standard deviations, each (T, 4, 2), and by tag 1 where it is expected, else 0: it
+        faces the camera, lies wholly inside the image, and is large enough.
+    """
+    tags = corners.shape[0]
+    pixels, sigma, expected = np.empty((tags, 4, 2)), np.empty((tags, 4, 2)), np.zeros(tags)
+    flat, J = np.empty(8), np.empty((8, 5))
+    x, y, c, s = pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
+    p_D = np.empty(3)  # the camera in D, tilt left out
+    p_D[0] = x + c * optics.p_UC[0] - s * optics.p_UC[1]
+    p_D[1] = y + s * optics.p_UC[0] + c * optics.p_UC[1]
+    p_D[2] = optics.p_UC[2]
+    axis_x = c * optics.R_CU[2, 0] - s * optics.R_CU[2, 1]
+    axis_y = s * optics.R_CU[2, 0] + c * optics.R_CU[2, 1]
+    axis_z = optics.R_CU[2, 2]
+    for t in range(tags):
+        p = corners[t]
+        ax, ay, az = p[1, 0] - p[0, 0], p[1, 1] - p[0, 1], p[1, 2] - p[0, 2]
+        bx, by, bz = p[0, 0] - p[3, 0], p[0, 1] - p[3, 1], p[0, 2] - p[3, 2]
+        # The printed side is seen where z of T, which points into the tag, leads away from the camera.
+        facing = (
+            (ay * bz - az * by) * (p[0, 0] - p_D[0])
+            + (az * bx - ax * bz) * (p[0, 1] - p_D[1])
+            + (ax * by - ay * bx) * (p[0, 2] - p_D[2])
+        )
+        nearest = np.inf
+        for k in range(4):
+            ahead = axis_x * (p[k, 0] - p_D[0]) + axis_y * (p[k, 1] - p_D[1]) + axis_z * (p[k, 2] - p_D[2])
+            nearest = min(nearest, ahead)
+        if facing <= 0.0 or nearest < NEAREST_M:
+            continue
+        project_into(optics, pose, p, flat, J)
+        inside = True
+        for k in range(4):
+            u, v = flat[2 * k], flat[2 * k + 1]
+            pixels[t, k, 0], pixels[t, k, 1] = u, v
+            inside &= -0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5
+            before = (k + 3) % 4
+            inside &= math.hypot(u - flat[2 * before], v - flat[2 * before + 1]) >= least_edge
+            for i in range(2):
+                variance = 0.0
+                for a in range(3):
+                    for b in range(3):
+                        variance += J[2 * k + i, a] * covariance[a, b] * J[2 * k + i, b]
+                sigma[t, k, i] = math.sqrt(max(variance, 0.0))
+        expected[t] = 1.0 if inside else 0.0
+    return pixels, sigma, expected
