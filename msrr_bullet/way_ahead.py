@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 
 from msrr_bullet.clearance import Clearance, ClearanceModel
-from msrr_control.drive_limits import nested_limit
+from msrr_control.drive_limits import follower, nested_limit
 from msrr_scenes.messages import (
     NS_PER_S,
     Array,
@@ -18,7 +18,7 @@ from msrr_scenes.messages import (
     seconds,
 )
 from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.se2 import SE2, wrap_angle
 
 #: Way of the unit's farthest point between two measurements of clearance [m].
 _STEP_M = 0.01
@@ -101,7 +101,9 @@ class WayAhead:
 
     def __init__(self, scene: Scene) -> None:
         """Take limits, control rate and latency from the scene; the unit stands."""
-        self._limits = scene.limits
+        self._limits = at = scene.limits
+        self._follow_v = follower(at.v_max_mps, at.a_max_mps2, at.kappa_per_s, _STEP_S)
+        self._follow_w = follower(at.w_max_radps, at.dw_max_radps2, at.kappa_per_s, _STEP_S)
         self._period_s = 1.0 / scene.control.rate_hz
         self._latency_s = 1e-3 * scene.link.latency_ms
         self.reset()
@@ -148,15 +150,15 @@ class WayAhead:
         if present - self.longest(wish, around.reach) >= enough:
             return present
         closest = at_hand = present
-        gone, X_UA = 0.0, SE2()
-        for X_UA, way in self._stages(wish, around.reach):
+        gone, x, y, yaw = 0.0, 0.0, 0.0, 0.0
+        for x, y, yaw, way in self._stages(wish, around.reach):
             gone += way
             # No point of the unit has gone farther than `gone`, so no distance has shrunk by more.
-            if gone >= max(_STEP_M, at_hand - enough):
-                at_hand, gone = around.distance(X_WU @ X_UA), 0.0
+            if gone >= _STEP_M and gone >= at_hand - enough:
+                at_hand, gone = around.distance(X_WU @ SE2(x, y, yaw)), 0.0
                 closest = min(closest, at_hand)
         if gone > 0.0 and at_hand - gone < enough:
-            closest = min(closest, around.distance(X_WU @ X_UA))
+            closest = min(closest, around.distance(X_WU @ SE2(x, y, yaw)))
         return closest
 
     def longest(self, wish: Twist, reach: float) -> float:
@@ -168,30 +170,44 @@ class WayAhead:
         delay = self._latency_s + self._period_s + 2.0 * _STEP_S + 1.0 / at.kappa_per_s
         return (v + reach * w) * delay + 0.5 * v**2 / at.a_max_mps2 + 0.5 * reach * w**2 / at.dw_max_radps2
 
-    def _stages(self, wish: Twist, reach: float) -> Iterator[tuple[SE2, float]]:
-        """Yield the way: pose seen from the unit now, and how far its farthest point went since the last."""
-        speed, X_UA, t = self._speed, SE2(), 0.0
-        obeyed_s = self._latency_s + self._period_s
-        while t < _LONGEST_S:
-            after = self._follow(speed, self._command_in(t, wish) if t < obeyed_s else Twist(), _STEP_S)
-            # The larger of both speeds: rather a millimetre too far than one too short.
-            v, w = (max(a, b, key=abs) for a, b in ((speed.v, after.v), (speed.w, after.w)))
-            if t >= obeyed_s and abs(v) < _STANDS_MPS and abs(w) < _STANDS_RADPS:
-                return
-            speed = after
-            t += _STEP_S
-            X_UA = X_UA @ SE2.exp(v * _STEP_S, 0.0, w * _STEP_S)
-            yield X_UA, (abs(v) + reach * abs(w)) * _STEP_S
+    def _stages(self, wish: Twist, reach: float) -> Iterator[tuple[float, float, float, float]]:
+        """Yield the way, many steps of it for every command, and so in plain floats.
 
-    def _command_in(self, time_s: float, wish: Twist) -> Twist:
-        """Return what the drive will be told ``time_s`` from now, if ``wish`` is sent now."""
-        if time_s >= self._latency_s:
-            return wish
-        command = self._command
-        for arrival_ns, later in self._under_way:
-            if seconds(arrival_ns - (self._now_ns or 0)) <= time_s:
-                command = later
-        return command
+        Yields:
+            The pose (x, y, yaw) seen from the unit now, and how far its farthest point went since the last.
+        """
+        follow_v, follow_w = self._follow_v, self._follow_w
+        coming = self._coming(wish)
+        told = Twist()
+        v_now, w_now = self._speed.v, self._speed.w
+        x, y, yaw, t = 0.0, 0.0, 0.0, 0.0
+        while t < _LONGEST_S:
+            while coming and coming[0][0] <= t:
+                _, told = coming.popleft()
+            v_next, w_next = follow_v(v_now, told.v), follow_w(w_now, told.w)
+            # The larger of both speeds: rather a millimetre too far than one too short.
+            v = v_now if abs(v_now) >= abs(v_next) else v_next
+            w = w_now if abs(w_now) >= abs(w_next) else w_next
+            if not coming and abs(v) < _STANDS_MPS and abs(w) < _STANDS_RADPS:
+                return
+            v_now, w_now = v_next, w_next
+            t += _STEP_S
+            ahead, aside = _arc(v * _STEP_S, w * _STEP_S)
+            c, s = math.cos(yaw), math.sin(yaw)
+            x, y = x + c * ahead - s * aside, y + s * ahead + c * aside
+            yaw = wrap_angle(yaw + w * _STEP_S)
+            yield x, y, yaw, (abs(v) + reach * abs(w)) * _STEP_S
+
+    def _coming(self, wish: Twist) -> deque[tuple[float, Twist]]:
+        """Return what the drive will be told, and how far from now [s], if ``wish`` is sent now."""
+        coming = deque([(0.0, self._command)])
+        for arrival_ns, command in self._under_way:
+            arrival = seconds(arrival_ns - (self._now_ns or 0))
+            if arrival < self._latency_s:
+                coming.append((arrival, command))
+        coming.append((self._latency_s, wish))
+        coming.append((self._latency_s + self._period_s, Twist()))  # when the next one could arrive
+        return coming
 
     def _follow(self, speed: Twist, wish: Twist, dt: float) -> Twist:
         at = self._limits
@@ -199,3 +215,11 @@ class WayAhead:
             nested_limit(float(speed.v), float(wish.v), at.v_max_mps, at.a_max_mps2, at.kappa_per_s, dt),
             nested_limit(float(speed.w), float(wish.w), at.w_max_radps, at.dw_max_radps2, at.kappa_per_s, dt),
         )
+
+
+def _arc(way: float, turn: float) -> tuple[float, float]:
+    """Return where an arc ends, ahead and to the left of where it began: :meth:`SE2.exp` without the pose."""
+    if abs(turn) < 1e-6:
+        return (1.0 - turn * turn / 6.0) * way, 0.5 * turn * way
+    half = 0.5 * turn
+    return math.sin(turn) / turn * way, math.sin(half) ** 2 / half * way

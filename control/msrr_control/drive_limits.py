@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import overload
 
 import numpy as np
@@ -39,8 +40,23 @@ def nested_limit(
         The speed one step later, same shape.
     """
     if isinstance(speed, float) and isinstance(wish, float):
-        wish = min(max(wish, -max_speed), max_speed)
-        change = min(kappa * dt, 1.0) * (wish - speed)
-        return speed + min(max(change, -max_rate * dt), max_rate * dt)
+        return follower(max_speed, max_rate, kappa, dt)(speed, wish)
     change_ = min(kappa * dt, 1.0) * (np.clip(wish, -max_speed, max_speed) - speed)
     return speed + np.clip(change_, -max_rate * dt, max_rate * dt)
+
+
+def follower(max_speed: float, max_rate: float, kappa: float, dt: float) -> Callable[[float, float], float]:
+    """Return :func:`nested_limit` of one drive and one step size, as a function of speed and wish."""
+    share, most = min(kappa * dt, 1.0), max_rate * dt
+
+    def follow(speed: float, wish: float) -> float:
+        if wish > max_speed:
+            wish = max_speed
+        elif wish < -max_speed:
+            wish = -max_speed
+        change = share * (wish - speed)
+        if change > most:
+            return speed + most
+        return speed + (change if change >= -most else -most)
+
+    return follow
