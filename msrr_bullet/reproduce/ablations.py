@@ -8,11 +8,11 @@ from msrr_bullet.reproduce.close_studies import close_row, merged
 from msrr_bullet.reproduce.long_studies import long_row
 from msrr_bullet.reproduce.measures import PhaseName
 from msrr_bullet.reproduce.model import Row
-from msrr_bullet.reproduce.settings import HARD, HIGH_GAIN, STANDARD, TIGHT_HIGH_GAIN, Setting
+from msrr_bullet.reproduce.settings import HARD, HIGH_GAIN, LONG_DELAY, STANDARD, TIGHT_HIGH_GAIN, Setting
 from msrr_scenes.spec import Choice
 
 #: Where ablations are made; in the first one limits do not bite, and little is expected of most parts.
-SETTINGS = (STANDARD, HARD, HIGH_GAIN, TIGHT_HIGH_GAIN)
+SETTINGS = (STANDARD, HARD, LONG_DELAY, HIGH_GAIN, TIGHT_HIGH_GAIN)
 
 #: C1 with one of its switches off, by phase and label.
 VARIANTS: dict[PhaseName, dict[str, dict[str, Any]]] = {

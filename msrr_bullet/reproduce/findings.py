@@ -142,6 +142,8 @@ def map_text(found: Reproduction) -> list[str]:
             said += f" Both dock at {_region(chart, True, True)}."
         if one:
             said += f" C1 alone docks at {_region(chart, True, False)}."
+        if other:
+            said += f" C2 alone docks at {_region(chart, False, True)}."
         if not chart.compensated:
             said += f" {_where_the_paper_lies(chart)}"
         text.append(said)
@@ -229,7 +231,7 @@ def winner_text(found: Reproduction) -> str:
     if equal:
         text += f" Its rates cannot be told from those of {_listed(equal)}."
     if others:
-        text += f" Behind it: {_listed(others)}."
+        text += f" Behind it: {'; '.join(f'{r.label} ({_credentials(r, brief=True)})' for r in others)}."
     return text
 
 
@@ -252,12 +254,17 @@ def _known(rate: Rate | None) -> Rate:
     return rate if rate is not None else Rate(rate=0.0, low=0.0, high=0.0)
 
 
-def _credentials(row: Row) -> str:
+def _credentials(row: Row, brief: bool = False) -> str:
+    """Return rates, with their intervals unless ``brief``, and the lateral error at contact."""
     rates = ((row.success, "docked"), (row.in_view, "in view"), (row.in_cone, "in the cone"))
-    said = [f"{percent(rate)} {what}" for rate, what in rates if rate is not None]
+    said = [
+        f"{f'{100 * rate.rate:.1f} %' if brief else percent(rate)} {what}"
+        for rate, what in rates
+        if rate is not None
+    ]
     lateral = row.measures["lateral"].quantiles.p95 if "lateral" in row.measures else None
     if lateral is not None:
-        said.append(f"{1e3 * lateral:.2g} mm off at contact in 95 %")
+        said.append(f"{1e3 * lateral:.2g} mm" if brief else f"{1e3 * lateral:.2g} mm off at contact in 95 %")
     return ", ".join(said)
 
 

@@ -128,7 +128,10 @@ def _table(table: Table) -> str:
     shown = any(r.in_view is not None for r in table.rows)
     good = "docked" if table.plant == "bullet" or table.phase == "close" else "clear of the obstacle"
     heads = ["", "trials", good, *(["kept in view", "kept in the cone"] if shown else [])]
-    heads += [f"{m.label} [{m.unit}]" for m in measures]
+    heads += [
+        f"{m.label} [{m.unit}]" + (f"; within {m.scale * m.paper_c1:g}" if m.paper_c1 is not None else "")
+        for m in measures
+    ]
     heads += (
         ["within every figure of the paper"] if any(r.within_paper is not None for r in table.rows) else []
     )
@@ -179,7 +182,7 @@ def _cell(text: str) -> str:
 def _with_met(row: Row, what: Measure) -> str:
     met = row.met.get(what.key)
     text = two_quantiles(row, what)
-    return text if met is None else f"{text}\n{met.n} of {met.of} within the paper's"
+    return text if met is None else f"{text}\n{met.n} of {met.of} within"
 
 
 def two_quantiles(row: Row, what: Measure) -> str:

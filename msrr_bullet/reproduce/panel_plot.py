@@ -91,7 +91,7 @@ def _errors(axes: Axes, t: Array, one: Series, phase: str, colour: str) -> None:
 
 
 def _speed(axes: Axes, t: Array, one: Series, which: int, colour: str) -> None:
-    axes.plot(t, np.array(one.command)[:, which], color=FAINT, linewidth=1.2, label="commanded")
+    axes.plot(t, np.array(one.command)[:, which], color=PAPER, linewidth=0.9, label="commanded")
     axes.plot(t, np.array(one.twist)[:, which], color=colour, label="behind the limits")
     most = one.limits[which]
     for sign in (1.0, -1.0):
@@ -115,10 +115,10 @@ def _angles(axes: Axes, t: Array, one: Series, cone_deg: tuple[float, float], co
     angles = np.degrees(np.array(one.angles))
     axes.plot(t, angles[:, 0], color=colour, label="left edge")
     axes.plot(t, angles[:, 1], color=PAPER, linestyle="--", label="right edge")
-    for bound, style, text in zip(cone_deg, (":", "-"), ("inner bound", "outer bound"), strict=True):
+    for bound, style, text in zip(cone_deg, (":", "-."), ("inner bound", "outer bound"), strict=True):
         for sign in (1.0, -1.0):
             axes.axhline(
-                sign * bound, color=FAINT, linestyle=style, linewidth=1.4, label=text if sign > 0 else None
+                sign * bound, color=PAPER, linestyle=style, linewidth=1.3, label=text if sign > 0 else None
             )
     axes.set(ylabel="angle [deg]", title="line of sight")
     top = 1.1 * max(cone_deg[1], float(np.abs(angles).max()))

@@ -97,6 +97,11 @@ HIGH_GAIN = Setting(
     close_params={"feedback": {"k_n_per_s": 6.0}},
     long_params={"tracking": {"k_l_per_s": 4.0}},
 )
+LONG_DELAY = Setting(
+    "long delay",
+    "5 mm, 1 deg, 2 % slip, 200 ms that the estimator does not make up for",
+    disturbance=_NOISE.model_copy(update={"delay_s": 0.20, "compensated": False}),
+)
 TIGHT_HIGH_GAIN = Setting(
     "tight, high gain",
     "as high gain, under TIGHT limits and with starts of +-15 cm and +-25 deg",

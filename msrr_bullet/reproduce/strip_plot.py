@@ -141,11 +141,9 @@ def _shares(axes: Axes, rows: Sequence[Row], kinds: Sequence[tuple[str, Sequence
                 clip_on=False,
             )
             lowest = min(lowest, 100.0 * rate.low)
-    axes.set_xlim(max(0.0, lowest - 0.05 * (100.0 - lowest) - 1.0), 100.0)
+    axes.set_xlim(min(80.0, max(0.0, lowest - 2.0)), 100.0)
     _rows(axes, rows)
-    text = (
-        kinds[0][0] if len(kinds) == 1 else "target kept: filled in view, open in the cone [%], 95 % interval"
-    )
+    text = kinds[0][0] if len(kinds) == 1 else "target kept in view (filled), in the cone (open) [%]"
     axes.set_xlabel(text)
 
 
