@@ -11,8 +11,8 @@ import ctypes
 import os
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Protocol
 
+import numpy as np
 from pupil_apriltags import bindings
 
 from msrr_scenes.errors import MsrrError
@@ -42,13 +42,57 @@ class NativeSettings:
     min_white_black_diff: int
 
 
-class RawDetection(Protocol):
-    """What the wrapper returns, corners counted from pixel edges."""
+@dataclass(frozen=True, slots=True, eq=False)
+class RawDetection:
+    """What the library found.
+
+    Attributes:
+        tag_id: Identity in the family.
+        hamming: Number of corrected bits.
+        decision_margin: Confidence [grey levels].
+        corners: Counted from pixel edges, shape (4, 2).
+    """
 
     tag_id: int
     hamming: int
     decision_margin: float
     corners: Array
+
+
+class _Image(ctypes.Structure):
+    """The library's ``image_u8_t``."""
+
+    _fields_ = (
+        ("width", ctypes.c_int32),
+        ("height", ctypes.c_int32),
+        ("stride", ctypes.c_int32),
+        ("pixels", ctypes.c_void_p),
+    )
+
+
+class _Found(ctypes.Structure):
+    """The library's ``apriltag_detection_t``."""
+
+    _fields_ = (
+        ("family", ctypes.c_void_p),
+        ("id", ctypes.c_int),
+        ("hamming", ctypes.c_int),
+        ("decision_margin", ctypes.c_float),
+        ("homography", ctypes.c_void_p),
+        ("middle", ctypes.c_double * 2),
+        ("corners", ctypes.c_double * 8),
+    )
+
+
+class _List(ctypes.Structure):
+    """The library's ``zarray_t``, here a list of pointers to :class:`_Found`."""
+
+    _fields_ = (
+        ("element_bytes", ctypes.c_size_t),
+        ("size", ctypes.c_int),
+        ("room", ctypes.c_int),
+        ("elements", ctypes.POINTER(ctypes.POINTER(_Found))),
+    )
 
 
 class _Detector(ctypes.Structure):
@@ -86,26 +130,59 @@ class _Immortal(bindings.Detector):  # type: ignore[misc]  # untyped, so a base 
         """Destroy nothing."""
 
 
+class _Native:
+    """The native detector, called without the wrapper, which copies every image and every homography."""
+
+    def __init__(self, family: str) -> None:
+        self._wrapper = _Immortal(families=family, nthreads=1)
+        pointer = self._wrapper.tag_detector_ptr
+        self.fields = ctypes.cast(pointer, ctypes.POINTER(_Detector)).contents
+        found = {name: getattr(self.fields, name) for name in _LIBRARY_DEFAULTS}
+        if found != _LIBRARY_DEFAULTS:
+            raise DetectorError(
+                f"this build of pupil-apriltags lays its detector out differently: {found}; "
+                "install the version range that the package asks for"
+            )
+        self._detector = ctypes.cast(pointer, ctypes.c_void_p)
+        # By index: each time a function object of its own, so that the wrapper's stays as it is.
+        self._detect = self._wrapper.libc["apriltag_detector_detect"]
+        self._detect.argtypes = (ctypes.c_void_p, ctypes.POINTER(_Image))
+        self._detect.restype = ctypes.POINTER(_List)
+        self._destroy = self._wrapper.libc["apriltag_detections_destroy"]
+        self._destroy.argtypes = (ctypes.POINTER(_List),)
+        self._destroy.restype = None
+
+    def detect(self, pixels: Pixels) -> list[RawDetection]:
+        """Return what is in ``pixels``, which lie row after row without gaps."""
+        height, width = pixels.shape
+        image = _Image(width, height, width, pixels.ctypes.data)
+        found = self._detect(self._detector, ctypes.byref(image))
+        try:
+            entries = found.contents
+            return [_copied(entries.elements[i].contents) for i in range(entries.size)]
+        finally:
+            self._destroy(found)
+
+
+def _copied(found: _Found) -> RawDetection:
+    corners = np.frombuffer(found.corners, dtype=np.float64).reshape(4, 2).copy()
+    return RawDetection(found.id, found.hamming, found.decision_margin, corners)
+
+
 @lru_cache(maxsize=8)
-def _native(process: int, family: str) -> tuple[Any, Any]:
-    wrapper = _Immortal(families=family, nthreads=1)
-    fields = ctypes.cast(wrapper.tag_detector_ptr, ctypes.POINTER(_Detector)).contents
-    found = {name: getattr(fields, name) for name in _LIBRARY_DEFAULTS}
-    if found != _LIBRARY_DEFAULTS:
-        raise DetectorError(
-            f"this build of pupil-apriltags lays its detector out differently: {found}; "
-            "install the version range that the package asks for"
-        )
-    return wrapper, fields
+def _native(process: int, family: str) -> _Native:
+    return _Native(family)
 
 
 def detect(pixels: Pixels, family: str, settings: NativeSettings) -> list[RawDetection]:
     """Run the native detector on mono8 ``pixels``, shape (height, width); corners count from pixel edges."""
-    wrapper, fields = _native(os.getpid(), family)
+    native = _native(os.getpid(), family)
+    fields = native.fields
     fields.quad_decimate = settings.quad_decimate
     fields.quad_sigma = settings.quad_sigma
     # Written here because the wrapper cuts this one down to a whole number.
     fields.decode_sharpening = settings.decode_sharpening
     fields.min_white_black_diff = settings.min_white_black_diff
-    found: list[RawDetection] = wrapper.detect(pixels)
-    return found
+    # The library blurs an image that is not shrunk where it lies.
+    whole = pixels.copy() if settings.quad_sigma else np.ascontiguousarray(pixels)
+    return native.detect(whole)
