@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from pydantic import BaseModel, ConfigDict
+from rich.markup import escape
 from rich.table import Table
 
 from msrr_bullet.render.contest import (
@@ -120,7 +121,7 @@ def camera_tables(bench: CameraBench) -> tuple[Table, ...]:
 
 
 def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left")
+    table = Table(title=escape(title), title_justify="left")  # a unit in brackets is no markup
     for i, column in enumerate(columns):
-        table.add_column(column, justify="right" if i else "left")
+        table.add_column(escape(column), justify="right" if i else "left")
     return table

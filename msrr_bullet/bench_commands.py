@@ -2,47 +2,76 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Annotated, Protocol
 
+import typer
 from rich.console import Console
+from rich.table import Table
 
-from msrr_bullet.options import JsonFile, Overrides, SceneName, check_writable, parse_overrides, write_json
+from msrr_bullet.options import JsonFile, Overrides, check_writable, parse_overrides, write_json
+from msrr_scenes.errors import SceneError
 from msrr_scenes.load import load_scene
 
-#: What ``msrr bench`` measures instead of a scene when it is given this name.
+#: What is measured instead of a scene when it is given one of these names.
 CAMERAS = "cameras"
+DETECTION = "detection"
+
+Target = Annotated[
+    str,
+    typer.Argument(metavar="TARGET", help="A scene, or one of: cameras (renderers), detection (settings)."),
+]
 
 
-def bench(scene: SceneName, json_file: JsonFile = None, overrides: Overrides = None) -> None:
-    """Measure a trial and the naive loop beside it; with SCENE = cameras, the renderers."""
-    if scene == CAMERAS:
-        _bench_cameras(json_file)
-        return
-    loaded = load_scene(scene, parse_overrides(overrides))
+class _Report(Protocol):
+    def to_json(self) -> str: ...
+
+
+#: Measures, telling what comes next, and returns the report and its tables.
+_Bench = Callable[[Callable[[str], None]], tuple[_Report, Iterable[Table]]]
+
+
+def bench(target: Target, json_file: JsonFile = None, overrides: Overrides = None) -> None:
+    """Measure a trial and the naive loop beside it; or the renderers; or the detection's settings."""
+    special = {CAMERAS: _cameras, DETECTION: _detection}.get(target)
+    if special is not None and overrides:
+        raise SceneError(f"msrr bench {target}: --set is for scenes only")
+    run = special or _scene(target, parse_overrides(overrides))
     check_writable(json_file)
     from msrr_bullet.simulator import load_simulator
 
     load_simulator()
-    from msrr_bullet.bench import bench as run_bench
-    from msrr_bullet.bench import bench_table
-
     console = Console(stderr=json_file == Path("-"))
-    with console.status(f"{loaded.name}: measuring"):
-        report = run_bench(loaded)
-    console.print(bench_table(report))
-    write_json(json_file, report.to_json())
-
-
-def _bench_cameras(json_file: Path | None) -> None:
-    check_writable(json_file)
-    from msrr_bullet.simulator import load_simulator
-
-    load_simulator()
-    from msrr_bullet.bench_cameras import bench_cameras, camera_tables
-
-    console = Console(stderr=json_file == Path("-"))
-    with console.status("cameras: measuring") as status:
-        report = bench_cameras(observer=lambda text: status.update(f"cameras: {text}"))
-    for table in camera_tables(report):
+    with console.status(f"{target}: measuring") as status:
+        report, tables = run(lambda text: status.update(f"{target}: {text}"))
+    for table in tables:
         console.print(table)
     write_json(json_file, report.to_json())
+
+
+def _scene(name: str, overrides: dict[str, str]) -> _Bench:
+    scene = load_scene(name, overrides)
+
+    def run(tell: Callable[[str], None]) -> tuple[_Report, Iterable[Table]]:
+        from msrr_bullet.bench import bench as run_bench
+        from msrr_bullet.bench import bench_table
+
+        report = run_bench(scene)
+        return report, (bench_table(report),)
+
+    return run
+
+
+def _cameras(tell: Callable[[str], None]) -> tuple[_Report, Iterable[Table]]:
+    from msrr_bullet.bench_cameras import bench_cameras, camera_tables
+
+    report = bench_cameras(observer=tell)
+    return report, camera_tables(report)
+
+
+def _detection(tell: Callable[[str], None]) -> tuple[_Report, Iterable[Table]]:
+    from msrr_bullet.bench_detection import bench_detection, detection_tables
+
+    report = bench_detection(observer=tell)
+    return report, detection_tables(report)

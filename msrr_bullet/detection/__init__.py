@@ -1,0 +1,1 @@
+"""Settings of the detection compared on rendered pixels whose truth is known."""
