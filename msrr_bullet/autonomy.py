@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from msrr_bullet.global_sight import GlobalSight
 from msrr_bullet.guard import ClearanceGuard
+from msrr_bullet.stage_clock import Clock, NullClock
 from msrr_control.assembler import build_assembler
 from msrr_control.assembly_setup import AssemblySetup
 from msrr_control.controller import build_controller
@@ -59,8 +60,13 @@ class Autonomy:
     looks at where the scene puts anybody.
     """
 
-    def __init__(self, scene: Scene, step: DockStep) -> None:
+    def __init__(self, scene: Scene, step: DockStep, clock: Clock | None = None) -> None:
         """Set up the robot for one step.
+
+        Args:
+            scene: What its makers know.
+            step: What it is to do.
+            clock: Is told when the guard is at work; nothing else comes of it.
 
         Raises:
             UnknownNameError: Detector, estimator or controller that nobody answers to.
@@ -87,6 +93,7 @@ class Autonomy:
         controller = build_controller(scene.control.docking, setup)
         self._phases = PhaseMachine(scene.docking, setup, controller, self._assembler)
         self._guard = ClearanceGuard(scene, step) if self._above else None
+        self._clock = clock or NullClock()
         self._onboard = target.camera_name
         self._wheel_radius, self._track = target.wheel_radius, target.track
         self._readings: tuple[WheelOdometry, WheelOdometry] | None = None
@@ -177,7 +184,8 @@ class Autonomy:
         if self._guard is None:
             return action
         docking = action.phase not in _GLOBAL
-        decision = self._guard.limit(action.twist, self.situation, action.stamp_ns, docking)
+        with self._clock("guard"):
+            decision = self._guard.limit(action.twist, self.situation, action.stamp_ns, docking)
         return replace(action, twist=decision.twist)
 
     def _twist(self) -> Twist:

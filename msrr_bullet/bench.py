@@ -26,6 +26,9 @@ from msrr_scenes.spec import Choice
 #: Stage of the loop that is the simulator's own work; all others sense, decide and judge.
 _PHYSICS = "physics"
 
+#: Stage of the robot's decisions: estimator query, laws and phase machine, without the guard.
+_CONTROL = "control"
+
 #: What is left of the loop when its named stages are taken away.
 _REST = "rest"
 
@@ -50,6 +53,7 @@ class BenchReport(BaseModel):
         physics_ms_per_s: Wall-clock time of the physics per simulated second.
         other_ms_per_s: All the rest of the loop.
         stages_ms_per_s: All of the loop by stage.
+        control_step_ms: One control step: estimator query, laws and phase machine, without the guard [ms].
         start_up_s: What the first trial of a process takes longer than the next ones.
         peak_mb: Largest memory of the process so far, before the naive loop began [10^6 bytes].
         versions: Packages that ran it.
@@ -68,6 +72,7 @@ class BenchReport(BaseModel):
     physics_ms_per_s: float
     other_ms_per_s: float
     stages_ms_per_s: dict[str, float]
+    control_step_ms: float
     start_up_s: float
     peak_mb: float
     versions: dict[str, str]
@@ -143,6 +148,7 @@ def bench(scene: Scene, seed: int = 0) -> BenchReport:
         physics_ms_per_s=physics,
         other_ms_per_s=trial.ms_per_s - physics,
         stages_ms_per_s=trial.stages_ms_per_s,
+        control_step_ms=trial.stages_ms_per_s.get(_CONTROL, 0.0) / scene.control.rate_hz,
         start_up_s=1e-3 * (first.ms_per_s - trial.ms_per_s) * trial.result.duration_s,
         peak_mb=peak,
         versions=package_versions(),
@@ -158,6 +164,7 @@ def bench_table(report: BenchReport) -> Table:
     for stage, ms in sorted(report.stages_ms_per_s.items(), key=lambda item: -item[1]):
         table.add_row(stage, f"{ms:.1f} ms")
     table.add_section()
+    table.add_row("one control step, without the guard", f"{report.control_step_ms:.3f} ms")
     table.add_row("real time factor", f"{report.real_time_factor:.1f}")
     table.add_row("times faster than the naive loop", f"{report.naive_ratio:.1f}")
     table.add_row("... than a naive loop with one sample a pixel", f"{report.naive_ratio_one_sample:.1f}")

@@ -67,7 +67,7 @@ class StepRun:
         self._judge = Judge(stage, step)
         # The tap records what goes in and out; the robot itself is asked for nothing else.
         self._robot = RecordedRobot(
-            Autonomy(scene, step), step.unit, narrator.recorder, index, plant.now_ns()
+            Autonomy(scene, step, clock), step.unit, narrator.recorder, index, plant.now_ns()
         )
         self._hardware = Hardware(stage, step, self._eyes(), clock)
         self._link = stage.links[step.unit]

@@ -8,6 +8,7 @@ import pytest
 
 from msrr_bullet.bench import BenchError, bench, bench_table, naive
 from msrr_bullet.log import CameraWindow, MemoryRecorder
+from msrr_bullet.stage_clock import StageClock
 from msrr_bullet.trial import Trial
 from msrr_scenes.load import load_scene
 from msrr_scenes.scene import Scene
@@ -51,11 +52,21 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
     assert sum(report.stages_ms_per_s.values()) == pytest.approx(total)
     assert {"physics", "render", "perception", "control", "clearance", "rest"} <= set(report.stages_ms_per_s)
     assert all(ms >= 0.0 for ms in report.stages_ms_per_s.values())
+    assert "guard" not in report.stages_ms_per_s  # without an overhead camera there is none
+    assert report.control_step_ms == pytest.approx(report.stages_ms_per_s["control"] / 50.0)
+    assert json.loads(report.to_json())["control_step_ms"] == report.control_step_ms
     assert report.naive_ratio == report.naive_ratio_one_sample  # the scene has one sample a pixel itself
     assert report.naive_ratio > 1.0
     assert 30.0 < report.peak_mb < 4_000.0
     assert json.loads(report.to_json())["naive_ratio"] == report.naive_ratio
-    assert bench_table(report).row_count == len(report.stages_ms_per_s) + 5
+    assert bench_table(report).row_count == len(report.stages_ms_per_s) + 6
+
+
+def test_the_guard_is_a_stage_of_its_own() -> None:
+    clock = StageClock()
+    Trial(load_scene("two_units", {"time_limit_s": "0.3"}), 0, clock=clock).run()
+    assert clock.spent_ns["guard"] > 0
+    assert clock.spent_ns["control"] > 0
 
 
 def test_a_scene_without_images_cannot_be_measured(scene: Scene) -> None:
