@@ -22,11 +22,13 @@ from msrr_perception.global_pose import GlobalLocalizer
 from msrr_perception.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.load import load_scene
-from msrr_scenes.messages import NS_PER_S, Detections, GlobalPose
+from msrr_scenes.messages import NS_PER_S, Array, Detections, GlobalPose
 from msrr_scenes.placement import Placement, draw_placement
 from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
+from msrr_scenes.se3 import SE3
 from msrr_scenes.sensors import CameraSpec
+from msrr_scenes.unit_geometry import tag_corners
 
 #: The scene that is looked at.
 SCENE = "two_obstacles"
@@ -93,7 +95,7 @@ def _views(
             with BulletWorld(scene, placement, dressing=dressing) as world:
                 renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
                 camera = Camera(OVERHEAD, spec, renderer, lambda: model.X_WC, seed + number)
-                yield from _drive(world, camera, model, placement, exposures, rng)
+                yield from _drive(scene, world, camera, model, placement, exposures, rng)
 
 
 def _placement(scene: Scene, rng: np.random.Generator) -> Placement:
@@ -104,6 +106,7 @@ def _placement(scene: Scene, rng: np.random.Generator) -> Placement:
 
 
 def _drive(
+    scene: Scene,
     world: BulletWorld,
     camera: Camera,
     model: OverheadModel,
@@ -119,17 +122,28 @@ def _drive(
         world.place(model.own, poses[model.own], (0.0, 0.0))
         exposure = camera.expose(number * NS_PER_S // 10)
         assert exposure is not None, "this camera loses no frames"
-        corners = {i: localizer.pixels(tag, poses[tag.name]) for i, tag in model.tags.items()}
+        flat = {i: localizer.pixels(tag, poses[tag.name]) for i, tag in model.tags.items()}
         yield View(
             exposure=exposure,
             fetch=camera.fetch,
             prediction={name: _prediction(name, X, exposure.stamp_ns, rng) for name, X in poses.items()},
-            corners=corners,
-            in_view=frozenset(i for i, pixels in corners.items() if inside(camera.pinhole, pixels)),
+            corners={**_upright(scene, model, poses), **flat},
+            in_view=frozenset(i for i, pixels in flat.items() if inside(camera.pinhole, pixels)),
             pose_errors=partial(_pose_errors, localizer, dict(poses)),
             first=number == 0,
         )
         poses[model.own] = poses[model.own] @ move
+
+
+def _upright(scene: Scene, model: OverheadModel, poses: Mapping[str, SE2]) -> dict[int, Array]:
+    """Return the exact corners [px] of the units' other tags; the masts' are sometimes read at a slant."""
+    corners = {}
+    for unit, geometry in ((unit, scene.geometry(unit)) for unit in scene.units):
+        X_CU = model.X_WC.inverse() @ SE3.from_se2(poses[unit])
+        for slot in geometry.tag_slots:
+            p_C = (X_CU @ geometry.frame(slot)).act(tag_corners(scene.tag_size(slot)))
+            corners[scene.tag_ids(unit)[slot]] = model.camera.project(p_C)
+    return corners
 
 
 def _pose_errors(

@@ -51,8 +51,9 @@ def library_detector() -> Detector:
 #: What is changed of our detector, by label.
 _DETECTORS: Mapping[str, Callable[[], Detector]] = MappingProxyType(
     {
+        "library detector": library_detector,
         "contrast 5": lambda: PupilDetector(min_white_black_diff=LIBRARY_CONTRAST),
-        "contrast 90": lambda: PupilDetector(min_white_black_diff=90),
+        "contrast 60": lambda: PupilDetector(min_white_black_diff=60),
         "decimation 2": lambda: PupilDetector(quad_decimate=LIBRARY_DECIMATION),
         "sharpening 0.25": lambda: PupilDetector(decode_sharpening=LIBRARY_SHARPENING),
         "raw corners": lambda: PupilDetector(refine=False),

@@ -91,7 +91,7 @@ class View(Generic[P]):
         exposure: Camera, number and time.
         fetch: Gives the pixels of a window.
         prediction: What the robot's estimator would predict for this instant, with its errors.
-        corners: Tag -> exact corners, shape (4, 2) [px], of every tag that faces the camera.
+        corners: Tag -> exact corners, shape (4, 2) [px], of every tag that may be seen.
         in_view: Those wholly in the frame and large enough to be read.
         pose_errors: Gives the errors (distance [m], angle [rad]) of the poses that detections lead to.
         first: Nothing was seen before; readers are reset.
