@@ -71,7 +71,7 @@ class Forecast:
 
 def _duration(span: float) -> str:
     """Return a time span [s] as a person would say it."""
-    minutes = round(span / 60.0)
-    if minutes < 1:
+    if span < 90.0:
         return f"{span:.0f} s"
+    minutes = round(span / 60.0)
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"

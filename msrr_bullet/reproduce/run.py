@@ -5,7 +5,11 @@ from __future__ import annotations
 import multiprocessing
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from datetime import datetime
+from functools import partial
 from pathlib import Path
+
+from pydantic import ValidationError
 
 from msrr_bullet.reproduce.ablation_plot import draw_ablations
 from msrr_bullet.reproduce.bullet_part import paper_experiments, reproduce_bullet
@@ -18,6 +22,7 @@ from msrr_bullet.reproduce.strip_plot import draw_strips
 from msrr_bullet.reproduce.unicycle_part import Contenders, reproduce_unicycle
 from msrr_bullet.tuned_scenes import tuned_choice
 from msrr_bullet.tuning import Part
+from msrr_scenes.errors import MsrrError
 from msrr_scenes.spec import Choice
 
 #: The laws in the order in which they are shown, by phase.
@@ -50,6 +55,9 @@ def reproduce(
 ) -> Reproduction:
     """Reproduce the paper; write ``report.html``, ``reproduction.json`` and the PNGs to ``out``.
 
+    ``out/progress.txt`` gets a line for each thing that is told, so that a run in the background can be
+    followed. A run of the real loop that was stopped goes on from ``out/trials`` if scenes and code are still the same.
+
     Args:
         out: Folder, made if need be.
         unicycle: Seeds of the unicycle studies; None leaves them out.
@@ -58,8 +66,8 @@ def reproduce(
         mission: Scene of the whole mission.
         tell: Is told what is done next.
     """
-    tell = tell or (lambda text: None)
     out.mkdir(parents=True, exist_ok=True)
+    tell = partial(_tell, out / "progress.txt", tell)
     found: list[Reproduction] = []
     if unicycle is not None:
         by_phase: Contenders = {"long": contenders("assembly"), "close": contenders("docking")}
@@ -78,6 +86,27 @@ def reproduce(
     tell("figures and report")
     write_all(whole, out)
     return whole
+
+
+def _tell(file: Path, listener: Tell | None, text: str) -> None:
+    with file.open("a", encoding="utf-8") as lines:
+        lines.write(f"{datetime.now():%Y-%m-%d %H:%M:%S} {text}\n")
+    if listener is not None:
+        listener(text)
+
+
+def redraw(out: Path) -> Path:
+    """Draw figures and report anew from the ``reproduction.json`` in ``out``; return the report's path.
+
+    Raises:
+        MsrrError: There is none, or it is of another version.
+    """
+    file = out / "reproduction.json"
+    try:
+        found = Reproduction.model_validate_json(file.read_text(encoding="utf-8"))
+    except (OSError, ValidationError) as error:
+        raise MsrrError(f"{file}: no findings of this version of msrr reproduce: {error}") from error
+    return write_all(found, out)
 
 
 def joined(parts: list[Reproduction]) -> Reproduction:

@@ -23,7 +23,7 @@ from msrr_bullet.reproduce.long_studies import long_row
 from msrr_bullet.reproduce.measured_trial import MeasuredTrial, Shelf, measured_trial, record_trial
 from msrr_bullet.reproduce.measures import MEASURES, measure
 from msrr_bullet.reproduce.model import Ablations, Measured, Reproduction, Table
-from msrr_bullet.reproduce.run import joined, write_all
+from msrr_bullet.reproduce.run import joined, redraw, write_all
 from msrr_bullet.reproduce.settings import HARD, HIGH_GAIN, STANDARD
 from msrr_bullet.reproduce.trial_series import CloseSeries, SeriesRecorder
 from msrr_bullet.streams import stream
@@ -108,6 +108,9 @@ def test_report_figures_and_json(unicycle: Reproduction, tmp_path: Path) -> None
         assert picture.read_bytes().startswith(b"\x89PNG")
     data = json.loads((tmp_path / "reproduction.json").read_text())
     assert Reproduction.model_validate(data) == unicycle
+    with pytest.raises(MsrrError, match=r"reproduction\.json"):
+        redraw(tmp_path / "elsewhere")
+    assert redraw(tmp_path).read_text() == text
     again = draw_ablations(unicycle.ablations[0], tmp_path / "again.png")
     assert again.read_bytes() == (tmp_path / "ablations-long.png").read_bytes()
 
