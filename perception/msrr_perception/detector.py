@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from copy import copy
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Protocol
 
@@ -14,10 +16,14 @@ from msrr_perception.native_apriltag import DetectorError, NativeSettings
 from msrr_scenes.messages import Pixels, TagDetection
 from msrr_scenes.pinhole import Window
 
-__all__ = ["DETECTORS", "Detector", "DetectorError", "PupilDetector"]
+__all__ = ["DETECTORS", "LARGE_TAG_PX", "Detector", "DetectorError", "PupilDetector", "for_large_tags"]
 
 #: The AprilTag library counts pixels from their edges, this project from their centres.
 EDGE_TO_CENTRE_PX = 0.5
+
+#: Shortest edge in the image from which a tag is found at half the resolution as well [px]. Of 3500 tags of
+#: 18 px and more with the noise of the design, none was missed there; of 300 smaller ones, 52.
+LARGE_TAG_PX = 26.0
 
 #: Smaller images hold no tag and make the library's tiles degenerate.
 _SMALLEST_EDGE_PX = 8
@@ -33,6 +39,15 @@ class Detector(Protocol):
         :func:`msrr_scenes.unit_geometry.tag_corners`; tags are sorted by id.
         """
         ...
+
+
+def for_large_tags(detector: Detector) -> Detector:
+    """Return the detector to use where all tags appear larger than :data:`LARGE_TAG_PX`.
+
+    A detector that can do with less work then says so by a method ``for_large_tags()``, which returns it.
+    """
+    make = getattr(detector, "for_large_tags", None)
+    return detector if make is None else make()
 
 
 class PupilDetector:
@@ -75,6 +90,17 @@ class PupilDetector:
         self.settings = NativeSettings(
             quad_decimate, quad_sigma, decode_sharpening, int(min_white_black_diff)
         )
+
+    def for_large_tags(self) -> PupilDetector:
+        """Return a detector that searches at half the resolution.
+
+        Its corners are as good, for they are measured again in the image itself; without that it is this one.
+        """
+        if not self.refine or self.settings.quad_decimate >= 2.0:
+            return self
+        quick = copy(self)
+        quick.settings = replace(self.settings, quad_decimate=2.0)
+        return quick
 
     def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
         """Return the tags of one window; see :meth:`Detector.detect`."""

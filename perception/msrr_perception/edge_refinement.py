@@ -13,6 +13,10 @@ import numpy as np
 from msrr_perception.kernels import edges
 from msrr_scenes.messages import Array, Pixels
 
+#: How often the lines are drawn anew from the corners that the last ones gave. Where the cross sections lie
+#: follows from the guess; the second time they lie where they should, and it hardly matters who guessed.
+_PASSES = 2
+
 
 def refine_corners(pixels: Pixels, corners: Array) -> Array:
     """Return tag corners moved to the intersections of their edges.
@@ -29,5 +33,7 @@ def refine_corners(pixels: Pixels, corners: Array) -> Array:
     # One layout, so that the kernel is compiled once: what the camera gives is in one piece and read-only.
     whole = np.ascontiguousarray(pixels)[:]
     whole.setflags(write=False)
-    refined: Array = edges.refine(whole, np.ascontiguousarray(corners, dtype=np.float64))
+    refined: Array = np.ascontiguousarray(corners, dtype=np.float64)
+    for _ in range(_PASSES):
+        refined = edges.refine(whole, refined)
     return refined

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from msrr_perception.detector import Detector
+from msrr_perception.detector import LARGE_TAG_PX, Detector, for_large_tags
 from msrr_perception.target import TargetModel
 from msrr_perception.windows import (
     DEFAULT_POLICY,
@@ -17,7 +17,7 @@ from msrr_perception.windows import (
     pose_is_known,
 )
 from msrr_scenes.errors import SceneError
-from msrr_scenes.messages import Detections, Exposure, Fetch, PoseEstimate, TagDetection
+from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, PoseEstimate, TagDetection
 from msrr_scenes.pinhole import Window
 
 #: One miss may be a wrong prediction or bad luck with the noise.
@@ -34,6 +34,7 @@ class OnboardVision:
     3. The prediction says that no tag is in view: the full frame every ``search_every`` frames, else nothing.
     4. Otherwise windows around the tags that :func:`msrr_perception.windows.choose_tags` picks. A tag that
        is missing twice while others are found (hidden, say) is not asked for during the next ``rest`` frames.
+       Large tags are searched at half the resolution, and at the whole if one of them is not found there.
        When none is found, larger windows of all expected tags follow, then the full frame of the same
        exposure.
     """
@@ -70,6 +71,7 @@ class OnboardVision:
             raise SceneError("vision: full_every, search_every, rest must be at least 1, retry_widen above 1")
         self.target = target
         self.detector = detector
+        self._quick = for_large_tags(detector)
         self.policy = policy
         self._full_every = full_every
         self._search_every = search_every
@@ -118,7 +120,11 @@ class OnboardVision:
     def _look_closely(self, look: _Look, expected: Sequence[ExpectedTag], frame: int) -> None:
         awake = [e for e in expected if self._resting.get(e.tag_id, frame) <= frame]
         asked = choose_tags(self.target, awake, frame, self.policy)
-        look.at(plan_windows(self.target, asked, self.policy))
+        windows = plan_windows(self.target, asked, self.policy)
+        large = all(e.shortest_edge >= LARGE_TAG_PX for e in asked)
+        look.at(windows, self._quick if large else None)
+        if large and self._quick is not self.detector and not {e.tag_id for e in asked} <= look.ids:
+            look.again()
         if asked and not self._target_tags(look):
             look.at(plan_windows(self.target, expected, self.policy, self._retry_widen))
         if not self._target_tags(look):
@@ -129,7 +135,7 @@ class OnboardVision:
                 self._resting[tag] = frame + 1 + self._rest
 
     def _target_tags(self, look: _Look) -> frozenset[int]:
-        return frozenset(t.tag_id for t in look.tags) & self.target.corners_D.keys()
+        return look.ids & self.target.corners_D.keys()
 
 
 class _Look:
@@ -141,19 +147,36 @@ class _Look:
         self._detector = detector
         self._fetch = fetch
         self._found: dict[int, TagDetection] = {}
+        self._read: list[tuple[Pixels, Window]] = []
 
     @property
     def tags(self) -> tuple[TagDetection, ...]:
         """What was found, by ascending id; of a tag found twice the clearer one."""
         return tuple(self._found[i] for i in sorted(self._found))
 
-    def at(self, windows: Sequence[Window]) -> None:
+    @property
+    def ids(self) -> frozenset[int]:
+        """Ids of what was found."""
+        return frozenset(self._found)
+
+    def at(self, windows: Sequence[Window], detector: Detector | None = None) -> None:
+        """Read some windows, by ``detector`` if another one than usual is to look."""
         for window in windows:
             self.windows.append(window)
-            for tag in self._detector.detect(self._fetch(window), window):
-                known = self._found.get(tag.tag_id)
-                if known is None or tag.decision_margin > known.decision_margin:
-                    self._found[tag.tag_id] = tag
+            pixels = self._fetch(window)
+            self._read.append((pixels, window))
+            self._search(detector or self._detector, pixels, window)
+
+    def again(self) -> None:
+        """Look once more, with the usual detector, at all that has been read."""
+        for pixels, window in self._read:
+            self._search(self._detector, pixels, window)
 
     def at_frame(self) -> None:
         self.at((self._frame,))
+
+    def _search(self, detector: Detector, pixels: Pixels, window: Window) -> None:
+        for tag in detector.detect(pixels, window):
+            known = self._found.get(tag.tag_id)
+            if known is None or tag.decision_margin > known.decision_margin:
+                self._found[tag.tag_id] = tag

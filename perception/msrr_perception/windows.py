@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from msrr_perception.kernels.project import expect
+from msrr_perception.kernels.project import expect, extent
 from msrr_perception.tag_camera import pose_vector
 from msrr_perception.target import TargetModel
 from msrr_scenes.messages import Array, PoseEstimate
@@ -64,19 +64,16 @@ class ExpectedTag:
 
     def box(self, policy: WindowPolicy, widen: float = 1.0) -> Window:
         """Return the pixels that should hold the tag; ``widen`` scales all its margins."""
+        x, y, x_end, y_end = extent(
+            self.pixels, self.sigma, policy.sigmas, policy.margin_px, policy.quiet_zone, widen
+        )
+        return Window(x, y, x_end - x, y_end - y)
+
+    @property
+    def shortest_edge(self) -> float:
+        """Length of the shortest edge in the image [px]."""
         places = self.pixels.tolist()
-        longest = max(math.dist(a, b) for a, b in zip(places, places[1:] + places[:1], strict=True))
-        room = policy.margin_px + policy.quiet_zone * longest
-        x0, y0, x1, y1 = math.inf, math.inf, -math.inf, -math.inf
-        for (u, v), (sigma_u, sigma_v) in zip(places, self.sigma.tolist(), strict=True):
-            room_u, room_v = (
-                widen * (policy.sigmas * sigma_u + room),
-                widen * (policy.sigmas * sigma_v + room),
-            )
-            x0, x1 = min(x0, u - room_u), max(x1, u + room_u)
-            y0, y1 = min(y0, v - room_v), max(y1, v + room_v)
-        x, y = math.floor(x0), math.floor(y0)
-        return Window(x, y, math.ceil(x1) - x + 1, math.ceil(y1) - y + 1)
+        return min(math.dist(a, b) for a, b in zip(places, places[1:] + places[:1], strict=True))
 
 
 def expected_tags(

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable
 
@@ -7,7 +8,8 @@ import numpy as np
 import pytest
 
 from msrr_perception import native_apriltag
-from msrr_perception.detector import DETECTORS, DetectorError, PupilDetector
+from msrr_perception.detector import DETECTORS, LARGE_TAG_PX, DetectorError, PupilDetector, for_large_tags
+from msrr_perception.native_apriltag import NativeSettings
 from msrr_perception.tag_camera import pose_vector, project
 from msrr_perception.target import TargetModel
 from msrr_scenes.messages import Pixels, TagDetection
@@ -89,6 +91,46 @@ def test_settings_reach_the_native_detector(plate: Plate, warp: Warp) -> None:
     assert len(PupilDetector(min_white_black_diff=10, min_decision_margin=2.0).detect(faint, window)) == 1
     assert PupilDetector(min_white_black_diff=60, min_decision_margin=2.0).detect(faint, window) == ()
     assert PupilDetector(min_white_black_diff=10, min_decision_margin=200.0).detect(faint, window) == ()
+
+
+@pytest.mark.parametrize("decimate", [1.0, 2.0])
+@pytest.mark.parametrize("blur", [0.0, 0.8])
+def test_the_wrapper_would_say_the_same(
+    target: TargetModel, draw: Draw, decimate: float, blur: float
+) -> None:
+    """Bit for bit, on pixels that are left as they were."""
+    frame = draw(SE2(-0.5, 0.02, 0.1), target.camera.frame)
+    before = frame.copy()
+    settings = NativeSettings(decimate, blur, 1.0, 30)
+    ours = native_apriltag.detect(frame, "tag36h11", settings)
+    theirs = native_apriltag._native(os.getpid(), "tag36h11")._wrapper.detect(frame)
+    np.testing.assert_array_equal(frame, before)
+    assert len(ours) == len(theirs) == len(target.port_tags)
+    for a, b in zip(ours, theirs, strict=True):
+        assert (a.tag_id, a.hamming, a.decision_margin) == (b.tag_id, b.hamming, b.decision_margin)
+        np.testing.assert_array_equal(a.corners, b.corners)
+
+
+def test_half_the_resolution_gives_the_same_corners_of_large_tags(target: TargetModel, draw: Draw) -> None:
+    """40 views with noise: none missed, corners a few hundredths of a pixel apart at most."""
+    rng, whole = np.random.default_rng(4), PupilDetector()
+    half = for_large_tags(whole)
+    assert half is not whole
+    for _ in range(40):
+        window = target.camera.frame
+        pixels = draw(SE2(rng.uniform(-0.5, -0.25), *rng.normal(0.0, [0.02, 0.1])), window)
+        noisy = np.clip(pixels + rng.normal(0.0, 2.0, pixels.shape), 0, 255).astype(np.uint8)
+        found = {t.tag_id: t.corners for t in half.detect(noisy, window)}
+        for tag in whole.detect(noisy, window):
+            edges = np.linalg.norm(tag.corners - np.roll(tag.corners, 1, axis=0), axis=1)
+            if edges.min() >= LARGE_TAG_PX:
+                np.testing.assert_allclose(found[tag.tag_id], tag.corners, atol=0.05)
+
+
+def test_without_refinement_large_tags_are_read_as_all_others() -> None:
+    plain = PupilDetector(refine=False)
+    assert for_large_tags(plain) is plain
+    assert for_large_tags(Blind(1)).detect(np.zeros((9, 9), np.uint8), Window(0, 0, 9, 9)) == ()
 
 
 def test_an_empty_or_tiny_window_holds_nothing() -> None:

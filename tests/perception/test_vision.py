@@ -9,7 +9,7 @@ from msrr_perception.detector import PupilDetector
 from msrr_perception.target import TargetModel
 from msrr_perception.vision import OnboardVision
 from msrr_scenes.errors import SceneError
-from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, PoseEstimate
+from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, PoseEstimate, TagDetection
 from msrr_scenes.pinhole import Window
 from msrr_scenes.se2 import SE2
 
@@ -142,6 +142,62 @@ def test_the_same_calls_give_the_same_windows_and_corners(target: TargetModel, f
         looks = [vision.look(_exposure(f), _prediction(TRUE) if f > 1 else None, fetch) for f in range(1, 6)]
         runs.append([(look.windows, [t.corners.tobytes() for t in look.tags]) for look in looks])
     assert runs[0] == runs[1]
+
+
+class Watched:
+    """A detector that counts its calls and, at half the resolution, overlooks a tag."""
+
+    def __init__(self, overlooked: int | None = None) -> None:
+        self._whole, self._half = PupilDetector(), PupilDetector().for_large_tags()
+        self.overlooked = overlooked
+        self.calls = {"whole": 0, "half": 0}
+
+    def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
+        self.calls["whole"] += 1
+        return self._whole.detect(pixels, window)
+
+    def for_large_tags(self) -> Half:
+        return Half(self)
+
+    def at_half(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
+        self.calls["half"] += 1
+        return tuple(t for t in self._half.detect(pixels, window) if t.tag_id != self.overlooked)
+
+
+class Half:
+    def __init__(self, watched: Watched) -> None:
+        self._watched = watched
+
+    def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
+        return self._watched.at_half(pixels, window)
+
+
+@pytest.mark.parametrize(("x", "large"), [(-0.3, True), (-0.9, False)])
+def test_large_tags_are_searched_at_half_the_resolution(
+    target: TargetModel, draw: Draw, x: float, large: bool
+) -> None:
+    X, detector = SE2(x, 0.01, 0.0), Watched()
+    vision = OnboardVision(target, detector)
+    found = vision.look(_exposure(1), _prediction(X, 1e-4), lambda window: draw(X, window))
+    assert _ids(found) == target.port_tags
+    assert (detector.calls["half"] > 0) == large
+    assert (detector.calls["whole"] > 0) == (not large)
+
+
+def test_a_tag_that_half_the_resolution_overlooks_is_found_in_the_same_pixels(
+    target: TargetModel, draw: Draw
+) -> None:
+    X, detector = SE2(-0.3, 0.01, 0.0), Watched(overlooked=target.port_tags[0])
+    vision, fetched = OnboardVision(target, detector), []
+
+    def fetch(window: Window) -> Pixels:
+        fetched.append(window)
+        return draw(X, window)
+
+    found = vision.look(_exposure(1), _prediction(X, 1e-4), fetch)
+    assert _ids(found) == target.port_tags
+    assert detector.calls["whole"] == detector.calls["half"] == len(fetched)
+    assert found.windows == tuple(fetched)
 
 
 def test_wrong_parameters_are_refused(target: TargetModel) -> None:

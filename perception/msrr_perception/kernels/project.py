@@ -152,3 +152,32 @@ def expect(
                 sigma[t, k, i] = math.sqrt(max(variance, 0.0))
         expected[t] = 1.0 if inside else 0.0
     return pixels, sigma, expected
+
+
+@kernel
+def extent(
+    pixels: Array, sigma: Array, sigmas: float, margin: float, quiet_zone: float, widen: float
+) -> tuple[int, int, int, int]:
+    """Return first column and row, and those after the last, of the pixels that should hold a tag.
+
+    Args:
+        pixels: Where its corners should be, shape (4, 2).
+        sigma: Their standard deviations, shape (4, 2).
+        sigmas: How many of them are left to a corner.
+        margin: Room on top of that [px].
+        quiet_zone: Room for the white border, as a share of the longest edge.
+        widen: Factor on all room.
+    """
+    longest = 0.0
+    for k in range(4):
+        before = (k + 3) % 4
+        edge = math.hypot(pixels[k, 0] - pixels[before, 0], pixels[k, 1] - pixels[before, 1])
+        longest = max(longest, edge)
+    room = margin + quiet_zone * longest
+    x0, y0, x1, y1 = np.inf, np.inf, -np.inf, -np.inf
+    for k in range(4):
+        room_u = widen * (sigmas * sigma[k, 0] + room)
+        room_v = widen * (sigmas * sigma[k, 1] + room)
+        x0, x1 = min(x0, pixels[k, 0] - room_u), max(x1, pixels[k, 0] + room_u)
+        y0, y1 = min(y0, pixels[k, 1] - room_v), max(y1, pixels[k, 1] + room_v)
+    return math.floor(x0), math.floor(y0), math.ceil(x1) + 1, math.ceil(y1) + 1
