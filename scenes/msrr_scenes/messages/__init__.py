@@ -1,0 +1,75 @@
+"""What travels between the rooms: sensor messages, estimates and decisions.
+
+All are frozen, small, and stamped with integer nanoseconds of simulated time. A measurement carries
+the time of its *exposure*, never of its arrival. None of them carries truth.
+
+Everybody imports them from here.
+"""
+
+from msrr_scenes.messages.decisions import (
+    Action,
+    AssemblyPath,
+    AssemblyProgress,
+    Belief,
+    Conviction,
+    Phase,
+    Setback,
+    Twist,
+)
+from msrr_scenes.messages.estimates import (
+    LosObservation,
+    LosStatus,
+    ObstacleEstimate,
+    PoseEstimate,
+    Situation,
+)
+from msrr_scenes.messages.sensing import (
+    NS_PER_S,
+    Array,
+    Detections,
+    Exposure,
+    Fetch,
+    GlobalPose,
+    Localisation,
+    LockFeedback,
+    LockPosition,
+    Pixels,
+    PoseMeasurement,
+    SeatSwitches,
+    SensorMessage,
+    TagDetection,
+    WheelOdometry,
+    seconds,
+)
+
+__all__ = [
+    "NS_PER_S",
+    "Action",
+    "Array",
+    "AssemblyPath",
+    "AssemblyProgress",
+    "Belief",
+    "Conviction",
+    "Detections",
+    "Exposure",
+    "Fetch",
+    "GlobalPose",
+    "Localisation",
+    "LockFeedback",
+    "LockPosition",
+    "LosObservation",
+    "LosStatus",
+    "ObstacleEstimate",
+    "Phase",
+    "Pixels",
+    "PoseEstimate",
+    "PoseMeasurement",
+    "SeatSwitches",
+    "SensorMessage",
+    "Setback",
+    "Situation",
+    "TagDetection",
+    "Twist",
+    "WheelOdometry",
+    "seconds",
+]
