@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from msrr_bullet.autonomy import FULL_LOOK_EVERY
-from msrr_bullet.detection.tally import Contestant, Reader, WatchedDetector, WholeFrame, shortest_edge
+from msrr_bullet.detection.tally import Contestant, WatchedDetector, WholeFrame
 from msrr_perception.detector import Detector, PupilDetector
 from msrr_perception.overhead_model import OverheadModel
 from msrr_perception.overhead_vision import OVERHEAD_POLICY, OverheadVision, default_search_detector
 from msrr_perception.target import TargetModel
 from msrr_perception.vision import OnboardVision
-from msrr_perception.windows import DEFAULT_POLICY, WindowPolicy, expected_tags
-from msrr_scenes.messages import Detections, Exposure, Fetch, GlobalPose, Pixels, PoseEstimate, TagDetection
+from msrr_perception.windows import DEFAULT_POLICY, WindowPolicy
+from msrr_scenes.messages import GlobalPose, Pixels, PoseEstimate, TagDetection
 from msrr_scenes.pinhole import Window
 
 #: Label of the settings that a trial runs with.
@@ -28,9 +28,6 @@ LIBRARY = "library's defaults"
 LIBRARY_CONTRAST = 5
 LIBRARY_SHARPENING = 0.25
 LIBRARY_DECIMATION = 2.0
-
-#: A tag whose shortest edge appears longer than this can be searched in an image of half the size [px].
-COARSE_EDGE_PX = 30.0
 
 #: Any number of pixels is fewer.
 _ANY_AREA = sys.maxsize
@@ -85,9 +82,7 @@ def onboard_contestants(target: TargetModel) -> dict[str, Contestant[PoseEstimat
         OURS: windows(PupilDetector()),
         **{f"... {label}": windows(build()) for label, build in _DETECTORS.items()},
     }
-    by_size = _DetectorBySize(PupilDetector(), PupilDetector(quad_decimate=LIBRARY_DECIMATION))
-    sized = windows(by_size)
-    contestants["... sized decimation"] = replace(sized, reader=_ReaderBySize(sized.reader, by_size, target))
+    contestants["... no decimation"] = windows(_OneResolution(PupilDetector()))
     contestants["... full frames"] = windows(PupilDetector(), full_every=1)
     for label, policy in _POLICIES.items():
         contestants[f"... {label}"] = windows(PupilDetector(), policy)
@@ -126,30 +121,11 @@ def whole_frames(detector: Detector, frame: Window) -> Contestant[object]:
     return Contestant(WholeFrame(watched, frame), watched)
 
 
-@dataclass
-class _DetectorBySize:
-    """Two detectors in the place of one, and which of them is at work."""
+@dataclass(frozen=True)
+class _OneResolution:
+    """A detector that has no quicker way with large tags."""
 
-    fine: Detector
-    coarse: Detector
-    large: bool = False
+    detector: Detector
 
     def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
-        return (self.coarse if self.large else self.fine).detect(pixels, window)
-
-
-@dataclass(frozen=True)
-class _ReaderBySize:
-    """A reader whose detector suits the smallest tag of the port that the prediction expects."""
-
-    reader: Reader[PoseEstimate]
-    detector: _DetectorBySize
-    target: TargetModel
-
-    def reset(self) -> None:
-        self.reader.reset()
-
-    def look(self, exposure: Exposure, prediction: PoseEstimate, fetch: Fetch, /) -> Detections:
-        tags = [t for t in expected_tags(self.target, prediction) if t.tag_id in self.target.port_tags]
-        self.detector.large = min((shortest_edge(t.pixels) for t in tags), default=0.0) > COARSE_EDGE_PX
-        return self.reader.look(exposure, prediction, fetch)
+        return self.detector.detect(pixels, window)

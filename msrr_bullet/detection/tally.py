@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from msrr_bullet.stats import Quantiles, Rate, quantiles, wilson
-from msrr_perception.detector import Detector
+from msrr_perception.detector import Detector, for_large_tags
 from msrr_scenes.messages import Array, Detections, Exposure, Fetch, Pixels, TagDetection
 from msrr_scenes.pinhole import Window
 
@@ -48,10 +48,14 @@ class WatchedDetector:
         windows: Since they were cleared last.
     """
 
-    def __init__(self, detector: Detector) -> None:
-        """Watch ``detector``."""
-        self.windows: list[Window] = []
+    def __init__(self, detector: Detector, windows: list[Window] | None = None) -> None:
+        """Watch ``detector``; its windows are added to ``windows`` if they are given."""
+        self.windows: list[Window] = [] if windows is None else windows
         self._detector = detector
+
+    def for_large_tags(self) -> WatchedDetector:
+        """Return what reads large tags in the detector's place, watched together with it."""
+        return WatchedDetector(for_large_tags(self._detector), self.windows)
 
     def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
         """Return the tags of one window; see :meth:`Detector.detect`."""
