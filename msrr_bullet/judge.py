@@ -212,6 +212,6 @@ class Judge:
             return Outcome.NEVER_DETECTED
         deepest = self._deepest_pose
         if self.contact is None or deepest is None:
-            return Outcome.TARGET_LOST
+            return Outcome.TARGET_LOST if setback is Setback.TARGET_LOST else Outcome.GAVE_UP
         in_line = abs(deepest.lateral) <= IN_LINE_M and abs(deepest.yaw) <= IN_LINE_YAW_RAD
         return Outcome.NOT_SEATED if in_line else Outcome.JAMMED

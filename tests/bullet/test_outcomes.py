@@ -75,6 +75,12 @@ CASES = (
     ),
     Case(Outcome.TARGET_LOST, "lost_target", "gave_up", nothing_touched),
     Case(
+        Outcome.GAVE_UP,
+        "seized_drive",
+        "gave_up",
+        lambda r: nothing_touched(r) and r.records[-1].believed is not None,
+    ),
+    Case(
         Outcome.NEVER_DETECTED,
         "hidden_marker",
         "gave_up",
