@@ -56,7 +56,8 @@ def reproduce(
     """Reproduce the paper; write ``report.html``, ``reproduction.json`` and the PNGs to ``out``.
 
     ``out/progress.txt`` gets a line for each thing that is told, so that a run in the background can be
-    followed. A run of the real loop that was stopped goes on from ``out/trials`` if scenes and code are still the same.
+    followed. A run of the real loop that was stopped goes on from ``out/trials`` if scenes and code are
+    still the same.
 
     Args:
         out: Folder, made if need be.
