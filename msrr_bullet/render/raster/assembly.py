@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from msrr_bullet.render.raster.faces import Faces, faces_of
+from msrr_bullet.render.raster.faces import faces_of
 from msrr_bullet.render.raster.look import Look
 from msrr_bullet.render.raster.records import CELLS, REGION_BITS, SMOOTH, TEXTURED, Geometry, Textures
 from msrr_bullet.render.raster.texture import Texture
@@ -21,75 +21,85 @@ def assemble(looks: Sequence[Look]) -> tuple[Geometry, Textures]:
     Raises:
         GeometryError: More faces than identities.
     """
-    textures: list[Texture] = []
-    columns: dict[str, list[np.ndarray]] = {name: [] for name in Geometry._fields}
-    vertex_count = face_count = corner_count = smooth_count = surface_count = 0
-    for look in looks:
-        faces = faces_of(look.mesh)
-        n = len(faces.planes)
-        R, p = look.X_MG.R, look.X_MG.p
-        vertices = faces.vertices @ R.T + p
-        middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-        radius = np.linalg.norm(vertices - middle, axis=1).max()
-        number = _number(look.texture, textures)
-        rows = np.flatnonzero(faces.smooth)
-        smooth_row = np.full(n, -1, dtype=np.int64)
-        smooth_row[rows] = smooth_count + np.arange(len(rows))
-        columns["shape_mover"].append(np.array([look.mover]))
-        columns["shape_ball"].append(np.append(middle, radius)[None])
-        columns["shape_vertex"].append(np.array([vertex_count]))
-        columns["shape_face"].append(np.array([face_count]))
-        columns["vertices"].append(vertices)
-        columns["corner_start"].append(faces.start[:-1] + corner_count)
-        columns["corners"].append(faces.corners + vertex_count)
-        columns["across"].append(np.where(faces.across >= 0, faces.across + face_count, -1))
-        columns["planes"].append(_turned(faces.planes, R, p, sign=1.0))
-        columns["grey"].append(np.full(n, 255.0 * look.grey))
-        columns["kind"].append(_kinds(faces, look.texture))
-        columns["smooth"].append(smooth_row)
-        columns["corner_normals"].append(faces.corner_normals[rows] @ R.T)
-        columns["weights"].append(_turned(faces.weights[rows], R, p, sign=-1.0))
-        columns["uv"].append(_turned(faces.uv, R, p, sign=-1.0))
-        columns["texture"].append(np.full(n, number))
-        columns["surface"].append(np.where(faces.surface >= 0, faces.surface + surface_count, -1))
-        vertex_count += len(vertices)
-        face_count += n
-        corner_count += len(faces.corners)
-        smooth_count += len(rows)
-        surface_count += int(faces.surface.max(initial=-1)) + 1
-    if face_count >= _MOST_FACES:
-        raise GeometryError(f"{face_count} faces are more than the raster renderer can tell apart")
-    for name, last in (
-        ("shape_vertex", vertex_count),
-        ("shape_face", face_count),
-        ("corner_start", corner_count),
-    ):
-        columns[name].append(np.array([last]))
-    packed = _packed(textures)
-    numbers = np.concatenate([np.empty(0, np.int64), *columns["texture"]])
-    columns["cells"] = [_cells(numbers, textures, packed)]
-    return Geometry(**{name: _joined(name, parts) for name, parts in columns.items()}), packed
-
-
-#: Shape of one row of each array of :class:`Geometry` that holds numbers; all others hold indices.
-_ROWS: dict[str, tuple[int, ...]] = {
-    "shape_ball": (4,),
-    "vertices": (3,),
-    "planes": (4,),
-    "grey": (),
-    "corner_normals": (3, 3),
-    "weights": (2, 4),
-    "uv": (2, 4),
-}
-_INDEX_ROWS: dict[str, tuple[int, ...]] = {"cells": (4,)}
-
-
-def _joined(name: str, parts: list[np.ndarray]) -> np.ndarray:
-    kind = np.float64 if name in _ROWS else np.int64
-    row = _ROWS.get(name, _INDEX_ROWS.get(name, ()))
-    return np.ascontiguousarray(
-        np.concatenate([np.empty((0, *row)), *(part.reshape(-1, *row) for part in parts)]), dtype=kind
+    all_faces = [faces_of(look.mesh) for look in looks]
+    vertex_start, face_start, corner_start, smooth_start, surface_start = (
+        np.cumsum([0, *counts], dtype=np.int64)
+        for counts in (
+            [len(f.vertices) for f in all_faces],
+            [len(f.planes) for f in all_faces],
+            [len(f.corners) for f in all_faces],
+            [int(f.smooth.sum()) for f in all_faces],
+            [int(f.surface.max(initial=-1)) + 1 for f in all_faces],
+        )
     )
+    if face_start[-1] >= _MOST_FACES:
+        raise GeometryError(f"{face_start[-1]} faces are more than the raster renderer can tell apart")
+    textures: list[Texture] = []
+    number = np.array([_number(look.texture, textures) for look in looks], dtype=np.int64)
+    packed = _packed(textures)
+    # Shape of each vertex, face, corner and smooth face, and where each shape lies.
+    of_vertex, of_face, of_corner, of_smooth = (
+        np.repeat(np.arange(len(looks)), np.diff(start))
+        for start in (vertex_start, face_start, corner_start, smooth_start)
+    )
+    R = _stacked([look.X_MG.R for look in looks], (3, 3))
+    p = _stacked([look.X_MG.p for look in looks], (3,))
+    vertices = np.einsum("nij,nj->ni", R[of_vertex], _joined([f.vertices for f in all_faces], (3,)))
+    vertices += p[of_vertex]
+    smooth = _joined([f.smooth for f in all_faces], (), np.bool_)
+    across = _joined([f.across for f in all_faces], (), np.int64)
+    surface = _joined([f.surface for f in all_faces], (), np.int64)
+    normals = _joined([f.corner_normals for f in all_faces], (3, 3))[smooth]
+    weights = _joined([f.weights for f in all_faces], (2, 4))[smooth]
+    smooth_row = np.full(len(smooth), -1, dtype=np.int64)
+    smooth_row[smooth] = np.arange(int(smooth.sum()))
+    grey = np.array([255.0 * look.grey for look in looks])
+    kinds = np.array([_kind(look.texture) for look in looks], dtype=np.int64)
+    geometry = Geometry(
+        shape_mover=np.array([look.mover for look in looks], dtype=np.int64),
+        shape_ball=_balls(vertices, vertex_start),
+        shape_vertex=vertex_start,
+        shape_face=face_start,
+        vertices=vertices,
+        corner_start=np.append(
+            _joined([f.start[:-1] for f in all_faces], (), np.int64) + corner_start[of_face], corner_start[-1]
+        ),
+        corners=_joined([f.corners for f in all_faces], (), np.int64) + vertex_start[of_corner],
+        across=np.where(across >= 0, across + face_start[of_corner], -1),
+        planes=_turned(_joined([f.planes for f in all_faces], (4,)), R[of_face], p[of_face], sign=1.0),
+        grey=grey[of_face],
+        kind=kinds[of_face] | np.where(smooth, SMOOTH, 0),
+        smooth=smooth_row,
+        corner_normals=np.einsum("nij,nkj->nki", R[of_smooth], normals),
+        weights=_turned(weights, R[of_smooth], p[of_smooth], sign=-1.0),
+        uv=_turned(_joined([f.uv for f in all_faces], (2, 4)), R[of_face], p[of_face], sign=-1.0),
+        texture=number[of_face],
+        surface=np.where(surface >= 0, surface + surface_start[of_face], -1),
+        cells=_cells(number[of_face], textures, packed),
+    )
+    # One layout, whatever led to it: the kernels are compiled for rows that lie one after another.
+    return Geometry._make(np.ascontiguousarray(column) for column in geometry), packed
+
+
+def _joined(parts: Sequence[np.ndarray], row: tuple[int, ...], kind: type = np.float64) -> np.ndarray:
+    """Return arrays of rows of one shape as one array; of none, an empty one."""
+    return np.concatenate([np.empty((0, *row), dtype=kind), *parts])
+
+
+def _stacked(parts: Sequence[np.ndarray], row: tuple[int, ...]) -> np.ndarray:
+    return np.array(parts, dtype=np.float64).reshape(-1, *row)
+
+
+def _balls(vertices: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Return centre and radius of a ball about each shape, shape (S, 4); every shape has vertices."""
+    if len(start) == 1:
+        return np.empty((0, 4))
+    first = start[:-1]
+    low, high = np.minimum.reduceat(vertices, first), np.maximum.reduceat(vertices, first)
+    middle = 0.5 * (low + high)
+    away = vertices - np.repeat(middle, np.diff(start), axis=0)
+    radius = np.sqrt(np.maximum.reduceat((away * away).sum(axis=1), first))
+    return np.column_stack([middle, radius])
 
 
 def _cells(numbers: np.ndarray, textures: list[Texture], packed: Textures) -> np.ndarray:
@@ -106,18 +116,24 @@ def _cells(numbers: np.ndarray, textures: list[Texture], packed: Textures) -> np
 
 
 def _turned(functions: np.ndarray, R: np.ndarray, p: np.ndarray, sign: float) -> np.ndarray:
-    """Move affine functions ``g . p + g0`` (planes ``n . p = d``: ``sign`` +1) from frame G to M."""
+    """Move affine functions ``g . p + g0`` (planes ``n . p = d``: ``sign`` +1) from frames G to M.
+
+    Args:
+        functions: Shape (N, ..., 4).
+        R: Rotation of each G in M, shape (N, 3, 3).
+        p: Its origin, shape (N, 3) [m].
+        sign: Of what is added to the last entry.
+    """
     out = np.empty_like(functions)
-    out[..., :3] = functions[..., :3] @ R.T
-    out[..., 3] = functions[..., 3] + sign * (out[..., :3] @ p)
+    out[..., :3] = np.einsum("nij,n...j->n...i", R, functions[..., :3])
+    out[..., 3] = functions[..., 3] + sign * np.einsum("n...i,ni->n...", out[..., :3], p)
     return out
 
 
-def _kinds(faces: Faces, texture: Texture | None) -> np.ndarray:
-    kind = np.where(faces.smooth, SMOOTH, 0)
-    if texture is not None:
-        kind |= TEXTURED | (CELLS if texture.regions is not None else 0)
-    return kind
+def _kind(texture: Texture | None) -> int:
+    if texture is None:
+        return 0
+    return TEXTURED | (CELLS if texture.regions is not None else 0)
 
 
 def _number(texture: Texture | None, known: list[Texture]) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +140,13 @@ def _looks(shape: Shape, X_MG: SE3) -> Iterator[Look]:
             mesh = part.mesh.scaled(np.array(size))
             yield Look(0, X_MG, mesh, grey, _texture(part, textured=texture_id >= 0, where=where))
         return
-    yield Look(0, X_MG, _primitive(kind, size, f"body {body}, link {link}"), grey, None)
+    primitive = _primitive(kind, size)
+    if primitive is None:
+        raise GeometryError(
+            f"body {body}, link {link}: the raster renderer draws boxes, spheres, cylinders, capsules and "
+            f"mesh files, not PyBullet's shape type {kind}"
+        )
+    yield Look(0, X_MG, primitive, grey, None)
 
 
 def _texture(part: MeshPart, textured: bool, where: str) -> Texture | None:
@@ -159,7 +166,9 @@ def _texture(part: MeshPart, textured: bool, where: str) -> Texture | None:
     return read_texture(part.texture)
 
 
-def _primitive(kind: int, size: tuple[float, float, float], where: str) -> Mesh:
+@lru_cache(maxsize=512)
+def _primitive(kind: int, size: tuple[float, float, float]) -> Mesh | None:
+    """Return the mesh of a primitive shape, None for a kind that is none; units and trials are alike."""
     if kind == pybullet.GEOM_BOX:
         return box(np.array(size))
     if kind == pybullet.GEOM_SPHERE:
@@ -168,7 +177,4 @@ def _primitive(kind: int, size: tuple[float, float, float], where: str) -> Mesh:
         return cylinder(size[1], size[0])
     if kind == pybullet.GEOM_CAPSULE:
         return capsule(size[1], size[0])
-    raise GeometryError(
-        f"{where}: the raster renderer draws boxes, spheres, cylinders, capsules and mesh files, "
-        f"not PyBullet's shape type {kind}"
-    )
+    return None

@@ -57,11 +57,18 @@ def read_texture(path: Path) -> Texture:
 
 @lru_cache(maxsize=256)
 def _read(path: Path, mtime_ns: int, size: int) -> Texture:
-    raw = np.frombuffer(path.read_bytes(), dtype=np.uint8)
-    picture = cv2.imdecode(raw, cv2.IMREAD_GRAYSCALE) if raw.size else None
-    if picture is None:
+    texture = _decoded(path.read_bytes())
+    if texture is None:
         raise GeometryError(f"{path}: not a picture that OpenCV can read")
-    return texture_of(np.asarray(picture, dtype=np.uint8))
+    return texture
+
+
+@lru_cache(maxsize=256)
+def _decoded(content: bytes) -> Texture | None:
+    """Return the texture in a picture file; every trial writes the same tags to files of its own."""
+    raw = np.frombuffer(content, dtype=np.uint8)
+    picture = cv2.imdecode(raw, cv2.IMREAD_GRAYSCALE) if raw.size else None
+    return None if picture is None else texture_of(np.asarray(picture, dtype=np.uint8))
 
 
 def texture_of(picture: Pixels) -> Texture:
