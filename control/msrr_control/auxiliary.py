@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from msrr_control.elementwise import Number, limit, tanh
 from msrr_scenes.spec import Positive, Spec
-
-Array = NDArray[np.float64]
 
 #: Newton's method starts short of the root of a function that is concave there, so it climbs monotonically;
 #: with the clamp below 2 six iterations reach rounding error.
@@ -34,7 +31,7 @@ class AuxiliaryGains(Spec):
         return self.k_mps / self.gamma_m
 
 
-def auxiliary_step(state: Array, excess: Array, gains: AuxiliaryGains, dt: float) -> Array:
+def auxiliary_step(state: Number, excess: Number, gains: AuxiliaryGains, dt: float) -> Number:
     r"""Advance the auxiliary state by one implicit step.
 
     .. math:: \dot\lambda = \cosh^2(\lambda)\,(-k\lambda + \Delta)/\gamma
@@ -46,7 +43,7 @@ def auxiliary_step(state: Array, excess: Array, gains: AuxiliaryGains, dt: float
     Source: Zheng et al., eqs. 10, 14, 16 and 25 (stiff: an explicit step of 20 ms diverges at Delta = 0.2).
 
     Args:
-        state: lambda, any shape.
+        state: lambda, a number or an array of any shape.
         excess: Delta, what saturation took from (or a force adds to) the command, same shape [m/s].
         gains: k, gamma and the clamp.
         dt: Step [s] >= 0.
@@ -55,11 +52,12 @@ def auxiliary_step(state: Array, excess: Array, gains: AuxiliaryGains, dt: float
         lambda one step later, same shape, within the clamp.
     """
     k, gamma, clamp = gains.k_mps * dt, gains.gamma_m, gains.clamp
-    most = gamma * float(np.tanh(clamp)) + k * clamp
-    goal = np.minimum(np.maximum(gamma * np.tanh(state) + dt * excess, -most), most)
+    most = gamma * tanh(clamp) + k * clamp
+    goal = limit(gamma * tanh(state) + dt * excess, -most, most)
     root = goal / (gamma + k)
     for _ in range(_ITERATIONS):
-        t = np.tanh(root)
-        root = root - (gamma * t + k * root - goal) / (gamma * (1.0 - t * t) + k)
-    limited: Array = np.minimum(np.maximum(root, -clamp), clamp)
-    return limited
+        t = tanh(root)
+        before, root = root, root - (gamma * t + k * root - goal) / (gamma * (1.0 - t * t) + k)
+        if isinstance(root, float) and root == before:
+            break  # no further step would move it
+    return limit(root, -clamp, clamp)

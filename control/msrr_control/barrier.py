@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from msrr_control.elementwise import Number, at_least, cos, hypot, join, limit, number, sin, split, where
 from msrr_control.envelope import EnvelopeGains, envelope
 from msrr_control.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
-from msrr_control.law import DockSetup, Sensed, limit_twist
-from msrr_control.offset_point import offset_point, twist_for
+from msrr_control.law import DockSetup, Sensed
+from msrr_control.offset_point import offset_point, rotated
 from msrr_scenes.errors import SceneError
 from msrr_scenes.spec import NonNegative, Positive, Spec
 
@@ -72,32 +73,39 @@ class BarrierLaw:
 
     def step(self, state: BarrierState, sensed: Sensed, dt: float) -> tuple[Array, BarrierState]:
         """Advance by ``dt`` [s]; return (v, w), shape (..., 2), and the next state."""
-        params, setup = self.params, self.setup
-        yaw = sensed.pose[..., 2]
-        tip = offset_point(sensed.pose, setup.offset)
-        guidance = guidance_step(state.guidance, tip, sensed.visibility, params.guidance, setup.pin_reach, dt)
-        error = tip - self.reference(BarrierState(guidance))
-        velocity = -params.k_n_per_s * np.minimum(np.maximum(error, -_FARTHEST), _FARTHEST)
-        velocity[..., 0] += guidance.speed
-        twist = limit_twist(twist_for(velocity, yaw, setup.offset), setup.limits)
-        low, high = self.turn_bounds(twist[..., 0], sensed)
-        middle = 0.5 * low + 0.5 * high
-        kept = np.where(low > high, middle, np.minimum(np.maximum(twist[..., 1], low), high))
-        twist[..., 1] = np.where(sensed.visibility > 0.0, kept, twist[..., 1])
-        return limit_twist(twist, setup.limits), BarrierState(guidance)
+        params, setup, limits = self.params, self.setup, self.setup.limits
+        visibility = number(sensed.visibility)
+        x, y, yaw = split(sensed.pose)
+        tip = join(x + setup.offset * cos(yaw), y + setup.offset * sin(yaw))
+        guidance = guidance_step(state.guidance, tip, visibility, params.guidance, setup.pin_reach, dt)
+        tip_x, tip_y = split(tip)
+        wish_x = -params.k_n_per_s * limit(tip_x - number(guidance.x), -_FARTHEST, _FARTHEST)
+        wish_y = -params.k_n_per_s * limit(tip_y, -_FARTHEST, _FARTHEST)
+        v, across = rotated(wish_x + number(guidance.speed), wish_y, -yaw)
+        v = limit(v, -limits.v_close_mps, limits.v_close_mps)
+        w = limit(across / setup.offset, -limits.w_max_radps, limits.w_max_radps)
+        low, high = self._turn_bounds(v, sensed)
+        kept = where(low > high, 0.5 * low + 0.5 * high, limit(w, low, high))
+        w = limit(where(visibility > 0.0, kept, w), -limits.w_max_radps, limits.w_max_radps)
+        return join(v, w), BarrierState(guidance)
 
     def turn_bounds(self, v: Array, sensed: Sensed) -> tuple[Array, Array]:
         """Return the turn rates [rad/s] between which both edges stay in the cone; they may cross."""
-        los, camera = self.setup.los, offset_point(sensed.pose, self.setup.camera_offset)
+        low, high = self._turn_bounds(number(v), sensed)
+        return np.asarray(low), np.asarray(high)
+
+    def _turn_bounds(self, v: Number, sensed: Sensed) -> tuple[Number, Number]:
+        los, ahead = self.setup.los, self.setup.camera_offset
+        x, y, yaw = split(sensed.pose)
+        camera_x, camera_y = x + ahead * cos(yaw), y + ahead * sin(yaw)
         bounds = []
-        for side, b in ((0, los.half_width_m), (1, -los.half_width_m)):
-            angle = sensed.edges[..., side]
-            sign = 1.0 if side == 0 else -1.0
-            distance = np.hypot(los.setback_m - camera[..., 0], b - camera[..., 1])
-            distance = np.maximum(distance, los.half_width_m)
+        left, right = split(sensed.edges)
+        for angle, sign in ((left, 1.0), (right, -1.0)):
+            b = sign * los.half_width_m
+            distance = at_least(hypot(los.setback_m - camera_x, b - camera_y), los.half_width_m)
             allowed = sign * envelope(sign * angle - self._limit, self._gains)
-            lever = 1.0 + self.setup.camera_offset * np.cos(angle) / distance
-            bounds.append((v * np.sin(angle) / distance - allowed) / lever)
+            lever = 1.0 + ahead * cos(angle) / distance
+            bounds.append((v * sin(angle) / distance - allowed) / lever)
         return bounds[0], bounds[1]
 
     def reference(self, state: BarrierState) -> Array:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+import math
 
+from msrr_control.elementwise import Number, at_least, at_most, exp, limit, log1p, sqrt, tanh, where
 from msrr_scenes.spec import Positive, Spec
 
-Array = NDArray[np.float64]
+_LOG_2 = math.log(2.0)
 
 #: Below this ln cosh(z) is z^2 / 2 to all digits that matter, and the general formula loses some.
 _SMALL = 1e-3
@@ -27,21 +27,20 @@ class EnvelopeGains(Spec):
     alpha_per_s: Positive = 2.4
 
 
-def braking_speed(distance: Array, gains: EnvelopeGains) -> Array:
+def braking_speed(distance: Number, gains: EnvelopeGains) -> Number:
     r"""Return the speed from which ``gamma`` stops within ``distance`` of the bound, rounded off near it.
 
     .. math:: \beta(x) = \sqrt{2\gamma\rho\ln\cosh(x/\rho)}
 
     Source: Zheng et al., eq. 5. ln cosh is written so that it neither overflows nor cancels.
     """
-    z = np.abs(distance) / gains.rho
-    near = np.minimum(z, _SMALL)
-    log_cosh = np.where(z < _SMALL, 0.5 * near * near, z + np.log1p(np.exp(-2.0 * z)) - np.log(2.0))
-    speed: Array = np.sqrt(2.0 * gains.gamma * gains.rho * np.maximum(log_cosh, 0.0))
-    return speed
+    z = abs(distance) / gains.rho
+    near = at_most(z, _SMALL)
+    log_cosh: Number = where(z < _SMALL, 0.5 * near * near, z + log1p(exp(-2.0 * z)) - _LOG_2)
+    return sqrt(2.0 * gains.gamma * gains.rho * at_least(log_cosh, 0.0))
 
 
-def envelope(position: Array, gains: EnvelopeGains) -> Array:
+def envelope(position: Number, gains: EnvelopeGains) -> Number:
     r"""Return F, the largest speed towards the bound that is safe at ``position``.
 
     .. math:: F(x) = \beta(x)\ (x \le 0),\quad -\sqrt{\gamma/\rho}\,x\ (x > 0)
@@ -55,13 +54,13 @@ def envelope(position: Array, gains: EnvelopeGains) -> Array:
     Returns:
         F, same shape [units/s]; negative beyond the bound, which pulls the state back.
     """
-    speed: Array = np.where(
-        position <= 0.0, braking_speed(position, gains), -np.sqrt(gains.gamma / gains.rho) * position
+    speed: Number = where(
+        position <= 0.0, braking_speed(position, gains), -math.sqrt(gains.gamma / gains.rho) * position
     )
     return speed
 
 
-def envelope_slope(position: Array, gains: EnvelopeGains) -> Array:
+def envelope_slope(position: Number, gains: EnvelopeGains) -> Number:
     r"""Return H = dF/dx.
 
     .. math:: H(x) = \gamma\tanh(x/\rho)/\beta(x)\ (x < 0),\quad -\sqrt{\gamma/\rho}\ (x \ge 0)
@@ -70,12 +69,12 @@ def envelope_slope(position: Array, gains: EnvelopeGains) -> Array:
     """
     beta = braking_speed(position, gains)
     inside = position < -_SMALL * _SMALL * gains.rho
-    slope = gains.gamma * np.tanh(position / gains.rho) / np.where(inside, beta, 1.0)
-    full: Array = np.where(inside, slope, -np.sqrt(gains.gamma / gains.rho))
+    slope = gains.gamma * tanh(position / gains.rho) / where(inside, beta, 1.0)
+    full: Number = where(inside, slope, -math.sqrt(gains.gamma / gains.rho))
     return full
 
 
-def safe_acceleration(position: Array, velocity: Array, gains: EnvelopeGains) -> Array:
+def safe_acceleration(position: Number, velocity: Number, gains: EnvelopeGains) -> Number:
     r"""Return u_s, the largest acceleration towards the bound that keeps the envelope.
 
     .. math:: B = \eta_2 - F(\eta_1),\quad u_s = -\alpha B + H(\eta_1)\,\eta_2
@@ -91,19 +90,18 @@ def safe_acceleration(position: Array, velocity: Array, gains: EnvelopeGains) ->
         u_s, same shape [units/s2].
     """
     excess = velocity - envelope(position, gains)
-    limit: Array = -gains.alpha_per_s * excess + envelope_slope(position, gains) * velocity
-    return limit
+    return -gains.alpha_per_s * excess + envelope_slope(position, gains) * velocity
 
 
 def enveloped_acceleration(
-    wish: Array,
-    position: Array,
-    velocity: Array,
+    wish: Number,
+    position: Number,
+    velocity: Number,
     gains: EnvelopeGains,
     most: float,
-    lower: Array | float | None = None,
-    upper: Array | float | None = None,
-) -> Array:
+    lower: float | None = None,
+    upper: float | None = None,
+) -> Number:
     r"""Return the acceleration nearest to ``wish`` that respects a lower and an upper wall.
 
     .. math:: u = \mathrm{sat}(-u_{max}, \mathrm{sat}(-u_s^{lower}, u_r, u_s^{upper}), u_{max})
@@ -130,10 +128,9 @@ def enveloped_acceleration(
     """
     if gains.gamma >= most:
         raise ValueError(f"the envelope's gamma = {gains.gamma} has to be less than u_max = {most}")
-    u = np.asarray(wish, dtype=np.float64)
+    u = wish
     if lower is not None:
-        u = np.maximum(u, -safe_acceleration(lower - position, -velocity, gains))
+        u = at_least(u, -safe_acceleration(lower - position, -velocity, gains))
     if upper is not None:
-        u = np.minimum(u, safe_acceleration(position - upper, velocity, gains))
-    limited: Array = np.minimum(np.maximum(u, -most), most)
-    return limited
+        u = at_most(u, safe_acceleration(position - upper, velocity, gains))
+    return limit(u, -most, most)

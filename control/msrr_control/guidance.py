@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from msrr_control.elementwise import Number, at_least, at_most, limit, number, split, sqrt
 from msrr_scenes.spec import NonNegative, Positive, Spec
 
 Array = NDArray[np.float64]
@@ -75,20 +76,20 @@ def guidance_step(
         The reference one step later.
     """
     a = spec.acceleration
-    to_pins = np.maximum(-pin_reach - state.x, 0.0)
-    to_end = np.maximum(spec.overrun_m - state.x, 0.0)
-    wish = np.minimum(spec.speed_mps, np.sqrt(spec.contact_mps**2 + 2.0 * a * to_pins))
-    wish = np.minimum(wish, np.sqrt(2.0 * a * to_end))
+    x, before = number(state.x), number(state.speed)
+    tip_x, tip_y = split(tip)
+    to_pins = at_least(-pin_reach - x, 0.0)
+    to_end = at_least(spec.overrun_m - x, 0.0)
+    wish = at_most(sqrt(spec.contact_mps**2 + 2.0 * a * to_pins), spec.speed_mps)
+    wish = at_most(wish, sqrt(2.0 * a * to_end))
     corridor = spec.corridor_m + spec.corridor_slope * to_pins
-    on_axis = _fades(np.abs(tip[..., 1]) / corridor)
-    in_step = _fades(2.0 * (state.x - tip[..., 0]) / spec.lag_m)
-    wish = wish * (visibility * on_axis * in_step)
-    change = np.minimum(np.maximum(wish - state.speed, -a * dt), a * dt)
-    speed = state.speed + change
-    return GuidanceState(np.minimum(state.x + dt * speed, spec.overrun_m), speed)
+    on_axis = _fades(abs(tip_y) / corridor)
+    in_step = _fades(2.0 * (x - tip_x) / spec.lag_m)
+    wish = wish * (number(visibility) * on_axis * in_step)
+    speed = before + limit(wish - before, -a * dt, a * dt)
+    return GuidanceState(np.asarray(at_most(x + dt * speed, spec.overrun_m)), np.asarray(speed))
 
 
-def _fades(ratio: Array) -> Array:
+def _fades(ratio: Number) -> Number:
     """Return 1 up to a ratio of 1, falling to 0 at a ratio of 2."""
-    share: Array = np.minimum(np.maximum(2.0 - ratio, 0.0), 1.0)
-    return share
+    return limit(2.0 - ratio, 0.0, 1.0)

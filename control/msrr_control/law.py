@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from msrr_control.elementwise import join, limit, split
 from msrr_scenes.errors import SceneError
 from msrr_scenes.los_geometry import LosSpec
 from msrr_scenes.vehicle import LimitsSpec
@@ -106,6 +107,7 @@ class DockingLaw(Protocol[State]):
 
 def limit_twist(twist: Array, limits: LimitsSpec) -> Array:
     """Return ``twist``, shape (..., 2), with v within the close-range speed and w within the drive's."""
-    most = np.array([limits.v_close_mps, limits.w_max_radps])
-    limited: Array = np.minimum(np.maximum(twist, -most), most)
-    return limited
+    v, w = split(twist)
+    return join(
+        limit(v, -limits.v_close_mps, limits.v_close_mps), limit(w, -limits.w_max_radps, limits.w_max_radps)
+    )

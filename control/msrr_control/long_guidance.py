@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
 from msrr_control.auxiliary import AuxiliaryGains, auxiliary_step
+from msrr_control.elementwise import Number, join, limit, number, split, tanh, where
 from msrr_control.envelope import EnvelopeGains, enveloped_acceleration
-from msrr_control.offset_point import rotate
+from msrr_control.offset_point import rotated
 from msrr_control.path import Desired
 from msrr_scenes.spec import Positive, Spec
 
@@ -113,31 +114,51 @@ def long_guidance_step(
     Returns:
         The state one step later.
     """
+    most = gains.u_max_mps2
+    position, velocity, lam = split(state.position), split(state.velocity), split(state.lam)
+    point, rate, forward = map(split, desired)
+    axes = (0, 1)
+    wish = [_wish(position[i], velocity[i], lam[i], point[i], rate[i], forward[i], gains) for i in axes]
+    if envelope and bool(np.any(wall.active)):
+        acceleration = _kept_out(wish, position, velocity, wall, gains)
+    else:
+        acceleration = [limit(u, -most, most) for u in wish]
+    if anti_windup:
+        lam = [auxiliary_step(lam[i], acceleration[i] - wish[i], gains.windup, dt) for i in axes]
+    return LongGuidanceState(
+        join(*(position[i] + dt * velocity[i] + 0.5 * dt * dt * acceleration[i] for i in axes)),
+        join(*(velocity[i] + dt * acceleration[i] for i in axes)),
+        join(*lam),
+    )
+
+
+def _wish(
+    position: Number,
+    velocity: Number,
+    lam: Number,
+    desired: Number,
+    rate: Number,
+    acceleration: Number,
+    gains: LongGuidanceGains,
+) -> Number:
+    """Return u_r along one axis."""
     k, gamma = gains.windup.k_mps, gains.windup.gamma_m
     c1, c2 = gains.c1_per_s, gains.c2_per_s
-    bias = gamma * np.tanh(state.lam)
-    z1 = state.position - desired.point
-    z2 = state.velocity - desired.velocity + c1 * z1 - bias
-    wish = -c2 * z2 + desired.acceleration - k * state.lam - z1 - c1 * (z2 - c1 * z1 + bias)
-    most = gains.u_max_mps2
-    if envelope and bool(np.any(wall.active)):
-        acceleration = _kept_out(wish, state, wall, gains)
-    else:
-        acceleration = np.minimum(np.maximum(wish, -most), most)
-    lam = auxiliary_step(state.lam, acceleration - wish, gains.windup, dt) if anti_windup else state.lam
-    position = state.position + dt * state.velocity + 0.5 * dt * dt * acceleration
-    return LongGuidanceState(position, state.velocity + dt * acceleration, lam)
+    bias = gamma * tanh(lam)
+    z1 = position - desired
+    z2 = velocity - rate + c1 * z1 - bias
+    return -c2 * z2 + acceleration - k * lam - z1 - c1 * (z2 - c1 * z1 + bias)
 
 
-def _kept_out(wish: Array, state: LongGuidanceState, wall: SideWall, gains: LongGuidanceGains) -> Array:
+def _kept_out(
+    wish: list[Any], position: list[Any], velocity: list[Any], wall: SideWall, gains: LongGuidanceGains
+) -> list[Any]:
     """Saturate in the frame of the wall, whose first axis is its normal (eq. 9, a lower wall)."""
-    most = gains.u_max_mps2
-    away = np.negative(wall.normal)
-    wanted = rotate(wish, away)
-    across = rotate(state.position - wall.foot, away)[..., 0]
-    rate = rotate(state.velocity, away)[..., 0]
-    allowed = np.empty_like(wanted)
-    held = enveloped_acceleration(wanted[..., 0], across, rate, gains.envelope, most, lower=0.0)
-    allowed[..., 0] = np.where(wall.active, held, np.minimum(np.maximum(wanted[..., 0], -most), most))
-    allowed[..., 1] = np.minimum(np.maximum(wanted[..., 1], -most), most)
-    return rotate(allowed, wall.normal)
+    most, normal = gains.u_max_mps2, number(wall.normal)
+    foot = split(wall.foot)
+    wanted, along = rotated(wish[0], wish[1], -normal)
+    across, _ = rotated(position[0] - foot[0], position[1] - foot[1], -normal)
+    rate, _ = rotated(velocity[0], velocity[1], -normal)
+    held = enveloped_acceleration(wanted, across, rate, gains.envelope, most, lower=0.0)
+    allowed = where(number(wall.active), held, limit(wanted, -most, most))
+    return [*rotated(allowed, limit(along, -most, most), normal)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -10,8 +11,9 @@ from pydantic import Field, model_validator
 
 from msrr_control.auxiliary import AuxiliaryGains, auxiliary_step
 from msrr_control.drive_limits import nested_limit
+from msrr_control.elementwise import Number, at_least, cos, hypot, join, limit, number, sin, split, tan, tanh
 from msrr_control.long_guidance import LongGuidanceState
-from msrr_control.offset_point import offset_point, point_velocity, twist_for
+from msrr_control.offset_point import rotated
 from msrr_scenes.spec import Positive, Spec
 from msrr_scenes.vehicle import LimitsSpec
 
@@ -111,13 +113,17 @@ def spring_force(tip: Array, obstacles: Obstacles, gains: SpringGains) -> Array:
     Returns:
         Shape (..., 2) [m/s].
     """
-    apart = tip[..., None, :] - obstacles.centre
-    rho = np.hypot(apart[..., 0], apart[..., 1])
-    share = (gains.far_m - rho) / (gains.far_m - gains.near_m)
-    share = np.minimum(np.maximum(share, 0.0), _BELOW_ONE)
-    size = gains.k_r_mps * np.tanh(np.tan(0.5 * np.pi * share)) * obstacles.present
-    force: Array = -np.sum((size / np.maximum(rho, 1e-9))[..., None] * apart, axis=-2)
-    return force
+    x, y = split(tip)
+    force_x, force_y = 0.0 * x, 0.0 * y
+    for i in range(obstacles.centre.shape[-2]):
+        centre_x, centre_y = split(obstacles.centre[..., i, :])
+        apart_x, apart_y = x - centre_x, y - centre_y
+        rho = hypot(apart_x, apart_y)
+        share = limit((gains.far_m - rho) / (gains.far_m - gains.near_m), 0.0, _BELOW_ONE)
+        size = gains.k_r_mps * tanh(tan(0.5 * math.pi * share)) * number(obstacles.present[..., i])
+        each = size / at_least(rho, 1e-9)
+        force_x, force_y = force_x - each * apart_x, force_y - each * apart_y
+    return join(force_x, force_y)
 
 
 def long_tracking_start(twist: Array, limits: LimitsSpec) -> LongTrackingState:
@@ -163,33 +169,43 @@ def long_tracking_step(
     Returns:
         (v, w) within the drive's speed limits, shape (..., 2), and the next state.
     """
-    yaw = pose[..., 2]
-    tip = offset_point(pose, offset)
-    error = np.minimum(np.maximum(tip - reference.position, -_FARTHEST), _FARTHEST)
-    velocity = reference.velocity - gains.k_l_per_s * error
-    lam, lam_s = state.lam, state.lam_s
+    x, y, yaw = split(pose)
+    tip = x + offset * cos(yaw), y + offset * sin(yaw)
+    lam, lam_s = split(state.lam), split(state.lam_s)
+    axes = (0, 1)
+    if spring:
+        force = split(spring_force(join(*tip), obstacles, gains.spring))
+        lam_s = [auxiliary_step(lam_s[i], force[i], gains.spring.windup, dt) for i in axes]
+    goal, pace = split(reference.position), split(reference.velocity)
+    u_x, u_y = (_wish(tip[i], goal[i], pace[i], lam[i], lam_s[i], gains, anti_windup, spring) for i in axes)
+    v, across = rotated(u_x, u_y, -yaw)
+    w = across / offset
+    most_v, most_w = limits.v_max_mps, limits.w_max_radps
+    before_v, before_w = split(state.limited)
+    limited_v = nested_limit(before_v, v, most_v, limits.a_max_mps2, 1.0 / dt, dt)
+    limited_w = nested_limit(before_w, w, most_w, limits.dw_max_radps2, 1.0 / dt, dt)
+    if anti_windup:
+        excess = rotated(limited_v - v, offset * (limited_w - w), yaw)
+        lam = [auxiliary_step(lam[i], excess[i], gains.windup, dt) for i in axes]
+    command = join(limit(v, -most_v, most_v), limit(w, -most_w, most_w))
+    return command, LongTrackingState(join(*lam), join(*lam_s), join(limited_v, limited_w))
+
+
+def _wish(
+    tip: Number,
+    goal: Number,
+    pace: Number,
+    lam: Number,
+    lam_s: Number,
+    gains: LongTrackingGains,
+    anti_windup: bool,
+    spring: bool,
+) -> Number:
+    """Return u_d along one axis."""
+    velocity = pace - gains.k_l_per_s * limit(tip - goal, -_FARTHEST, _FARTHEST)
     if anti_windup:
         windup = gains.windup
-        velocity = velocity + gains.k_l_per_s * windup.gamma_m * np.tanh(lam) - windup.k_mps * lam
+        velocity = velocity + gains.k_l_per_s * windup.gamma_m * tanh(lam) - windup.k_mps * lam
     if spring:
-        lam_s = auxiliary_step(lam_s, spring_force(tip, obstacles, gains.spring), gains.spring.windup, dt)
-        velocity = velocity - gains.spring.windup.gamma_m * np.tanh(lam_s)
-    wish = twist_for(velocity, yaw, offset)
-    limited = _limited(state.limited, wish, limits, dt)
-    if anti_windup:
-        excess = point_velocity(limited - wish, yaw, offset)
-        lam = auxiliary_step(lam, excess, gains.windup, dt)
-    most = np.array([limits.v_max_mps, limits.w_max_radps])
-    command: Array = np.minimum(np.maximum(wish, -most), most)
-    return command, LongTrackingState(lam, lam_s, limited)
-
-
-def _limited(limited: Array, wish: Array, limits: LimitsSpec, dt: float) -> Array:
-    passed = np.empty(wish.shape)
-    no_lag = 1.0 / dt
-    for axis, most, rate in (
-        (0, limits.v_max_mps, limits.a_max_mps2),
-        (1, limits.w_max_radps, limits.dw_max_radps2),
-    ):
-        passed[..., axis] = nested_limit(limited[..., axis], wish[..., axis], most, rate, no_lag, dt)
-    return passed
+        velocity = velocity - gains.spring.windup.gamma_m * tanh(lam_s)
+    return velocity

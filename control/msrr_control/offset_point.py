@@ -5,17 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from msrr_control.elementwise import Number, cos, join, number, sin, split
+
 Array = NDArray[np.float64]
+
+
+def rotated(x: Number, y: Number, angle: Number) -> tuple[Number, Number]:
+    """Return the components of vectors that are rotated by ``angle`` [rad], counter-clockwise."""
+    c, s = cos(angle), sin(angle)
+    return c * x - s * y, s * x + c * y
 
 
 def rotate(vector: Array, angle: Array) -> Array:
     """Rotate vectors, shape (..., 2), by ``angle`` [rad], shape (...), counter-clockwise."""
-    c, s = np.cos(angle), np.sin(angle)
-    x, y = vector[..., 0], vector[..., 1]
-    turned = np.empty(np.broadcast_shapes(vector.shape, (*np.shape(angle), 2)))
-    turned[..., 0] = c * x - s * y
-    turned[..., 1] = s * x + c * y
-    return turned
+    x, y = split(vector)
+    return join(*rotated(x, y, number(angle)))
 
 
 def offset_point(pose: Array, offset: float) -> Array:
@@ -30,11 +34,8 @@ def offset_point(pose: Array, offset: float) -> Array:
     Returns:
         The point in the same frame, shape (..., 2) [m].
     """
-    yaw = pose[..., 2]
-    point = np.empty((*pose.shape[:-1], 2))
-    point[..., 0] = pose[..., 0] + offset * np.cos(yaw)
-    point[..., 1] = pose[..., 1] + offset * np.sin(yaw)
-    return point
+    x, y, yaw = split(pose)
+    return join(x + offset * cos(yaw), y + offset * sin(yaw))
 
 
 def point_velocity(twist: Array, yaw: Array, offset: float) -> Array:
@@ -52,10 +53,8 @@ def point_velocity(twist: Array, yaw: Array, offset: float) -> Array:
     Returns:
         Velocity in the frame that ``yaw`` is measured in, shape (..., 2) [m/s].
     """
-    body = np.empty(twist.shape)
-    body[..., 0] = twist[..., 0]
-    body[..., 1] = offset * twist[..., 1]
-    return rotate(body, yaw)
+    v, w = split(twist)
+    return join(*rotated(v, offset * w, number(yaw)))
 
 
 def twist_for(velocity: Array, yaw: Array, offset: float) -> Array:
@@ -71,6 +70,6 @@ def twist_for(velocity: Array, yaw: Array, offset: float) -> Array:
     Returns:
         (v, w), shape (..., 2) [m/s, rad/s].
     """
-    twist = rotate(velocity, np.negative(yaw))
-    twist[..., 1] /= offset
-    return twist
+    x, y = split(velocity)
+    v, across = rotated(x, y, -number(yaw))
+    return join(v, across / offset)

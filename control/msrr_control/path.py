@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -9,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
+from msrr_control.elementwise import at_least, at_most, cos, join, limit, number, sin, split, sqrt
 from msrr_scenes.spec import Positive, Spec
 
 Array = NDArray[np.float64]
@@ -73,9 +76,12 @@ class Path:
 
     def at(self, s: ArrayLike) -> PathPoint:
         """Return the point at arc length ``s`` [m], shape (...), which is held within the path."""
-        s = np.minimum(np.maximum(np.asarray(s, dtype=np.float64), 0.0), self.length)
-        inner = self._knots[..., 1:-1]
-        piece = (s[..., None] >= inner).sum(axis=-1)
+        asked = np.asarray(s, dtype=np.float64)
+        if asked.ndim == 0 and self.start.ndim == 1:
+            x, y, heading, bent = self._place(asked.item())
+            return PathPoint(np.array([x, y]), np.array(heading), np.array(bent))
+        reached = np.minimum(np.maximum(asked, 0.0), self.length)
+        piece = (reached[..., None] >= self._knots[..., 1:-1]).sum(axis=-1)
         if self.start.ndim == 1:  # one path, and s of any shape
             pose, curvature, began = self._poses[piece], self.curvature[piece], self._knots[piece]
         else:
@@ -83,8 +89,19 @@ class Path:
             pose = np.take_along_axis(self._poses, at[..., None], axis=-2)[..., 0, :]
             curvature = np.take_along_axis(self.curvature, at, axis=-1)[..., 0]
             began = np.take_along_axis(self._knots, at, axis=-1)[..., 0]
-        reached = _along(pose, curvature, s - began)
-        return PathPoint(reached[..., :2], reached[..., 2], curvature)
+        poses = _along(pose, curvature, reached - began)
+        return PathPoint(poses[..., :2], poses[..., 2], curvature)
+
+    def _place(self, s: float) -> tuple[float, float, float, float]:
+        """Return x, y, heading and curvature at one arc length [m] of a single path."""
+        knots = self._knots.tolist()
+        s = limit(s, 0.0, knots[-1])
+        piece = bisect_right(knots, s, 1, len(knots) - 1) - 1
+        x, y, yaw = self._poses[piece].tolist()
+        curvature = self.curvature[piece].item()
+        half = 0.5 * curvature * (s - knots[piece])
+        chord = (s - knots[piece]) * _sinc(half)
+        return x + chord * cos(yaw + half), y + chord * sin(yaw + half), yaw + 2.0 * half, curvature
 
     def sample(self, spacing: float) -> tuple[Array, Array]:
         """Return arc lengths and points every ``spacing`` [m] or less, both ends included, of a single path.
@@ -94,6 +111,12 @@ class Path:
         """
         s = np.linspace(0.0, float(self.length), int(np.ceil(float(self.length) / spacing)) + 2)
         return s, self.at(s).point
+
+
+def _sinc(angle: float) -> float:
+    """Return sin(angle) / angle, to the bit as :func:`_along` has it from numpy."""
+    y = math.pi * (angle / math.pi) if angle else 1e-20
+    return sin(y) / y
 
 
 def _along(pose: Array, curvature: Array, s: Array) -> Array:
@@ -151,17 +174,19 @@ def pace_step(pace: Pace, path: Path, tip: Array, spec: PaceSpec, dt: float) -> 
         dt: Step [s].
     """
     now = path.at(pace.s)
-    c, s = np.cos(now.heading), np.sin(now.heading)
-    behind = (now.point[..., 0] - tip[..., 0]) * c + (now.point[..., 1] - tip[..., 1]) * s
-    patience = np.minimum(np.maximum(2.0 - behind / spec.lag_m, 0.0), 1.0)
+    (x, y), (tip_x, tip_y) = split(now.point), split(tip)
+    heading, curvature, length = number(now.heading), number(now.curvature), number(path.length)
+    reached, before = number(pace.s), number(pace.speed)
+    c, s = cos(heading), sin(heading)
+    behind = (x - tip_x) * c + (y - tip_y) * s
+    patience = limit(2.0 - behind / spec.lag_m, 0.0, 1.0)
     a = spec.acceleration
-    left = np.maximum(path.length - pace.s - pace.speed * dt, 0.0)
-    wish = np.minimum(spec.cruise_mps * patience, np.sqrt(2.0 * a * left))
-    change = np.minimum(np.maximum(wish - pace.speed, -a * dt), a * dt)
-    speed = np.maximum(pace.speed + change, 0.0)
-    velocity = np.stack([speed * c, speed * s], axis=-1)
-    bend = now.curvature * speed * speed
+    left = at_least(length - reached - before * dt, 0.0)
+    wish = at_most(spec.cruise_mps * patience, sqrt(2.0 * a * left))
+    change = limit(wish - before, -a * dt, a * dt)
+    speed = at_least(before + change, 0.0)
+    bend = curvature * speed * speed
     rate = change / dt
-    acceleration = np.stack([rate * c - bend * s, rate * s + bend * c], axis=-1)
-    onward = Pace(np.minimum(pace.s + dt * speed, path.length), speed)
-    return onward, Desired(now.point, velocity, acceleration)
+    onward = Pace(np.asarray(at_most(reached + dt * speed, length)), np.asarray(speed))
+    acceleration = join(rate * c - bend * s, rate * s + bend * c)
+    return onward, Desired(now.point, join(speed * c, speed * s), acceleration)
