@@ -134,7 +134,7 @@ def _found(case: DetectionCase) -> Table:
         )
         for row in case.rows
     ]
-    table = _table(f"{case.title}: what an exposure gives", columns, rows)
+    table = _table(f"{case.title}: per exposure", columns, rows)
     table.caption = f"{case.rows[0].exposures} exposures; false and no pose: in all of them"
     return table
 

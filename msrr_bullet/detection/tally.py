@@ -122,6 +122,7 @@ class DetectionRow(BaseModel):
         rms_px: Root mean square error of a corner coordinate [px]; None when nothing was found.
         rms_large_px: The same of tags of :data:`LARGE_EDGE_PX` and more.
         bias_px: Its mean, in x and in y [px].
+        bias_large_px: The same of the large ones.
         false: Detections of tags that are not there or not where they were found.
         distance_mm: Error of the poses' positions [mm].
         yaw_deg: Error of their headings [deg].
@@ -139,6 +140,7 @@ class DetectionRow(BaseModel):
     rms_px: float | None
     rms_large_px: float | None
     bias_px: tuple[float, float] | None
+    bias_large_px: tuple[float, float] | None
     false: int
     distance_mm: Quantiles
     yaw_deg: Quantiles
@@ -186,7 +188,6 @@ class _Tally:
     def row(self, settings: str) -> DetectionRow:
         """Return the sums as rates."""
         n = max(self.exposures, 1)
-        bias = np.mean(self.corners, axis=(0, 1)).tolist() if self.corners else None
         return DetectionRow(
             settings=settings,
             exposures=self.exposures,
@@ -194,7 +195,8 @@ class _Tally:
             tags=len(self.corners) / n,
             rms_px=_rms(self.corners),
             rms_large_px=_rms(self.large),
-            bias_px=bias,
+            bias_px=_mean(self.corners),
+            bias_large_px=_mean(self.large),
             false=self.false,
             distance_mm=quantiles(1e3 * d for d, _ in self.poses),
             yaw_deg=quantiles(math.degrees(a) for _, a in self.poses),
@@ -257,6 +259,13 @@ def shortest_edge(corners: Array) -> float:
 
 def _rms(errors: Sequence[Array]) -> float | None:
     return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
+
+
+def _mean(errors: Sequence[Array]) -> tuple[float, float] | None:
+    if not errors:
+        return None
+    x, y = np.mean(errors, axis=(0, 1)).tolist()
+    return x, y
 
 
 def _holds(windows: Iterable[Window], corners: Array) -> bool:
