@@ -8,9 +8,10 @@ from html import escape
 from pathlib import Path
 
 from msrr_bullet.reproduce.ablation_findings import ablation_text
-from msrr_bullet.reproduce.findings import Claim, claims, map_text, percent, winner_text
+from msrr_bullet.reproduce.findings import Claim, claims, map_text, winner_text
 from msrr_bullet.reproduce.measures import MEASURES, Measure
 from msrr_bullet.reproduce.model import Reproduction, Row, Table
+from msrr_bullet.stats import Rate
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1b1f24; max-width: 76rem; margin: 2rem auto;
@@ -18,7 +19,9 @@ body { font: 16px/1.5 system-ui, sans-serif; color: #1b1f24; max-width: 76rem; m
 h1, h2, h3 { line-height: 1.25 } h2 { margin-top: 2.5rem; border-bottom: 1px solid #d3d8de }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }
 th, td { padding: .3rem .7rem; text-align: right; border-bottom: 1px solid #e3e6ea; vertical-align: top }
-th:first-child, td:first-child { text-align: left } thead th { border-bottom: 2px solid #8a939c }
+th:first-child, td:first-child { text-align: left; white-space: nowrap }
+table.said th, table.said td { text-align: left; white-space: normal } td small { white-space: nowrap }
+thead th { border-bottom: 2px solid #8a939c }
 td.met { color: #00614a } td.missed { color: #a33f00; font-weight: 600 }
 img { max-width: 100%; height: auto; margin: .5rem 0 } .note { color: #57606a }
 """
@@ -92,7 +95,7 @@ def _claims(said: Iterable[Claim]) -> str:
         f"<td class={'met' if c.met else 'missed'}>{'met' if c.met else 'missed'}</td></tr>"
         for c in said
     )
-    return f"<table><thead><tr><th>asked</th><th>found</th><th></th></tr></thead>{rows}</table>"
+    return f"<table class=said><thead><tr><th>asked</th><th>found</th><th></th></tr></thead>{rows}</table>"
 
 
 def _tables(found: Reproduction, plant: str, title: str, figures: Mapping[str, Path]) -> list[str]:
@@ -140,6 +143,7 @@ def _table(table: Table) -> str:
         _paper_cells("paper, C1", [m.paper_c1 for m in measures], measures, shown),
         _paper_cells("paper, C2", [m.paper_c2 for m in measures], measures, shown),
     ]
+    rows = [row + [""] * (len(heads) - len(row)) for row in rows]  # the paper says nothing of the last one
     body = "".join("<tr>" + "".join(_cell(c) for c in row) + "</tr>" for row in rows)
     head = "".join(f"<th>{escape(h)}</th>" for h in heads)
     title = f"<h3>{escape(table.phase)} phase, {escape(table.setting)}</h3>"
@@ -157,9 +161,9 @@ def _outcomes(table: Table) -> str:
 
 
 def _cells(row: Row, measures: Iterable[Measure], shown: bool) -> list[str]:
-    cells = [row.label, str(row.trials), percent(row.success)]
+    cells = [row.label, str(row.trials), _rate(row.success)]
     if shown:
-        cells += [percent(rate) if rate is not None else "-" for rate in (row.in_view, row.in_cone)]
+        cells += [_rate(rate) if rate is not None else "-" for rate in (row.in_view, row.in_cone)]
     cells += [_with_met(row, m) for m in measures]
     if row.within_paper is not None:
         cells.append(f"{row.within_paper} of {row.trials}")
@@ -171,6 +175,10 @@ def _paper_cells(
 ) -> list[str]:
     cells = [label, "1", "-", *(["-", "-"] if shown else [])]
     return cells + ["-" if v is None else f"{m.scale * v:.3g}" for v, m in zip(values, measures, strict=True)]
+
+
+def _rate(rate: Rate) -> str:
+    return f"{100 * rate.rate:.1f} %\n{100 * rate.low:.1f} .. {100 * rate.high:.1f}"
 
 
 def _cell(text: str) -> str:

@@ -127,11 +127,13 @@ def _angles(axes: Axes, t: Array, one: Series, cone_deg: tuple[float, float], co
 
 
 def _auxiliary(axes: Axes, t: Array, one: Series, colour: str) -> None:
-    axes.set(ylabel="auxiliary state [-] or [m]", title="auxiliary states")
-    if not one.auxiliary:
+    axes.set(title="auxiliary states")
+    if not any(np.any(values) for values in one.auxiliary.values()):
         axes.text(0.5, 0.5, "this law has none", transform=axes.transAxes, ha="center", color=FAINT)
         axes.set_yticks([])
         return
+    lengths = any("[m]" in name for name in one.auxiliary)
+    axes.set_ylabel("auxiliary state [-] or [m]" if lengths else "auxiliary state [-]")
     every = max(1, len(t) // 9)
     looks = zip((colour, PAPER, FAINT), ("", "o", "s"), one.auxiliary.items(), strict=False)
     for k, (ink, marker, (name, values)) in enumerate(looks):
