@@ -85,13 +85,12 @@ def _of_the_loop(found: Reproduction) -> list[Claim]:
         )
     hard = found.table("close", "bullet", "hard starts")
     row = _row(hard, "CBF")
-    if hard is not None and row is not None and row.in_view is not None:
-        text = "; ".join(f"{r.label}: {_credentials(r)}" for r in hard.rows)
+    if row is not None and row.in_view is not None:
         enough = row.in_view.rate == 1.0 and row.success.rate >= 0.97
         said.append(
             Claim(
                 "CBF, hard starts, bullet and images: target kept in view in all, docked in 97 %",
-                text,
+                _credentials(row),
                 enough,
             )
         )
