@@ -186,7 +186,7 @@ class Autonomy:
         docking = action.phase not in _GLOBAL
         with self._clock("guard"):
             decision = self._guard.limit(action.twist, self.situation, action.stamp_ns, docking)
-        return replace(action, twist=decision.twist)
+        return action if decision.twist is action.twist else replace(action, twist=decision.twist)
 
     def _twist(self) -> Twist:
         """Return the velocity that the last two encoder readings tell."""

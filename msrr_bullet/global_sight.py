@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from msrr_perception.detector import Detector
 from msrr_perception.global_estimator import GlobalEstimator
 from msrr_perception.overhead_model import OVERHEAD, OverheadModel
@@ -67,9 +65,4 @@ class GlobalSight:
             by_sight: The unit in the dock frame as its own camera sees it, when that is to be believed
                 rather than the view from above; None for the latter.
         """
-        found = self._estimator.situation(now_ns)
-        if found is None or by_sight is None:
-            return found
-        X_WU = found.target.X_WB @ self._model.X_TD @ by_sight.X_DU
-        own = GlobalPose(found.own.name, by_sight.stamp_ns, X_WU, found.target.covariance)
-        return replace(found, stamp_ns=by_sight.stamp_ns, own=own, last_seen_ns=by_sight.last_seen_ns)
+        return self._estimator.situation(now_ns, by_sight)

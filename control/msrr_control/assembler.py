@@ -33,7 +33,7 @@ from msrr_control.senses import Assembler, GiveUp, Senses
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import AssemblyPath, AssemblyProgress, Setback, Situation, Twist, seconds
 from msrr_scenes.registry import build
-from msrr_scenes.se2 import wrap_angle
+from msrr_scenes.se2 import SE2, wrap_angle
 from msrr_scenes.spec import Choice
 
 Array = NDArray[np.float64]
@@ -243,8 +243,8 @@ class LongRangeAssembler:
         run = self._under_way()
         pose = around.X_WU.as_array()
         if self._state is not None:
-            off = np.hypot(*(offset_point(pose, self._setup.offset) - run.route.path.at(math.inf).point))
-            rests = abs(senses.twist.v) < _STANDS_MPS and float(off) < 0.5 * self._watch.there_m
+            off = _apart(self._tip(around.X_WU), run.route.path.at(math.inf).point)
+            rests = abs(senses.twist.v) < _STANDS_MPS and off < 0.5 * self._watch.there_m
             if not rests and self._lasted(senses.now_ns) < self._watch.settle_s:
                 wall, self._avoiding = run.wall(around, offset_point(pose, self._setup.offset), math.inf)
                 command, self._state = self._law.step(
@@ -266,17 +266,20 @@ class LongRangeAssembler:
         if moved > watch.target_moved_m or turned > math.radians(watch.target_moved_deg):
             return f"the place in front of the port is {moved:.3f} m elsewhere"
         if self._state is not None:
-            tip = offset_point(around.X_WU.as_array(), self._setup.offset)
-            off = float(np.hypot(*(tip - self._state.guidance.position)))
+            off = _apart(self._tip(around.X_WU), self._state.guidance.position)
             if off > watch.astray_m:
                 return f"{off:.2f} m off the path"
         return run.trouble(around, s, watch.moved_m)
 
     def _is_there(self, around: Surroundings) -> bool:
-        tip = offset_point(around.X_WU.as_array(), self._setup.offset)
+        x, y = self._tip(around.X_WU)
         end = self._planner.handover(around.X_WD)
-        near = math.hypot(tip[0] - end.x, tip[1] - end.y) <= self._watch.there_m
+        near = math.hypot(x - end.x, y - end.y) <= self._watch.there_m
         return near and abs(wrap_angle(around.X_WU.yaw - end.yaw)) <= math.radians(self._watch.there_deg)
+
+    def _tip(self, X_WU: SE2) -> tuple[float, float]:
+        """Return the controlled point in W [m]."""
+        return _point(offset_point(X_WU.as_array(), self._setup.offset))
 
     def _under_way(self) -> RouteWatch:
         if self._run is None:
@@ -318,12 +321,10 @@ class LongRangeAssembler:
         if situation is None:
             self.progress = None
             return
-        at = offset_point(situation.own.X_WB.as_array(), self._setup.offset)
-        tip = (float(at[0]), float(at[1]))
+        tip = self._tip(situation.own.X_WB)
         desired = reference = tip
         if state is not None:
-            desired = (float(state.desired[0]), float(state.desired[1]))
-            reference = (float(state.guidance.position[0]), float(state.guidance.position[1]))
+            desired, reference = _point(state.desired), _point(state.guidance.position)
         self.progress = AssemblyProgress(
             stamp_ns=senses.now_ns,
             stage=self._stage.value,
@@ -337,6 +338,16 @@ class LongRangeAssembler:
             avoiding=self._avoiding,
             reason=self._reason,
         )
+
+
+def _point(place: Array) -> tuple[float, float]:
+    x, y = place.tolist()
+    return x, y
+
+
+def _apart(tip: tuple[float, float], place: Array) -> float:
+    x, y = place.tolist()
+    return math.hypot(tip[0] - x, tip[1] - y)
 
 
 def c1(setup: AssemblySetup, **params: Any) -> Assembler:

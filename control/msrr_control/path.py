@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -67,7 +68,7 @@ class Path:
         total: Array = self._knots[..., -1]
         return total
 
-    @property
+    @cached_property
     def arc_end(self) -> Array:
         """Arc length at which the last arc ends, shape (...) [m]; 0 where there is none."""
         bent = self.curvature != 0.0

@@ -24,7 +24,7 @@ NO_WALL = SideWall(np.array(False), np.zeros(2), np.array(0.0))
 class _Met(NamedTuple):
     """An obstacle beside the path: where it stood when that was found out, and how it is passed."""
 
-    at: Array
+    at: SE2
     encounter: Encounter
     side: float | None
 
@@ -53,7 +53,7 @@ class RouteWatch:
             met, side = planner.pass_by(
                 route.path, obstacle, around, -math.inf, route.sides.get(obstacle.name)
             )
-            self._met[obstacle.name] = _Met(obstacle.X_WB.translation, met, side)
+            self._met[obstacle.name] = _Met(obstacle.X_WB, met, side)
 
     def end_moved(self, X_WD: SE2) -> tuple[float, float]:
         """Return how far the place in front of the port has moved, in its estimate [m, rad]."""
@@ -84,9 +84,9 @@ class RouteWatch:
     def _obstacle_trouble(
         self, obstacle: ObstacleEstimate, around: Surroundings, s: float, moved: float
     ) -> str | None:
-        at = obstacle.X_WB.translation
+        at = obstacle.X_WB
         known = self._met.get(obstacle.name)
-        if known is not None and float(np.hypot(*(at - known.at))) <= moved:
+        if known is not None and math.hypot(at.x - known.at.x, at.y - known.at.y) <= moved:
             return None
         was_passed = known is not None and known.side is not None
         met, side = self._planner.pass_by(
@@ -130,5 +130,5 @@ class RouteWatch:
 
 def as_obstacles(around: Surroundings) -> Obstacles:
     """Return what the springs push off from."""
-    centre = np.array([o.X_WB.translation for o in around.obstacles]).reshape(-1, 2)
+    centre = np.array([(o.X_WB.x, o.X_WB.y) for o in around.obstacles]).reshape(-1, 2)
     return Obstacles(centre, np.ones(len(centre), dtype=bool))

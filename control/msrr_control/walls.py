@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
+from msrr_control.elementwise import cos, join, number, sin, split, where
 from msrr_control.long_guidance import SideWall
 from msrr_control.path import Path, PathPoint
 from msrr_scenes.errors import MsrrError
@@ -147,11 +148,11 @@ def side_wall(
         half_width: d, shape (...) [m].
         spec: When walls stand.
     """
-    along = np.cos(met.heading) * (tip[..., 0] - centre[..., 0]) + np.sin(met.heading) * (
-        tip[..., 1] - centre[..., 1]
-    )
-    normal = met.heading + 0.5 * np.pi * side
-    outward = np.stack([np.cos(normal), np.sin(normal)], axis=-1)
-    foot = centre + half_width[..., None] * outward
-    rise = np.where(side < 0.0, met.rise[..., 0], met.rise[..., 1])
-    return SideWall(met.blocked & (along >= -rise) & (along <= spec.past_m), foot, normal)
+    heading, side, d = number(met.heading), number(side), number(half_width)
+    (x, y), (centre_x, centre_y) = split(tip), split(centre)
+    rise = where(side < 0.0, number(met.rise[..., 0]), number(met.rise[..., 1]))
+    along = cos(heading) * (x - centre_x) + sin(heading) * (y - centre_y)
+    normal = heading + 0.5 * np.pi * side
+    foot = join(centre_x + d * cos(normal), centre_y + d * sin(normal))
+    stands = np.asarray(met.blocked & (along >= -rise) & (along <= spec.past_m))
+    return SideWall(stands, foot, np.asarray(normal))

@@ -93,11 +93,14 @@ class GlobalEstimator:
             gate=float(chi2.ppf(gate_probability, 3)), moved_after=moved_after
         )
         self._bodies: dict[str, StandingBody] = {}
+        self._located = False  # the docking unit has been seen, and a pose of it is known from then on
+        self._lean: dict[str, Array] = {}
 
     def reset(self) -> None:
         """Forget every pose; what the encoders said stays."""
         self._own.reset()
         self._bodies = {}
+        self._located = False
 
     def add_odometry(self, reading: WheelOdometry) -> None:
         """Take in an encoder reading; those of other units change nothing."""
@@ -128,16 +131,35 @@ class GlobalEstimator:
         found = {} if own is None else {self.model.own: self._own_pose(own)}
         return found | {name: self._pose(body, stamp_ns) for name, body in self._bodies.items()}
 
-    def situation(self, now_ns: int) -> Situation | None:
-        """Return what control gets; None until the docking unit and its target have been seen."""
-        own = self._own.estimate(now_ns)
-        if own is None or self.model.target not in self._bodies:
+    def situation(self, now_ns: int, by_sight: PoseEstimate | None = None) -> Situation | None:
+        """Return what control gets; None until the docking unit and its target have been seen.
+
+        Args:
+            now_ns: The time.
+            by_sight: The unit in the dock frame as its own camera sees it, when that is to be believed
+                rather than the view from above; None for the latter.
+        """
+        if self.model.target not in self._bodies:
+            return None
+        # A question that nobody asked costs the filter nothing: it goes on from where it was.
+        above = None if by_sight is not None and self._located else self._own.estimate(now_ns)
+        self._located = self._located or above is not None
+        if not self._located:
             return None
         poses = {name: self._pose(body, now_ns) for name, body in self._bodies.items()}
+        target = poses[self.model.target]
+        if by_sight is not None:
+            X_WU = target.X_WB @ self.model.X_TD @ by_sight.X_DU
+            own = GlobalPose(self.model.own, by_sight.stamp_ns, X_WU, target.covariance)
+            last_seen_ns = by_sight.last_seen_ns
+        elif above is not None:
+            own, last_seen_ns = self._own_pose(above), above.last_seen_ns
+        else:
+            return None
         return Situation(
             stamp_ns=own.stamp_ns,
-            own=self._own_pose(own),
-            target=poses[self.model.target],
+            own=own,
+            target=target,
             others=tuple(
                 poses[unit] for unit in self.model.units if unit in poses and unit != self.model.target
             ),
@@ -148,7 +170,7 @@ class GlobalEstimator:
                 for name, radius in self.model.radii.items()
                 if name in poses
             ),
-            last_seen_ns=own.last_seen_ns,
+            last_seen_ns=last_seen_ns,
         )
 
     def _own_pose(self, own: PoseEstimate) -> GlobalPose:
@@ -161,10 +183,13 @@ class GlobalEstimator:
 
     def _systematic(self, name: str) -> Array:
         """Return the covariance (3, 3) of what is the same in picture after picture: how the body leans."""
-        if name not in self.model.units or name not in self.model.tag_of:
-            return np.zeros((3, 3))
-        lean = self._tilt * self.model.tags[self.model.tag_of[name]].height
-        return np.diag([lean**2, lean**2, 0.0])
+        known = self._lean.get(name)
+        if known is None:
+            lean = 0.0
+            if name in self.model.units and name in self.model.tag_of:
+                lean = self._tilt * self.model.tags[self.model.tag_of[name]].height
+            known = self._lean[name] = np.diag([lean**2, lean**2, 0.0])
+        return known
 
 
 def X_DU(situation: Situation, X_TD: SE2) -> SE2:
