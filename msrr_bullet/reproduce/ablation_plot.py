@@ -30,31 +30,26 @@ def draw_ablations(found: Ablations, path: Path) -> Path:
     }
     if found.phase == "close":
         shares["target left the cone [%]"] = partial(_share, "in_cone")
-    lines = -(-(len(shares) + len(measures)) // 2)
     with styled():
-        figure = new_figure(17.0, 1.2 + 4.6 * lines)
-        grid = figure.subplots(lines, 2).ravel()
+        figure = new_figure(16.0, 1.2 + 3.5 * (len(shares) + len(measures)))
+        grid = figure.subplots(len(shares) + len(measures), 1)
         for axes, (text, value) in zip(grid, shares.items(), strict=False):
             _bars(axes, found, value, text)
-            axes.set_ylim(0.0, 114.0)
+            axes.set_ylim(0.0, 118.0)
             axes.set_yticks(range(0, 101, 20))
-        for axes, what in zip(grid[len(shares) :], measures, strict=False):
+        for axes, what in zip(grid[len(shares) :], measures, strict=True):
             _bars(axes, found, partial(_high, what), f"{what.label}\n95th percentile [{what.unit}]")
             paper = what.scale * (what.paper_c1 or 0.0)
             axes.axhline(paper, color=PAPER, linewidth=1.8, zorder=1.5)
             axes.annotate(
-                f"paper: {paper:g}",
-                (1.0, paper),
+                f"paper:\n{paper:g} {what.unit}",
+                (1.005, paper),
                 xycoords=("axes fraction", "data"),
-                xytext=(0, 2),
-                textcoords="offset points",
-                ha="right",
+                va="center",
                 fontsize=SMALL,
-                bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+                annotation_clip=False,
             )
-            axes.set_ylim(0.0, 1.13 * axes.get_ylim()[1])
-        for axes in grid[len(shares) + len(measures) :]:
-            axes.set_axis_off()
+            axes.set_ylim(0.0, 1.15 * axes.get_ylim()[1])
         handles = [
             Patch(facecolor=_FACES[k], hatch=_HATCHES[k], edgecolor=_FACES[0], label=row.label)
             for k, row in enumerate(found.tables[0].rows)
@@ -111,8 +106,8 @@ def _bars(axes: Axes, found: Ablations, value: Value, label: str) -> None:
                 fontsize=SMALL,
                 bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5},
             )
-    axes.set_xticks(range(len(found.tables)), [t.setting.replace(", ", ",\n") for t in found.tables])
-    axes.set_xlim(-0.5, len(found.tables) - 0.15)  # room for the paper's figure
+    axes.set_xticks(range(len(found.tables)), [t.setting for t in found.tables])
+    axes.set_xlim(-0.5, len(found.tables) - 0.5)
     axes.grid(visible=False, axis="x")
     axes.set_ylabel(label)
 

@@ -153,21 +153,29 @@ def _region(chart: GainDelayMap, c1: bool, c2: bool) -> str:
     """Return at which gains and total delays these dock, adjoining gains of the same delays together."""
     spans: list[tuple[list[float], str]] = []
     for i, gain in enumerate(chart.gains):
-        hits = [
-            chart.lag + latency
-            for j, latency in enumerate(chart.latencies)
-            if (chart.cells["c1"][i][j].success >= DOCKS, chart.cells["c2"][i][j].success >= DOCKS)
-            == (c1, c2)
+        hit = [
+            (chart.cells["c1"][i][j].success >= DOCKS, chart.cells["c2"][i][j].success >= DOCKS) == (c1, c2)
+            for j in range(len(chart.latencies))
         ]
-        if not hits:
+        if not any(hit):
             continue
-        low, high = (f"{1e3 * t:.0f}" for t in (hits[0], hits[-1]))
-        span = f"{low} ms" if low == high else f"{low} to {high} ms"
-        if spans and spans[-1][1] == span:
+        text = " and ".join(_delays(chart, first, last) for first, last in _runs(hit))
+        if spans and spans[-1][1] == text:
             spans[-1][0].append(gain)
         else:
-            spans.append(([gain], span))
-    return "; ".join(f"k_n = {_between(gains)} 1/s and {span}" for gains, span in spans)
+            spans.append(([gain], text))
+    return "; ".join(f"k_n = {_between(gains)} 1/s and {text}" for gains, text in spans)
+
+
+def _runs(flags: Sequence[bool]) -> list[tuple[int, int]]:
+    """Return the first and the last index of every run of true flags."""
+    edges = [k for k in range(len(flags) + 1) if (k > 0 and flags[k - 1]) != (k < len(flags) and flags[k])]
+    return [(first, stop - 1) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _delays(chart: GainDelayMap, first: int, last: int) -> str:
+    low, high = (f"{1e3 * (chart.lag + chart.latencies[j]):.0f}" for j in (first, last))
+    return f"{low} ms" if first == last else f"{low} to {high} ms"
 
 
 def _between(gains: Sequence[float]) -> str:

@@ -22,7 +22,7 @@ from msrr_bullet.reproduce.intervals import quantile_interval
 from msrr_bullet.reproduce.long_studies import long_row
 from msrr_bullet.reproduce.measured_trial import MeasuredTrial, Shelf, measured_trial, record_trial
 from msrr_bullet.reproduce.measures import MEASURES, measure
-from msrr_bullet.reproduce.model import Ablations, Measured, Reproduction, Table
+from msrr_bullet.reproduce.model import Ablations, GainDelayMap, MapCell, Measured, Reproduction, Table
 from msrr_bullet.reproduce.run import joined, redraw, write_all
 from msrr_bullet.reproduce.settings import HARD, HIGH_GAIN, STANDARD
 from msrr_bullet.reproduce.trial_series import CloseSeries, SeriesRecorder
@@ -82,6 +82,26 @@ def test_the_map_has_both_regions() -> None:
     assert gentle == [1.0, 1.0]
     assert fierce[0] > 0.9 > 0.5 > fierce[1]
     assert found.paper_cell == (6.0, 0.1)
+
+
+def test_the_text_of_the_map_names_gaps() -> None:
+    good, bad = MapCell(success=1.0, final_p50_m=0.01), MapCell(success=0.5, final_p50_m=0.04)
+    chart = GainDelayMap(
+        compensated=True,
+        gains=(1.0, 2.0, 3.0),
+        latencies=(0.0, 0.1, 0.2),
+        lag=0.05,
+        extra_gain=2.0,
+        trials=20,
+        cells={"c1": ((good,) * 3,) * 3, "c2": ((good,) * 3, (good, bad, good), (good, bad, bad))},
+        paper_cell=(1.0, 0.0),
+    )
+    (said,) = map_text(Reproduction(versions={}, seeds={}, maps=(chart,)))
+    both = (
+        "Both dock at k_n = 1 1/s and 50 to 250 ms; k_n = 2 1/s and 50 ms and 250 ms; k_n = 3 1/s and 50 ms."
+    )
+    assert both in said
+    assert "C1 alone docks at k_n = 2 1/s and 150 ms; k_n = 3 1/s and 150 to 250 ms." in said
 
 
 def test_a_trial_over_time_ends_at_the_face() -> None:
