@@ -1,13 +1,7 @@
-"""How far the bodies are apart, and where: nearest points from FCL.
+"""How far the bodies are apart, and where.
 
-FCL measures in space, and its distance between upright prisms is not to be trusted: where two vertical
-edges are nearest every height is as good, and the search may end with points at different heights,
-decimetres too far apart (often with prisms of different heights, now and then with prisms of one height).
-So every convex part of a footprint becomes a spindle: widest at height 0, where it has the part's outline,
-pointed above and below. Two spindles are nearest, and meet first, at height 0 alone, and their distance is
-that of the outlines. A disc is handed over as its centre and its radius subtracted here, for on curved
-shapes the search is inexact too. Where two parts overlap FCL gives no distance; the depth is then found on
-the separating axes of the polygons (Ericson, Real-Time Collision Detection, 2005, section 5.2).
+A body is as far from another as the nearest two of their parts (:mod:`msrr_bullet.part_distance`). Where the
+smallest clearance alone is asked for, only those parts are measured that may be the nearest.
 """
 
 from __future__ import annotations
@@ -15,35 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, pairwise
-from operator import itemgetter
-
-import fcl
-import numpy as np
-from numpy.typing import NDArray
+from itertools import combinations
 
 from msrr_bullet.footprint import Part, obstacle_parts, unit_parts
+from msrr_bullet.part_distance import ROUNDING, PartPair, PlacedPart, Point
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
 
-Array = NDArray[np.float64]
 Pair = frozenset[str]
-Point = tuple[float, float]
-
-#: Half the height of every spindle [m]. Any value serves: the distance does not depend on it.
-SPINDLE_HEIGHT = 1.0
-#: Radius of the sphere that stands for a point [m].
-POINT_RADIUS = 1e-9
-#: Below this distance [m] the nearest points are too close together to tell the direction between them.
-TOUCHING = 1e-9
-#: How much wider than the gap between two supporting lines a distance may be and still be believed [m].
-CERTAIN = 1e-6
-#: What bounds from circles give away [m], so that neither rounding nor a sphere that stands for a point makes
-#: one larger than the distance that is measured.
-ROUNDING = 1e-8
-#: Orders (bound, one, other) by the bound alone.
-_by_bound = itemgetter(0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,156 +44,59 @@ class Clearance:
         return frozenset((self.body_a, self.body_b))
 
 
-def _spindle(core: Array) -> fcl.CollisionGeometry:
-    if len(core) == 1:
-        return fcl.Sphere(POINT_RADIUS)
-    n = len(core)
-    apexes = [[*core.mean(axis=0), z] for z in (SPINDLE_HEIGHT, -SPINDLE_HEIGHT)]
-    faces = [[3, i, (i + 1) % n, n] for i in range(n)] + [[3, (i + 1) % n, i, n + 1] for i in range(n)]
-    vertices = np.concatenate([np.column_stack([core, np.zeros(n)]), apexes])
-    return fcl.Convex(vertices, len(faces), np.concatenate(faces))
-
-
-class _PlacedPart:
-    """One part of a body at the body's present pose; its FCL object follows when it is measured."""
-
-    def __init__(self, part: Part) -> None:
-        self.part = part
-        self.radius = part.radius
-        self.circumradius = part.circumradius
-        # Two or eight points: plain floats are faster than arrays.
-        self._core: list[list[float]] = part.core.tolist()
-        self.middle: list[float] = part.centre.tolist()
-        # A sphere lies about its own origin, so a disc's centre goes into the placement instead.
-        self._offset = self._core[0] if len(self._core) == 1 else [0.0, 0.0]
-        self._object = fcl.CollisionObject(_spindle(part.core), fcl.Transform())
-        self._left_behind = False
-        self.place(SE2(), 1.0, 0.0)
-
-    def place(self, X_WB: SE2, c: float, s: float) -> None:
-        """Move to a pose whose heading has the cosine ``c`` and the sine ``s``."""
-        mx, my = self.middle
-        self.x, self.y = X_WB.x + c * mx - s * my, X_WB.y + s * mx + c * my
-        self._pose, self._c, self._s = X_WB, c, s
-        self._left_behind = True
-
-    @property
-    def object(self) -> fcl.CollisionObject:
-        """The FCL object, at the present pose."""
-        if self._left_behind:
-            X, c, s = self._pose, self._c, self._s
-            ox, oy = self._offset
-            rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-            place = np.array([X.x + c * ox - s * oy, X.y + s * ox + c * oy, 0.0])
-            self._object.setTransform(fcl.Transform(rotation, place))
-            self._left_behind = False
-        return self._object
-
-    def core(self) -> Array:
-        """Return the core's vertices in W, shape (N, 2) [m]."""
-        return self._pose.act(self.part.core)
-
-    def corners(self) -> list[Point]:
-        """Return the same as points."""
-        X, c, s = self._pose, self._c, self._s
-        return [(X.x + c * x - s * y, X.y + s * x + c * y) for x, y in self._core]
-
-    def front(self, nx: float, ny: float) -> float:
-        """Return how far the core reaches along a direction of W, from W's origin [m]."""
-        c, s = self._c, self._s
-        bx, by = c * nx + s * ny, c * ny - s * nx
-        return self._pose.x * nx + self._pose.y * ny + max([x * bx + y * by for x, y in self._core])
-
-    def bound(self, other: _PlacedPart) -> float:
-        """Return a distance [m] that the two parts have at least, from the circles about them."""
-        apart = math.hypot(self.x - other.x, self.y - other.y)
-        return apart - self.circumradius - other.circumradius - ROUNDING
-
-
 class _Body:
     """A body's parts, moved together."""
 
     def __init__(self, name: str, parts: Sequence[Part]) -> None:
         self.name = name
-        self.parts = tuple(_PlacedPart(part) for part in parts)
-        self._reach = max(math.hypot(*part.middle) + part.circumradius for part in self.parts)
-        self._pose = SE2()
+        self.parts = tuple(PlacedPart(part) for part in parts)
+        self.reach = max(math.hypot(*part.middle) + part.circumradius for part in self.parts)
+        self.pose = SE2()
 
     def place(self, X_WB: SE2) -> None:
-        if self._pose is X_WB or self._pose == X_WB:
+        if self.pose is X_WB or self.pose == X_WB:
             return
         c, s = math.cos(X_WB.yaw), math.sin(X_WB.yaw)
         for part in self.parts:
             part.place(X_WB, c, s)
-        self._pose = X_WB
+        self.pose = X_WB
 
-    def bound(self, other: _Body) -> float:
+
+class _BodyPair:
+    """Two bodies with all pairs of their parts."""
+
+    def __init__(self, a: _Body, b: _Body) -> None:
+        self._a, self._b = a, b
+        self._reach = a.reach + b.reach + ROUNDING
+        self._parts = tuple(PartPair(p, q) for p in a.parts for q in b.parts)
+        self._nearest: PartPair | None = None
+
+    def circles_apart(self) -> float:
         """Return a distance [m] that the two bodies have at least, from the circles about them."""
-        apart = math.hypot(self._pose.x - other._pose.x, self._pose.y - other._pose.y)
-        return apart - self._reach - other._reach - ROUNDING
+        a, b = self._a.pose, self._b.pose
+        return math.hypot(a.x - b.x, a.y - b.y) - self._reach
 
+    def clearance(self, below: float) -> Clearance | None:
+        """Return their clearance where they are, or None when it is not below ``below`` [m].
 
-def _overlap(p: Sequence[Point], q: Sequence[Point]) -> tuple[float, Point, Point, Point]:
-    """Return two cores' overlap [m], the direction from ``p`` to ``q`` and their deepest points, in W."""
-    best: tuple[float, float, float] | None = None
-    for own, other, sign in ((p, q, 1.0), (q, p, -1.0)):
-        for (x, y), (x_next, y_next) in pairwise((*own, own[0])):
-            ex, ey = x_next - x, y_next - y
-            length = math.sqrt(ex * ex + ey * ey)
-            if length == 0.0:  # a point has no edges
-                continue
-            nx, ny = ey / length, -ex / length  # outwards: the edge's own side reaches farthest along it
-            depth = nx * x + ny * y - min([nx * u + ny * v for u, v in other])
-            if best is None or depth < best[0]:
-                best = (depth, sign * nx, sign * ny)
-    if best is None:  # two centres in one place: every direction is as good
-        return 0.0, (1.0, 0.0), p[0], q[0]
-    depth, nx, ny = best
-    # Each core is deepest in a vertex or along an edge; the points lie face to face where the two overlap.
-    front, back = max([nx * x + ny * y for x, y in p]), min([nx * x + ny * y for x, y in q])
-    along_p = [nx * y - ny * x for x, y in p if nx * x + ny * y >= front - TOUCHING]
-    along_q = [nx * y - ny * x for x, y in q if nx * x + ny * y <= back + TOUCHING]
-    middle = 0.5 * (max(min(along_p), min(along_q)) + min(max(along_p), max(along_q)))
-    deepest_p = (front * nx - middle * ny, front * ny + middle * nx)
-    return front - back, (nx, ny), deepest_p, (back * nx - middle * ny, back * ny + middle * nx)
-
-
-def _nearest_points(p: Array, q: Array) -> tuple[float, Array, Array]:
-    """Return distance [m] and nearest points (2,) of two separate cores (N, 2): a vertex and an edge."""
-    best = (math.inf, p[0], q[0])
-    for vertices, polygon, swapped in ((p, q, False), (q, p, True)):
-        edge = np.roll(polygon, -1, axis=0) - polygon
-        to = vertices[:, None, :] - polygon[None, :, :]
-        length2 = np.maximum((edge**2).sum(axis=1), TOUCHING**2)
-        foot = polygon + np.clip((to * edge).sum(axis=2) / length2, 0.0, 1.0)[..., None] * edge
-        apart = np.linalg.norm(vertices[:, None, :] - foot, axis=2)
-        i, j = np.unravel_index(int(np.argmin(apart)), apart.shape)
-        if apart[i, j] < best[0]:
-            pair = (vertices[i], foot[i, j])
-            best = (float(apart[i, j]), *(pair[::-1] if swapped else pair))
-    return best
-
-
-def _measure(a: _PlacedPart, b: _PlacedPart) -> tuple[float, Point, Point]:
-    result = fcl.DistanceResult()
-    distance = fcl.distance(a.object, b.object, fcl.DistanceRequest(enable_nearest_points=True), result)
-    if distance > TOUCHING:
-        (ax, ay, _), (bx, by, _) = (p.tolist() for p in result.nearest_points)
-        nx, ny = (bx - ax) / distance, (by - ay) / distance
-        # FCL's search ends early where two shapes face each other to within micrometres, up to 95 mm too far
-        # apart. The cores are as far apart as found if no point of either lies in between.
-        if -b.front(-nx, -ny) - a.front(nx, ny) < distance - CERTAIN:
-            distance, core_a, core_b = _nearest_points(a.core(), b.core())
-            (ax, ay), (bx, by) = core_a.tolist(), core_b.tolist()
-            nx, ny = (bx - ax) / distance, (by - ay) / distance
-    else:
-        depth, (nx, ny), (ax, ay), (bx, by) = _overlap(a.corners(), b.corners())
-        distance = -depth
-    return (
-        float(distance) - a.radius - b.radius,
-        (ax + a.radius * nx, ay + a.radius * ny),
-        (bx - b.radius * nx, by - b.radius * ny),
-    )
+        Those parts that were nearest the last time come first, for they tell best what need not be measured.
+        What is found does not depend on it.
+        """
+        first = self._nearest or min(self._parts, key=PartPair.circles_apart)
+        found = None if first.farther_than(below) else first.measure()
+        nearest, gap = None, None
+        for parts in self._parts:
+            if parts is first:
+                measured = found
+            else:
+                enough = below if found is None else min(below, found.distance)
+                measured = None if parts.farther_than(enough) else parts.measure()
+            if measured is not None and measured.distance < below:
+                nearest, gap, below = parts, measured, measured.distance
+        if gap is None:
+            return None
+        self._nearest = nearest
+        return Clearance(gap.distance, self._a.name, self._b.name, gap.point_a, gap.point_b)
 
 
 class ClearanceModel:
@@ -246,6 +123,7 @@ class ClearanceModel:
     def _build(self, footprints: Mapping[str, Sequence[Part]], fixed: Collection[str]) -> None:
         self._bodies = {name: _Body(name, parts) for name, parts in footprints.items()}
         self._fixed = frozenset(fixed)
+        self._met: dict[tuple[str, str], _BodyPair] = {}
 
     def query(
         self, poses: Mapping[str, SE2], exempt: Collection[Pair] = frozenset()
@@ -260,7 +138,7 @@ class ClearanceModel:
         Raises:
             UnknownNameError: A pose for a body that the scene does not have.
         """
-        found = [self._between(a, b, math.inf) for a, b in self._pairs(poses, exempt)]
+        found = [pair.clearance(math.inf) for pair in self._pairs(poses, exempt)]
         return tuple(sorted((c for c in found if c is not None), key=lambda c: c.distance))
 
     def minimum(self, poses: Mapping[str, SE2], exempt: Collection[Pair] = frozenset()) -> Clearance | None:
@@ -274,7 +152,7 @@ class ClearanceModel:
             UnknownNameError: A body that the scene does not have.
         """
         own = self._placed(name, X_WB)
-        return self._smallest((own, self._placed(other, X)) for other, X in others.items())
+        return self._smallest(self._pair(own, self._placed(other, X)) for other, X in others.items())
 
     def _placed(self, name: str, X_WB: SE2) -> _Body:
         body = self._bodies.get(name)
@@ -283,32 +161,27 @@ class ClearanceModel:
         body.place(X_WB)
         return body
 
-    def _pairs(self, poses: Mapping[str, SE2], exempt: Collection[Pair]) -> Iterator[tuple[_Body, _Body]]:
+    def _pair(self, a: _Body, b: _Body) -> _BodyPair:
+        names = (a.name, b.name)
+        pair = self._met.get(names)
+        if pair is None:
+            pair = self._met[names] = _BodyPair(a, b)
+        return pair
+
+    def _pairs(self, poses: Mapping[str, SE2], exempt: Collection[Pair]) -> Iterator[_BodyPair]:
         present = [self._placed(name, X_WB) for name, X_WB in poses.items()]
         for a, b in combinations(present, 2):
             if a.name in self._fixed and b.name in self._fixed:
                 continue
             if not exempt or frozenset((a.name, b.name)) not in exempt:
-                yield a, b
+                yield self._pair(a, b)
 
-    def _smallest(self, pairs: Iterable[tuple[_Body, _Body]]) -> Clearance | None:
+    def _smallest(self, pairs: Iterable[_BodyPair]) -> Clearance | None:
         """Take pairs in the order of what the circles about them promise, until none can be nearer."""
         best: Clearance | None = None
-        for bound, a, b in sorted(((a.bound(b), a, b) for a, b in pairs), key=_by_bound):
+        bounded = sorted(((pair.circles_apart(), i, pair) for i, pair in enumerate(pairs)))
+        for bound, _, pair in bounded:
             if best is not None and bound >= best.distance:
                 break
-            best = self._between(a, b, best.distance if best else math.inf) or best
-        return best
-
-    @staticmethod
-    def _between(a: _Body, b: _Body, below: float) -> Clearance | None:
-        """Return the clearance of two placed bodies, or None when it is not below ``below`` [m]."""
-        best: Clearance | None = None
-        for bound, p, q in sorted(((p.bound(q), p, q) for p in a.parts for q in b.parts), key=_by_bound):
-            if bound >= below:
-                break
-            distance, point_a, point_b = _measure(p, q)
-            if distance < below:
-                below = distance
-                best = Clearance(distance, a.name, b.name, point_a, point_b)
+            best = pair.clearance(best.distance if best else math.inf) or best
         return best

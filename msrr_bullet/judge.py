@@ -93,7 +93,10 @@ class Judge:
 
     def port_pose(self) -> PortPose:
         """Return where the docking port is."""
-        X_DP = self.X_DU() @ self._X_UP
+        return self._port_pose(self.X_DU())
+
+    def _port_pose(self, X_DU: SE2) -> PortPose:
+        X_DP = X_DU @ self._X_UP
         return PortPose(-X_DP.x, X_DP.y, X_DP.yaw)
 
     def seating(self) -> Seating | None:
@@ -167,7 +170,8 @@ class Judge:
         """
         docking = action.phase in _DOCKING
         poses = self._stage.poses()
-        at = self.port_pose()
+        X_WD = poses[self._step.target_unit] @ self.X_TD
+        at = self._port_pose(X_WD.inverse() @ poses[self._step.unit])
         self._gap = at.gap
         model, bonds = self._stage.clearance, self._stage.bonds
         # Units that were locked together by an earlier step are one body.

@@ -176,6 +176,19 @@ def test_minimum_is_the_first_of_all_pairs():
     assert model.nearest("a", SE2(), {}) is None
 
 
+def test_what_was_measured_before_changes_nothing():
+    """A walk of three bodies, steps small and large: a model that has seen it all against a new one."""
+    rng = stream(10, "test_clearance/walk")
+    bodies = {"a": unit_parts(UNIT), "b": unit_parts(UNIT), "c": random_body(rng)}
+    old = ClearanceModel.from_footprints(bodies)
+    poses = {name: random_pose(rng, spread=0.5) for name in bodies}
+    for i in range(300):
+        name, size = "abc"[i % 3], 0.3 if i % 50 == 0 else 0.01
+        poses[name] = poses[name] @ SE2(*rng.normal(0.0, size, 3))
+        assert old.query(poses) == ClearanceModel.from_footprints(bodies).query(poses)
+        assert old.minimum(poses) == old.query(poses)[0]
+
+
 def test_footprint_of_the_unit_is_the_shadow_of_all_its_solids():
     parts = unit_parts(UNIT)
     assert len(parts) <= 4, "a unit should be a few prisms"
