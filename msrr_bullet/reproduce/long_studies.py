@@ -15,7 +15,7 @@ from msrr_bullet.streams import stream
 from msrr_control.comparison_long import ComparisonLongLaw, ComparisonLongParams
 from msrr_control.long_law import LongLaw
 from msrr_control.long_range import LongRangeLaw, LongRangeParams, LongRangeState
-from msrr_control.long_trials import LongTrials, run_long_trials
+from msrr_control.long_study import LongStudyResult, run_long_study
 from msrr_control.params import read_params
 from msrr_control.walls import WallSpec
 from msrr_scenes.errors import UnknownNameError
@@ -46,10 +46,10 @@ def long_law(choice: Choice, setting: Setting) -> LongLaw[Any]:
     raise UnknownNameError("long-distance law", choice.name, ("c1", "c2"), "")
 
 
-def run_long(choice: Choice, setting: Setting, seeds: range) -> LongTrials:
+def run_long(choice: Choice, setting: Setting, seeds: range) -> LongStudyResult:
     """Study a law: a trial for each seed; paths, starts and noise are the same for every law."""
     walls = WallSpec.model_validate(choice.params.get("walls", {}))
-    return run_long_trials(
+    return run_long_study(
         long_law(choice, setting),
         setting.limits_spec,
         stream(seeds.start, f"study/long/{setting.limits}"),
@@ -95,7 +95,7 @@ def long_series(choice: Choice, setting: Setting, seed: int) -> Series:
 
     walls = WallSpec.model_validate(choice.params.get("walls", {}))
     limits = setting.limits_spec
-    result = run_long_trials(
+    result = run_long_study(
         long_law(choice, setting),
         limits,
         stream(seed, "panel/long"),

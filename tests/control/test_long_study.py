@@ -6,7 +6,7 @@ Percentiles at a fixed seed: these tests cannot fail by chance. The bounds are t
 import numpy as np
 import pytest
 
-from msrr_control.long_range import LongRangeParams
+from msrr_control.long_range import LongRangeLaw, LongRangeParams
 from msrr_control.long_study import LongStartSet, LongStudyResult, draw_paths, run_long_study
 from msrr_control.study import Disturbance
 from msrr_scenes.vehicle import LimitsSpec
@@ -19,7 +19,8 @@ BODY_M = 0.08
 
 def _study(params: LongRangeParams | None = None, limits: LimitsSpec = NORMAL, **more) -> LongStudyResult:
     params = params if params is not None else LongRangeParams()
-    return run_long_study(params, limits, np.random.default_rng(1), **more)
+    law = LongRangeLaw(params, limits, 0.10)
+    return run_long_study(law, limits, np.random.default_rng(1), walls=params.walls, **more)
 
 
 @pytest.mark.parametrize(("disturbance", "tracking"), [(None, (0.012, 0.015)), (NOISE, (0.020, 0.025))])
