@@ -106,6 +106,7 @@ class WayAhead:
         self._follow_w = follower(at.w_max_radps, at.dw_max_radps2, at.kappa_per_s, _STEP_S)
         self._period_s = 1.0 / scene.control.rate_hz
         self._latency_s = 1e-3 * scene.link.latency_ms
+        self._delay_s = self._latency_s + self._period_s + 2.0 * _STEP_S + 1.0 / at.kappa_per_s
         self.reset()
 
     def reset(self) -> None:
@@ -163,12 +164,13 @@ class WayAhead:
 
     def longest(self, wish: Twist, reach: float) -> float:
         """Return a length [m] that no point of the unit exceeds on its way ahead."""
-        at = self._limits
-        coming = [wish, self._command, *(command for _, command in self._under_way)]
-        v = max(abs(self._speed.v), min(max(abs(c.v) for c in coming), at.v_max_mps))
-        w = max(abs(self._speed.w), min(max(abs(c.w) for c in coming), at.w_max_radps))
-        delay = self._latency_s + self._period_s + 2.0 * _STEP_S + 1.0 / at.kappa_per_s
-        return (v + reach * w) * delay + 0.5 * v**2 / at.a_max_mps2 + 0.5 * reach * w**2 / at.dw_max_radps2
+        v, w = abs(wish.v), abs(wish.w)
+        for _, command in ((0, self._command), *self._under_way):
+            v, w = max(v, abs(command.v)), max(w, abs(command.w))
+        at, speed = self._limits, self._speed
+        v, w = max(abs(speed.v), min(v, at.v_max_mps)), max(abs(speed.w), min(w, at.w_max_radps))
+        braking = 0.5 * v**2 / at.a_max_mps2 + 0.5 * reach * w**2 / at.dw_max_radps2
+        return (v + reach * w) * self._delay_s + braking
 
     def _stages(self, wish: Twist, reach: float) -> Iterator[tuple[float, float, float, float]]:
         """Yield the way, many steps of it for every command, and so in plain floats.

@@ -19,6 +19,7 @@ from msrr_perception.filter import CornerEkf
 from msrr_perception.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import (
+    NS_PER_S,
     Array,
     Detections,
     Exposure,
@@ -28,6 +29,7 @@ from msrr_scenes.messages import (
     PoseMeasurement,
     Situation,
     WheelOdometry,
+    seconds,
 )
 from msrr_scenes.se2 import SE2
 from msrr_scenes.sensors import OdometrySpec
@@ -92,6 +94,9 @@ class GlobalEstimator:
         self._standing_noise = StandingNoise(
             gate=float(chi2.ppf(gate_probability, 3)), moved_after=moved_after
         )
+        # What a second adds to the covariance of a body that stands, asked once instead of at every instant.
+        nowhere = StandingBody("", 0, SE2(), np.zeros((3, 3)), 0)
+        self._drift = nowhere.at(NS_PER_S, self._standing_noise).covariance
         self._bodies: dict[str, StandingBody] = {}
         self._located = False  # the docking unit has been seen, and a pose of it is known from then on
         self._lean: dict[str, Array] = {}
@@ -178,8 +183,9 @@ class GlobalEstimator:
         return GlobalPose(self.model.own, own.stamp_ns, own.X_DU, covariance)
 
     def _pose(self, body: StandingBody, stamp_ns: int) -> GlobalPose:
-        now = body.at(stamp_ns, self._standing_noise)
-        return GlobalPose(body.name, now.stamp_ns, now.X_WB, now.covariance + self._systematic(body.name))
+        waited = seconds(max(stamp_ns - body.stamp_ns, 0))
+        covariance = body.covariance + self._drift * waited + self._systematic(body.name)
+        return GlobalPose(body.name, max(stamp_ns, body.stamp_ns), body.X_WB, covariance)
 
     def _systematic(self, name: str) -> Array:
         """Return the covariance (3, 3) of what is the same in picture after picture: how the body leans."""
