@@ -6,8 +6,10 @@ import math
 
 from pydantic import Field
 
+from msrr_control.comparison_long import ComparisonLongParams
 from msrr_control.long_range import LongRangeParams
 from msrr_control.route import RouteSpec
+from msrr_control.walls import WallSpec
 from msrr_scenes.spec import NonNegative, Positive, Spec
 
 
@@ -79,3 +81,33 @@ class AssemblyParams(LongRangeParams):
     watch: WatchSpec = WatchSpec()
     widest_obstacle_m: Positive = 0.5
     turn_per_s: Positive = 2.5
+
+
+class ComparisonAssemblyParams(ComparisonLongParams):
+    """Parameters of the assembler ``c2``: those of its law, its paths and its patience.
+
+    Attributes:
+        walls: Obstacles that paths lead past; nothing else stands at these walls.
+        route: Shape of the paths.
+        watch: When it waits, plans anew or gives up. A potential pushes back further than walls lead around,
+            so that it is given more room.
+        widest_obstacle_m: Largest radius of an obstacle that a path can lead around.
+        turn_per_s: Gain of the turn on the spot.
+    """
+
+    walls: WallSpec = WallSpec()
+    route: RouteSpec = RouteSpec()
+    watch: WatchSpec = WatchSpec(astray_m=1.0)
+    widest_obstacle_m: Positive = 0.5
+    turn_per_s: Positive = 2.5
+
+    def paths(self) -> AssemblyParams:
+        """Return what C1 and C2 have in common."""
+        return AssemblyParams(
+            walls=self.walls,
+            route=self.route,
+            watch=self.watch,
+            pace=self.pace,
+            widest_obstacle_m=self.widest_obstacle_m,
+            turn_per_s=self.turn_per_s,
+        )

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from msrr_control import metrics
-from msrr_control.assembler import ASSEMBLERS, LongRangeAssembler, build_assembler
+from msrr_control.assembler import ASSEMBLERS, build_assembler
 from msrr_control.assembly_checks import check_assembly
 from msrr_control.assembly_setup import AssemblySetup
+from msrr_control.assembly_stages import LongRangeAssembler
 from msrr_control.assembly_tuning import AssemblyParams
 from msrr_control.controller import build_controller
 from msrr_control.phases import PhaseMachine
