@@ -10,11 +10,19 @@ from msrr_scenes.messages import Phase, Setback, seconds
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """A change of phase and why; ``setback`` says that the attempt failed."""
+    """A change of phase and why.
+
+    Attributes:
+        to: The phase that comes.
+        reason: For the log and the reader.
+        setback: Why the attempt failed, None if it did not.
+        reassemble: The next attempt should begin from afar, the hand-over itself having failed.
+    """
 
     to: Phase
     reason: str
     setback: Setback | None = None
+    reassemble: bool = False
 
 
 class Held:

@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 
+from msrr_control.controller import build_controller
 from msrr_control.law import DockSetup
 from msrr_control.phases import PhaseMachine
 from msrr_control.senses import Senses
@@ -192,7 +193,9 @@ class _Drives:
 
 def test_the_long_distance_phase_has_its_place(toy) -> None:
     robot = toy(X_DU=SE2(-1.0, 0.02, 0.0))
-    robot.machine = PhaseMachine(robot.spec, robot.facts, robot.machine._controller, _Drives(100))
+    robot.machine = PhaseMachine(
+        robot.spec, robot.facts, build_controller(robot.controller, robot.facts), _Drives(100)
+    )
     robot.run()
     assert robot.phases() == [Phase.ASSEMBLE, *STRAIGHT]
     assert sum(a.phase is Phase.ASSEMBLE for a in robot.log) == 100
