@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from msrr_bullet.cam import CAM_REACH, PULL_SLACK, SWITCH_TRAVEL, Cam, PullResult
 from msrr_bullet.plug import PLUG_LENGTH
 from msrr_scenes.errors import GeometryError
@@ -13,6 +15,15 @@ from msrr_scenes.plan import DockStep
 from msrr_scenes.se2 import SE2
 from msrr_scenes.unit_geometry import UnitGeometry
 from msrr_scenes.vehicle import LockSpec
+
+#: What counts as being at the mouth [m]: far more than rounding, far less than a tick's motion.
+_ROUNDING = 1e-9
+
+#: How far from its seat a unit may stand at first and still be taken for seated [m, rad].
+_RESTING = 1e-5
+
+#: What of a unit comes this close to the plane of a port's face is part of that face [m].
+_FACE_DEPTH = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,17 +57,47 @@ def pin_length(geometry: UnitGeometry, port: str) -> float:
     return max(tips)
 
 
+def face_half_width(geometry: UnitGeometry, port: str) -> float:
+    """Return how far the face of a port reaches to either side of its axis [m]."""
+    X_DU = geometry.dock_frame(port).inverse()
+    points = X_DU.act(np.concatenate([solid.outline() for solid in geometry.solids]))
+    face = points[np.abs(points[:, 0]) <= _FACE_DEPTH]
+    if not len(face):
+        raise GeometryError(f"{geometry.urdf}: no solid reaches the face of port {port!r}")
+    return float(np.abs(face[:, 1]).max())
+
+
 class IdealPort:
     """One active port before one passive port: a gate at the mouth, a funnel behind it, and a lock.
+
+    The mouth is the face of the passive port and no wider. It minds only pins that come into it from outside.
+    A unit beside it, behind it or on the other side of its target has nothing to do with it; where bodies
+    overlap there, the clearance judge sees that.
 
     All poses are those of the active port's frame P in the dock frame D of its target: ``x`` is minus the gap
     between the faces.
     """
 
     def __init__(
-        self, step: DockStep, geometry: UnitGeometry, target: UnitGeometry, spec: LockSpec, capture: Capture
+        self,
+        step: DockStep,
+        geometry: UnitGeometry,
+        target: UnitGeometry,
+        spec: LockSpec,
+        capture: Capture,
+        X_TU: SE2,
     ) -> None:
-        """Start open, outside the mouth."""
+        """Start open.
+
+        Args:
+            step: Which port docks to which.
+            geometry: Of the docking unit.
+            target: Of the unit docked to.
+            spec: Of the lock.
+            capture: Of the funnel.
+            X_TU: Where the docking unit stands in the frame of the other one; if its pins are in the funnel,
+                they are held there.
+        """
         self.step = step
         self._spec = spec
         self._capture = capture
@@ -64,11 +105,12 @@ class IdealPort:
         self._X_UP = geometry.port(step.port)
         self._X_TD = target.dock_frame(step.target_port)
         self._cam = Cam(spec.close_time_s)
-        self._inside = False
+        self._half_width = face_half_width(target, step.target_port)
         self.engaged = False
         self.touching = False
         self.plugged = False
-        self._X_DP = SE2(-math.inf)
+        self._X_DP = self._X_TD.inverse() @ X_TU @ self._X_UP
+        self._inside = self._in_funnel(self._X_DP)
 
     @property
     def position(self) -> LockPosition:
@@ -92,7 +134,7 @@ class IdealPort:
 
     @property
     def _gap(self) -> float:
-        """Distance of the faces [m]; infinite before the first step."""
+        """Distance of the faces [m]."""
         return -self._X_DP.x
 
     def switches(self) -> tuple[bool, bool]:
@@ -119,27 +161,43 @@ class IdealPort:
         self.engaged = False
         return PullResult(force, PULL_SLACK, False)
 
+    def _tips(self, X_DP: SE2) -> SE2:
+        """Return the middle between the tips of the pins."""
+        return X_DP @ SE2(self._length)
+
     def _guide(self, X_DP: SE2) -> SE2:
-        tips = X_DP.x + self._length
-        if tips < 0.0:
+        before, tips = self._tips(self._X_DP), self._tips(X_DP)
+        if tips.x < -_ROUNDING:
             self._inside = self.touching = False
             return X_DP
-        c = self._capture
         if not self._inside:
             if self.touching:
                 # Stopped at the mouth: friction keeps it there until it backs out.
                 return self._X_DP
-            if abs(X_DP.y) > c.lateral_m or abs(X_DP.yaw) > c.yaw_rad:
+            entering = before.x < -_ROUNDING and math.cos(X_DP.yaw) > 0.0
+            if not entering or abs(tips.y) > self._half_width:
+                return X_DP
+            if abs(X_DP.y) > self._capture.lateral_m or abs(X_DP.yaw) > self._capture.yaw_rad:
                 self.touching = True
-                return SE2(-self._length, X_DP.y, X_DP.yaw)
+                return SE2(X_DP.x - tips.x, X_DP.y, X_DP.yaw)
             self._inside = True
-        deepest = -PLUG_LENGTH if self.plugged else 0.0
-        x = min(X_DP.x, deepest)
-        # The room narrows from the mouth to the bottom, for the yaw down to nothing.
+        held = self._centred(X_DP)
+        seated = -held.x <= SWITCH_TRAVEL
+        self.touching = seated or held != X_DP
+        return held
+
+    def _centred(self, X_DP: SE2) -> SE2:
+        """Return the pose within the room that the funnel leaves: narrowing with depth, for the yaw to 0."""
+        c = self._capture
+        x = min(X_DP.x, -PLUG_LENGTH if self.plugged else 0.0)
         left = min(max(-x / self._length, 0.0), 1.0)
         room = c.play_m + left * (c.lateral_m - c.play_m)
         y = min(max(X_DP.y, -room), room)
         yaw = min(max(X_DP.yaw, -left * c.yaw_rad), left * c.yaw_rad)
-        seated = -x <= SWITCH_TRAVEL
-        self.touching = seated or (x, y, yaw) != (X_DP.x, X_DP.y, X_DP.yaw)
         return SE2(x, y, yaw)
+
+    def _in_funnel(self, X_DP: SE2) -> bool:
+        """Say whether pins that are first seen there are in the funnel."""
+        near = self._centred(X_DP)
+        off = (near.x - X_DP.x, near.y - X_DP.y, near.yaw - X_DP.yaw)
+        return self._tips(X_DP).x >= 0.0 and max(map(abs, off)) < _RESTING

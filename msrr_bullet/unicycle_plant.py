@@ -1,7 +1,8 @@
 """The plant without contact: units roll exactly as their kinematics say, ports are idealised.
 
-It answers what a law does when nothing but the drive's limits stands in its way. Bodies other than the
-docking pair pass through each other here; the clearance monitor still sees that they do.
+It answers what a law does when nothing but the drive's limits stands in its way. Nothing is solid here but
+the mouth of the port that is docked to. All else passes through each other; the clearance judge still sees
+that it does.
 """
 
 from __future__ import annotations
@@ -136,7 +137,8 @@ class UnicyclePlant:
         if self.lock_engaged(step.unit):
             raise MsrrError(f"unit {step.unit!r} is still locked; open its lock before it docks to {step.to}")
         own, target = self._scene.geometry(step.unit), self._scene.geometry(step.target_unit)
-        dock = IdealPort(step, own, target, self._scene.lock, self._capture)
+        X_TU = self.pose(step.target_unit).inverse() @ self.pose(step.unit)
+        dock = IdealPort(step, own, target, self._scene.lock, self._capture, X_TU)
         dock.plugged = (step.target_unit, step.target_port) in self._plugs
         self._docks[step.unit] = dock
 

@@ -1,0 +1,126 @@
+"""The mouth and the funnel of the plant without contact, tick by tick."""
+
+import math
+
+import numpy as np
+import pytest
+
+from msrr_bullet.ideal_port import Capture, face_half_width
+from msrr_bullet.streams import stream
+from msrr_bullet.unicycle_plant import UnicyclePlant
+from msrr_scenes.messages import Twist
+from msrr_scenes.se2 import SE2
+
+#: Where the pins are at the mouth of the shipped unit: gap of the faces [m].
+MOUTH_M = 0.018
+
+
+def _move(before: SE2, after: SE2) -> float:
+    return math.hypot(after.x - before.x, after.y - before.y)
+
+
+def test_the_face_of_the_shipped_unit_is_16_cm_wide(two_units) -> None:
+    geometry = two_units().geometry("b")
+    assert [face_half_width(geometry, port) for port in ("rear", "left", "right")] == pytest.approx(
+        [0.08] * 3
+    )
+
+
+@pytest.mark.parametrize(
+    "X_DP",
+    [
+        SE2(0.8, 0.0, 0.0),  # behind the unit docked to, on the axis of the port
+        SE2(0.5, 0.005, math.pi),  # there, and turned to it
+        SE2(0.1, 0.3, 0.0),  # beside it
+        SE2(0.0, 1.0, 0.1),
+        SE2(-0.01, 0.3, 0.0),  # in the plane of the mouth, beside the port
+        SE2(-0.3, 0.0, 0.0),  # before it
+        SE2(-0.3, 0.9, -1.0),
+    ],
+)
+def test_a_unit_at_rest_stays_where_it_is(bench, X_DP: SE2) -> None:
+    with bench("unicycle", X_DP) as b:
+        start = b.plant.pose("a")
+        b.drive(0.0, 0.1)
+        assert _move(start, b.plant.pose("a")) < 1e-12
+        assert abs(b.plant.pose("a").yaw - start.yaw) < 1e-12
+        assert not b.plant.pins_touch("a")
+        assert b.plant.switches("a") == (False, False)
+
+
+def test_nothing_moves_farther_in_a_tick_than_wheels_and_funnel_make_it(bench) -> None:
+    """60 units driven about from anywhere: the funnel draws in by at most 0.64 m sideways per m of depth."""
+    rng = stream(3, "test/anywhere")
+    for _ in range(60):
+        X_DP = SE2(*rng.uniform((-0.3, -0.4, -math.pi), (0.5, 0.4, math.pi)))
+        with bench("unicycle", X_DP) as b:
+            for v, w in rng.uniform((-0.4, -1.5), (0.4, 1.5), (3, 2)):
+                b.plant.command("a", Twist(v, w))
+                for _ in range(40):
+                    before = b.plant.pose("a")
+                    b.plant.step()
+                    # 0.4 m/s, and 1.5 rad/s of a port 0.1 m ahead of the axle, for a tick.
+                    assert _move(before, b.plant.pose("a")) < 1.5 * (0.4 + 0.15) / 240.0
+
+
+@pytest.mark.parametrize(("beside_m", "stopped"), [(0.02, True), (0.07, True), (0.09, False), (0.3, False)])
+def test_the_mouth_is_as_wide_as_the_face(bench, beside_m: float, stopped: bool) -> None:
+    with bench("unicycle", SE2(-0.05, beside_m, 0.0)) as b:
+        b.drive(0.1, 1.5)
+        assert b.plant.pins_touch("a") is stopped
+        assert (b.gap == pytest.approx(MOUTH_M, abs=1e-6)) if stopped else (b.gap < 0.0)
+
+
+def test_who_comes_out_through_the_port_is_not_held(bench) -> None:
+    """From inside the other unit, where only the judge has a say, to before it."""
+    with bench("unicycle", SE2(0.05, 0.03, 0.0)) as b:
+        b.drive(-0.1, 1.5)
+        assert b.gap > 0.05
+        assert not b.plant.pins_touch("a")
+        b.drive(0.1, 2.5)  # and the same way again, from outside now
+        assert b.gap == pytest.approx(MOUTH_M, abs=1e-6)
+
+
+def test_pins_in_the_funnel_at_first_are_held_there(bench) -> None:
+    with bench("unicycle", SE2(-0.009, 0.004, 0.0)) as b:
+        b.drive(0.05, 1.0)
+        assert b.plant.switches("a") == (True, True)
+        assert b.gap == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("lateral_mm", "yaw_deg"), [(12.0, 0.0), (-12.0, 7.0), (2.0, -7.5)])
+def test_the_play_narrows_with_depth(bench, lateral_mm: float, yaw_deg: float) -> None:
+    """In a straight line from the mouth to the bottom: 13 to 1.5 mm, and 8 deg to none."""
+    capture = Capture()
+    deepest, rooms = math.inf, []
+    with bench("unicycle", SE2(-0.019, lateral_mm / 1e3, math.radians(yaw_deg))) as b:
+        b.plant.command("a", Twist(0.05, 0.0))
+        for _ in range(240):
+            b.plant.step()
+            at = b.X_DP()
+            left = min(-at.x / MOUTH_M, 1.0)
+            room = capture.play_m + left * (capture.lateral_m - capture.play_m)
+            assert abs(at.y) <= room + 1e-9
+            assert abs(at.yaw) <= left * capture.yaw_rad + 1e-9
+            deepest = min(deepest, -at.x)
+            rooms.append(room - abs(at.y))
+    assert deepest == pytest.approx(0.0, abs=1e-9)
+    if abs(lateral_mm) > 10.0:
+        assert np.min(rooms) == pytest.approx(0.0, abs=1e-9)  # the wall of the funnel guides it
+    assert abs(at.y) <= capture.play_m + 1e-9
+
+
+def test_the_funnel_is_where_the_capture_says(two_units, before_port) -> None:
+    """Half way down there is half the way from the mouth's room to the seat's."""
+    scene = two_units()
+    plant = UnicyclePlant(
+        scene, before_port(scene, SE2(-0.019, 0.02, 0.0)), capture=Capture(0.03, 0.2, 0.002)
+    )
+    plant.begin_dock(scene.plan[0])
+    plant.command("a", Twist(0.05, 0.0))
+    X_WD = plant.pose("b") @ scene.geometry("b").dock_frame("rear")
+    while -(at := X_WD.inverse() @ plant.pose("a") @ scene.geometry("a").port("front")).x > 0.5 * MOUTH_M:
+        plant.step()
+        assert plant.tick < 240
+    assert at.y == pytest.approx(0.002 - at.x / MOUTH_M * (0.03 - 0.002), abs=1e-9)
+    assert at.y == pytest.approx(0.016, abs=4e-4)
