@@ -154,8 +154,7 @@ class GlobalEstimator:
         poses = {name: self._pose(body, now_ns) for name, body in self._bodies.items()}
         target = poses[self.model.target]
         if by_sight is not None:
-            X_WU = target.X_WB @ self.model.X_TD @ by_sight.X_DU
-            own = GlobalPose(self.model.own, by_sight.stamp_ns, X_WU, target.covariance)
+            own = composed_pose(self.model.own, target, self.model.X_TD, by_sight)
             last_seen_ns = by_sight.last_seen_ns
         elif above is not None:
             own, last_seen_ns = self._own_pose(above), above.last_seen_ns
@@ -198,6 +197,28 @@ class GlobalEstimator:
         return known
 
 
+def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstimate) -> GlobalPose:
+    """Return a unit in W that is known in the dock frame D of another one.
+
+    X_WU = X_WT X_TD X_DU, and its covariance is what both errors make of it, to first order: the target's
+    turn swings the unit about the target's middle, and the error in D turns with D. The two come from
+    different cameras, so that they are independent.
+
+    Args:
+        name: The unit.
+        target: The other unit in W.
+        X_TD: D in the frame of the other unit.
+        by_sight: The unit in D.
+    """
+    X_WD = target.X_WB @ X_TD
+    X_WU = X_WD @ by_sight.X_DU
+    by_target = _swing(X_WU, target.X_WB)
+    c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    covariance = by_target @ target.covariance @ by_target.T + turn @ by_sight.covariance @ turn.T
+    return GlobalPose(name, by_sight.stamp_ns, X_WU, covariance)
+
+
 def X_DU(situation: Situation, X_TD: SE2) -> SE2:
     """Return the docking unit in the dock frame D of the target port.
 
@@ -215,8 +236,12 @@ def relative_pose(situation: Situation, X_TD: SE2) -> PoseEstimate:
     c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
     by_own = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     # The target's turn swings its port and the axes of D: together, a turn about the target's own middle.
-    lever = own.X_WB.translation - target.X_WB.translation
-    swing = np.array([[1.0, 0.0, -lever[1]], [0.0, 1.0, lever[0]], [0.0, 0.0, 1.0]])
-    by_target = -by_own @ swing
+    by_target = -by_own @ _swing(own.X_WB, target.X_WB)
     covariance = by_own @ own.covariance @ by_own.T + by_target @ target.covariance @ by_target.T
     return PoseEstimate(situation.stamp_ns, X_DU(situation, X_TD), covariance, situation.last_seen_ns)
+
+
+def _swing(X_WA: SE2, X_WB: SE2) -> Array:
+    """Return how a body at ``X_WA`` moves with one at ``X_WB`` that it is tied to, shape (3, 3)."""
+    x, y = X_WA.x - X_WB.x, X_WA.y - X_WB.y
+    return np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])

@@ -20,6 +20,7 @@ from msrr_scenes.messages import (
     Detections,
     Exposure,
     GlobalPose,
+    PoseEstimate,
     Situation,
     TagDetection,
     WheelOdometry,
@@ -309,6 +310,60 @@ def test_the_relative_pose_and_its_covariance(make: Make, model: OverheadModel) 
     )
     np.testing.assert_allclose(np.diag(np.cov(drawn.T)), np.diag(found.covariance), rtol=0.05)
     np.testing.assert_allclose(np.corrcoef(drawn.T)[0, 2], _correlation(found.covariance, 0, 2), atol=0.04)
+
+
+@pytest.mark.parametrize(
+    ("sigma_sight", "sigma_target"),
+    [((0.1, 0.05, 0.2), (5e-4, 5e-4, 1e-3)), ((5e-4, 8e-4, 2e-3), (4e-3, 2e-3, 0.01))],
+    ids=["sight lost", "target vague"],
+)
+def test_a_pose_by_sight_is_as_uncertain_as_both_cameras_make_it(
+    make: Make,
+    model: OverheadModel,
+    sigma_sight: tuple[float, float, float],
+    sigma_target: tuple[float, float, float],
+) -> None:
+    """Against 20,000 draws of the target in W and of the unit in D, both with correlated errors.
+
+    The drawn errors, whitened by the stated covariance, should have the identity for theirs. Entries from as
+    many draws have a standard deviation of at most 1 %, so that one of the six is off by 5 % in 4 of 10^6
+    runs; what the linearisation leaves out is below 0.1 %.
+    """
+    estimator = make().estimator
+    mixed = np.array([[1.0, 0.3, -0.2], [0.3, 1.0, 0.4], [-0.2, 0.4, 1.0]])
+    P_target = np.outer(sigma_target, sigma_target) * mixed
+    P_sight = np.outer(sigma_sight, sigma_sight) * mixed[::-1, ::-1]
+    X_WT, X_DU_seen = SE2(1.0, 0.3, 2.2), SE2(-0.6, 0.1, 0.15)
+    estimator.add_global(GlobalPose("a", 0, SE2(), np.eye(3)))
+    estimator.add_global(GlobalPose("b", 0, X_WT, P_target))
+    known = estimator.situation(0, PoseEstimate(0, X_DU_seen, P_sight, 0))
+    assert known is not None
+    rng = np.random.default_rng(12)
+    targets = rng.multivariate_normal(X_WT.as_array(), known.target.covariance, 20_000)
+    sights = rng.multivariate_normal(X_DU_seen.as_array(), P_sight, 20_000)
+    errors = np.array(
+        [
+            error(known.own, SE2(*t) @ model.X_TD @ SE2(*sight))
+            for t, sight in zip(targets, sights, strict=True)
+        ]
+    )
+    white = np.linalg.solve(np.linalg.cholesky(known.own.covariance), errors.T)
+    np.testing.assert_allclose(np.cov(white), np.eye(3), atol=0.05)
+
+
+def test_a_body_seen_long_ago_is_known_less_well_than_one_just_seen(make: Make) -> None:
+    """The covariance grows with the time since the last sight, and an obstacle's stamp tells its age."""
+    arena = make(6)
+    fresh = arena.drive(2.0)
+    assert fresh is not None
+    arena.seen = lambda name, t: name == "a"
+    stale = arena.drive(14.0)
+    assert stale is not None
+    for before, after in ((fresh.target, stale.target), (fresh.obstacles[0], stale.obstacles[0])):
+        grown = np.sqrt(np.diag(after.covariance)) - np.sqrt(np.diag(before.covariance))
+        assert grown[:2].min() > 0.001
+        assert grown[2] > math.radians(0.2)
+    assert stale.obstacles[0].stamp_ns == fresh.obstacles[0].stamp_ns
 
 
 def _correlation(P: np.ndarray, i: int, j: int) -> float:
