@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import numpy as np
@@ -13,10 +13,9 @@ from msrr_bullet.camera import Camera
 from msrr_bullet.localisation_error import LocalisationError
 from msrr_bullet.stage import Stage
 from msrr_bullet.stage_clock import Clock
-from msrr_bullet.streams import stream
 from msrr_perception.global_pose import overhead_pose
 from msrr_perception.overhead_model import OVERHEAD, OverheadModel
-from msrr_scenes.faults import CameraBlackout, CameraMisaligned, Fault, MarkerHidden
+from msrr_scenes.faults import CameraBlackout, CameraMisaligned, MarkerHidden
 from msrr_scenes.messages import (
     Detections,
     Exposure,
@@ -73,27 +72,24 @@ def camera_pose(scene: Scene, unit: str) -> SE3:
 class ImageEye:
     """A rendered camera whose pixels the robot reads."""
 
-    def __init__(self, camera: Camera, clock: Clock, error: LocalisationError | None = None) -> None:
-        """Put a camera before the robot; ``error`` spoils what is made of its frames."""
+    def __init__(
+        self,
+        camera: Camera,
+        clock: Clock,
+        spoil: Callable[[Detections], Detections] | None = None,
+    ) -> None:
+        """Put a camera before the robot; ``spoil`` puts errors on what is made of its frames."""
         self.camera = camera
         self._clock = clock
-        self._error = error
+        self._spoil = spoil
 
     @classmethod
     def onboard(cls, stage: Stage, step: DockStep, clock: Clock) -> ImageEye:
         """Return the camera of the docking unit."""
         scene, plant, unit = stage.scene, stage.plant, step.unit
         X_UC = optical_pose(camera_pose(scene, unit))
-        spec = scene.cameras.onboard
-        camera = Camera(
-            f"{unit}/onboard",
-            spec,
-            stage.renderer(spec),
-            lambda: plant.pose3(unit) @ X_UC,
-            stage.seed,
-            scene.faults,
-        )
-        return cls(camera, clock)
+        pose = lambda: plant.pose3(unit) @ X_UC  # noqa: E731
+        return cls(stage.camera(f"{unit}/onboard", scene.cameras.onboard, pose), clock)
 
     @classmethod
     def overhead(cls, stage: Stage, step: DockStep, clock: Clock) -> ImageEye:
@@ -102,12 +98,14 @@ class ImageEye:
         spec = scene.cameras.overhead
         assert spec is not None, "asked for only when the scene has one"
         X_WC = overhead_pose(spec)
-        camera = Camera(OVERHEAD, spec, stage.renderer(spec), lambda: X_WC, stage.seed, scene.faults)
-        error = None
-        if spec.localisation != type(spec.localisation)():
-            model = OverheadModel.from_scene(scene, step)
-            error = LocalisationError(spec.localisation, model, stage.seed)
-        return cls(camera, clock, error)
+        camera = stage.camera(OVERHEAD, spec, lambda: X_WC)
+        if spec.localisation == type(spec.localisation)():
+            return cls(camera, clock)
+        error = stage.localisation
+        if error is None:
+            error = stage.localisation = LocalisationError(spec.localisation, stage.seed)
+        model = OverheadModel.from_scene(scene, step)
+        return cls(camera, clock, lambda found: error.apply(found, model))
 
     @property
     def name(self) -> str:
@@ -128,7 +126,7 @@ class ImageEye:
             found = robot.expose(exposure, self._fetch)
         if found is None:
             return ()
-        return (found,) if self._error is None else (Localisation(self._error.apply(found)),)
+        return (found,) if self._spoil is None else (Localisation(self._spoil(found)),)
 
     def _fetch(self, window: Window) -> Pixels:
         with self._clock("render"):
@@ -138,10 +136,12 @@ class ImageEye:
 class _Luck:
     """Which frames of a camera are lost; drawn for every frame, whatever else becomes of it."""
 
-    def __init__(self, camera: str, spec: CameraSpec, faults: Iterable[Fault], seed: int) -> None:
+    def __init__(self, camera: str, spec: CameraSpec, stage: Stage) -> None:
         self._dropout = spec.dropout
-        self._rng = stream(seed, f"camera/{camera}/dropout")
-        self._blackouts = [f for f in faults if isinstance(f, CameraBlackout) and f.camera == camera]
+        self._rng = stage.stream(f"camera/{camera}/dropout")
+        self._blackouts = [
+            f for f in stage.scene.faults if isinstance(f, CameraBlackout) and f.camera == camera
+        ]
 
     def lost(self, now_ns: int) -> bool:
         dropped = self._rng.random() < self._dropout
@@ -158,17 +158,17 @@ class ParametricEye:
         self._X_UC = camera_pose(scene, step.unit).to_se2()
         self.name = f"{step.unit}/onboard"
         self.spec: CameraSpec = scene.cameras.onboard
-        self._rng = stream(stage.seed, f"camera/{self.name}/parametric")
-        self._luck = _Luck(self.name, self.spec, scene.faults, stage.seed)
+        self._rng = stage.stream(f"camera/{self.name}/parametric")
+        self._luck = _Luck(self.name, self.spec, stage)
         self._hidden = any(isinstance(f, MarkerHidden) and f.unit == step.target_unit for f in scene.faults)
-        self._frame = -1
+        self._frames = stage.frames(self.name)
 
     def look(self, now_ns: int, robot: Reader) -> tuple[SensorMessage, ...]:
         """Draw one measurement; nothing when the frame was lost or shows no marker."""
-        self._frame += 1
+        frame = next(self._frames)
         lost = self._luck.lost(now_ns)
         measured = parametric.measure(
-            Exposure(self.name, self._frame, now_ns),
+            Exposure(self.name, frame, now_ns),
             self._X_DU(),
             self._X_UC,
             self.spec.pinhole,
@@ -189,8 +189,8 @@ class ParametricOverhead:
         self._stage = stage
         self.name = OVERHEAD
         self.spec: CameraSpec = spec
-        self._rng = stream(stage.seed, f"camera/{OVERHEAD}/parametric")
-        self._luck = _Luck(OVERHEAD, spec, stage.scene.faults, stage.seed)
+        self._rng = stage.stream(f"camera/{OVERHEAD}/parametric")
+        self._luck = _Luck(OVERHEAD, spec, stage)
 
     def look(self, now_ns: int, robot: Reader) -> tuple[SensorMessage, ...]:
         """Draw one measurement of every body that is there."""

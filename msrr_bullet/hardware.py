@@ -63,6 +63,7 @@ class Hardware:
         self._plant = stage.plant
         self._eyes = [_MountedEye(eye, now_ns) for eye in eyes]
         self._onboard = f"{step.unit}/onboard"
+        self._targets_tags = frozenset(stage.scene.tag_ids(step.target_unit).values())
         self._encoders = stage.encoders[step.unit]
         self._clock = clock
         self._stuck: bool | None = None
@@ -90,7 +91,8 @@ class Hardware:
 
     def _shows_target(self, message: SensorMessage) -> bool:
         if isinstance(message, Detections):
-            return message.exposure.camera == self._onboard and bool(message.tags)
+            seen = {tag.tag_id for tag in message.tags}
+            return message.exposure.camera == self._onboard and not self._targets_tags.isdisjoint(seen)
         return isinstance(message, PoseMeasurement)
 
     def _report_mechanism(self, now_ns: int, robot: Observer) -> None:

@@ -13,14 +13,20 @@ from msrr_scenes.outcome import Outcome
 from msrr_scenes.plan import DockStep
 from msrr_scenes.se2 import SE2
 
-#: Phases in which the docking pair may come as close as it likes.
+#: Phases in which the docking pair may come as close as it likes. Whatever comes after them, giving up
+#: included, finds the pair close, so it may stay so until it has parted.
 _DOCKING = frozenset({Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.RETREAT, Phase.DONE})
 
 #: The zone before a port in which touching it is part of docking: outside it, touching is a collision.
 #: Its half-width is half the port's face, its depth the pins' length and as much again.
 ZONE_DEPTH_M = 0.036
+#: How far the faces may overlap and still meet: more is beyond the port, inside the target or behind it.
+ZONE_OVERLAP_M = 0.005
 ZONE_HALF_WIDTH_M = 0.05
 ZONE_YAW_RAD = math.radians(20.0)
+
+#: A pair that tried to dock has parted once it is this far apart [m], and by the clearance asked for.
+PARTED_M = 0.005
 
 #: More than a unit can drive between two control instants.
 _APPROACH_M = 0.05
@@ -55,7 +61,7 @@ class PortPose:
     def in_zone(self) -> bool:
         """The port is where touching the target is part of docking."""
         return (
-            self.gap <= ZONE_DEPTH_M
+            -ZONE_OVERLAP_M <= self.gap <= ZONE_DEPTH_M
             and abs(self.lateral) <= ZONE_HALF_WIDTH_M
             and abs(self.yaw) <= ZONE_YAW_RAD
         )
@@ -75,6 +81,7 @@ class Judge:
         self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._pair: Pair = frozenset({step.unit, step.target_unit})
         self._attempt = 0
+        self._together = False
         self._gap = -math.inf  # as of the last control instant; not known yet
         self._deepest = math.inf
         self._deepest_pose: PortPose | None = None
@@ -162,13 +169,15 @@ class Judge:
         """Measure clearance at one control instant.
 
         Args:
-            action: What the robot is doing; while it docks, its pair may come close, and in the zone before
-                the port it may touch.
+            action: What the robot is doing; from when it begins to dock until it has parted from its target
+                again, its pair may come close, and in the zone before the port it may touch.
 
         Returns:
             The verdict that ends the trial, if any, and the smallest clearance of any pair.
         """
-        docking = action.phase in _DOCKING
+        if not self._stage.locks_hold():
+            return Outcome.LOCK_FAILED, None
+        docking = action.phase in _DOCKING or self._together
         poses = self._stage.poses()
         X_WD = poses[self._step.target_unit] @ self.X_TD
         at = self._port_pose(X_WD.inverse() @ poses[self._step.unit])
@@ -176,6 +185,8 @@ class Judge:
         model, bonds = self._stage.clearance, self._stage.bonds
         # Units that were locked together by an earlier step are one body.
         first = nearest = model.minimum(poses, bonds)
+        apart_m = max(self._scene.judge.min_clearance_m, PARTED_M)
+        self._together = docking and nearest is not None and nearest.distance < apart_m
         if nearest is not None and docking and nearest.pair == self._pair:
             if nearest.distance <= 0.0 and not at.in_zone:
                 return Outcome.COLLISION, nearest

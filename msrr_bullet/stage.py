@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
+import numpy as np
+
 from msrr_bullet.bullet_plant import BulletPlant
+from msrr_bullet.camera import Camera
 from msrr_bullet.clearance import ClearanceModel, Pair
 from msrr_bullet.link import CommandLink
+from msrr_bullet.localisation_error import LocalisationError
 from msrr_bullet.odometry import WheelEncoders
 from msrr_bullet.plant import Plant
 from msrr_bullet.render.renderer import RenderContext, Renderer, build_renderer
@@ -22,6 +27,7 @@ from msrr_scenes.messages import seconds
 from msrr_scenes.placement import Placement
 from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
+from msrr_scenes.se3 import SE3
 from msrr_scenes.sensors import CameraSpec
 
 
@@ -39,6 +45,10 @@ class Stage:
         encoders: Of every unit; they go on counting from step to step.
         links: Command link of every unit.
         bonds: Pairs that are locked together, or may touch for another good reason.
+        locked: Units whose locks have to hold from now on: those that earlier steps docked.
+        cameras: Cameras that have looked so far, by name; a step of the plan finds those of the steps before
+            it, so that frames are counted, and their luck drawn, through the whole trial.
+        localisation: The same of what global localisation gets wrong; its drift goes on.
     """
 
     scene: Scene
@@ -50,6 +60,35 @@ class Stage:
     encoders: dict[str, WheelEncoders]
     links: dict[str, CommandLink]
     bonds: set[Pair] = field(default_factory=set)
+    locked: list[str] = field(default_factory=list)
+    cameras: dict[str, Camera] = field(default_factory=dict)
+    localisation: LocalisationError | None = None
+    _streams: dict[str, np.random.Generator] = field(default_factory=dict)
+    _frames: dict[str, Iterator[int]] = field(default_factory=dict)
+
+    def stream(self, name: str) -> np.random.Generator:
+        """Return the one generator that the trial has of this name; whoever asks again goes on drawing."""
+        return self._streams.setdefault(name, stream(self.seed, name))
+
+    def frames(self, camera: str) -> Iterator[int]:
+        """Return the numbers of the frames to come of a camera that is a model."""
+        return self._frames.setdefault(camera, count())
+
+    def camera(self, name: str, spec: CameraSpec, pose: Callable[[], SE3]) -> Camera:
+        """Return the rendered camera of this name, new or as earlier steps left it.
+
+        Args:
+            name: ``overhead`` or ``<unit>/onboard``.
+            spec: Its optics, noise, blur, dropout.
+            pose: Gives the true ``X_WC``.
+        """
+        if name not in self.cameras:
+            self.cameras[name] = Camera(name, spec, self._renderer(spec), pose, self.seed, self.scene.faults)
+        return self.cameras[name]
+
+    def locks_hold(self) -> bool:
+        """Say whether all units that were docked by earlier steps still are."""
+        return all(self.plant.lock_engaged(unit) for unit in self.locked)
 
     def poses(self) -> dict[str, SE2]:
         """Return the true pose of everything that is there now, by name."""
@@ -60,7 +99,7 @@ class Stage:
                 poses[name] = X_WB
         return poses
 
-    def renderer(self, camera: CameraSpec) -> Renderer:
+    def _renderer(self, camera: CameraSpec) -> Renderer:
         """Build the renderer that a camera asks for."""
         assert self.world is not None, "a trial with images has a world"
         return build_renderer(camera.renderer, RenderContext(self.world.client, camera.samples))

@@ -95,9 +95,10 @@ class StepRun:
                     outcome, nearest = self._judge.safety(action)
                 self._note_way(action)
                 self._tell(action, nearest)
-                if outcome is None and now_ns >= deadline_ns:
+                over = action.phase in _OVER
+                if outcome is None and not over and now_ns >= deadline_ns:
                     outcome = Outcome.TIMEOUT
-                if outcome is not None or action.phase in _OVER:
+                if outcome is not None or over:
                     return self._end(action, outcome)
             self._actuate(now_ns)
             with self._clock("physics"):

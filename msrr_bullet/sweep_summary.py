@@ -44,7 +44,8 @@ class SweepSummary(BaseModel):
         amplitude_m: The same, of all trials that passed an obstacle.
         recovery_s: The same.
         attempts: Number of attempts, of all trials.
-        docked_by_attempt: How many docked on which attempt.
+        docked_by_attempt: How many docked on which attempt; of a plan with several steps, that of the step
+            which needed most.
         min_clearance_m: Smallest over all trials; None when nothing was there to come near.
         false_docks: The robot said docked, and it was not.
         redraws: Starts thrown away because the target lay outside the outer cone, over all trials.
@@ -104,7 +105,8 @@ def summarise(
     seatings = [r.seating for r in trials if r.seating is not None and r.seating.seated]
     clearances = [r.min_clearance_m for r in trials if r.min_clearance_m is not None]
     figures = [r.assembly for r in trials if r.assembly is not None]
-    by_attempt = Counter(r.attempts for r in trials if r.docked)
+    # Of a plan with several steps: by the attempt that its worst step needed.
+    by_attempt = Counter(max(record.attempt for record in r.records) for r in trials if r.docked)
     return SweepSummary(
         scene=scene.name,
         scene_hash=scene_hash,

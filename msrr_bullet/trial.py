@@ -71,6 +71,7 @@ class Trial:
                 if end.outcome is not Outcome.DOCKED:
                     break
                 stage.bonds.add(frozenset({step.unit, step.target_unit}))
+                stage.locked.append(step.unit)
         return self._result(ends, placement.redraws)
 
     def _result(self, ends: list[StepEnd], redraws: int) -> TrialResult:

@@ -15,7 +15,7 @@ class Outcome(Enum):
     DOCKED = "docked"  # seated, locked, the lock held the pull, and the robot says so
     JAMMED = "jammed"  # the pins stopped at the port, too far off its axis to enter
     NOT_SEATED = "not_seated"  # the pins are in line with the holes and did not reach their bottom
-    LOCK_FAILED = "lock_failed"  # seated and closed, but the lock gave way under the pull
+    LOCK_FAILED = "lock_failed"  # seated and closed, but the lock gave way under the pull, or later on
     TARGET_LOST = "target_lost"  # the marker was seen and lost, the port was not reached, no attempt was left
     GAVE_UP = "gave_up"  # the marker was in view, nothing stood in the way, and the port was not reached
     NEVER_DETECTED = "never_detected"  # the marker was never seen

@@ -4,8 +4,8 @@ A unit's URDF names the frames that matter as links: ``axle`` (frame U: on the g
 axle, x forward), ``camera`` (x along the optical axis), ``port_<name>`` (on the ground under the port's
 face, x out of the face), ``tag_top`` and, for each passive port, ``port_<name>_marker_{left,middle,right}``
 (tag frames: x right, y down, z into the tag, as an onlooker sees it). The lock needs the links
-``pin_{left,right}`` and, for each passive port, ``port_<name>_hole_{left,right}``: the bottoms of the holes. Any
-URDF with these frames works.
+``pin_{left,right}`` and, for each passive port, ``port_<name>_hole_{left,right}``: the bottoms of the holes.
+Any URDF with these frames works.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from msrr_bullet.clearance import ClearanceModel
@@ -9,7 +11,7 @@ from msrr_bullet.judge import Judge
 from msrr_bullet.stage import Stage
 from msrr_bullet.streams import stream
 from msrr_bullet.unicycle_plant import UnicyclePlant
-from msrr_scenes.messages import Action, Phase
+from msrr_scenes.messages import Action, Phase, Setback
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement import Placement
 from msrr_scenes.scene import Scene
@@ -86,3 +88,94 @@ def test_an_empty_arena_has_no_clearance(scene: Scene) -> None:
     judge = Judge(at, scene.plan[0])
     assert judge.safety(Action(0, Phase.HAND_OVER, 1)) == (None, None)
     assert judge.min_clearance is None
+
+
+def beside(scene: Scene, x: float, y: float = 0.0, yaw: float = 0.0) -> Stage:
+    """Unit a with its port at (x, y, yaw) in the dock frame of b.rear; c and the post far away."""
+    X_WD = SE2(0.1, -0.2, 0.5) @ scene.geometry("b").dock_frame("rear")
+    X_WA = X_WD @ SE2(x, y, yaw) @ scene.geometry("a").port("front").inverse()
+    units = {"a": X_WA, "b": SE2(0.1, -0.2, 0.5), "c": SE2(1.0, 1.0, 0.0)}
+    return stage(scene, ClearanceModel(scene), units, SE2(-1.0, 1.0, 0.0))
+
+
+def sat(judge: Judge, ticks: int = 200) -> Judge:
+    for k in range(ticks):
+        judge.tick(k * 4_166_667, 1, None)
+    return judge
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "yaw_deg", "seated"),
+    [
+        (0.0, 0.0, 0.0, True),
+        (-0.001, 0.0025, 1.5, True),
+        (-0.001, 0.0035, 0.0, False),
+        (-0.001, -0.0035, 0.0, False),
+        (-0.001, 0.0, 2.5, False),
+        (-0.004, 0.0, 0.0, False),
+        (0.5, 0.0, 0.0, False),  # behind the target, and along its axis
+        (0.3, 0.0, 0.0, False),
+    ],
+)
+def test_seated_is_in_the_seat(scene: Scene, x: float, y: float, yaw_deg: float, seated: bool) -> None:
+    at = beside(scene, x, y, math.radians(yaw_deg))
+    at.plant.begin_dock(scene.plan[0])
+    judge = sat(Judge(at, scene.plan[0]))
+    seating = judge.seating()
+    assert (seating is not None and seating.seated) is seated
+    # Whoever gives up there makes a mistake, or not.
+    verdict = judge.verdict_gave_up(Setback.NOT_LOCALISED, ever_detected=False)
+    assert (verdict is Outcome.FALSE_ABORT) is seated
+
+
+def test_a_new_attempt_is_judged_anew(scene: Scene) -> None:
+    at = beside(scene, 0.0)
+    at.plant.begin_dock(scene.plan[0])
+    judge = sat(Judge(at, scene.plan[0]))
+    assert judge.verdict_gave_up(Setback.STALLED, ever_detected=True) is Outcome.FALSE_ABORT
+    judge.tick(10**9, 2, None)
+    assert judge.verdict_gave_up(Setback.STALLED, ever_detected=True) is not Outcome.FALSE_ABORT
+
+
+@pytest.mark.parametrize("phase", [Phase.FAILED, Phase.HAND_OVER, Phase.ASSEMBLE])
+def test_a_pair_that_tried_to_dock_may_stay_close_until_it_has_parted(scene: Scene, phase: Phase) -> None:
+    near, far = beside(scene, -0.03), beside(scene, -0.10)
+    judge = Judge(near, scene.plan[0])
+    assert near.clearance.minimum(near.poses()).distance < scene.judge.min_clearance_m
+    assert judge.safety(Action(0, phase, 1))[0] is Outcome.CLEARANCE_VIOLATED, "it never docked"
+    judge = Judge(near, scene.plan[0])
+    for step in (Phase.DOCK, Phase.RETREAT, phase, phase):
+        assert judge.safety(Action(0, step, 1))[0] is None
+    judge._stage = far
+    assert judge.safety(Action(0, phase, 1))[0] is None
+    judge._stage = near
+    assert judge.safety(Action(0, phase, 1))[0] is Outcome.CLEARANCE_VIOLATED, "it had parted"
+
+
+def test_a_unit_over_the_edge_has_left_the_arena(scene: Scene) -> None:
+    arena, step = scene.arena, scene.plan[0]
+    model = ClearanceModel(scene)
+    for x, y, left in (
+        (arena.x_m[1] - 0.01, 0.0, False),
+        (arena.x_m[1] + 0.01, 0.0, True),
+        (arena.x_m[0] - 0.01, 0.0, True),
+        (0.0, arena.y_m[1] - 0.01, False),
+        (0.0, arena.y_m[1] + 0.01, True),
+        (0.0, arena.y_m[0] - 0.01, True),
+    ):
+        units = {"a": SE2(x, y, 0.3), "b": SE2(0.0, 1.0, 0.0), "c": SE2(0.0, -1.0, 0.0)}
+        verdict, _ = Judge(stage(scene, model, units, SE2(1.0, 1.0, 0.0)), step).safety(
+            Action(0, Phase.DOCK, 1)
+        )
+        assert (verdict is Outcome.LEFT_ARENA) is left, (x, y)
+
+
+def test_docked_needs_the_seat_and_the_lock(scene: Scene) -> None:
+    seated, outside = beside(scene, 0.0), beside(scene, -0.3)
+    judge = Judge(seated, scene.plan[0])
+    here, nowhere = judge.seating(), Judge(outside, scene.plan[0]).seating()
+    assert nowhere is None
+    assert judge.verdict_docked(here, engaged=True, pull_passed=True) is Outcome.DOCKED
+    assert judge.verdict_docked(here, engaged=True, pull_passed=False) is Outcome.LOCK_FAILED
+    assert judge.verdict_docked(here, engaged=False, pull_passed=True) is Outcome.FALSE_DOCK
+    assert judge.verdict_docked(nowhere, engaged=True, pull_passed=True) is Outcome.FALSE_DOCK

@@ -53,9 +53,9 @@ def errors(model: OverheadModel, detections: Detections) -> dict[str, np.ndarray
 
 def test_bias_moves_the_docking_unit_against_all_others(model: OverheadModel) -> None:
     spec = LocalisationErrorSpec(bias_x_m=0.03, bias_y_m=-0.02, bias_yaw_deg=2.0)
-    error = LocalisationError(spec, model, seed=1)
+    error = LocalisationError(spec, seed=1)
     for frame in range(3):
-        found = errors(model, error.apply(seen(model, frame)))
+        found = errors(model, error.apply(seen(model, frame), model))
         np.testing.assert_allclose(found["a"], [0.03, -0.02, math.radians(2.0)], atol=1e-9)
         np.testing.assert_allclose(found["b"], 0.0, atol=1e-9)
         np.testing.assert_allclose(found["post"], 0.0, atol=1e-9)
@@ -63,7 +63,7 @@ def test_bias_moves_the_docking_unit_against_all_others(model: OverheadModel) ->
 
 def test_without_errors_every_detection_is_what_it_was(model: OverheadModel) -> None:
     before = seen(model, 0)
-    after = LocalisationError(LocalisationErrorSpec(), model, seed=1).apply(before)
+    after = LocalisationError(LocalisationErrorSpec(), seed=1).apply(before, model)
     assert all(x is y for x, y in zip(before.tags, after.tags, strict=True))
 
 
@@ -81,7 +81,7 @@ def test_image_noise_stays_as_it_was(model: OverheadModel) -> None:
         ),
     )
     moved, moved_shaken = (
-        LocalisationError(spec, model, seed=1).apply(d).tags[0].corners for d in (clean, shaken)
+        LocalisationError(spec, seed=1).apply(d, model).tags[0].corners for d in (clean, shaken)
     )
     by_noise = np.linalg.norm(moved_shaken - moved, axis=1)
     np.testing.assert_allclose(by_noise, 0.2, rtol=0.05)
@@ -91,8 +91,8 @@ def test_noise_drift_and_dropout_have_the_sizes_given(model: OverheadModel) -> N
     """Intervals that 1 in 10,000 draws of 2000 frames would leave, each."""
     n = 2000
     spec = LocalisationErrorSpec(noise_m=0.01, noise_yaw_deg=1.0, dropout=0.1)
-    error = LocalisationError(spec, model, seed=2)
-    found = [errors(model, error.apply(seen(model, frame))) for frame in range(n)]
+    error = LocalisationError(spec, seed=2)
+    found = [errors(model, error.apply(seen(model, frame), model)) for frame in range(n)]
     for name in POSES:
         drawn = np.array([f[name] for f in found if name in f])
         kept = len(drawn)
@@ -100,8 +100,8 @@ def test_noise_drift_and_dropout_have_the_sizes_given(model: OverheadModel) -> N
         low, high = chi2.ppf([5e-5, 1 - 5e-5], kept)
         for i, sigma in enumerate((0.01, 0.01, math.radians(1.0))):
             assert low < float((drawn[:, i] ** 2).sum()) / sigma**2 < high
-    walk = LocalisationError(LocalisationErrorSpec(drift_m=0.01, drift_yaw_deg=0.5), model, seed=3)
-    path = np.array([errors(model, walk.apply(seen(model, frame)))["a"] for frame in range(n)])
+    walk = LocalisationError(LocalisationErrorSpec(drift_m=0.01, drift_yaw_deg=0.5), seed=3)
+    path = np.array([errors(model, walk.apply(seen(model, frame), model))["a"] for frame in range(n)])
     np.testing.assert_allclose(path[0], 0.0, atol=1e-9)
     steps = np.diff(path, axis=0)
     low, high = chi2.ppf([5e-5, 1 - 5e-5], n - 1)
@@ -111,18 +111,18 @@ def test_noise_drift_and_dropout_have_the_sizes_given(model: OverheadModel) -> N
 
 def test_what_is_seen_does_not_change_what_is_drawn(model: OverheadModel) -> None:
     spec = LocalisationErrorSpec(noise_m=0.01, drift_m=0.01)
-    every, alone = (LocalisationError(spec, model, seed=4) for _ in range(2))
+    every, alone = (LocalisationError(spec, seed=4) for _ in range(2))
     for frame in range(5):
-        of_all = errors(model, every.apply(seen(model, frame)))
-        of_one = errors(model, alone.apply(seen(model, frame, ("a",) if frame != 2 else ())))
+        of_all = errors(model, every.apply(seen(model, frame), model))
+        of_one = errors(model, alone.apply(seen(model, frame, ("a",) if frame != 2 else ()), model))
         if frame != 2:
             np.testing.assert_array_equal(of_all["a"], of_one["a"])
-    other = LocalisationError(spec, model, seed=5).apply(seen(model, 0))
+    other = LocalisationError(spec, seed=5).apply(seen(model, 0), model)
     assert not np.allclose(errors(model, other)["a"], of_all["a"])
 
 
 def test_tags_of_nobody_are_left_alone(model: OverheadModel) -> None:
     stray = TagDetection(333, np.array([[10.0, 40.0], [40.0, 40.0], [40.0, 10.0], [10.0, 10.0]]))
     spec = LocalisationErrorSpec(bias_x_m=0.03, noise_m=0.01)
-    out = LocalisationError(spec, model, 1).apply(Detections(Exposure("overhead", 0, 0), (stray,), ()))
+    out = LocalisationError(spec, 1).apply(Detections(Exposure("overhead", 0, 0), (stray,), ()), model)
     assert out.tags == (stray,)

@@ -101,7 +101,7 @@ class Arena:
             if self._frames.due(now_ns) and (exposure := self.camera.expose(now_ns)):
                 found = self.vision.look(exposure, self.estimator.predict(now_ns), self.camera.fetch)
                 self.looks.append(found)
-                self._under_way.send(now_ns + self._latency_ns, self.error.apply(found))
+                self._under_way.send(now_ns + self._latency_ns, self.error.apply(found, self.vision.model))
             for arrived in self._under_way.arrived(now_ns):
                 self.estimator.add_detections(arrived)
             if self._control.due(now_ns):
@@ -150,7 +150,7 @@ def open_arena() -> Iterator[OpenArena]:
                 OverheadVision(model, PupilDetector(), **vision),
                 GlobalEstimator(model, scene.odometry),
                 WheelEncoders("a", scene.odometry, stream(seed, "unit/a/odometry")),
-                LocalisationError(spec.localisation, model, seed),
+                LocalisationError(spec.localisation, seed),
             )
 
         yield build
