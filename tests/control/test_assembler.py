@@ -12,7 +12,7 @@ from msrr_control import metrics
 from msrr_control.assembler import ASSEMBLERS, build_assembler
 from msrr_control.assembly_checks import check_assembly
 from msrr_control.assembly_setup import AssemblySetup
-from msrr_control.assembly_stages import LongRangeAssembler
+from msrr_control.assembly_stages import LongRangeAssembler, Stage
 from msrr_control.assembly_tuning import AssemblyParams
 from msrr_control.controller import build_controller
 from msrr_control.phases import PhaseMachine
@@ -269,6 +269,61 @@ def test_it_is_there_at_once_but_comes_again_after_a_failed_hand_over() -> None:
     assert arena.stands_before_the_port()
     assert farthest < 0.12
     assert "target not found" in arena.reasons()[1]
+
+
+@pytest.mark.parametrize(("aside_m", "astray"), [(0.35, False), (0.60, True)])
+def test_a_unit_that_is_carried_off_its_path_takes_another(aside_m: float, astray: bool) -> None:
+    """Lifted to the side on the way: the law draws it back from near the path, from farther it plans anew."""
+    arena = Arena(SE2(-1.5, 0.3, 0.0))
+    while arena.now_ns < 4e9:
+        arena.step()
+    assert arena.assembler.stage is Stage.DRIVE
+    arena.X_WU = arena.X_WU @ SE2(0.0, aside_m, 0.0)
+    assert arena.run().stands_before_the_port()
+    off = [r for r in arena.reasons() if "off the path" in r]
+    assert bool(off) is astray
+    if astray:
+        assert float(off[0].split()[0]) == pytest.approx(aside_m, abs=0.1)
+    assert arena.assembler.path is not None
+    assert arena.assembler.path.number == (2 if astray else 1)
+
+
+@pytest.mark.parametrize(
+    ("yaw", "held", "says"),
+    [(2.0, (0.0, 12.0), "could not turn on the spot"), (0.0, (2.0, 9.0), "no progress")],
+)
+def test_a_unit_that_was_stopped_drives_around_instead_of_along_walls(
+    yaw: float, held: tuple[float, float], says: str
+) -> None:
+    """Its first path left the obstacle to a wall; it does not know what stopped it, and keeps away more."""
+    arena = Arena(SE2(-1.7, 0.3, yaw), obstacles={"o": (-0.5, 0.09, 0.08, 0.0)}, held=held)
+    shapes = {}
+    while not arena.arrived and arena.outcome is None:
+        arena.step()
+        path = arena.assembler.path
+        if path is not None:
+            shapes.setdefault(path.number, path.shape)
+    assert any(says in reason for reason in arena.reasons())
+    assert shapes[1] == "arc"
+    assert shapes[2] != "arc"
+    assert arena.stands_before_the_port()
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("aside_m", "yaw_deg", "there"),
+    [(0.0, 11.5, True), (0.0, 12.5, False), (0.0, 90.0, False), (0.049, 0.0, True), (0.051, 0.0, False)],
+)
+def test_it_is_there_by_place_and_by_heading(
+    side: float, aside_m: float, yaw_deg: float, there: bool
+) -> None:
+    """The end of the path lies 0.7 m before the port, at (0.4, 0) in W; the controlled point is put there."""
+    watch = AssemblyParams().watch
+    assert (watch.there_m, watch.there_deg) == (0.05, 12.0)
+    X_WU = SE2(0.4, side * aside_m, side * math.radians(yaw_deg)) @ SE2(-0.1, 0.0, 0.0)
+    arena = Arena(X_WU, seed=None)
+    arena.step()
+    assert arena.arrived is there
 
 
 def test_the_envelope_can_be_switched_off() -> None:
