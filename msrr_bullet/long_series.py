@@ -40,6 +40,7 @@ class LongSeries:
         tip: True controlled point, shape (T, 2) [m].
         desired: Desired point, as the unit had it, shape (T, 2) [m].
         command: (v, w), shape (T, 2).
+        path: Number of the path under way, shape (T,).
         walled: An obstacle was being passed, shape (T,).
         arc_end: When the desired point ended the last arc of the last path [s]; NaN if it never did.
     """
@@ -49,6 +50,7 @@ class LongSeries:
     tip: Array
     desired: Array
     command: Array
+    path: NDArray[np.int64]
     walled: NDArray[np.bool_]
     arc_end: float
 
@@ -68,17 +70,32 @@ class LongSeries:
             tip=offset_point(pose, offset),
             desired=np.array([a.desired for _, a in way]),
             command=np.array([[i.action.twist.v, i.action.twist.w] for i, _ in way]),
+            path=np.array([a.path for _, a in way]),
             walled=np.array([a.avoiding is not None for _, a in way]),
             arc_end=seconds(past[0].action.stamp_ns) if past else math.nan,
         )
 
+    def from_path(self) -> Array:
+        """Distance of the controlled point from the path under way, shape (T,) [m].
+
+        The path is what the desired point went along, every few millimetres of it; between two instants an
+        arc of this size is straight to some micrometres.
+        """
+        distance = np.empty(len(self.time))
+        for number in np.unique(self.path):
+            under_way = self.path == number
+            distance[under_way] = metrics.from_line(self.tip[under_way], self.desired[under_way])
+        return distance
+
     def measures(self) -> dict[str, float]:
         """Return the measures of the long phase that this trial has."""
-        off = metrics.deviation(self.tip, self.desired)
+        off, beside = metrics.deviation(self.tip, self.desired), self.from_path()
         episode = metrics.obstacle_episode(self.time, off, self.walled)
         found = {
             "tracking": metrics.tracking_error(self.time, off, np.array(self.arc_end), episode),
             "amplitude": metrics.amplitude(off, episode),
+            "amplitude_path": metrics.amplitude(beside, episode),
             "recovery": metrics.recovery_time(self.time, off, episode),
+            "recovery_path": metrics.recovery_time(self.time, beside, episode),
         }
         return {key: float(value) for key, value in found.items() if np.isfinite(value)}

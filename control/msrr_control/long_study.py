@@ -67,6 +67,7 @@ class LongStudyResult:
         walled: When a wall stood, shape (steps, trials).
         arc_end: When the desired point ended the arc, shape (trials,) [s].
         obstacle: Middle of the obstacle, shape (trials, 2) [m].
+        path: What was to be followed, of leading shape (trials,).
     """
 
     time: Array
@@ -78,10 +79,15 @@ class LongStudyResult:
     walled: NDArray[np.bool_]
     arc_end: Array
     obstacle: Array
+    path: Path
 
     def deviation(self) -> Array:
-        """Distance between controlled and desired point, shape (steps, trials) [m]."""
+        """Distance between controlled and desired point, lag included, shape (steps, trials) [m]."""
         return metrics.deviation(self.tip, self.desired)
+
+    def from_path(self) -> Array:
+        """Distance of the controlled point from the path, which is a curve, shape (steps, trials) [m]."""
+        return metrics.from_path(self.tip, self.path)
 
     def episode(self) -> NDArray[np.bool_]:
         """When the deviation is the obstacle's doing, shape (steps, trials)."""
@@ -92,12 +98,20 @@ class LongStudyResult:
         return metrics.tracking_error(self.time, self.deviation(), self.arc_end, self.episode())
 
     def amplitude(self) -> Array:
-        """Largest deviation at the obstacle, shape (trials,) [m]."""
+        """Largest deviation from the desired point at the obstacle, shape (trials,) [m]."""
         return metrics.amplitude(self.deviation(), self.episode())
 
+    def amplitude_from_path(self) -> Array:
+        """Largest distance from the path at the obstacle, shape (trials,) [m]; no more than the amplitude."""
+        return metrics.amplitude(self.from_path(), self.episode())
+
     def recovery_time(self) -> Array:
-        """Time from there until the deviation stays below 0.05 m, shape (trials,) [s]."""
+        """Time from the amplitude until the same deviation stays below 0.05 m, shape (trials,) [s]."""
         return metrics.recovery_time(self.time, self.deviation(), self.episode())
+
+    def recovery_to_path(self) -> Array:
+        """The same of the distance from the path, shape (trials,) [s]: without the time to catch up."""
+        return metrics.recovery_time(self.time, self.from_path(), self.episode())
 
     def body_distance(self, half_length: float = 0.10, half_width: float = 0.10) -> Array:
         """Return the smallest distance of the body from the obstacle's middle, shape (trials,) [m]."""
@@ -205,5 +219,6 @@ def run_long_study(
         walled=walled,
         arc_end=arc_end,
         obstacle=centre,
+        path=path,
         twist=twists,
     )

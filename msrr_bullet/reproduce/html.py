@@ -9,8 +9,10 @@ from pathlib import Path
 
 from msrr_bullet.reproduce.ablation_findings import ablation_text
 from msrr_bullet.reproduce.findings import Claim, claims, map_text, winner_text
+from msrr_bullet.reproduce.lag_findings import lag_text
 from msrr_bullet.reproduce.measures import MEASURES, Measure
 from msrr_bullet.reproduce.model import Reproduction, Row, Table
+from msrr_bullet.reproduce.two_quantiles import two_quantiles
 from msrr_bullet.stats import Rate
 
 _STYLE = """
@@ -41,12 +43,18 @@ def write_report(found: Reproduction, figures: Mapping[str, Path], path: Path) -
         " bound of the line of sight. Both by truth. Errors at contact: truth, when the pins first touch"
         " (bullet) or the faces meet (unicycle)."
     )
+    off = (
+        "<i>To the desired point</i>: which moves along the path by the clock, so that time lost behind an"
+        " obstacle counts; the paper's figures stand beside these. <i>To the path</i>: to the nearest point"
+        " of the curve, so that only the swing off it counts. Both while passing the obstacle."
+    )
     parts = [
         "<h1>The paper's experiments, reproduced</h1>",
         "<p>Zheng, Jiang, Tan, Zhang, Ye, <i>Segmented Safety Docking Control for Mobile Self-Reconfigurable"
         " Robots</i>, beside this project's implementation of its law (C1), of its comparison (C2), and of"
         " other laws. Figures are median / 95th percentile; rates carry their 95 % Wilson interval.</p>",
         f"<p>{view}</p>",
+        f"<p>{off}</p>",
         f"<p class=note>{escape(_how(found))}</p>",
     ]
     said = claims(found)
@@ -55,6 +63,7 @@ def write_report(found: Reproduction, figures: Mapping[str, Path], path: Path) -
     winner = winner_text(found)
     if winner:
         parts.append(f"<p>{escape(winner)}</p>")
+    parts += [f"<p>{escape(text)}</p>" for text in lag_text(found)]
     parts += _tables(found, "unicycle", "Controllers beside the paper: ideal unicycles", figures)
     if found.maps:
         parts.append("<h2>Gain and delay</h2>")
@@ -191,12 +200,3 @@ def _with_met(row: Row, what: Measure) -> str:
     met = row.met.get(what.key)
     text = two_quantiles(row, what)
     return text if met is None else f"{text}\n{met.n} of {met.of} within"
-
-
-def two_quantiles(row: Row, what: Measure) -> str:
-    """Return median and 95th percentile, and how many trials they are of if not of all."""
-    measured = row.measures.get(what.key)
-    if measured is None or measured.quantiles.p50 is None or measured.quantiles.p95 is None:
-        return "-"
-    text = f"{what.scale * measured.quantiles.p50:.3g} / {what.scale * measured.quantiles.p95:.3g}"
-    return text if measured.count == row.trials else f"{text} (n = {measured.count})"

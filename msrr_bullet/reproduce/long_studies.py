@@ -66,7 +66,9 @@ def long_row(choice: Choice, label: str, setting: Setting, seeds: range) -> Row:
     found = {
         "tracking": result.tracking_error(),
         "amplitude": result.amplitude(),
+        "amplitude_path": result.amplitude_from_path(),
         "recovery": result.recovery_time(),
+        "recovery_path": result.recovery_to_path(),
         "clearance": result.body_distance(_HALF_BODY, _HALF_BODY) - (setting.long_starts.obstacle_m or 0.0),
     }
     clear = found["clearance"] > 0.0

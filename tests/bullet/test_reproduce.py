@@ -19,6 +19,7 @@ from msrr_bullet.reproduce.findings import claims, map_text, winner_text
 from msrr_bullet.reproduce.forecast import Forecast
 from msrr_bullet.reproduce.gain_delay import LAWS, gain_delay_map
 from msrr_bullet.reproduce.intervals import quantile_interval
+from msrr_bullet.reproduce.lag_findings import lag_text
 from msrr_bullet.reproduce.long_studies import long_row
 from msrr_bullet.reproduce.measured_trial import MeasuredTrial, Shelf, measured_trial, record_trial
 from msrr_bullet.reproduce.measures import MEASURES, measure
@@ -203,6 +204,48 @@ def test_trials_of_the_real_loop_are_measured(blind_loop: dict[str, str]) -> Non
     assert abs(close.reference[0, 0] - close.tip[0, 0]) < 0.02
     assert np.all(np.diff(close.reference[:, 0]) >= -1e-12)
     assert close.kept_within(scene.los.outer)
+
+
+@pytest.mark.parametrize("law", ["c1", "c2"])
+def test_the_long_phase_of_the_loop_tells_lag_from_swing(blind_loop: dict[str, str], law: str) -> None:
+    _, long, _ = record_trial(load_scene("two_units", {**blind_loop, "control.assembly": law}), 1)
+    assert long is not None
+    off, beside = np.hypot(*(long.tip - long.desired).T), long.from_path()
+    assert np.all(beside <= off + 1e-12)
+    found = long.measures()
+    lag = found["amplitude"] - found["amplitude_path"]
+    assert (0.0 <= lag < 0.003) if law == "c1" else (lag > 0.01)
+    assert 0.0 < found["recovery_path"] <= found["recovery"]
+    # Each path counts for itself: what is near to another one only is far from its own.
+    half = long.path.copy()
+    half[len(half) // 2 :] += 1
+    two = dataclasses.replace(long, path=half)
+    first, second = np.split(np.arange(len(half)), [len(half) // 2])
+    for part in (first, second):
+        line = long.desired[part]
+        expected = [np.hypot(*(line - tip).T).min() for tip in long.tip[part]]
+        np.testing.assert_allclose(two.from_path()[part], expected, atol=3e-3)
+
+
+def test_both_distances_stand_beside_each_other_in_the_report(tmp_path: Path) -> None:
+    rows = tuple(long_row(choice, choice.name.upper(), STANDARD, range(40)) for choice in (C1, C2))
+    table = Table(phase="long", plant="unicycle", setting="standard", description="here", rows=rows)
+    found = Reproduction(versions={}, seeds={}, tables=(table,))
+    for row in rows:
+        assert {"amplitude", "amplitude_path", "recovery", "recovery_path"} <= set(row.measures)
+        pairs = zip(row.measures["amplitude"].values, row.measures["amplitude_path"].values, strict=True)
+        assert all(path <= point for point, path in pairs)
+    (said,) = lag_text(found)
+    q = rows[1].measures["amplitude_path"].quantiles
+    assert q.p50 is not None
+    assert q.p95 is not None
+    assert f"{q.p50:.3g} / {q.p95:.3g} m to the path" in said
+    assert said.count("to the desired point") == 4
+    report = write_all(found, tmp_path).read_text()
+    heads = ["amplitude to the desired point [m]; within 0.3", "amplitude to the path [m]"]
+    heads += ["recovery to the desired point [s]; within 3", "recovery to the path [s]"]
+    for text in (*heads, said):
+        assert text in report
 
 
 def test_stopped_runs_resume(blind_loop: dict[str, str], tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ Percentiles at a fixed seed: these tests cannot fail by chance. The bounds are t
 import numpy as np
 import pytest
 
+from msrr_control.comparison_long import ComparisonLongLaw, ComparisonLongParams
 from msrr_control.long_range import LongRangeLaw, LongRangeParams
 from msrr_control.long_study import LongStartSet, LongStudyResult, draw_paths, run_long_study
 from msrr_control.study import Disturbance
@@ -85,3 +86,16 @@ def test_compensating_the_delay_halves_the_steady_error() -> None:
 def test_the_same_seed_gives_the_same_bits() -> None:
     a, b = (_study(trials=10, disturbance=NOISE) for _ in range(2))
     np.testing.assert_array_equal(a.pose, b.pose)
+
+
+def test_what_is_lag_is_told_from_what_is_swing() -> None:
+    """C2 waits behind the obstacle: far from the desired point, hardly farther from the path than C1."""
+    law = ComparisonLongLaw(ComparisonLongParams(), NORMAL, 0.10)
+    c1, c2 = _study(trials=60), run_long_study(law, NORMAL, np.random.default_rng(1), trials=60)
+    for result in (c1, c2):
+        # The desired point is a point of the path, so nothing is nearer to it than to the path.
+        assert np.all(result.from_path() <= result.deviation() + 1e-9)
+        assert np.all(result.amplitude_from_path() <= result.amplitude() + 1e-9)
+    assert np.median(c1.amplitude() - c1.amplitude_from_path()) < 0.002
+    assert np.median(c2.amplitude() - c2.amplitude_from_path()) > 0.08
+    assert np.median(c2.recovery_time() - c2.recovery_to_path()) > 0.3

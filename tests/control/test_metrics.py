@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from msrr_control import metrics
+from msrr_control.path import Path
 
 T = np.arange(0.0, 12.0, 0.02)
 
@@ -55,3 +56,45 @@ def test_two_obstacles_are_one_episode_and_the_larger_counts() -> None:
 def test_deviation_is_a_distance() -> None:
     tip, desired = np.array([[3.0, 4.0]]), np.zeros((1, 2))
     assert metrics.deviation(tip, desired) == pytest.approx([5.0])
+
+
+def test_lag_is_a_deviation_and_no_distance_from_the_path() -> None:
+    """Half a metre behind the desired point, on the path: a quarter circle of radius 1 m and a line."""
+    path = Path(np.array([0.0, 0.0, 0.0]), np.array([1.0, 0.0]), np.array([0.5 * np.pi, 0.4]))
+    s = np.linspace(0.0, float(path.length) - 0.5, 40)
+    tip, desired = path.at(s).point, path.at(s + 0.5).point
+    assert metrics.deviation(tip, desired).min() > 0.49
+    assert metrics.from_path(tip, path).max() < 1e-12
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_the_distance_from_a_path_is_that_to_arc_lead_in_and_ends(turn: float) -> None:
+    path = Path(np.array([0.0, 0.0, 0.0]), np.array([turn, 0.0]), np.array([0.5 * np.pi, 0.4]))
+    cases = {
+        (0.8 * np.sqrt(0.5), 1.0 - 0.8 * np.sqrt(0.5)): 0.2,  # inside of the circle about (0, 1)
+        (0.0, 1.0): 1.0,  # in its middle
+        (1.3 * np.sqrt(0.5), 1.0 - 1.3 * np.sqrt(0.5)): 0.3,  # outside of it
+        (1.1, 1.2): 0.1,  # beside the lead-in, which leads from (1, 1) to (1, 1.4)
+        (1.0, 1.7): 0.3,  # beyond its end
+        (-0.3, 0.4): 0.5,  # before the beginning
+        (-0.6, 1.8): np.hypot(1.6, 0.4),  # where only the full circle would be near
+    }
+    points = np.array([(x, turn * y) for x, y in cases])
+    np.testing.assert_allclose(metrics.from_path(points, path), list(cases.values()), atol=1e-12)
+
+
+def test_a_line_through_points_of_a_path_stands_for_it() -> None:
+    """Random points about many paths, each by its own, against the finely sampled curves."""
+    rng = np.random.default_rng(2)
+    turn = rng.uniform(-1.0, 1.0, 20)
+    lengths = np.stack([rng.uniform(0.5, 2.4, 20), np.full(20, 0.3)], axis=-1)
+    path = Path(rng.uniform(-1.0, 1.0, (20, 3)), np.stack([turn, np.zeros(20)], axis=-1), lengths)
+    tip = rng.uniform(-2.0, 2.0, (30, 20, 2))
+    exact = metrics.from_path(tip, path)
+    assert exact.shape == (30, 20)
+    for i in range(20):
+        one = Path(path.start[i], path.curvature[i], path.lengths[i])
+        _, line = one.sample(0.004)
+        np.testing.assert_allclose(metrics.from_line(tip[:, i], line), exact[:, i], atol=3e-6)
+    assert metrics.from_line(np.array([[3.0, 4.0]]), np.zeros((1, 2))) == pytest.approx([5.0])
+    assert metrics.from_line(np.array([[3.0, 4.0]]), np.zeros((2, 2))) == pytest.approx([5.0])
