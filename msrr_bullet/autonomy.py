@@ -49,8 +49,11 @@ from msrr_scenes.scene import Scene
 #: Period of the onboard camera's routine look at its full frame [frames].
 FULL_LOOK_EVERY = 50
 
-#: Phases that go by the overhead camera; in the others it need not expose.
+#: Phases that go by the overhead camera.
 _GLOBAL = frozenset({Phase.ASSEMBLE, Phase.HAND_OVER})
+
+#: Phases in which the overhead camera exposes: also where the unit drives where its own does not look.
+_OVERLOOKED = _GLOBAL | {Phase.RETREAT}
 
 
 class Autonomy:
@@ -125,7 +128,7 @@ class Autonomy:
         """Say whether the frames of a camera are of any use in this phase; the others need not expose."""
         if camera == self._onboard:
             return self._phases.phase is not Phase.ASSEMBLE
-        return self._phases.phase in _GLOBAL
+        return self._phases.phase in _OVERLOOKED
 
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
         """Look at a frame at the instant of its exposure; the result is known only when it is received."""
@@ -171,12 +174,15 @@ class Autonomy:
                 lock=self._lock,
                 twist=self._twist(),
                 situation=self.situation,
+                looked_around_ns=self._above.newest_ns if self._above else None,
             )
         )
         if action.phase is Phase.ASSEMBLE and before is not Phase.ASSEMBLE:
             # What the camera on board saw from somewhere else is of no use for the next look.
             for part in (self._estimator, self._los_estimator, self._vision):
                 part.reset()
+        if self._above is not None and action.phase is Phase.RETREAT and before is not Phase.RETREAT:
+            self._above.search_next()  # something may have come up behind the unit since the last look
         return self._guarded(action)
 
     def _guarded(self, action: Action) -> Action:

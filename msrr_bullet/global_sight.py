@@ -35,6 +35,12 @@ class GlobalSight:
         self._estimator = GlobalEstimator(
             self._model, scene.odometry, delay_compensation=scene.control.delay_compensation
         )
+        self._newest_ns: int | None = None
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Exposure time of the newest picture that has arrived; None before the first."""
+        return self._newest_ns
 
     @classmethod
     def of(cls, scene: Scene, step: DockStep, detector: Detector) -> GlobalSight | None:
@@ -52,10 +58,20 @@ class GlobalSight:
                 self._estimator.add_odometry(message)
             case Detections() if message.exposure.camera == OVERHEAD:
                 self._estimator.add_detections(message)
+                self._arrived(message.exposure.stamp_ns)
             case Localisation():
                 self._estimator.add_detections(message.detections)
+                self._arrived(message.detections.exposure.stamp_ns)
             case GlobalPose():
                 self._estimator.add_global(message)
+                self._arrived(message.stamp_ns)
+
+    def _arrived(self, stamp_ns: int) -> None:
+        self._newest_ns = stamp_ns if self._newest_ns is None else max(self._newest_ns, stamp_ns)
+
+    def search_next(self) -> None:
+        """Search the next exposure for what is new, however short ago the last one was searched."""
+        self._vision.search_next()
 
     def situation(self, now_ns: int, by_sight: PoseEstimate | None) -> Situation | None:
         """Return where everything is.

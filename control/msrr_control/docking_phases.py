@@ -41,7 +41,8 @@ class DockingPhases:
             setup: Facts of the docking step.
             controller: Drives from the hand-over to the port.
             tuning: Figures of the mechanism and the sensors.
-            comes_from_afar: Whether the unit can come again from afar where the hand-over fails.
+            comes_from_afar: Whether there is an overhead camera: the unit can come again from afar where the
+                hand-over fails, and looks around before it backs out.
         """
         self._spec, self._setup, self._controller, self._tuning = spec, setup, controller, tuning
         self._comes_from_afar = comes_from_afar
@@ -153,14 +154,22 @@ class DockingPhases:
         return STILL
 
     def back_out(self, senses: Senses, visit: Visit) -> Twist | None:
-        """Open the lock and back out; None once the unit has come to rest."""
+        """Open the lock, look around and back out; None once the unit has come to rest.
+
+        The unit's own camera does not show where it backs out to. The unit waits for an overhead picture
+        exposed after the decision to back out, so that whoever guards its commands knows of what has come up
+        behind it; without one for too long it goes by what it knew before.
+        """
         spec, tuning, now = self._spec, self._tuning, senses.now_ns
         gap = self.gap
         is_open = senses.lock is None or senses.lock.position is LockPosition.OPEN
-        if visit.opened.update(is_open or visit.lasted(now) > tuning.unlatch_s, now) < 0.0:
+        opened = visit.opened.update(is_open or visit.lasted(now) > tuning.unlatch_s, now)
+        overlooked = visit.overlooked.update(self._has_looked_around(senses, visit), now)
+        free = min(opened, overlooked)
+        if free < 0.0:
             return STILL
         longest = spec.retreat_m / tuning.retreat.speed_mps + tuning.retreat_margin_s
-        there = gap >= spec.retreat_m - tuning.arrived_m or visit.lasted(now) > longest
+        there = gap >= spec.retreat_m - tuning.arrived_m or free > longest
         stands = visit.arrived.update(there, now)
         if stands >= tuning.settle_s:
             return None
@@ -171,6 +180,12 @@ class DockingPhases:
         X = senses.pose.X_DU
         v, w = retreat_twist(np.array([X.x, X.y, X.yaw]), spec.retreat_m, tuning.retreat, self._setup)
         return Twist(float(v), float(w))
+
+    def _has_looked_around(self, senses: Senses, visit: Visit) -> bool:
+        """Say whether an overhead picture of this visit has arrived, or is not to be waited for."""
+        if not self._comes_from_afar or visit.lasted(senses.now_ns) > self._tuning.look_around_s:
+            return True
+        return senses.looked_around_ns is not None and senses.looked_around_ns > visit.since_ns
 
     def _inputs(self, senses: Senses, pose: PoseEstimate) -> ControlInputs:
         return ControlInputs(senses.now_ns, self._dt, pose, senses.los, senses.twist)

@@ -29,6 +29,7 @@ class PhaseTuning(Spec):
         hold_share: Share of the press speed kept while the cam closes.
         latch_s: How long the cam may take to report closed.
         unlatch_s: How long it may take to report open before the unit backs out regardless.
+        look_around_s: How long a unit waits for an overhead picture before it backs out regardless.
         frames: Frames in a row that have to agree at verification.
         arrived_m: How close to the retreat distance counts as there.
         settle_s: Pause after backing out.
@@ -49,6 +50,7 @@ class PhaseTuning(Spec):
     hold_share: float = Field(default=0.3, ge=0.0, le=1.0)
     latch_s: Positive = 3.0
     unlatch_s: Positive = 2.0
+    look_around_s: Positive = 1.0
     frames: int = Field(default=3, ge=1)
     arrived_m: Positive = 0.01
     settle_s: NonNegative = 0.3

@@ -51,6 +51,7 @@ class Visit:
         unseen: How long the target has been unseen.
         switches: How long the seat switches have said what the phase watches for.
         opened: How long the lock has been open.
+        overlooked: How long the unit has known what is behind it, or has stopped waiting to.
         arrived: How long the unit has stood at the end of its retreat.
     """
 
@@ -58,7 +59,8 @@ class Visit:
         """Begin a stay."""
         self.since_ns = since_ns
         self.turned = 0.0
-        self.unseen, self.switches, self.opened, self.arrived = Held(), Held(), Held(), Held()
+        self.unseen, self.switches, self.arrived = Held(), Held(), Held()
+        self.opened, self.overlooked = Held(), Held()
         self._best, self._best_ns = math.inf, since_ns
         self._frames, self._last_frame_ns = 0, since_ns
 

@@ -28,6 +28,7 @@ class Senses:
         lock: Lock's last report, None before the first.
         twist: Measured by the wheel encoders. Wheels slip against a port: it proves no motion.
         situation: What global localisation knows, None before it knows the unit and its target.
+        looked_around_ns: Exposure time of the newest overhead picture that has arrived, None before one.
     """
 
     now_ns: int
@@ -37,6 +38,7 @@ class Senses:
     lock: LockFeedback | None = None
     twist: Twist = field(default_factory=Twist)
     situation: Situation | None = None
+    looked_around_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

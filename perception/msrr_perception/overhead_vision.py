@@ -119,6 +119,10 @@ class OverheadVision:
         self._strays: dict[int, Array] = {}  # tag -> corners where it was seen unexpectedly last time
         self._settled: dict[int, int] = {}
 
+    def search_next(self) -> None:
+        """Begin a round of the search with the next exposure, whenever the last one was."""
+        self._last_part_ns = self._last_frame_ns = None
+
     def look(self, exposure: Exposure, predictions: Mapping[str, GlobalPose], fetch: Fetch) -> Detections:
         """Read the tags of one exposure.
 

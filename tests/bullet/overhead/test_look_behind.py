@@ -1,0 +1,116 @@
+"""Before it backs out of a port a unit looks behind itself: whole trials with a post put up there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from msrr_bullet.eyes import ParametricOverhead
+from msrr_bullet.progress import Progress
+from msrr_bullet.result import TrialResult
+from msrr_bullet.run import run_trial
+from msrr_scenes.messages import Phase
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.scene import Scene
+
+SEED = 1
+BLIND = {"plant": "unicycle", "perception": "parametric"}
+#: The unit is at the port by then and finds it plugged.
+APPEARS_S = 10.5
+#: Behind the standing unit's back, seen from the port [m], and how far it could still back out there.
+ROOM = {-0.42: 0.10, -0.29: 0.0}
+
+
+def plugged(post_x_m: float | None, **changes: Any) -> Scene:
+    """A plugged port; a post comes up in the lane behind the unit while that presses."""
+    post = {"shape": "cylinder", "radius_m": 0.05, "height_m": 0.3, "tag_id": 40, "appears_at_s": APPEARS_S}
+    post["pose"] = {"frame": "b.rear", "x_m": post_x_m}
+    return Scene.model_validate(
+        {
+            "name": "plugged",
+            "units": {"b": {"number": 1, "pose": {"x_m": 0.6}}, "a": {"number": 0, "pose": {"x_m": -0.6}}},
+            "obstacles": {"post": post} if post_x_m is not None else {},
+            "cameras": {"overhead": {}, "onboard": {"renderer": "raster"}},
+            "faults": [{"kind": "port_plugged", "unit": "b", "port": "rear", "attempts": [1]}],
+            "docking": {"attempts": 1},
+            "plan": [{"unit": "a", "to": "b.rear"}],
+            **changes,
+        }
+    )
+
+
+@dataclass
+class Watched:
+    """A trial with every instant of it."""
+
+    scene: Scene
+    instants: list[Progress] = field(default_factory=list)
+
+    def run(self) -> TrialResult:
+        return run_trial(self.scene, SEED, observer=self.instants.append)
+
+    def of(self, phase: Phase) -> list[Progress]:
+        return [p for p in self.instants if p.phase is phase]
+
+    @property
+    def waited_s(self) -> float:
+        """How long the unit stood before it backed out."""
+        retreat = self.of(Phase.RETREAT)
+        moves = (b.time_s for a, b in pairwise(retreat) if a.true.x - b.true.x > 1e-4)
+        return next(moves) - retreat[0].time_s
+
+
+@pytest.mark.parametrize("post_x_m", ROOM)
+@pytest.mark.parametrize("models", [BLIND, {}], ids=["blind", "pixels"])
+def test_a_post_behind_the_docking_unit_is_not_backed_into(
+    post_x_m: float, models: Mapping[str, str]
+) -> None:
+    """It stops short of the post, or where it stands, and says why it gave up: the port, not the post."""
+    trial = Watched(plugged(post_x_m, **models))
+    result = trial.run()
+    docking = trial.of(Phase.DOCK)
+    assert docking[0].time_s < APPEARS_S < docking[-1].time_s
+    assert result.outcome is Outcome.NOT_SEATED
+    assert "no progress" in result.belief_reason
+    guard = trial.scene.control.guard
+    assert result.min_clearance_m is not None
+    assert result.min_clearance_m > guard.stop_m - 0.002
+    backed = trial.of(Phase.RETREAT)[0].true.x - trial.instants[-1].true.x
+    assert backed == pytest.approx(ROOM[post_x_m], abs=0.04)
+
+
+def test_the_overhead_camera_rests_while_the_unit_docks_and_looks_while_it_backs_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looks: list[float] = []
+    look = ParametricOverhead.look
+
+    def noted(self: ParametricOverhead, now_ns: int, robot: Any) -> Any:
+        looks.append(1e-9 * now_ns)
+        return look(self, now_ns, robot)
+
+    monkeypatch.setattr(ParametricOverhead, "look", noted)
+    trial = Watched(plugged(None, **BLIND))
+    trial.run()
+    docking, retreat = trial.of(Phase.DOCK), trial.of(Phase.RETREAT)
+    assert not [t for t in looks if docking[0].time_s < t <= docking[-1].time_s]
+    seen = [t for t in looks if t > retreat[0].time_s]
+    rate_hz = trial.scene.cameras.overhead.rate_hz  # type: ignore[union-attr]
+    assert len(seen) == pytest.approx(rate_hz * (retreat[-1].time_s - retreat[0].time_s), abs=2)
+    # A period and the latency of the camera, and the drive's first movement.
+    assert 0.06 < trial.waited_s < 0.4
+
+
+def test_without_the_overhead_camera_it_backs_out_all_the_same() -> None:
+    """It fails while the unit docks: the wait ends by itself."""
+    dark = {"kind": "camera_blackout", "camera": "overhead", "from_s": 5.0, "to_s": 90.0}
+    scene = plugged(None, **BLIND)
+    trial = Watched(plugged(None, faults=[*(f.model_dump() for f in scene.faults), dark], **BLIND))
+    assert trial.run().outcome is Outcome.NOT_SEATED
+    assert 1.0 < trial.waited_s < 1.3
+    backed = trial.of(Phase.RETREAT)[0].true.x - trial.instants[-1].true.x
+    assert backed > scene.docking.retreat_m - 0.03
