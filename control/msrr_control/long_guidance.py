@@ -159,6 +159,7 @@ def _kept_out(
     wanted, along = rotated(wish[0], wish[1], -normal)
     across, _ = rotated(position[0] - foot[0], position[1] - foot[1], -normal)
     rate, _ = rotated(velocity[0], velocity[1], -normal)
-    held = enveloped_acceleration(wanted, across, rate, gains.envelope, most, lower=0.0)
-    allowed = where(number(wall.active), held, limit(wanted, -most, most))
-    return [*rotated(allowed, limit(along, -most, most), normal)]
+    allowed = enveloped_acceleration(wanted, across, rate, gains.envelope, most, lower=0.0)
+    kept = rotated(allowed, limit(along, -most, most), normal)
+    # Where no wall stands there is no frame of a wall: the limits are those of the axes, as without.
+    return [where(number(wall.active), kept[i], limit(wish[i], -most, most)) for i in (0, 1)]
