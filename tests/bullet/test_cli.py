@@ -1,5 +1,6 @@
 """The command line: what it says, what it leaves, and its exit codes."""
 
+import contextlib
 import errno
 import json
 import os
@@ -141,6 +142,23 @@ def test_what_ends_a_command_early(
     err = capsys.readouterr().err
     assert says in err
     assert ("Traceback" in err) is (code == 70)  # a mistake of ours is not hidden
+
+
+def test_an_interrupt_that_was_swallowed_is_still_one(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A compiler's callback from C loses it, and the compiler fails a little later for want of a result."""
+
+    def swallow(*_: Any, **__: Any) -> NoReturn:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise RuntimeError("no compiled object yet")
+
+    monkeypatch.setattr("msrr_bullet.run.run_trial", swallow)
+    before = signal.getsignal(signal.SIGINT)
+    assert run(["dock", "close_range"]) == 130
+    assert "Traceback" not in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_a_full_disk_is_one_message(capsys: Capture) -> None:
