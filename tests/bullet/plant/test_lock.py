@@ -53,6 +53,18 @@ def test_the_pull_finds_out_a_weak_lock(bench, kind, strength_n, holds):
 
 
 @pytest.mark.parametrize("kind", PLANTS)
+@pytest.mark.parametrize("pull_n", [5.0, 60.0])
+@pytest.mark.parametrize(("share", "holds"), [(0.99, True), (1.01, False)])
+def test_the_lock_is_as_strong_as_told_to_a_hundredth(bench, kind, pull_n, share, holds):
+    """The constraint's tension is the pull and nothing else: wheels and contact carry no part of it."""
+    with bench(kind, BEFORE, lock={"strength_n": pull_n / share, "pull_force_n": pull_n}) as b:
+        b.dock()
+        b.drive(0.0, 0.3)
+        assert b.plant.lock_engaged("a")
+        assert b.plant.pull_test("a").holds is holds
+
+
+@pytest.mark.parametrize("kind", PLANTS)
 def test_the_pull_finds_out_an_unlocked_unit(bench, kind):
     with bench(kind, BEFORE) as b:
         b.drive(0.05, 2.0, until_seated=True)
@@ -67,6 +79,28 @@ def test_a_cam_that_closes_on_half_seated_pins_says_closed_and_holds_nothing(ben
         b.drive(0.0, 0.6)
         assert b.plant.lock_position("a") is LockPosition.CLOSED
         assert b.plant.switches("a") == (False, False)
+        assert not b.plant.lock_engaged("a")
+        assert not b.plant.pull_test("a").holds
+
+
+@pytest.mark.parametrize(("gap_m", "holds"), [(0.0018, True), (0.0022, False)])
+def test_the_cam_catches_pins_that_are_in_its_reach(bench, gap_m, holds):
+    """A seated pin ends half a millimetre before the bottom of its hole; the cam reaches 2.5 mm."""
+    with bench("bullet", SE2(-gap_m, 0.0, 0.0), lock={"close_time_s": 0.05}) as b:
+        b.plant.set_lock("a", True)
+        b.drive(0.0, 0.1)
+        assert b.plant.lock_position("a") is LockPosition.CLOSED
+        assert b.plant.lock_engaged("a") is holds
+
+
+@pytest.mark.parametrize(("yaw_deg", "switches"), [(2.0, (False, True)), (-2.0, (True, False))])
+def test_one_pin_in_reach_is_not_held(bench, yaw_deg, switches):
+    """The unit stands askew before its seat: one pin is deep enough for its switch, the other is not."""
+    with bench("bullet", SE2(-0.0023, 0.0, math.radians(yaw_deg)), lock={"close_time_s": 0.05}) as b:
+        b.plant.set_lock("a", True)
+        b.drive(0.0, 0.1)
+        assert b.plant.switches("a") == switches
+        assert b.plant.lock_position("a") is LockPosition.CLOSED
         assert not b.plant.lock_engaged("a")
         assert not b.plant.pull_test("a").holds
 
