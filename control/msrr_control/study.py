@@ -108,11 +108,16 @@ class StudyResult:
         return distance
 
     def settling_time(self, bound: float = 0.015) -> Array:
-        """Return the last time [s] before contact with an error above ``bound`` [m], shape (trials,)."""
-        beyond = (self.error() > bound) & self._until_contact()
+        """Return the time [s] from which on the error stays below ``bound`` [m] to the end, shape (trials,).
+
+        The end is the contact, or that of the trial without one. Infinite where the error is above the bound
+        there: such a trial never settles, and is no faster for having come to contact early.
+        """
+        until = self._until_contact()
+        beyond = (self.error() > bound) & until
         steps = np.arange(len(self.pose))[:, None]
-        last: Array = np.max(np.where(beyond, steps + 1, 0), axis=0) * self.dt
-        return last
+        first = np.max(np.where(beyond, steps + 1, 0), axis=0)
+        return np.where(first < until.sum(axis=0), first * self.dt, np.inf)
 
     def final_error(self, window: float = 1.0) -> Array:
         """Return the largest error in the last ``window`` [s] before contact, shape (trials,) [m]."""

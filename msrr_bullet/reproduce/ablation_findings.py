@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -10,6 +11,7 @@ from typing import Literal
 from msrr_bullet.reproduce.intervals import Estimate, of_quantile, of_rate
 from msrr_bullet.reproduce.measures import MEASURES, Measure
 from msrr_bullet.reproduce.model import Ablations, Row
+from msrr_bullet.reproduce.two_quantiles import shown
 from msrr_bullet.stats import Rate
 
 #: Share of trials that has to be clear of the obstacle for the other measures to mean anything.
@@ -110,5 +112,9 @@ def _percent(e: Estimate) -> str:
 
 
 def _scaled(what: Measure, e: Estimate) -> str:
-    value, low, high = (f"{what.scale * x:.3g}" for x in (e.value, e.low, e.high))
-    return f"{value} {what.unit} ({low} .. {high})"
+    value, low, high = (shown(x, what) for x in (e.value, e.low, e.high))
+    # A bound that too few trials leave open is written as such; only a value that is infinite never came.
+    if math.isinf(e.high) and math.isfinite(e.value):
+        high = "inf"
+    unit = f" {what.unit}" if math.isfinite(e.value) else ""
+    return f"{value}{unit} ({low} .. {high})"

@@ -85,6 +85,9 @@ def _bars(axes: Axes, found: Ablations, value: Value, label: str) -> None:
             if estimate is None:
                 axes.text(x, 0.0, "hit", ha="center", va="bottom", fontsize=SMALL, color=_FACES[0])
                 continue
+            if not np.isfinite(estimate.value):
+                axes.text(x, 0.0, "never", ha="center", va="bottom", fontsize=SMALL, color=_FACES[0])
+                continue
             top = estimate.high if np.isfinite(estimate.high) else estimate.value
             axes.bar(
                 x,

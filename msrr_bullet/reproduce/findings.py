@@ -9,6 +9,7 @@ from msrr_bullet.reproduce.gain_delay import LAWS
 from msrr_bullet.reproduce.measures import MEASURES, PhaseName, measure
 from msrr_bullet.reproduce.model import GainDelayMap, Reproduction, Row, Table
 from msrr_bullet.reproduce.settings import PAPER_TRAJECTORY
+from msrr_bullet.reproduce.two_quantiles import shown
 from msrr_bullet.stats import Rate, wilson
 from msrr_scenes.plan import ControlSpec
 
@@ -45,7 +46,7 @@ def claims(found: Reproduction) -> list[Claim]:
                 Claim(
                     f"C1, unicycle, {table.description}: {what.label}"
                     f" at most {s * what.asked_p50:.3g} / {s * what.asked_p95:.3g} {unit}",
-                    f"{s * p50:.3g} / {s * p95:.3g} {unit}",
+                    f"{shown(p50, what)} / {shown(p95, what)} {unit}",
                     p50 <= what.asked_p50 and p95 <= what.asked_p95,
                 )
             )

@@ -9,12 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from msrr_bullet.reproduce.model import Measured
+from msrr_bullet.reproduce.open_quantiles import quantile
 from msrr_bullet.stats import Rate
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A value and its 95 % interval; ``high`` is infinite where there are too few trials to bound it."""
+    """A value and its 95 % interval.
+
+    ``high`` is infinite where there are too few trials to bound it; all three may be where too many never
+    came to what is timed.
+    """
 
     value: float
     low: float
@@ -34,7 +39,7 @@ def of_quantile(measured: Measured, q: float) -> Estimate | None:
     """Return a quantile and its interval; None without values."""
     if not measured.values:
         return None
-    return Estimate(float(np.quantile(measured.values, q)), *quantile_interval(measured.values, q))
+    return Estimate(quantile(measured.values, q), *quantile_interval(measured.values, q))
 
 
 def quantile_interval(values: Sequence[float], q: float, confidence: float = 0.95) -> tuple[float, float]:

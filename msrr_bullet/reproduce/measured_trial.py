@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import Field, ValidationError
+from pydantic import ConfigDict, Field, ValidationError
 
 from msrr_bullet.long_series import LongSeries
 from msrr_bullet.provenance import code_fingerprint
@@ -21,14 +23,17 @@ class MeasuredTrial(TrialResult):
     """A trial's result with the measures of both phases that it has.
 
     Attributes:
-        measures: By key, see :mod:`msrr_bullet.reproduce.measures`, in SI.
+        measures: By key, see :mod:`msrr_bullet.reproduce.measures`, in SI. A trial that never settled, or
+            never came to an approach, has an infinite time to settle.
         kept_in_view: Both edges of the target stayed in the field of view of the unit's camera in every
             approach, from the hand-over to the contact, by truth; None without an approach.
         kept_in_cone: The same of the outer bound of the line of sight, which is narrower.
         code: :func:`msrr_bullet.provenance.code_fingerprint` in the process that ran it.
     """
 
-    measures: dict[str, float] = Field(default_factory=dict)
+    model_config = ConfigDict(ser_json_inf_nan="strings")
+
+    measures: dict[str, Annotated[float, Field(allow_inf_nan=True)]] = Field(default_factory=dict)
     kept_in_view: bool | None = None
     kept_in_cone: bool | None = None
     code: str
@@ -54,7 +59,7 @@ def record_trial(scene: Scene, seed: int) -> tuple[TrialResult, LongSeries | Non
 def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
     """Run a trial and measure it; a :data:`msrr_bullet.sweep.TrialFunction`."""
     result, long, close = record_trial(scene, seed)
-    measures: dict[str, float] = {}
+    measures = {"settling": math.inf}
     if long is not None:
         measures.update(long.measures())
     if close is not None:

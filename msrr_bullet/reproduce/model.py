@@ -11,33 +11,41 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from msrr_bullet.reproduce.measures import PhaseName, measure
-from msrr_bullet.stats import Quantiles, Rate, quantiles, wilson
+from msrr_bullet.reproduce.open_quantiles import OpenQuantiles
+from msrr_bullet.stats import Rate, wilson
 
 Array = NDArray[np.float64]
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="strings")
 
 
 class Measured(_Part):
     """One measure over many trials, in SI; trials that do not have it are left out.
 
     Attributes:
-        values: Of every trial that has one.
-        quantiles: Median, 95th percentile, largest.
+        values: Of every trial that has one; infinite is a time to something that never came.
+        quantiles: Median, 95th percentile, largest, of all these.
         count: How many trials have one.
+        never: How many of these are infinite.
     """
 
     values: tuple[float, ...]
-    quantiles: Quantiles
+    quantiles: OpenQuantiles
     count: int
+    never: int = 0
 
     @classmethod
     def of(cls, values: Iterable[float] | Array) -> Measured:
-        """Collect the finite ones, to the micrometre."""
-        kept = tuple(round(float(v), 6) for v in values if math.isfinite(v))
-        return cls(values=kept, quantiles=quantiles(kept), count=len(kept))
+        """Collect them, to the micrometre; NaN is a trial without one."""
+        kept = tuple(round(float(v), 6) for v in values if not math.isnan(v))
+        return cls(
+            values=kept,
+            quantiles=OpenQuantiles.of(kept),
+            count=len(kept),
+            never=sum(math.isinf(v) for v in kept),
+        )
 
 
 class Count(_Part):
@@ -205,6 +213,6 @@ def met_of(values: Mapping[str, Iterable[float] | Array]) -> dict[str, Count]:
     for key, found in values.items():
         most = measure(key).paper_c1
         if most is not None:
-            kept = [v for v in found if math.isfinite(v)]
+            kept = [v for v in found if not math.isnan(v)]
             counts[key] = Count(n=sum(v <= most for v in kept), of=len(kept))
     return counts

@@ -58,7 +58,8 @@ def _strip(axes: Axes, rows: Sequence[Row], what: Measure, asked: bool) -> None:
     jitter = stream(0, f"jitter/{what.key}")
     papers = [what.scale * v for v in (what.paper_c1, what.paper_c2) if v is not None]
     found = [r.measures.get(what.key) for r in rows]
-    high = [what.scale * float(np.quantile(f.values, 0.99)) for f in found if f is not None and f.count]
+    finite = [np.array([v for v in f.values if np.isfinite(v)]) for f in found if f is not None]
+    high = [what.scale * float(np.quantile(v, 0.99)) for v in finite if v.size]
     right = 1.18 * max([*high, *papers], default=1.0) or 1.0
     axes.set_xlim(0.0, right)
     for i, (row, measured) in enumerate(zip(rows, found, strict=True)):
@@ -72,13 +73,15 @@ def _strip(axes: Axes, rows: Sequence[Row], what: Measure, asked: bool) -> None:
         q = measured.quantiles
         for value, half, width in ((q.p50, 0.38, 4.5), (q.p95, 0.30, 2.0)):
             at = what.scale * (value or 0.0)
+            if not np.isfinite(at):
+                continue  # it lies with those that are beyond the axis
             axes.plot([at, at], [i - half, i + half], color=colour, linewidth=width)
         beyond = int((what.scale * np.array(measured.values) > right).sum())
         if beyond:
             axes.text(
                 1.0,
                 i,
-                f"{beyond} more \N{RIGHTWARDS ARROW}",
+                f"{beyond} more{_of_these_never(measured.never)} \N{RIGHTWARDS ARROW}",
                 transform=axes.get_yaxis_transform(),
                 ha="right",
                 va="center",
@@ -90,6 +93,10 @@ def _strip(axes: Axes, rows: Sequence[Row], what: Measure, asked: bool) -> None:
         axes.axvline(what.scale * what.asked_p95, color=PAPER, linestyle=":", linewidth=2.0)
     _rows(axes, rows)
     axes.set_xlabel(f"{what.label} [{what.unit}]")
+
+
+def _of_these_never(count: int) -> str:
+    return f", {count} never" if count else ""
 
 
 def _paper_lines(axes: Axes, what: Measure, right: float) -> None:

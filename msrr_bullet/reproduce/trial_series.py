@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +22,9 @@ from msrr_scenes.pinhole import Window
 from msrr_scenes.scene import Scene
 
 Array = NDArray[np.float64]
+
+#: Far less than a control period [s]: an instant that is to the rounding a window before the end is in it.
+_ROUNDING_S = 1e-6
 
 
 class SeriesRecorder:
@@ -120,21 +124,20 @@ class CloseSeries:
         )
 
     def measures(self, settled_m: float, window_s: float = 1.0) -> dict[str, float]:
-        """Return settling time [s] and final error [m]; an approach that did not settle has no settling time.
+        """Return settling time [s], infinite for an approach that never settled, and final error [m].
+
+        The time is that from which on the tip stays near the guidance trajectory to the end of the approach.
 
         Args:
             settled_m: Distance of the tip from the guidance trajectory below which it counts as settled [m].
             window_s: The final error is the largest one in this time before the end [s].
         """
         off = np.hypot(*(self.tip - self.reference).T)
-        late = self.time >= self.time[-1] - window_s
-        found = {"final": float(off[late].max())}
+        late = self.time >= self.time[-1] - window_s - _ROUNDING_S
         beyond = np.flatnonzero(off > settled_m)
-        if beyond.size == 0:
-            found["settling"] = 0.0
-        elif beyond[-1] + 1 < len(off):
-            found["settling"] = float(self.time[beyond[-1] + 1])
-        return found
+        first = int(beyond[-1]) + 1 if beyond.size else 0
+        settling = float(self.time[first]) if first < len(off) else math.inf
+        return {"settling": settling, "final": float(off[late].max())}
 
     def kept_within(self, bound: float) -> bool:
         """Say whether both edges of the target stayed within ``bound`` [rad] in every approach."""
