@@ -19,6 +19,10 @@ from msrr_scenes.messages import (
 )
 from msrr_scenes.plan import DockStep
 from msrr_scenes.scene import Scene
+from msrr_scenes.se2 import SE2
+
+#: Half the edge of the square that a glance looks at [m].
+GLANCE_HALF_M = 0.5
 
 
 class GlobalSight:
@@ -50,6 +54,10 @@ class GlobalSight:
     def look(self, exposure: Exposure, fetch: Fetch) -> Detections:
         """Look at an overhead exposure."""
         return self._vision.look(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
+
+    def glance(self, exposure: Exposure, place: SE2, fetch: Fetch) -> Detections:
+        """Look only at what stands around a place."""
+        return self._vision.glance(exposure, place.translation, GLANCE_HALF_M, fetch)
 
     def receive(self, message: SensorMessage) -> None:
         """Take in a message; those that say nothing of the arena change nothing."""

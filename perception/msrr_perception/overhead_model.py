@@ -14,7 +14,7 @@ from msrr_perception.global_pose import FlatTag, GlobalLocalizer, flat_tags, ove
 from msrr_perception.target import TargetModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import Array
-from msrr_scenes.pinhole import PinholeCamera
+from msrr_scenes.pinhole import PinholeCamera, Window
 from msrr_scenes.plan import DockStep
 from msrr_scenes.scene import Scene
 from msrr_scenes.se2 import SE2
@@ -106,6 +106,18 @@ class OverheadModel:
             / (above - tag.height)
             for tag in self.tags.values()
         )
+
+    def square(self, middle_W: Array, half_m: float) -> Window:
+        """Return the pixels, inside the frame or not, of an upright square as high as the docking unit's tag.
+
+        Args:
+            middle_W: Its middle, shape (2,) [m].
+            half_m: Half its edge [m].
+        """
+        height = self.tags[self.tag_of[self.own]].height
+        corners = np.array([[x, y, height] for x in (-half_m, half_m) for y in (-half_m, half_m)])
+        corners[:, :2] += middle_W
+        return Window.around(self.camera.project(self.X_WC.inverse().act(corners)), 0.0)
 
     def localizer(self, corner_sigma_px: float) -> GlobalLocalizer:
         """Return what turns this camera's detections into poses."""

@@ -146,6 +146,29 @@ class OverheadVision:
         self._remember(look, asked, predictions)
         return Detections(exposure, look.tags, tuple(look.windows))
 
+    def glance(self, exposure: Exposure, middle_W: Array, half_m: float, fetch: Fetch) -> Detections:
+        """Look only for what stands around one place; the units of the step are passed over.
+
+        Costs the pixels of that place and nothing else: what other looks go by stays as it was.
+
+        Args:
+            exposure: The frame at hand.
+            middle_W: Middle of the place on the floor, shape (2,) [m].
+            half_m: Half the edge of the square that is looked at [m].
+            fetch: Gives the pixels of a window of this exposure.
+
+        Returns:
+            The tags found there of bodies that are neither the docking unit nor its target.
+        """
+        look = _Look(self._detector, self._searcher, fetch)
+        window = fitting_window(self.model.square(middle_W, half_m), self.model.camera.frame)
+        if window is not None:
+            passed = {self.model.tag_of[unit] for unit in (self.model.own, self.model.target)}
+            there = {i: px for i, px in look.roughly(window).items() if i in self.model.tags.keys() - passed}
+            self._read(look, [ExpectedTag(i, px, np.zeros((4, 2))) for i, px in there.items()], 1.0)
+        tags = tuple(tag for tag in look.tags if tag.tag_id in self.model.tags)
+        return Detections(exposure, tags, tuple(look.windows))
+
     def _is_due(self, tag_id: int, frame: int) -> bool:
         if tag_id == self.model.tag_of[self.model.own] or self._settled.get(tag_id, 0) < self._settle_after:
             return True
