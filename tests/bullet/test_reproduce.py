@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from msrr_bullet.cli import run
+from msrr_bullet.long_series import LongSeries
 from msrr_bullet.reproduce import unicycle_part
 from msrr_bullet.reproduce.ablation_findings import ablation_text
 from msrr_bullet.reproduce.ablation_plot import draw_ablations
@@ -216,15 +217,23 @@ def test_the_long_phase_of_the_loop_tells_lag_from_swing(blind_loop: dict[str, s
     lag = found["amplitude"] - found["amplitude_path"]
     assert (0.0 <= lag < 0.003) if law == "c1" else (lag > 0.01)
     assert 0.0 < found["recovery_path"] <= found["recovery"]
-    # Each path counts for itself: what is near to another one only is far from its own.
-    half = long.path.copy()
-    half[len(half) // 2 :] += 1
-    two = dataclasses.replace(long, path=half)
-    first, second = np.split(np.arange(len(half)), [len(half) // 2])
-    for part in (first, second):
-        line = long.desired[part]
-        expected = [np.hypot(*(line - tip).T).min() for tip in long.tip[part]]
-        np.testing.assert_allclose(two.from_path()[part], expected, atol=3e-3)
+
+
+def test_each_path_of_the_loop_counts_for_itself() -> None:
+    """A new path a metre beside the old one, which the unit was on all the time."""
+    x = np.linspace(0.0, 1.0, 20)
+    old, new = np.stack([x, np.zeros(20)], axis=-1), np.stack([x, np.ones(20)], axis=-1)
+    series = LongSeries(
+        time=0.02 * np.arange(40),
+        pose=np.zeros((40, 3)),
+        tip=np.concatenate([old, old]),
+        desired=np.concatenate([old, new]),
+        command=np.zeros((40, 2)),
+        path=np.repeat([1, 2], 20),
+        walled=np.zeros(40, dtype=bool),
+        arc_end=math.nan,
+    )
+    np.testing.assert_allclose(series.from_path(), np.repeat([0.0, 1.0], 20), atol=1e-12)
 
 
 def test_both_distances_stand_beside_each_other_in_the_report(tmp_path: Path) -> None:
@@ -235,6 +244,9 @@ def test_both_distances_stand_beside_each_other_in_the_report(tmp_path: Path) ->
         assert {"amplitude", "amplitude_path", "recovery", "recovery_path"} <= set(row.measures)
         pairs = zip(row.measures["amplitude"].values, row.measures["amplitude_path"].values, strict=True)
         assert all(path <= point for point, path in pairs)
+    p50 = {key: rows[1].measures[key].quantiles.p50 or 0.0 for key in rows[1].measures}
+    assert p50["amplitude"] - p50["amplitude_path"] > 0.05
+    assert p50["recovery"] - p50["recovery_path"] > 0.2
     (said,) = lag_text(found)
     q = rows[1].measures["amplitude_path"].quantiles
     assert q.p50 is not None

@@ -71,6 +71,25 @@ def test_the_mouth_is_as_wide_as_the_face(bench, beside_m: float, stopped: bool)
         assert (b.gap == pytest.approx(MOUTH_M, abs=1e-6)) if stopped else (b.gap < 0.0)
 
 
+@pytest.mark.parametrize("yaw_deg", [0.0, 30.0, -60.0])
+def test_the_tips_stop_at_the_mouth_at_any_angle(bench, yaw_deg: float) -> None:
+    with bench("unicycle", SE2(-0.03, 0.02, math.radians(yaw_deg))) as b:
+        for _ in range(480):
+            before = b.plant.pose("a")
+            b.drive(0.1, b.dt)
+            assert _move(before, b.plant.pose("a")) < 1.01 * 0.1 / 240.0
+        assert b.plant.pins_touch("a")
+        assert (b.X_DP() @ SE2(MOUTH_M)).x == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_mouth_is_no_matter_to_pins_that_point_away_from_it(bench) -> None:
+    """Backing through the plane of the mouth: there the bodies overlap, and the judge has seen it."""
+    with bench("unicycle", SE2(0.01, 0.03, math.pi)) as b:
+        b.drive(-0.1, 1.0)
+        assert b.gap < -0.08
+        assert not b.plant.pins_touch("a")
+
+
 def test_who_comes_out_through_the_port_is_not_held(bench) -> None:
     """From inside the other unit, where only the judge has a say, to before it."""
     with bench("unicycle", SE2(0.05, 0.03, 0.0)) as b:
