@@ -106,7 +106,7 @@ def summarise(
     clearances = [r.min_clearance_m for r in trials if r.min_clearance_m is not None]
     figures = [r.assembly for r in trials if r.assembly is not None]
     # Of a plan with several steps: by the attempt that its worst step needed.
-    by_attempt = Counter(max(record.attempt for record in r.records) for r in trials if r.docked)
+    by_attempt = Counter(max((a.attempt for a in r.records), default=r.attempts) for r in trials if r.docked)
     return SweepSummary(
         scene=scene.name,
         scene_hash=scene_hash,
