@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import _thread
 import os
-import signal
 import sys
 import threading
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from typer.core import TyperGroup
 
 from msrr_scenes.errors import MsrrError
 
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
+
 NOT_DOCKED = 1
 BAD_INPUT = 2
 PROGRAM_ERROR = 70
 INTERRUPTED = 130
+
+#: How soon an interrupt that got lost is raised again [s].
+_AGAIN_S = 0.1
 
 
 class Doors(TyperGroup):
@@ -27,10 +32,13 @@ class Doors(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
-        with _interrupts_noted() as interrupts:
-            return self._invoke(ctx, interrupts)
+        with _swallowed_interrupts() as swallowed:
+            done = self._invoke(ctx, swallowed)
+            if swallowed:
+                raise SystemExit(say("interrupted", INTERRUPTED))
+            return done
 
-    def _invoke(self, ctx: Any, interrupts: Sequence[int]) -> Any:
+    def _invoke(self, ctx: Any, swallowed: Sequence[object]) -> Any:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
@@ -42,35 +50,39 @@ class Doors(TyperGroup):
         except (MsrrError, OSError) as error:
             raise SystemExit(say(str(error), BAD_INPUT)) from None
         except Exception as error:
+            if swallowed:  # and this may have stumbled over what was left undone
+                raise SystemExit(say("interrupted", INTERRUPTED)) from None
             if hasattr(error, "exit_code"):  # typer's own: usage errors, and the end of a command
                 raise
-            if interrupts:
-                # A compiler's callback from C swallowed the interrupt, and its caller stumbled over the rest.
-                raise SystemExit(say("interrupted", INTERRUPTED)) from None
             traceback.print_exc()
             text = "this is an error of the program; please report it with the lines above"
             raise SystemExit(say(text, PROGRAM_ERROR)) from None
 
 
 @contextmanager
-def _interrupts_noted() -> Iterator[list[int]]:
-    """Note every SIGINT before it is raised: raised inside a callback from C it is lost."""
-    noted: list[int] = []
+def _swallowed_interrupts() -> Iterator[Sequence[object]]:
+    """List the interrupts that a callback from C could not raise, and have each come again a little later.
 
-    def note_and_raise(number: int, frame: FrameType | None) -> None:
-        noted.append(number)
-        signal.default_int_handler(number, frame)
+    numba's compiler calls back from C; Python can only report what is raised there, and goes on.
+    """
+    again: list[threading.Timer] = []
+    report = sys.unraisablehook
 
-    ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    # Only the main thread may set handlers, and only there do signals arrive.
-    if not ours or threading.current_thread() is not threading.main_thread():
-        yield noted
-        return
-    signal.signal(signal.SIGINT, note_and_raise)
+    def note(unraisable: UnraisableHookArgs) -> None:
+        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+            report(unraisable)
+            return
+        again.append(threading.Timer(_AGAIN_S, _thread.interrupt_main))
+        again[-1].daemon = True
+        again[-1].start()
+
+    sys.unraisablehook = note
     try:
-        yield noted
+        yield again
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        sys.unraisablehook = report
+        for timer in again:
+            timer.cancel()
 
 
 def say(message: str, code: int) -> int:

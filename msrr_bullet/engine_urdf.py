@@ -8,6 +8,7 @@ and forgets which of them is a pin.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -149,7 +150,10 @@ def _add_mass(carrier: Element, link: Element, X_CL: SE3) -> None:
 def _set_origin(element: Element, X: SE3) -> None:
     for old in element.findall("origin"):
         element.remove(old)
-    roll_pitch_yaw = Rotation.from_matrix(X.R).as_euler("xyz")
+    with warnings.catch_warnings():
+        # Pitched by a right angle a rotation has many such triples; any of them will do.
+        warnings.simplefilter("ignore", UserWarning)
+        roll_pitch_yaw = Rotation.from_matrix(X.R).as_euler("xyz")
     element.insert(0, Element("origin", xyz=_numbers(X.p), rpy=_numbers(roll_pitch_yaw)))
 
 

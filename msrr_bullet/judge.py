@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from msrr_bullet.clearance import Clearance, Pair
@@ -185,8 +186,7 @@ class Judge:
         model, bonds = self._stage.clearance, self._stage.bonds
         # Units that were locked together by an earlier step are one body.
         first = nearest = model.minimum(poses, bonds)
-        apart_m = max(self._scene.judge.min_clearance_m, PARTED_M)
-        self._together = docking and nearest is not None and nearest.distance < apart_m
+        self._together = action.phase in _DOCKING or (self._together and not self._parted(poses))
         if nearest is not None and docking and nearest.pair == self._pair:
             if nearest.distance <= 0.0 and not at.in_zone:
                 return Outcome.COLLISION, nearest
@@ -205,6 +205,11 @@ class Judge:
             if not (arena.x_m[0] <= X_WU.x <= arena.x_m[1] and arena.y_m[0] <= X_WU.y <= arena.y_m[1]):
                 return Outcome.LEFT_ARENA, first
         return None, first
+
+    def _parted(self, poses: Mapping[str, SE2]) -> bool:
+        unit, target = self._step.unit, self._step.target_unit
+        between = self._stage.clearance.nearest(unit, poses[unit], {target: poses[target]})
+        return between is None or between.distance >= max(self._scene.judge.min_clearance_m, PARTED_M)
 
     def verdict_docked(self, seating: Seating | None, engaged: bool, pull_passed: bool) -> Outcome:
         """Return the verdict on a robot that says it is docked."""

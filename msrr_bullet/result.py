@@ -131,7 +131,8 @@ class AssemblyFigures(_Record):
 
     Attributes:
         tracking_error_m: Steady tracking error about the end of the arc; None when no arc was ended.
-        amplitude_m: Largest distance from the desired point while passing an obstacle; None when none was passed.
+        amplitude_m: Largest distance from the desired point while passing an obstacle; None when none was
+            passed.
         recovery_s: From that peak until that distance stays below 5 cm; None when none was passed.
     """
 

@@ -57,6 +57,8 @@ def follower(max_speed: float, max_rate: float, kappa: float, dt: float) -> Call
         change = share * (wish - speed)
         if change > most:
             return speed + most
-        return speed + (change if change >= -most else -most)
+        if change < -most:
+            return speed - most
+        return speed + change  # what is no number stays none
 
     return follow

@@ -3,7 +3,8 @@
 Numpy takes half a microsecond for an operation, be it on two numbers or a thousand; Python takes a tenth of
 that for one. So a law takes its vectors apart (:func:`split`), computes with their components, and puts the
 outcome together again (:func:`join`): the components of one robot are floats, those of many trials arrays.
-Where the last bit of Python's own functions differs from numpy's, it is numpy's in both.
+Where the last bit of Python's own functions differs from numpy's, it is numpy's in both. Bounds are numbers,
+a lower one not above an upper one, and arguments lie in a function's domain: beyond, the two need not agree.
 """
 
 from __future__ import annotations

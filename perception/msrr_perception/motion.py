@@ -17,7 +17,6 @@ from msrr_scenes.sensors import OdometrySpec
 
 #: x, y, yaw of U in D; pitch and roll of the pair; relative radius errors of the left and right wheel.
 STATE_SIZE = 7
-_SCALES = slice(5, 7)
 
 #: Radii are never known better than this, whatever the scene says of its encoders.
 _LEAST_SCALE_SIGMA = 0.003

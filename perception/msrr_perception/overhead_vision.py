@@ -147,7 +147,7 @@ class OverheadVision:
         return Detections(exposure, look.tags, tuple(look.windows))
 
     def glance(self, exposure: Exposure, middle_W: Array, half_m: float, fetch: Fetch) -> Detections:
-        """Look only for what stands around one place; the units of the step are passed over.
+        """Look only for what stands around one place; the units of the step are not looked for.
 
         Costs the pixels of that place and nothing else: what other looks go by stays as it was.
 

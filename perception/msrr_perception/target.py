@@ -103,10 +103,9 @@ class TargetModel:
 
     @cached_property
     def optics(self) -> Optics:
-        """Camera and mounting as the kernels want them."""
-        return Optics(
-            np.array(self.X_CU.R), np.array(self.X_UC.p), self.camera.focal, self.camera.cx, self.camera.cy
-        )
+        """Camera and mounting as the kernels are compiled for them: the rotation lies by columns."""
+        R_CU = np.array(self.X_CU.R, order="F")
+        return Optics(R_CU, np.array(self.X_UC.p), self.camera.focal, self.camera.cx, self.camera.cy)
 
     @cached_property
     def edge_points_D(self) -> Array:

@@ -1,16 +1,20 @@
 """The command line: what it says, what it leaves, and its exit codes."""
 
 import contextlib
+import ctypes
 import errno
 import json
 import os
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
 import pytest
+import typer
 
 from msrr_bullet.cli import run
 from msrr_bullet.options import parse_overrides, parse_seeds
@@ -144,21 +148,53 @@ def test_what_ends_a_command_early(
     assert ("Traceback" in err) is (code == 70)  # a mistake of ours is not hidden
 
 
-def test_an_interrupt_that_was_swallowed_is_still_one(
-    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+@ctypes.CFUNCTYPE(None)
+def interrupted_callback() -> None:
+    """Python cannot raise what is raised here: it is called from C, as by a compiler."""
+    signal.raise_signal(signal.SIGINT)
+
+
+def stumbling() -> None:
+    raise RuntimeError("no compiled object yet")
+
+
+def going_on() -> None:
+    for _ in range(2000):
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("then", [stumbling, lambda: None, going_on])
+def test_a_swallowed_interrupt_is_still_one(
+    then: Callable[[], None], capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A compiler's callback from C loses it, and the compiler fails a little later for want of a result."""
+    """What comes next fails for want of a result, or ends as if nothing had been, or goes on for long."""
 
     def swallow(*_: Any, **__: Any) -> NoReturn:
-        with contextlib.suppress(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
-        raise RuntimeError("no compiled object yet")
+        interrupted_callback()
+        then()
+        raise typer.Exit
 
     monkeypatch.setattr("msrr_bullet.run.run_trial", swallow)
-    before = signal.getsignal(signal.SIGINT)
+    before, start = sys.unraisablehook, time.monotonic()
     assert run(["dock", "close_range"]) == 130
-    assert "Traceback" not in capsys.readouterr().err
-    assert signal.getsignal(signal.SIGINT) is before
+    assert time.monotonic() - start < 10.0
+    said = capsys.readouterr().err
+    assert "interrupted" in said
+    assert "Traceback" not in said
+    assert sys.unraisablehook is before
+
+
+def test_an_interrupt_that_was_dealt_with_hides_no_mistake(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def deal_with(*_: Any, **__: Any) -> NoReturn:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise RuntimeError("a mistake")
+
+    monkeypatch.setattr("msrr_bullet.run.run_trial", deal_with)
+    assert run(["dock", "close_range"]) == 70
+    assert "a mistake" in capsys.readouterr().err
 
 
 def test_a_full_disk_is_one_message(capsys: Capture) -> None:

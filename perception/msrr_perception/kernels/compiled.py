@@ -108,7 +108,10 @@ def _folder_for(name: str) -> Path:
     candidates = [Path(given)] if given else []
     with suppress(RuntimeError):  # no home folder
         candidates.append(_user_caches() / "msrr-bullet")
-    candidates.append(Path(tempfile.gettempdir()) / f"msrr-bullet-{owner}")
+    among_temporary_files = Path(tempfile.gettempdir()) / f"msrr-bullet-{owner}"
+    # Where everybody may create folders, somebody else may have created this one for us.
+    if _usable(among_temporary_files):
+        candidates.append(among_temporary_files)
     for candidate in candidates:
         if _usable(candidate / name):
             return candidate / name

@@ -11,7 +11,7 @@ from msrr_perception.kernels.compiled import compiler
 from msrr_perception.kernels.drive import Drive, drive_along
 from msrr_perception.kernels.edges import refine
 from msrr_perception.kernels.fit import fit, gate_distances
-from msrr_perception.kernels.project import Optics, expect, extent, project_with_jacobian
+from msrr_perception.kernels.project import Optics, expect, extent
 
 _log = logging.getLogger(__name__)
 
@@ -26,14 +26,14 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     """
     if not compiler.is_compiled():
         announce(f"Compiling perception, once for this version (about ten seconds), into {compiler.folder}")
-    optics = Optics(np.eye(3), np.zeros(3), 8.0, 4.0, 4.0)
+    optics = Optics(np.eye(3, order="F"), np.zeros(3), 8.0, 4.0, 4.0)
     square = np.array([[-0.5, 0.5, 2.0], [0.5, 0.5, 2.0], [0.5, -0.5, 2.0], [-0.5, -0.5, 2.0]])
     pose, state = np.zeros(5), np.zeros(7)
-    pixels, _ = project_with_jacobian(optics, pose, square)
+    pixels = np.array([[2.0, 6.0], [6.0, 6.0], [6.0, 2.0], [2.0, 2.0]])
     expect(optics, 8, 8, pose, np.eye(3), square[None], 1.0)
-    extent(pixels.reshape(4, 2), np.ones((4, 2)), 1.0, 1.0, 0.1, 1.0)
-    gate_distances(optics, square, pixels, 1.0, state, np.eye(7))
-    fit(optics, square, pixels, 1.0, state, state, np.eye(7), 2, 1e-3)
+    extent(pixels, np.ones((4, 2)), 1.0, 1.0, 0.1, 1.0)
+    gate_distances(optics, square, pixels.ravel(), 1.0, state, np.eye(7))
+    fit(optics, square, pixels.ravel(), 1.0, state, state, np.eye(7), 2, 1e-3)
     drive_along(state, np.eye(7), np.zeros((1, 3)), Drive(*[1.0] * 12))
     grey = np.zeros((16, 16), dtype=np.uint8)
     grey.setflags(write=False)
