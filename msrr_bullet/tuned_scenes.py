@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import yaml
 
-from msrr_bullet.tuning import Part, Tuned
+from msrr_bullet.tuning import Tuned
+from msrr_bullet.tuning_knobs import Part
 from msrr_scenes.assets import find_scene, shipped_scenes
 from msrr_scenes.load import load_scene
 from msrr_scenes.spec import Choice

@@ -21,7 +21,7 @@ from msrr_bullet.reproduce.settings import STANDARD
 from msrr_bullet.reproduce.strip_plot import draw_strips
 from msrr_bullet.reproduce.unicycle_part import Contenders, reproduce_unicycle
 from msrr_bullet.tuned_scenes import tuned_choice
-from msrr_bullet.tuning import Part
+from msrr_bullet.tuning_knobs import Part
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.spec import Choice
 

@@ -9,14 +9,8 @@ import yaml
 from msrr_bullet.cli import run
 from msrr_bullet.reproduce.settings import Setting
 from msrr_bullet.tuned_scenes import tuned_choice, tuned_scene
-from msrr_bullet.tuning import (
-    KNOBS,
-    Objective,
-    Tuned,
-    params_of,
-    shipped_values,
-    tune,
-)
+from msrr_bullet.tuning import Objective, Tuned, tune
+from msrr_bullet.tuning_knobs import KNOBS, params_of, shipped_values
 from msrr_control.controller import CONTROLLERS
 from msrr_scenes.assets import shipped_scenes
 from msrr_scenes.errors import UnknownNameError
