@@ -7,7 +7,7 @@ import math
 from msrr_control.assembly_setup import AssemblySetup
 from msrr_control.assembly_tuning import AssemblyParams
 from msrr_control.ground import Disc, Ground
-from msrr_control.route import RoutePlanner
+from msrr_control.route_planner import RoutePlanner
 from msrr_scenes.errors import SceneError
 from msrr_scenes.placement import close_range_steps, nominal_units, split_frame
 from msrr_scenes.plan import DockStep

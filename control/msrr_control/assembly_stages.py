@@ -21,8 +21,9 @@ from msrr_control.assembly_setup import AssemblySetup
 from msrr_control.assembly_tuning import AssemblyParams
 from msrr_control.ground import Disc
 from msrr_control.long_law import LongLaw
-from msrr_control.route import RoutePlanner, Surroundings, blocking
+from msrr_control.route import Surroundings
 from msrr_control.route_follower import RouteFollower, State
+from msrr_control.route_planner import RoutePlanner, blocking
 from msrr_control.senses import GiveUp, Senses
 from msrr_scenes.messages import AssemblyPath, AssemblyProgress, Setback, Situation, Twist, seconds
 from msrr_scenes.se2 import wrap_angle

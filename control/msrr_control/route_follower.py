@@ -13,7 +13,8 @@ from msrr_control.assembly_tuning import AssemblyParams
 from msrr_control.long_guidance import LongGuidanceState
 from msrr_control.long_law import LongLaw, LongState
 from msrr_control.offset_point import offset_point
-from msrr_control.route import Route, RoutePlanner, Surroundings
+from msrr_control.route import Route, Surroundings
+from msrr_control.route_planner import RoutePlanner
 from msrr_control.route_watch import RouteWatch, as_obstacles
 from msrr_scenes.messages import AssemblyProgress, Twist, seconds
 from msrr_scenes.se2 import SE2

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from msrr_control.ground import Disc, Ground
 from msrr_control.long_guidance import SideWall
 from msrr_control.long_tracking import Obstacles
-from msrr_control.route import Route, RoutePlanner, Surroundings
+from msrr_control.route import Route, Surroundings
+from msrr_control.route_planner import RoutePlanner
 from msrr_control.walls import Encounter, WallSpec, side_wall
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.se2 import SE2, wrap_angle

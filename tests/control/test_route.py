@@ -7,7 +7,8 @@ import pytest
 
 from msrr_control.ground import Disc, Ground
 from msrr_control.path import PaceSpec
-from msrr_control.route import Route, RoutePlanner, RouteSpec, Surroundings
+from msrr_control.route import Route, RouteSpec, Surroundings
+from msrr_control.route_planner import RoutePlanner
 from msrr_control.tangents import Goal, shortest_way
 from msrr_control.walls import WallSpec
 from msrr_scenes.messages import ObstacleEstimate

@@ -100,8 +100,9 @@ def test_the_overhead_camera_hardly_looks_while_the_unit_docks_and_does_while_it
     glances = [t for t in looks if docking[0].time_s < t <= docking[-1].time_s]
     assert 0.7 < len(glances) / (docking[-1].time_s - docking[0].time_s) < 1.0
     seen = [t for t in looks if t > retreat[0].time_s]
-    rate_hz = trial.scene.cameras.overhead.rate_hz  # type: ignore[union-attr]
-    assert len(seen) == pytest.approx(rate_hz * (retreat[-1].time_s - retreat[0].time_s), abs=2)
+    overhead = trial.scene.cameras.overhead
+    assert overhead is not None
+    assert len(seen) == pytest.approx(overhead.rate_hz * (retreat[-1].time_s - retreat[0].time_s), abs=2)
     # A period and the latency of the camera, and the drive's first movement.
     assert 0.06 < trial.waited_s < 0.4
 
