@@ -88,8 +88,8 @@ class ImageEye:
         """Return the camera of the docking unit."""
         scene, plant, unit = stage.scene, stage.plant, step.unit
         X_UC = optical_pose(camera_pose(scene, unit))
-        pose = lambda: plant.pose3(unit) @ X_UC  # noqa: E731
-        return cls(stage.camera(f"{unit}/onboard", scene.cameras.onboard, pose), clock)
+        camera = stage.camera(f"{unit}/onboard", scene.cameras.onboard, lambda: plant.pose3(unit) @ X_UC)
+        return cls(camera, clock)
 
     @classmethod
     def overhead(cls, stage: Stage, step: DockStep, clock: Clock) -> ImageEye:

@@ -158,7 +158,8 @@ class OverheadVision:
             fetch: Gives the pixels of a window of this exposure.
 
         Returns:
-            The tags found there of bodies that are neither the docking unit nor its target.
+            The tags found in the windows read: those of what stands there, and of the units of the step where
+            they show beside it.
         """
         look = _Look(self._detector, self._searcher, fetch)
         window = fitting_window(self.model.square(middle_W, half_m), self.model.camera.frame)
