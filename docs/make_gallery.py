@@ -22,19 +22,19 @@ from matplotlib.figure import Figure
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+from msrr_bullet.figures.artist import Artist
+from msrr_bullet.figures.perspective import Perspective, on_floor
+from msrr_bullet.figures.top_view import draw_top_view, extent
 from msrr_bullet.log import Log, read_log
 from msrr_bullet.log.records import CameraWindow
-from msrr_bullet.log.views import camera_views, optics
-from msrr_bullet.pictures.artist import Artist
-from msrr_bullet.pictures.perspective import Perspective, on_floor
-from msrr_bullet.pictures.top_view import draw_top_view, extent
 from msrr_bullet.run import run_trial
-from msrr_perception.overhead_model import OVERHEAD
-from msrr_scenes.assets import shipped_scenes
-from msrr_scenes.load import load_scene
+from msrr_bullet.timeline.camera_views import camera_views, optics
+from msrr_perception.pose.overhead_model import OVERHEAD
+from msrr_scenes.geometry.assets import shipped_scenes
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Exposure
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.scene import Scene
+from msrr_scenes.specs.scene import Scene
 
 DOCS = Path(__file__).resolve().parent
 PICTURES = DOCS / "gallery"

@@ -5,7 +5,7 @@ Run it: ``python examples/own_controller.py``.
 
 import math
 
-from msrr_control.controller import ControlInputs, DockSetup
+from msrr_control.docking.controller import ControlInputs, DockSetup
 from msrr_scenes.messages import Twist
 
 

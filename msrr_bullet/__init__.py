@@ -14,21 +14,21 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from msrr_bullet.run import run_trial
-    from msrr_scenes.load import load_scene
+    from msrr_scenes.loading.load import load_scene
 
 __all__ = ["load_scene", "run_trial"]
 
 
 def __getattr__(name: str) -> Any:
     if name == "run_trial":
-        from msrr_bullet.simulator import load_simulator
+        from msrr_bullet.pybullet_client import load_simulator
 
         load_simulator()  # before anything imports it with its banner
         from msrr_bullet.run import run_trial
 
         return run_trial
     if name == "load_scene":
-        from msrr_scenes.load import load_scene
+        from msrr_scenes.loading.load import load_scene
 
         return load_scene
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -10,15 +10,15 @@ from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.reader import LOG_NAME, read_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
-from msrr_bullet.log.story import snapshots
-from msrr_bullet.log.views import docking_views
-from msrr_bullet.progress import Progress
-from msrr_bullet.result import TrialResult, package_versions
-from msrr_bullet.stage_clock import Clock
-from msrr_bullet.trial import Trial
-from msrr_bullet.viewer.snapshot import Viewer
+from msrr_bullet.profiler import Clock
+from msrr_bullet.timeline.camera_views import docking_views
+from msrr_bullet.timeline.log_snapshots import snapshots
+from msrr_bullet.timeline.snapshot import Viewer
+from msrr_bullet.trial.progress import Progress
+from msrr_bullet.trial.result import TrialResult, package_versions
+from msrr_bullet.trial.trial import Trial
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.scene import Scene
+from msrr_scenes.specs.scene import Scene
 
 RESULT_NAME = "result.json"
 REPLAY_NAME = "replay.html"
@@ -41,7 +41,7 @@ def run_trial(
     """Run one trial.
 
     Args:
-        scene: What to run, from :func:`msrr_scenes.load.load_scene`.
+        scene: What to run, from :func:`msrr_scenes.loading.load.load_scene`.
         seed: Together with the scene and the installed versions it determines every bit of the log.
         out: Run folder to leave ``trial.mcap``, ``result.json``, ``replay.html`` and ``picture.png`` in; None
             keeps nothing but the returned result. What is there already is overwritten.
@@ -79,7 +79,7 @@ def _make(out: Path) -> None:
 
 def _derive(out: Path, result: TrialResult) -> None:
     """Write everything that follows from the log. The verdict comes first: it is the least replaceable."""
-    from msrr_bullet.pictures.summary import write_picture
+    from msrr_bullet.figures.summary import write_picture
     from msrr_bullet.viewer.replay_page import write_replay
 
     try:

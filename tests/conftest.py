@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 
 import pytest
 
-from msrr_scenes.load import load_scene
-from msrr_scenes.scene import Scene
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.specs.scene import Scene
 
 #: How trials of the tests are rendered, unless a test is about rendering.
 RENDERING: Mapping[str, str] = {"cameras.onboard.renderer": "raster"}

@@ -36,7 +36,7 @@ GUARDED = {
 }
 
 #: The files that talk to whoever started the program.
-COMMAND_LINE = {"cli.py", "doors.py"}
+COMMAND_LINE = {"app.py", "exit_codes.py"}
 
 
 def sources(package: str) -> Iterator[Path]:
@@ -92,7 +92,8 @@ def test_the_robot_runs_where_there_is_no_simulator() -> None:
     """Not by what is written in the files, but in a process: nothing on the way loads PyBullet."""
     code = (
         "import sys; sys.modules['pybullet'] = None\n"
-        "import msrr_perception.vision, msrr_perception.filter, msrr_control.phases, msrr_bullet.autonomy\n"
+        "import msrr_perception.detection, msrr_perception.estimation, msrr_control.sequence\n"
+        "import msrr_bullet.robot, msrr_bullet.plant, msrr_bullet.collision\n"
         "import msrr_bullet.replay, msrr_scenes\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -102,7 +103,7 @@ def test_the_robot_runs_where_there_is_no_simulator() -> None:
 def test_control_never_loads_a_library_for_images() -> None:
     code = (
         "import pkgutil, importlib, sys, msrr_control as room\n"
-        "for m in pkgutil.iter_modules(room.__path__): importlib.import_module('msrr_control.' + m.name)\n"
+        "for m in pkgutil.walk_packages(room.__path__, 'msrr_control.'): importlib.import_module(m.name)\n"
         "print(sorted({'cv2', 'pupil_apriltags', 'pybullet', 'msrr_perception', 'fcl'} & set(sys.modules)))\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

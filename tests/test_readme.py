@@ -14,10 +14,10 @@ import pytest
 import typer.main
 from typer.core import TyperGroup
 
-from msrr_bullet.cli import app
+from msrr_bullet.cli.app import app
 from msrr_bullet.run import run_trial
-from msrr_scenes.load import load_scene
-from msrr_scenes.scene import Scene
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.specs.scene import Scene
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = (ROOT / "README.md", *sorted(ROOT.glob("*/README.md")), *sorted(ROOT.glob("docs/*.md")))

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.result import TrialResult
-from msrr_scenes.assets import shipped_scenes
+from msrr_bullet.trial.result import TrialResult
+from msrr_scenes.geometry.assets import shipped_scenes
 from msrr_scenes.outcome import Outcome
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -92,7 +92,8 @@ def test_an_installed_wheel_docks(wheel: Path, tmp_path: Path) -> None:
     )
 
     where = (
-        "import msrr_bullet, msrr_scenes.assets as a; print(msrr_bullet.__file__, a.urdf_folder(), sep='\\n')"
+        "import msrr_bullet, msrr_scenes.geometry.assets as a\n"
+        "print(msrr_bullet.__file__, a.urdf_folder(), sep='\\n')"
     )
     for path in run(programs / "python", "-c", where, cwd=work, environment=environment).split():
         assert Path(path).is_relative_to(fresh), path

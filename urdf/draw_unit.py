@@ -1,8 +1,9 @@
 """Draws ``unit.svg``, the dimensioned drawing of the unit, from its URDF alone.
 
 Run ``python urdf/draw_unit.py [OUT]`` after a change of the URDF. Every number on the drawing is measured on
-the frames and collision shapes that :func:`msrr_scenes.unit_geometry.read_unit` reads; only the sizes of the
-tags, which are a scene's business, are the defaults of :class:`msrr_scenes.sensors.TagsSpec`.
+the frames and collision shapes that :func:`msrr_scenes.geometry.unit_geometry.read_unit` reads; only the
+sizes of the
+tags, which are a scene's business, are the defaults of :class:`msrr_scenes.specs.sensors.TagsSpec`.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from matplotlib.patches import Circle, Polygon
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from msrr_scenes.assets import find_urdf
-from msrr_scenes.sensors import TagsSpec
-from msrr_scenes.unit_geometry import Solid, UnitGeometry, read_unit, tag_corners
+from msrr_scenes.geometry.assets import find_urdf
+from msrr_scenes.geometry.unit_geometry import Solid, UnitGeometry, read_unit, tag_corners
+from msrr_scenes.specs.sensors import TagsSpec
 
 Array = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from msrr_bullet.export.table import Row, columns, time
-from msrr_bullet.pictures.series import Series
-from msrr_bullet.viewer.snapshot import Snapshot
-from msrr_scenes.scene import Scene
+from msrr_bullet.timeline.series import Series
+from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_scenes.specs.scene import Scene
 
 NAME = "approach"
 ABOUT = "Belief beside truth at each decision: what `msrr plot` draws, derived from the tables above."

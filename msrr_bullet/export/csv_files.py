@@ -12,7 +12,7 @@ from msrr_bullet.export import approach
 from msrr_bullet.export.table import Column, Row, Table, columns, text
 from msrr_bullet.export.tables import TABLES
 from msrr_bullet.log.reader import Log
-from msrr_bullet.log.story import snapshots
+from msrr_bullet.timeline.log_snapshots import snapshots
 from msrr_scenes.errors import MsrrError
 
 #: The table that says what the columns of the others mean.

@@ -9,6 +9,7 @@ from msrr_bullet.export.table import Row, time
 from msrr_bullet.log import topics
 from msrr_bullet.log.reader import LogRecord
 from msrr_bullet.log.records import CameraWindow, Clearance, Event, StartPoses, StepStart, TruePose
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
     Array,
@@ -28,7 +29,6 @@ from msrr_scenes.messages import (
     Situation,
     WheelOdometry,
 )
-from msrr_scenes.se2 import SE2
 
 
 def _pose(X: SE2) -> Row:

@@ -17,7 +17,6 @@ from msrr_bullet.log.records import (
     StepStart,
     TruePose,
 )
-from msrr_bullet.log.tap import RecordedRobot
 
 __all__ = [
     "LOG_NAME",
@@ -34,7 +33,6 @@ __all__ = [
     "McapRecorder",
     "MemoryRecorder",
     "NullRecorder",
-    "RecordedRobot",
     "Recorder",
     "StartPoses",
     "StepStart",

@@ -22,6 +22,7 @@ from msrr_bullet.log.records import (
     TruePose,
 )
 from msrr_scenes.errors import UnknownNameError
+from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import (
     Action,
     AssemblyPath,
@@ -41,7 +42,6 @@ from msrr_scenes.messages import (
     Situation,
     WheelOdometry,
 )
-from msrr_scenes.pinhole import Window
 
 
 @dataclass(frozen=True, slots=True)

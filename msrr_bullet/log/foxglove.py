@@ -8,9 +8,9 @@ them carries under the extra key ``msrr``.
 from __future__ import annotations
 
 from msrr_bullet.log.codec import Json, number
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import NS_PER_S
-from msrr_scenes.se2 import SE2
-from msrr_scenes.se3 import SE3
 
 WORLD = "world"
 

@@ -9,9 +9,9 @@ import numpy as np
 from msrr_bullet.log.formats import target_frame
 from msrr_bullet.log.foxglove import WORLD
 from msrr_bullet.log.records import FrameLink, FrameLinks, StepStart
-from msrr_scenes.pinhole import optical_pose
-from msrr_scenes.scene import Scene
-from msrr_scenes.se3 import SE3, rotation_from_rpy
+from msrr_scenes.geometry.pinhole import optical_pose
+from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
+from msrr_scenes.specs.scene import Scene
 
 
 def scene_frames(scene: Scene) -> FrameLinks:

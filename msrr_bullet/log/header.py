@@ -16,8 +16,8 @@ from xml.etree import ElementTree
 from pydantic import ValidationError
 
 from msrr_bullet.log.codec import LogError
-from msrr_scenes.assets import find_urdf
-from msrr_scenes.scene import Scene
+from msrr_scenes.geometry.assets import find_urdf
+from msrr_scenes.specs.scene import Scene
 
 METADATA = "msrr"
 

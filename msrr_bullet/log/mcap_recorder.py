@@ -23,8 +23,8 @@ from msrr_bullet.log.formats import Format, format_of
 from msrr_bullet.log.frames import scene_frames, step_frames
 from msrr_bullet.log.header import METADATA, LogHeader
 from msrr_bullet.log.records import CameraWindow, StepStart
+from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import NS_PER_S, Exposure, Pixels
-from msrr_scenes.pinhole import Window
 
 #: Bytes waiting for the worker that make a batch, and batches that may wait. Together they bound the memory.
 _BATCH_BYTES = 1 << 18

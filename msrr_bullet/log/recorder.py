@@ -6,8 +6,8 @@ from types import TracebackType
 from typing import Protocol
 
 from msrr_bullet.log.records import CameraWindow
+from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure, Pixels
-from msrr_scenes.pinhole import Window
 
 
 class Recorder(Protocol):

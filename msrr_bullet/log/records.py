@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Array, Exposure, Pixels
-from msrr_scenes.pinhole import Window
-from msrr_scenes.se2 import SE2
-from msrr_scenes.se3 import SE3
 
 if TYPE_CHECKING:
-    from msrr_bullet import clearance
+    from msrr_bullet.collision import clearance_model as clearance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +28,9 @@ class CameraWindow:
 
 @dataclass(frozen=True, slots=True)
 class StepStart:
-    """A step of the plan begins: from here on ``unit`` has a new :class:`~msrr_bullet.autonomy.Autonomy`.
+    """The beginning of a step of the plan.
+
+    From here on ``unit`` is driven by a new :class:`~msrr_bullet.robot.autonomy.Autonomy`.
 
     Attributes:
         stamp_ns: Time.

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_scenes.pinhole import PinholeCamera, Window
-from msrr_scenes.se3 import SE3
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se3 import SE3
 
 Image = NDArray[np.float32]
 Array = NDArray[np.float64]

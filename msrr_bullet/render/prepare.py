@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from msrr_bullet.simulator import load_simulator
+from msrr_bullet.pybullet_client import load_simulator
 from msrr_perception.kernels.warm import warm as warm_perception
-from msrr_scenes.scene import Scene
+from msrr_scenes.specs.scene import Scene
 
 
 def prepare_renderers(scene: Scene, announce: Callable[[str], None]) -> None:
@@ -20,6 +20,6 @@ def prepare_renderers(scene: Scene, announce: Callable[[str], None]) -> None:
     cameras = [scene.cameras.onboard, *([scene.cameras.overhead] if scene.cameras.overhead else [])]
     if scene.perception == "images" and any(c.renderer.name == "raster" for c in cameras):
         load_simulator()  # before the renderer imports it with its banner
-        from msrr_bullet.render.raster.warm import warm
+        from msrr_bullet.render.raster.kernels.warm import warm
 
         warm(announce)

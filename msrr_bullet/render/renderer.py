@@ -8,11 +8,11 @@ from types import MappingProxyType
 from typing import Any, Literal, Protocol
 
 from msrr_bullet.render.floor import Floor, concrete_floor
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
-from msrr_scenes.pinhole import PinholeCamera, Window
 from msrr_scenes.registry import build
-from msrr_scenes.se3 import SE3
-from msrr_scenes.spec import Choice
+from msrr_scenes.specs.spec import Choice
 
 
 class Renderer(Protocol):

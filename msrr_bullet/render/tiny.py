@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from msrr_bullet.render.floor_mesh import ensure_floor_mesh
 from msrr_bullet.render.renderer import RenderContext
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
-from msrr_scenes.pinhole import PinholeCamera, Window
-from msrr_scenes.se3 import SE3
 
 Array = NDArray[np.float64]
 

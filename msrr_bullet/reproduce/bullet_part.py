@@ -10,17 +10,17 @@ from pathlib import Path
 
 from msrr_bullet.reproduce.forecast import Forecast
 from msrr_bullet.reproduce.measured_trial import MeasuredTrial, Shelf, measured_trial
-from msrr_bullet.reproduce.measures import MEASURES, OF_THE_OBSTACLE, Measure, PhaseName, paper_figures
-from msrr_bullet.reproduce.model import Count, Measured, Reproduction, Row, Table
-from msrr_bullet.result import TrialResult, package_versions
-from msrr_bullet.stats import Rate, wilson
-from msrr_bullet.sweep import sweep
-from msrr_bullet.sweep_summary import TrialFailure
+from msrr_bullet.statistics import Rate, wilson
+from msrr_bullet.studies.measures import MEASURES, OF_THE_OBSTACLE, Measure, PhaseName, paper_figures
+from msrr_bullet.studies.model import Count, Measured, Reproduction, Row, Table
+from msrr_bullet.sweep.summary import TrialFailure
+from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.trial.result import TrialResult, package_versions
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.load import load_scene
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.scene import Scene
-from msrr_scenes.spec import Choice
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import Choice
 
 #: Said of every experiment: in the real loop the trajectory is not quite the paper's.
 _AS_SHIPPED = (

@@ -9,26 +9,26 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field, ValidationError
 
-from msrr_bullet.long_series import LongSeries
-from msrr_bullet.provenance import code_fingerprint
-from msrr_bullet.reproduce.measures import SETTLED_M
 from msrr_bullet.reproduce.trial_series import CloseSeries, SeriesRecorder
-from msrr_bullet.result import TrialResult
+from msrr_bullet.studies.measures import SETTLED_M
+from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_bullet.timeline.path_following_series import LongSeries
+from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.load import scene_hash
-from msrr_scenes.scene import Scene
+from msrr_scenes.loading.load import scene_hash
+from msrr_scenes.specs.scene import Scene
 
 
 class MeasuredTrial(TrialResult):
     """A trial's result with the measures of both phases that it has.
 
     Attributes:
-        measures: By key, see :mod:`msrr_bullet.reproduce.measures`, in SI. A trial that never settled, or
+        measures: By key, see :mod:`msrr_bullet.studies.measures`, in SI. A trial that never settled, or
             never came to an approach, has an infinite time to settle.
         kept_in_view: Both edges of the target stayed in the field of view of the unit's camera in every
             approach, from the hand-over to the contact, by truth; None without an approach.
         kept_in_cone: The same of the outer bound of the line of sight, which is narrower.
-        code: :func:`msrr_bullet.provenance.code_fingerprint` in the process that ran it.
+        code: :func:`msrr_bullet.sweep.provenance.code_fingerprint` in the process that ran it.
     """
 
     model_config = ConfigDict(ser_json_inf_nan="strings")
@@ -42,7 +42,7 @@ class MeasuredTrial(TrialResult):
 def record_trial(scene: Scene, seed: int) -> tuple[TrialResult, LongSeries | None, CloseSeries | None]:
     """Run a trial and return its result and the series of its last step's two phases."""
     # The simulator is loaded where trials run, not where they are asked for.
-    from msrr_bullet.trial import Trial
+    from msrr_bullet.trial.trial import Trial
 
     step = scene.plan[-1]
     recorder = SeriesRecorder(step.unit)
@@ -57,7 +57,7 @@ def record_trial(scene: Scene, seed: int) -> tuple[TrialResult, LongSeries | Non
 
 
 def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
-    """Run a trial and measure it; a :data:`msrr_bullet.sweep.TrialFunction`."""
+    """Run a trial and measure it; a :data:`msrr_bullet.sweep.sweep.TrialFunction`."""
     result, long, close = record_trial(scene, seed)
     measures = {"settling": math.inf}
     if long is not None:

@@ -11,19 +11,19 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from msrr_bullet.reproduce.ablation_plot import draw_ablations
 from msrr_bullet.reproduce.bullet_part import paper_experiments, reproduce_bullet
-from msrr_bullet.reproduce.html import strip_title, write_report
-from msrr_bullet.reproduce.map_plot import draw_map
-from msrr_bullet.reproduce.model import Reproduction
-from msrr_bullet.reproduce.panel_plot import draw_panels
-from msrr_bullet.reproduce.settings import STANDARD
-from msrr_bullet.reproduce.strip_plot import draw_strips
+from msrr_bullet.reproduce.report.ablation_plot import draw_ablations
+from msrr_bullet.reproduce.report.html import strip_title, write_report
+from msrr_bullet.reproduce.report.map_plot import draw_map
+from msrr_bullet.reproduce.report.panel_plot import draw_panels
+from msrr_bullet.reproduce.report.strip_plot import draw_strips
 from msrr_bullet.reproduce.unicycle_part import Contenders, reproduce_unicycle
-from msrr_bullet.tuned_scenes import tuned_choice
-from msrr_bullet.tuning_knobs import Part
+from msrr_bullet.studies.model import Reproduction
+from msrr_bullet.studies.search_space import Part
+from msrr_bullet.studies.settings import STANDARD
+from msrr_bullet.studies.tuned_scenes import tuned_choice
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.spec import Choice
+from msrr_scenes.specs.spec import Choice
 
 #: The laws in the order in which they are shown, by phase.
 _LAWS: dict[Part, tuple[str, ...]] = {

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from msrr_bullet.log import topics
 from msrr_bullet.log.records import TruePose
-from msrr_bullet.long_series import Instant
-from msrr_bullet.reproduce.close_studies import docking_law
-from msrr_control.controller import ControlInputs, sense
-from msrr_control.law import DockSetup
-from msrr_control.line_of_sight import edge_angles
-from msrr_control.offset_point import offset_point
+from msrr_bullet.studies.close_studies import docking_law
+from msrr_bullet.timeline.path_following_series import Instant
+from msrr_control.docking.controller import ControlInputs, sense
+from msrr_control.docking.law import DockSetup
+from msrr_control.feedback.visibility_cone import edge_angles
+from msrr_control.kinematics.offset_point import offset_point
+from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure, Phase, Pixels, seconds
-from msrr_scenes.pinhole import Window
-from msrr_scenes.scene import Scene
+from msrr_scenes.specs.scene import Scene
 
 Array = NDArray[np.float64]
 

@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from typing import TypeVar
 
-from msrr_bullet.reproduce.ablations import SETTINGS, ablation_jobs, ablation_row
-from msrr_bullet.reproduce.close_studies import close_row, close_series
-from msrr_bullet.reproduce.gain_delay import GAINS, LATENCIES, gain_delay_map
-from msrr_bullet.reproduce.long_studies import long_row, long_series
-from msrr_bullet.reproduce.measures import PhaseName
-from msrr_bullet.reproduce.model import Ablations, Panels, Reproduction, Row, Series, Table
-from msrr_bullet.reproduce.settings import HARD, IDEAL, STANDARD, UNCOMPENSATED, WIDE, Setting
-from msrr_bullet.result import package_versions
-from msrr_scenes.spec import Choice
+from msrr_bullet.studies.ablations import SETTINGS, ablation_jobs, ablation_row
+from msrr_bullet.studies.close_studies import close_row, close_series
+from msrr_bullet.studies.gain_delay import GAINS, LATENCIES, gain_delay_map
+from msrr_bullet.studies.long_studies import long_row, long_series
+from msrr_bullet.studies.measures import PhaseName
+from msrr_bullet.studies.model import Ablations, Panels, Reproduction, Row, Series, Table
+from msrr_bullet.studies.settings import HARD, IDEAL, STANDARD, UNCOMPENSATED, WIDE, Setting
+from msrr_bullet.trial.result import package_versions
+from msrr_scenes.specs.spec import Choice
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -8,15 +8,15 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from msrr_bullet.timeline.palette import BELIEF, PLAN
+from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import shapes
 from msrr_bullet.viewer.commands import Command, set_object, set_property
 from msrr_bullet.viewer.nodes import HIDDEN, Placement
-from msrr_bullet.viewer.palette import BELIEF, PLAN
-from msrr_bullet.viewer.snapshot import Snapshot
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import GlobalPose, ObstacleEstimate
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
-from msrr_scenes.se3 import SE3
+from msrr_scenes.specs.scene import Scene
 
 Array = NDArray[np.float64]
 

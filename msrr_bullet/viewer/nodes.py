@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from msrr_scenes.se3 import SE3
+from msrr_scenes.geometry.se3 import SE3
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,11 +9,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 
+from msrr_bullet.timeline.palette import ALARM, BELIEF, CLEARANCE, DOCKING_UNIT, PATH, PLAN, SIGHT, css
+from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer.commands import Command, viewer_script
-from msrr_bullet.viewer.palette import ALARM, BELIEF, CLEARANCE, DOCKING_UNIT, PATH, PLAN, SIGHT, css
-from msrr_bullet.viewer.snapshot import Snapshot
 from msrr_scenes.messages import seconds
-from msrr_scenes.scene import Scene
+from msrr_scenes.specs.scene import Scene
 
 READINGS = (
     "time",

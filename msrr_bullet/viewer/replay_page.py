@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from msrr_bullet.timeline.palette import PHASE_COLOURS, css
+from msrr_bullet.timeline.snapshot import Snapshot, planned_paths
 from msrr_bullet.viewer.arena_belief import PLAN_NODE, plan_commands
 from msrr_bullet.viewer.commands import Command, Track, set_animation
 from msrr_bullet.viewer.nodes import Placement
 from msrr_bullet.viewer.page import PhaseSpan, Timeline, readings, render_page
-from msrr_bullet.viewer.palette import PHASE_COLOURS, css
 from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at
-from msrr_bullet.viewer.snapshot import Snapshot, planned_paths
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, seconds
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.specs.scene import Scene
 
 Array = NDArray[np.float64]
 

@@ -13,11 +13,7 @@ import meshcat.geometry as g
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_bullet.viewer import shapes
-from msrr_bullet.viewer.arena_belief import ArenaBelief
-from msrr_bullet.viewer.commands import Command, set_object, set_property, set_transform
-from msrr_bullet.viewer.nodes import HIDDEN, Placement
-from msrr_bullet.viewer.palette import (
+from msrr_bullet.timeline.palette import (
     ALARM,
     BACKGROUND,
     BELIEF,
@@ -31,15 +27,19 @@ from msrr_bullet.viewer.palette import (
     TYRE,
     unit_colour,
 )
-from msrr_bullet.viewer.snapshot import Snapshot, meant_to_touch
-from msrr_scenes.bodies import CylinderSpec
-from msrr_scenes.faults import MarkerHidden
+from msrr_bullet.timeline.snapshot import Snapshot, meant_to_touch
+from msrr_bullet.viewer import shapes
+from msrr_bullet.viewer.arena_belief import ArenaBelief
+from msrr_bullet.viewer.commands import Command, set_object, set_property, set_transform
+from msrr_bullet.viewer.nodes import HIDDEN, Placement
+from msrr_scenes.geometry.pinhole import R_BODY_OPTICAL
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
 from msrr_scenes.messages import LosStatus
-from msrr_scenes.pinhole import R_BODY_OPTICAL
-from msrr_scenes.plan import GuardSpec
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
-from msrr_scenes.se3 import SE3, rotation_from_rpy
+from msrr_scenes.specs.bodies import CylinderSpec
+from msrr_scenes.specs.faults import MarkerHidden
+from msrr_scenes.specs.plan import GuardSpec
+from msrr_scenes.specs.scene import Scene
 
 Array = NDArray[np.float64]
 

@@ -1,5 +1,5 @@
 """What a scene is: validated specifications, planar and spatial poses, and the messages between rooms."""
 
-from msrr_scenes.load import check_scene, load_scene, scene_hash
+from msrr_scenes.loading.load import check_scene, load_scene, scene_hash
 
 __all__ = ["check_scene", "load_scene", "scene_hash"]

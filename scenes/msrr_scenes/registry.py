@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
-from msrr_scenes.spec import Choice
+from msrr_scenes.specs.spec import Choice
 
 T = TypeVar("T")
 

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.clearance import ClearanceModel
+from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.log import LOG_NAME, LogHeader, McapRecorder
-from msrr_bullet.trial import Trial
-from msrr_bullet.viewer.snapshot import Snapshot
-from msrr_scenes.load import load_scene
+from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.trial.trial import Trial
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import LosObservation, LosStatus, Phase
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.specs.scene import Scene
 
 PHASES = (
     (0.06, Phase.HAND_OVER),

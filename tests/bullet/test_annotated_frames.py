@@ -9,26 +9,26 @@ import cv2
 import numpy as np
 import pytest
 
-from msrr_bullet import cli
-from msrr_bullet.doors import BAD_INPUT
+from msrr_bullet.cli.app import app as cli
+from msrr_bullet.cli.exit_codes import BAD_INPUT
+from msrr_bullet.figures import frames
+from msrr_bullet.figures.canvas import bgr
+from msrr_bullet.figures.drawing import Stagecraft
+from msrr_bullet.figures.frames import FILM_SIZE, FramesError, write_frames
+from msrr_bullet.figures.onboard_frame import draw_onboard
+from msrr_bullet.figures.overhead_frame import draw_overhead
+from msrr_bullet.figures.perspective import Perspective, bodies
 from msrr_bullet.log import read_log
-from msrr_bullet.log.story import snapshots
-from msrr_bullet.log.views import CameraView, camera_views, exposures
-from msrr_bullet.pictures import frames
-from msrr_bullet.pictures.canvas import bgr
-from msrr_bullet.pictures.drawing import Stagecraft
-from msrr_bullet.pictures.frames import FILM_SIZE, FramesError, write_frames
-from msrr_bullet.pictures.moments import Moments, between
-from msrr_bullet.pictures.onboard_frame import draw_onboard
-from msrr_bullet.pictures.overhead_frame import draw_overhead
-from msrr_bullet.pictures.perspective import Perspective, bodies
-from msrr_bullet.viewer import palette
-from msrr_perception.overhead_model import OVERHEAD
+from msrr_bullet.timeline import palette
+from msrr_bullet.timeline.camera_views import CameraView, camera_views, exposures
+from msrr_bullet.timeline.interpolation import Moments, between
+from msrr_bullet.timeline.log_snapshots import snapshots
+from msrr_perception.pose.overhead_model import OVERHEAD
+from msrr_scenes.geometry.pinhole import PinholeCamera
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.messages import NS_PER_S
-from msrr_scenes.pinhole import PinholeCamera
-from msrr_scenes.se2 import SE2
-from msrr_scenes.se3 import SE3
-from msrr_scenes.unit_geometry import tag_corners
 
 
 @pytest.fixture(scope="module")

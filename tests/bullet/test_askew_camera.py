@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_bullet.eyes import ImageEye, ParametricEye, camera_pose
-from msrr_bullet.stage import open_stage
-from msrr_bullet.stage_clock import NullClock
-from msrr_bullet.streams import stream
-from msrr_perception.detector import PupilDetector
+from msrr_bullet.profiler import NullClock
+from msrr_bullet.sensors.camera_sensors import ImageEye, ParametricEye, camera_pose
+from msrr_bullet.trial.environment import open_stage
+from msrr_perception.detection.detector import PupilDetector
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, Fetch, PoseMeasurement
-from msrr_scenes.placement import draw_placement
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.placement.placement import draw_placement
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.scene import Scene
 
 YAW_DEG = 5.0
 

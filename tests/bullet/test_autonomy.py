@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_bullet.autonomy import Autonomy
-from msrr_control.assembly_setup import AssemblySetup
-from msrr_control.controller import ControlInputs
-from msrr_control.law import DockSetup
-from msrr_control.senses import Senses
+from msrr_bullet.robot.autonomy import Autonomy
+from msrr_control.docking.controller import ControlInputs
+from msrr_control.docking.law import DockSetup
+from msrr_control.sequence.observation import Senses
+from msrr_control.staging.setup import AssemblySetup
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, Exposure, GlobalPose, Phase, PoseMeasurement, Twist
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.specs.scene import Scene
 
 DT_NS = 20_000_000
 SURE = np.diag([1e-7, 1e-7, 1e-7])

@@ -6,13 +6,13 @@ import json
 
 import pytest
 
-from msrr_bullet.bench import BenchError, bench, bench_table, naive
+from msrr_bullet.bench.trial_speed import BenchError, bench, bench_table, naive
 from msrr_bullet.log import CameraWindow, MemoryRecorder
-from msrr_bullet.stage_clock import StageClock
-from msrr_bullet.trial import Trial
-from msrr_scenes.load import load_scene
-from msrr_scenes.scene import Scene
-from msrr_scenes.spec import Choice
+from msrr_bullet.profiler import StageClock
+from msrr_bullet.trial.trial import Trial
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import Choice
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ import json
 import pytest
 from rich.console import Console
 
-from msrr_bullet.bench_cameras import CameraBench, bench_cameras, camera_tables
-from msrr_bullet.render.contest_worlds import CONTESTANTS
+from msrr_bullet.bench.cameras import CameraBench, bench_cameras, camera_tables
+from msrr_bullet.bench.renderer_scenes import CONTESTANTS
 
 
 @pytest.fixture(scope="module")

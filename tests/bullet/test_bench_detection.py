@@ -11,15 +11,22 @@ import pytest
 from pupil_apriltags import Detector as LibraryDetector
 from rich.console import Console
 
-from msrr_bullet.bench_detection import DetectionBench, bench_detection, detection_tables
-from msrr_bullet.cli import run
-from msrr_bullet.detection.onboard import onboard_rows
-from msrr_bullet.detection.settings import LIBRARY, OURS, library_detector
-from msrr_bullet.detection.tally import Contestant, DetectionRow, View, WatchedDetector, WholeFrame, compare
-from msrr_bullet.doors import BAD_INPUT
-from msrr_perception.detector import PupilDetector
+from msrr_bullet.bench.detection import DetectionBench, bench_detection, detection_tables
+from msrr_bullet.bench.detection_metrics import (
+    Contestant,
+    DetectionRow,
+    View,
+    WatchedDetector,
+    WholeFrame,
+    compare,
+)
+from msrr_bullet.bench.detector_settings import LIBRARY, OURS, library_detector
+from msrr_bullet.bench.onboard_detection import onboard_rows
+from msrr_bullet.cli.app import run
+from msrr_bullet.cli.exit_codes import BAD_INPUT
+from msrr_perception.detection.detector import PupilDetector
+from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Array, Detections, Exposure, Pixels, TagDetection
-from msrr_scenes.pinhole import Window
 
 SQUARE = np.array([[40.0, 56.0], [56.0, 56.0], [56.0, 40.0], [40.0, 40.0]])
 FRAME = Window(0, 0, 96, 96)

@@ -11,17 +11,17 @@ import numpy as np
 import pybullet
 import pytest
 
-from msrr_bullet.camera import Camera, CameraError
 from msrr_bullet.render.renderer import RenderContext, build_renderer
-from msrr_bullet.tag_assets import apply_textures, build_unit_urdf
-from msrr_perception.detector import PupilDetector
-from msrr_scenes.faults import CameraBlackout, Fault
+from msrr_bullet.sensors.camera import Camera, CameraError
+from msrr_bullet.simulation.tag_plates import apply_textures, build_unit_urdf
+from msrr_perception.detection.detector import PupilDetector
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.messages import Exposure, Pixels
-from msrr_scenes.pinhole import PinholeCamera, Window, optical_pose
-from msrr_scenes.scene import Scene
-from msrr_scenes.se3 import SE3
-from msrr_scenes.sensors import CameraSpec, OverheadCameraSpec
-from msrr_scenes.unit_geometry import tag_corners
+from msrr_scenes.specs.faults import CameraBlackout, Fault
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import CameraSpec, OverheadCameraSpec
 
 
 @pytest.fixture(scope="module")

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from msrr_bullet.clearance import Clearance, ClearanceModel
-from msrr_bullet.footprint import Part, obstacle_parts, simplify, unit_parts
-from msrr_bullet.streams import stream
-from msrr_scenes.assets import find_urdf
-from msrr_scenes.bodies import BoxSpec, CylinderSpec
+from msrr_bullet.collision.clearance_model import Clearance, ClearanceModel
+from msrr_bullet.collision.footprint import Part, obstacle_parts, simplify, unit_parts
 from msrr_scenes.errors import UnknownNameError
-from msrr_scenes.load import load_scene
-from msrr_scenes.se2 import SE2
-from msrr_scenes.unit_geometry import read_unit
+from msrr_scenes.geometry.assets import find_urdf
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import read_unit
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.bodies import BoxSpec, CylinderSpec
 
 PAIRS = 5_000
 #: FCL sees a disc as a sphere of a nanometre about its centre; a few of those are rounding here [m].

@@ -16,11 +16,11 @@ from typing import Any, NoReturn
 import pytest
 import typer
 
-from msrr_bullet.cli import run
-from msrr_bullet.options import parse_overrides, parse_seeds
-from msrr_bullet.result import TrialResult
-from msrr_scenes.assets import shipped_scenes
+from msrr_bullet.cli.app import run
+from msrr_bullet.cli.options import parse_overrides, parse_seeds
+from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.assets import shipped_scenes
 
 Capture = pytest.CaptureFixture[str]
 
@@ -215,7 +215,7 @@ def test_overrides_and_seeds() -> None:
 
 def test_the_program_starts_without_the_simulator() -> None:
     code = (
-        "import sys, msrr_bullet.cli as cli; cli.run(['check', 'close_range']); "
+        "import sys, msrr_bullet.cli.app as cli; cli.run(['check', 'close_range']); "
         "print([m for m in ('pybullet', 'cv2', 'fcl', 'matplotlib', 'meshcat') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -223,7 +223,7 @@ def test_the_program_starts_without_the_simulator() -> None:
 
 
 def test_a_reader_that_goes_away_is_no_error() -> None:
-    code = "import sys; from msrr_bullet.cli import run; sys.exit(run(['scenes']))"
+    code = "import sys; from msrr_bullet.cli.app import run; sys.exit(run(['scenes']))"
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert process.stdout is not None
     assert process.stderr is not None
@@ -235,7 +235,7 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
 
 def test_sigterm_unwinds() -> None:
     code = (
-        "import os, signal, sys, msrr_bullet.cli as cli, msrr_bullet.run as r\n"
+        "import os, signal, sys, msrr_bullet.cli.app as cli, msrr_bullet.run as r\n"
         "def trial(*a, **k):\n"
         "    try:\n"
         "        os.kill(os.getpid(), signal.SIGTERM)\n"

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet import cli
-from msrr_bullet.doors import BAD_INPUT
+from msrr_bullet.cli.app import app as cli
+from msrr_bullet.cli.exit_codes import BAD_INPUT
 from msrr_bullet.export import ExportError, documented, write_csv
 from msrr_bullet.export.table import text, time
 from msrr_bullet.export.tables import TABLES

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_bullet.clearance import ClearanceModel
-from msrr_bullet.guard import ClearanceGuard, GuardState
-from msrr_bullet.unicycle_plant import UnicyclePlant
-from msrr_scenes.load import load_scene
+from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.plant.kinematic_plant import UnicyclePlant
+from msrr_bullet.robot.collision_monitor import ClearanceGuard, GuardState
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import GlobalPose, ObstacleEstimate, Situation, Twist
-from msrr_scenes.placement import Placement
-from msrr_scenes.plan import GuardSpec
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.placement.placement import Placement
+from msrr_scenes.specs.plan import GuardSpec
+from msrr_scenes.specs.scene import Scene
 
 SIGMA_M = 0.0003
 TIGHT = np.diag([SIGMA_M**2, SIGMA_M**2, 1e-7])
@@ -223,7 +223,7 @@ def test_distances_in_the_wrong_order_are_refused() -> None:
 
 
 def test_it_runs_without_the_simulator() -> None:
-    code = "import sys, msrr_bullet.guard; sys.exit('pybullet' in sys.modules)"
+    code = "import sys, msrr_bullet.robot.collision_monitor; sys.exit('pybullet' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False, timeout=60).returncode == 0
 
 

@@ -6,16 +6,16 @@ import math
 
 import pytest
 
-from msrr_bullet.clearance import ClearanceModel
-from msrr_bullet.judge import Judge
-from msrr_bullet.stage import Stage
-from msrr_bullet.streams import stream
-from msrr_bullet.unicycle_plant import UnicyclePlant
+from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.plant.kinematic_plant import UnicyclePlant
+from msrr_bullet.trial.environment import Stage
+from msrr_bullet.trial.judge import Judge
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, Phase, Setback
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.placement import Placement
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.placement.placement import Placement
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.scene import Scene
 
 PAIR = frozenset("ab")
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from msrr_bullet.link import CommandLink
-from msrr_bullet.streams import stream
+from msrr_bullet.sensors.command_link import CommandLink
 from msrr_scenes.messages import Action, Phase, Twist
-from msrr_scenes.vehicle import LinkSpec
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.vehicle import LinkSpec
 
 MS = 1_000_000
 

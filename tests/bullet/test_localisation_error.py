@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_bullet.localisation_error import LocalisationError
-from msrr_perception.overhead_model import OverheadModel
+from msrr_bullet.sensors.localisation_error import LocalisationError
+from msrr_perception.pose.overhead_model import OverheadModel
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, TagDetection
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
-from msrr_scenes.sensors import LocalisationErrorSpec
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import LocalisationErrorSpec
 
 POSES = {"a": SE2(-1.2, 0.7, 0.6), "b": SE2(1.0, -0.2, -2.0), "post": SE2(0.1, 0.4, 0.0)}
 

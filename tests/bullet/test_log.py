@@ -40,6 +40,9 @@ from msrr_bullet.log.codec import codec, to_bytes
 from msrr_bullet.log.formats import format_of, from_png, message_types, to_png
 from msrr_bullet.log.frames import scene_frames
 from msrr_scenes.errors import UnknownNameError
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import (
     Action,
     Detections,
@@ -51,10 +54,7 @@ from msrr_scenes.messages import (
     Twist,
     WheelOdometry,
 )
-from msrr_scenes.pinhole import Window
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
-from msrr_scenes.se3 import SE3
+from msrr_scenes.specs.scene import Scene
 
 TOPIC = "/perception/a/estimate"
 

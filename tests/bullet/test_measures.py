@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from msrr_bullet.ideal_port import Capture
+from msrr_bullet.plant.kinematic_port import Capture
 from msrr_bullet.reproduce.bullet_part import meets
-from msrr_bullet.reproduce.close_studies import captured
 from msrr_bullet.reproduce.measured_trial import MeasuredTrial
-from msrr_bullet.reproduce.measures import (
+from msrr_bullet.reproduce.report.two_quantiles import two_quantiles
+from msrr_bullet.studies.close_studies import captured
+from msrr_bullet.studies.measures import (
     CAPTURE_DEG,
     CAPTURE_M,
     MEASURES,
@@ -18,9 +19,8 @@ from msrr_bullet.reproduce.measures import (
     measure,
     paper_figures,
 )
-from msrr_bullet.reproduce.model import Measured, Row, rate_of
-from msrr_bullet.reproduce.two_quantiles import two_quantiles
-from msrr_control.study import StudyResult
+from msrr_bullet.studies.model import Measured, Row, rate_of
+from msrr_control.studies.docking_study import StudyResult
 from msrr_scenes.outcome import Outcome
 
 ALL = [m for measures in MEASURES.values() for m in measures]

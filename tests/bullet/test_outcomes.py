@@ -8,11 +8,11 @@ from functools import cached_property
 
 import pytest
 
-from msrr_bullet.result import Belief, TrialResult
 from msrr_bullet.run import run_trial
+from msrr_bullet.trial.result import Belief, TrialResult
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.scene import Scene
+from msrr_scenes.specs.scene import Scene
 
 SEED = 1
 

@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 import pytest
 
-from msrr_bullet.log.views import UNREAD, CameraView
-from msrr_bullet.pictures.summary import DPI, WIDTH, write_picture
-from msrr_bullet.viewer import palette
+from msrr_bullet.figures.summary import DPI, WIDTH, write_picture
+from msrr_bullet.timeline import palette
+from msrr_bullet.timeline.camera_views import UNREAD, CameraView
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure, Phase, TagDetection
-from msrr_scenes.pinhole import Window
 
 
 def read(path):
@@ -71,7 +71,7 @@ def test_every_phase_has_a_colour():
 
 
 def test_neither_picture_nor_pages_touch_the_state_of_pyplot():
-    imports = "import sys, msrr_bullet.pictures.summary, msrr_bullet.viewer.replay_page"
+    imports = "import sys, msrr_bullet.figures.summary, msrr_bullet.viewer.replay_page"
     code = f"{imports}; print('matplotlib.pyplot' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split()[-1] == "False"

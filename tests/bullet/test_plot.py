@@ -8,20 +8,20 @@ import cv2
 import numpy as np
 import pytest
 
-from msrr_bullet import cli
-from msrr_bullet.doors import BAD_INPUT
+from msrr_bullet.cli.app import app as cli
+from msrr_bullet.cli.exit_codes import BAD_INPUT
+from msrr_bullet.figures.canvas import bgr
+from msrr_bullet.figures.plot import write_plot
+from msrr_bullet.figures.summary import write_picture
+from msrr_bullet.figures.top_view import extent
 from msrr_bullet.log import read_log
-from msrr_bullet.log.story import snapshots, verdict
-from msrr_bullet.pictures.canvas import bgr
-from msrr_bullet.pictures.plot import write_plot
-from msrr_bullet.pictures.series import Series
-from msrr_bullet.pictures.summary import write_picture
-from msrr_bullet.pictures.top_view import extent
-from msrr_bullet.viewer import palette
-from msrr_bullet.viewer.snapshot import planned_paths
+from msrr_bullet.timeline import palette
+from msrr_bullet.timeline.log_snapshots import snapshots, verdict
+from msrr_bullet.timeline.series import Series
+from msrr_bullet.timeline.snapshot import planned_paths
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import Action, AssemblyProgress, Phase
-from msrr_scenes.plan import DockStep
+from msrr_scenes.specs.plan import DockStep
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ import msrr_bullet.render.raster as raster
 import msrr_perception.kernels as kernels
 from msrr_bullet import load_scene
 from msrr_bullet.render.prepare import prepare_renderers
-from msrr_bullet.trial import Trial
+from msrr_bullet.trial.trial import Trial
 
 modules = [
     importlib.import_module(module.name)

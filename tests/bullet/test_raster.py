@@ -17,21 +17,22 @@ import pybullet
 import pybullet_data
 import pytest
 
-from msrr_bullet.render.clutter import add_clutter, random_view
-from msrr_bullet.render.contest import corner_rows, pixel_row
-from msrr_bullet.render.contest_worlds import facing_units
+from msrr_bullet.bench.clutter import add_clutter, random_view
+from msrr_bullet.bench.renderer_benchmark import corner_rows, pixel_row
+from msrr_bullet.bench.renderer_scenes import facing_units
 from msrr_bullet.render.floor import Floor, concrete_floor
-from msrr_bullet.render.raster import RasterRenderer, warm
+from msrr_bullet.render.raster import RasterRenderer
+from msrr_bullet.render.raster.kernels import warm
 from msrr_bullet.render.renderer import RenderContext, Renderer, build_renderer
 from msrr_bullet.render.tiny import TinyRenderer
-from msrr_bullet.tag_assets import load_tag_plate, write_plate
-from msrr_perception.detector import PupilDetector
+from msrr_bullet.simulation.tag_plates import load_tag_plate, write_plate
+from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.errors import GeometryError, SceneError
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
-from msrr_scenes.pinhole import PinholeCamera, Window, optical_pose
-from msrr_scenes.se2 import SE2
-from msrr_scenes.se3 import SE3
-from msrr_scenes.spec import Choice
+from msrr_scenes.specs.spec import Choice
 
 CAMERA = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
 SMALL = PinholeCamera.from_hfov(320, 240, math.radians(75.0))
@@ -312,7 +313,7 @@ def test_five_hundred_windows_are_crops_of_the_frame_bit_for_bit() -> None:
 _PICTURE = f"""
 import hashlib, json, sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
-from msrr_bullet.render.raster import warm
+from msrr_bullet.render.raster.kernels import warm
 said = []
 warm(said.append)
 import test_raster

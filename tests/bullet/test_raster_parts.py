@@ -15,15 +15,15 @@ from scipy.spatial import ConvexHull
 from msrr_bullet.render.floor import Floor, concrete_floor
 from msrr_bullet.render.raster.assembly import assemble
 from msrr_bullet.render.raster.faces import faces_of
-from msrr_bullet.render.raster.ground import ground_of
+from msrr_bullet.render.raster.kernels.ground import ground_of
+from msrr_bullet.render.raster.kernels.pattern import CELL_SAMPLES, SAMPLES, rooks
 from msrr_bullet.render.raster.look import Look
 from msrr_bullet.render.raster.mesh import Mesh, box, capsule, cylinder, segments, sphere
 from msrr_bullet.render.raster.mesh_file import read_mesh
-from msrr_bullet.render.raster.pattern import CELL_SAMPLES, SAMPLES, rooks
 from msrr_bullet.render.raster.texture import rectangles, texture_of
-from msrr_bullet.tag_assets import plate_texture, tag_bitmap, write_plate
+from msrr_bullet.simulation.tag_plates import plate_texture, tag_bitmap, write_plate
 from msrr_scenes.errors import GeometryError, SceneError
-from msrr_scenes.se3 import SE3
+from msrr_scenes.geometry.se3 import SE3
 
 
 def polygons(mesh: Mesh) -> list[np.ndarray]:

@@ -13,14 +13,14 @@ import pytest
 from msrr_bullet.render.floor import Floor, concrete_floor
 from msrr_bullet.render.renderer import RenderContext, build_renderer
 from msrr_bullet.render.tiny import TinyRenderer, rotated_grid
-from msrr_bullet.tag_assets import PLATE_RATIO, build_unit_urdf, write_plate
+from msrr_bullet.simulation.tag_plates import PLATE_RATIO, build_unit_urdf, write_plate
 from msrr_scenes.errors import SceneError, UnknownNameError
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
+from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
+from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.messages import Pixels
-from msrr_scenes.pinhole import PinholeCamera, Window, optical_pose
-from msrr_scenes.scene import Scene
-from msrr_scenes.se3 import SE3, rotation_from_rpy
-from msrr_scenes.spec import Choice
-from msrr_scenes.unit_geometry import tag_corners
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import Choice
 
 CAMERA = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
 R_DOWN = np.diag([1.0, -1.0, -1.0])  # image right is world x, image down is world -y

@@ -13,9 +13,11 @@ import pytest
 
 from msrr_bullet.log import LogError, LogHeader, McapRecorder, RecordedRobot, read_log, topics
 from msrr_bullet.log.records import TruePose
-from msrr_bullet.log.tap import Robot
-from msrr_bullet.replay import replay, replay_isolated
-from msrr_bullet.replay_check import ReplayError, ReplayReport
+from msrr_bullet.replay.comparison import ReplayError, ReplayReport
+from msrr_bullet.replay.recorded_robot import Robot
+from msrr_bullet.replay.replayer import replay, replay_isolated
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
     AssemblyPath,
@@ -35,10 +37,8 @@ from msrr_scenes.messages import (
     Twist,
     WheelOdometry,
 )
-from msrr_scenes.pinhole import Window
-from msrr_scenes.plan import DockStep
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
 
 SCENE = Scene.model_validate(
     {
@@ -258,7 +258,7 @@ def test_the_barrier_stops_the_simulator_at_any_depth(tmp_path: Path) -> None:
     (tmp_path / "sly.py").write_text("def peek():\n    import pybullet\n")
     code = """
 import sys
-from msrr_bullet.replay import SimulatorBarrier
+from msrr_bullet.replay.replayer import SimulatorBarrier
 assert not [m for m in sys.modules if m.startswith("pybullet")], "importing replay imports the simulator"
 SimulatorBarrier.install()
 import sly
@@ -278,7 +278,7 @@ for attempt in (sly.peek, *(lambda name=name: importlib.import_module(name) for 
     assert done.returncode == 0, done.stderr
     code = """
 import pybullet
-from msrr_bullet.replay import SimulatorBarrier
+from msrr_bullet.replay.replayer import SimulatorBarrier
 SimulatorBarrier.install()
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

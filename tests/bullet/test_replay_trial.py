@@ -19,14 +19,14 @@ from msrr_bullet.log import (
 )
 from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_of
-from msrr_bullet.replay import replay, replay_isolated
-from msrr_bullet.result import TrialResult
+from msrr_bullet.replay.replayer import replay, replay_isolated
 from msrr_bullet.run import run_trial
-from msrr_bullet.trial import Trial
-from msrr_scenes.load import load_scene
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.trial import Trial
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Action, Detections, Phase, PoseEstimate
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.scene import Scene
+from msrr_scenes.specs.scene import Scene
 
 SEED = 1
 
@@ -99,7 +99,7 @@ def test_another_process_writes_the_same_log(run: Path, log: Log, tmp_path: Path
     code = (
         "import sys; from pathlib import Path\n"
         "from msrr_bullet.run import run_trial\n"
-        "from msrr_scenes.load import load_scene\n"
+        "from msrr_scenes.loading.load import load_scene\n"
         f"run_trial(load_scene('close_range'), {SEED}, out=Path(sys.argv[1]))\n"
     )
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, check=False)

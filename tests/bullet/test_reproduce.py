@@ -8,33 +8,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.cli import run
-from msrr_bullet.long_series import LongSeries
+from msrr_bullet.cli.app import run
 from msrr_bullet.reproduce import unicycle_part
-from msrr_bullet.reproduce.ablation_findings import ablation_text
-from msrr_bullet.reproduce.ablation_plot import draw_ablations
-from msrr_bullet.reproduce.ablations import ablation_jobs, ablation_row
 from msrr_bullet.reproduce.bullet_part import Experiment, meets, reproduce_bullet, within_paper
-from msrr_bullet.reproduce.close_studies import close_row, close_series
-from msrr_bullet.reproduce.findings import claims, map_text, winner_text
 from msrr_bullet.reproduce.forecast import Forecast
-from msrr_bullet.reproduce.gain_delay import LAWS, gain_delay_map
-from msrr_bullet.reproduce.intervals import quantile_interval
-from msrr_bullet.reproduce.lag_findings import lag_text
-from msrr_bullet.reproduce.long_studies import long_row
 from msrr_bullet.reproduce.measured_trial import MeasuredTrial, Shelf, measured_trial, record_trial
-from msrr_bullet.reproduce.measures import MEASURES, measure
-from msrr_bullet.reproduce.model import Ablations, GainDelayMap, MapCell, Measured, Reproduction, Table
+from msrr_bullet.reproduce.report.ablation_findings import ablation_text
+from msrr_bullet.reproduce.report.ablation_plot import draw_ablations
+from msrr_bullet.reproduce.report.findings import claims, map_text, winner_text
+from msrr_bullet.reproduce.report.intervals import quantile_interval
+from msrr_bullet.reproduce.report.lag_findings import lag_text
 from msrr_bullet.reproduce.run import joined, redraw, write_all
-from msrr_bullet.reproduce.settings import HARD, HIGH_GAIN, STANDARD
 from msrr_bullet.reproduce.trial_series import CloseSeries, SeriesRecorder
-from msrr_bullet.streams import stream
-from msrr_bullet.trial import Trial
+from msrr_bullet.studies.ablations import ablation_jobs, ablation_row
+from msrr_bullet.studies.close_studies import close_row, close_series
+from msrr_bullet.studies.gain_delay import LAWS, gain_delay_map
+from msrr_bullet.studies.long_studies import long_row
+from msrr_bullet.studies.measures import MEASURES, measure
+from msrr_bullet.studies.model import Ablations, GainDelayMap, MapCell, Measured, Reproduction, Table
+from msrr_bullet.studies.settings import HARD, HIGH_GAIN, STANDARD
+from msrr_bullet.timeline.path_following_series import LongSeries
+from msrr_bullet.trial.trial import Trial
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.load import load_scene
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Phase, seconds
-from msrr_scenes.se2 import SE2
-from msrr_scenes.spec import Choice
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.spec import Choice
 
 C1, C2 = Choice(name="c1"), Choice(name="c2")
 
@@ -46,7 +46,7 @@ def unicycle() -> Reproduction:
         patch.setattr(unicycle_part, "GAINS", (0.8, 6.0, 6.0, 6.0))
         patch.setattr(unicycle_part, "LATENCIES", (0.0, 0.1, 0.1, 0.1))
         patch.setattr(unicycle_part, "TABLES", (STANDARD, HARD))
-        patch.setattr("msrr_bullet.reproduce.ablations.SETTINGS", (STANDARD,))
+        patch.setattr("msrr_bullet.studies.ablations.SETTINGS", (STANDARD,))
         patch.setattr(unicycle_part, "SETTINGS", (STANDARD,))
         contenders = {"long": {"C1": C1}, "close": {"C2": C2, "C1": C1, "CBF": Choice(name="cbf")}}
         return unicycle_part.reproduce_unicycle(range(3), contenders)

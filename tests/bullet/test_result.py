@@ -6,7 +6,7 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from msrr_bullet.result import (
+from msrr_bullet.trial.result import (
     AttemptRecord,
     Contact,
     PlanarPose,
@@ -14,9 +14,9 @@ from msrr_bullet.result import (
     TrialResult,
     package_versions,
 )
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.se2 import SE2
 
 POSE = PlanarPose(x_m=-0.1, y_m=1e-17, yaw_rad=math.pi / 7)
 

@@ -6,22 +6,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.reproduce.ablation_findings import ablation_text
-from msrr_bullet.reproduce.ablation_plot import draw_ablations
 from msrr_bullet.reproduce.bullet_part import Experiment, reproduce_bullet
-from msrr_bullet.reproduce.findings import claims
-from msrr_bullet.reproduce.intervals import of_quantile
 from msrr_bullet.reproduce.measured_trial import Shelf, measured_trial
-from msrr_bullet.reproduce.measures import measure
-from msrr_bullet.reproduce.model import Ablations, Measured, Reproduction, Row, Table, met_of, rate_of
-from msrr_bullet.reproduce.open_quantiles import quantile
+from msrr_bullet.reproduce.report.ablation_findings import ablation_text
+from msrr_bullet.reproduce.report.ablation_plot import draw_ablations
+from msrr_bullet.reproduce.report.findings import claims
+from msrr_bullet.reproduce.report.intervals import of_quantile
+from msrr_bullet.reproduce.report.two_quantiles import two_quantiles
 from msrr_bullet.reproduce.run import redraw, write_all
 from msrr_bullet.reproduce.trial_series import CloseSeries
-from msrr_bullet.reproduce.two_quantiles import two_quantiles
-from msrr_bullet.streams import stream
-from msrr_control.study import StudyResult
-from msrr_scenes.load import load_scene
-from msrr_scenes.spec import Choice
+from msrr_bullet.studies.measures import measure
+from msrr_bullet.studies.model import Ablations, Measured, Reproduction, Row, Table, met_of, rate_of
+from msrr_bullet.studies.open_quantiles import quantile
+from msrr_control.studies.docking_study import StudyResult
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.spec import Choice
 
 DT = 0.02
 

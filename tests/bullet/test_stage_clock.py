@@ -2,7 +2,7 @@ import time
 
 import pytest
 
-from msrr_bullet.stage_clock import NullClock, StageClock
+from msrr_bullet.profiler import NullClock, StageClock
 
 
 class FakeTime:

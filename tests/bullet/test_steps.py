@@ -8,20 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.eyes import ImageEye, ParametricEye, ParametricOverhead
+from msrr_bullet.profiler import NullClock
 from msrr_bullet.run import run_trial
-from msrr_bullet.stage import open_stage
-from msrr_bullet.stage_clock import NullClock
-from msrr_bullet.step_run import StepRun
-from msrr_bullet.streams import stream
-from msrr_bullet.sweep_summary import summarise
-from msrr_scenes.load import load_scene
+from msrr_bullet.sensors.camera_sensors import ImageEye, ParametricEye, ParametricOverhead
+from msrr_bullet.sweep.summary import summarise
+from msrr_bullet.trial.docking_step import StepRun
+from msrr_bullet.trial.environment import open_stage
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Detections, Exposure, Fetch
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.pinhole import Window
-from msrr_scenes.placement import draw_placement
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.placement.placement import draw_placement
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.scene import Scene
 
 Load = Callable[..., Scene]
 

@@ -13,16 +13,16 @@ from typing import Any
 
 import pytest
 
-from msrr_bullet.provenance import code_fingerprint
-from msrr_bullet.result import Contact, Seating, TrialResult
-from msrr_bullet.sweep import one_trial, sweep
-from msrr_bullet.sweep_summary import TrialFailure
-from msrr_bullet.trial_store import StoreError, TrialStore
+from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_bullet.sweep.summary import TrialFailure
+from msrr_bullet.sweep.sweep import one_trial, sweep
+from msrr_bullet.sweep.trial_store import StoreError, TrialStore
+from msrr_bullet.trial.result import Contact, Seating, TrialResult
 from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.scene import Scene
+from msrr_scenes.specs.scene import Scene
 
 SCENE = load_scene("close_range")
 
@@ -118,7 +118,7 @@ def test_another_scene_or_other_code_is_not_taken_from_the_store(
     other = load_scene("close_range", {"cameras.onboard.noise_grey": "9"})
     assert sweep(other, range(3), store=store, executor=Inline(), trial=made_up).reused == 0
     assert sweep(SCENE, range(3), store=store, executor=Inline(), trial=made_up).reused == 3
-    monkeypatch.setattr("msrr_bullet.sweep.code_fingerprint", lambda scene: "edited")
+    monkeypatch.setattr("msrr_bullet.sweep.sweep.code_fingerprint", lambda scene: "edited")
     assert sweep(SCENE, range(3), store=store, executor=Inline(), trial=made_up).reused == 0
 
 

@@ -14,7 +14,7 @@ import pytest
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.renderer import RenderContext
 from msrr_bullet.render.tiny import TinyRenderer
-from msrr_bullet.tag_assets import (
+from msrr_bullet.simulation.tag_plates import (
     PLATE_RATIO,
     apply_textures,
     build_unit_urdf,
@@ -23,12 +23,12 @@ from msrr_bullet.tag_assets import (
     tag_bitmap,
     write_plate,
 )
-from msrr_perception.detector import PupilDetector
+from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.errors import GeometryError
-from msrr_scenes.pinhole import PinholeCamera, Window
-from msrr_scenes.scene import Scene
-from msrr_scenes.se3 import SE3
-from msrr_scenes.unit_geometry import obj_vertices, tag_corners
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import obj_vertices, tag_corners
+from msrr_scenes.specs.scene import Scene
 
 #: First codes of tag36h11 as AprilTag 2 lists them: 36 bits, row by row from the top left, 1 is white.
 KNOWN_CODES = {0: 0xD5D628584, 1: 0xD97F18B49, 2: 0xDD280910E, 3: 0xE479E9C98, 4: 0xEBCBCA822}

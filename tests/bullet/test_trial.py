@@ -15,13 +15,13 @@ import pytest
 from msrr_bullet.log import CameraWindow, Log, MemoryRecorder, StartPoses, StepStart, read_log
 from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_of
-from msrr_bullet.progress import Progress
-from msrr_bullet.result import TrialResult
 from msrr_bullet.run import RunFolderError, run_trial
-from msrr_bullet.trial import Trial
+from msrr_bullet.trial.progress import Progress
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.trial import Trial
 from msrr_scenes.messages import Phase, WheelOdometry
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.scene import Scene
+from msrr_scenes.specs.scene import Scene
 
 SEED = 7
 Load = Callable[..., Scene]

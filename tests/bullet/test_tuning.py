@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 import yaml
 
-from msrr_bullet.cli import run
-from msrr_bullet.reproduce.settings import Setting
-from msrr_bullet.tuned_scenes import tuned_choice, tuned_scene
-from msrr_bullet.tuning import Objective, Tuned, tune
-from msrr_bullet.tuning_knobs import KNOBS, params_of, shipped_values
-from msrr_control.controller import CONTROLLERS
-from msrr_scenes.assets import shipped_scenes
+from msrr_bullet.cli.app import run
+from msrr_bullet.studies.search_space import KNOBS, params_of, shipped_values
+from msrr_bullet.studies.settings import Setting
+from msrr_bullet.studies.tuned_scenes import tuned_choice, tuned_scene
+from msrr_bullet.studies.tuning import Objective, Tuned, tune
+from msrr_control.docking.controller import CONTROLLERS
 from msrr_scenes.errors import UnknownNameError
-from msrr_scenes.load import load_scene
-from msrr_scenes.spec import Choice
+from msrr_scenes.geometry.assets import shipped_scenes
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.specs.spec import Choice
 
 EVERY = [(part, name) for part, names in KNOBS.items() for name in names]
 
@@ -63,8 +63,8 @@ def test_a_law_that_runs_away_costs_more() -> None:
 
 
 def test_tuning_keeps_to_its_budget_repeats_itself_and_helps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("msrr_bullet.tuning.SETTINGS", (Setting("ideal", ""),))
-    monkeypatch.setattr("msrr_bullet.tuning.POPULATION", 5)
+    monkeypatch.setattr("msrr_bullet.studies.tuning.SETTINGS", (Setting("ideal", ""),))
+    monkeypatch.setattr("msrr_bullet.studies.tuning.POPULATION", 5)
     told: list[tuple[int, float]] = []
     found = tune("linear", budget=10, trials=4, observer=lambda n, cost: told.append((n, cost)))
     again = tune("linear", budget=10, trials=4)
@@ -94,7 +94,7 @@ def test_the_command_writes_a_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPa
             seeds=(0, 40),
         )
 
-    monkeypatch.setattr("msrr_bullet.tuning.tune", quick)
+    monkeypatch.setattr("msrr_bullet.studies.tuning.tune", quick)
     monkeypatch.chdir(tmp_path)
     assert run(["tune", "linear", "--jobs", "1", "--budget", "64"]) == 0
     scene = load_scene(tmp_path / "tuned_linear.yaml")

@@ -25,16 +25,17 @@ import tornado.websocket
 import umsgpack
 
 from msrr_bullet.log import read_log
-from msrr_bullet.log.story import snapshots
-from msrr_bullet.viewer import live, page, palette
+from msrr_bullet.timeline import palette
+from msrr_bullet.timeline.log_snapshots import snapshots
+from msrr_bullet.viewer import live, page
 from msrr_bullet.viewer.live import LiveViewer, ViewerError
 from msrr_bullet.viewer.replay_page import write_replay
 from msrr_bullet.viewer.shapes import strip
-from msrr_perception.detector import PupilDetector
+from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.load import load_scene
-from msrr_scenes.pinhole import Window
-from msrr_scenes.se2 import SE2
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.loading.load import load_scene
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_chromium = pytest.mark.skipif(
@@ -343,7 +344,7 @@ def test_a_server_that_dies_is_an_error(drive):
 OWNER = """
 import os, sys, time
 from msrr_bullet.viewer.live import LiveViewer
-from msrr_scenes.load import load_scene
+from msrr_scenes.loading.load import load_scene
 how = sys.argv[1]
 viewer = LiveViewer(load_scene("close_range"), port=0)
 child = 0

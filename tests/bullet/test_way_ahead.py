@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from msrr_bullet.clearance import ClearanceModel
-from msrr_bullet.guard import ClearanceGuard, GuardState
-from msrr_bullet.way_ahead import Surroundings
+from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.robot.collision_monitor import ClearanceGuard, GuardState
+from msrr_bullet.robot.stopping_trajectory import Surroundings
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, ObstacleEstimate, Situation, Twist
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.specs.scene import Scene
 
 POST = {"shape": "cylinder", "radius_m": 0.06, "height_m": 0.2, "tag_id": 500}
 NOTHING = np.zeros((3, 3))

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from msrr_control.controller import build_controller
-from msrr_control.drive_limits import nested_limit
-from msrr_control.law import DockSetup
-from msrr_control.phases import PhaseMachine
-from msrr_control.senses import Senses
-from msrr_scenes.los_geometry import LosSpec
+from msrr_control.docking.controller import build_controller
+from msrr_control.docking.law import DockSetup
+from msrr_control.kinematics.drive_limits import nested_limit
+from msrr_control.sequence.observation import Senses
+from msrr_control.sequence.state_machine import PhaseMachine
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
     LockFeedback,
@@ -29,10 +29,10 @@ from msrr_scenes.messages import (
     SeatSwitches,
     Twist,
 )
-from msrr_scenes.plan import DockingSpec
-from msrr_scenes.se2 import SE2
-from msrr_scenes.spec import Choice
-from msrr_scenes.vehicle import LimitsSpec
+from msrr_scenes.specs.los_geometry import LosSpec
+from msrr_scenes.specs.plan import DockingSpec
+from msrr_scenes.specs.spec import Choice
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 DT_NS = 20_000_000
 SEATED_GAP = 0.0013

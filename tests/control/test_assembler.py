@@ -8,18 +8,19 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from msrr_control import metrics
-from msrr_control.assembler import ASSEMBLERS, build_assembler
-from msrr_control.assembly_checks import check_assembly
-from msrr_control.assembly_setup import AssemblySetup
-from msrr_control.assembly_stages import LongRangeAssembler, Stage
-from msrr_control.assembly_tuning import AssemblyParams
-from msrr_control.controller import build_controller
-from msrr_control.phases import PhaseMachine
-from msrr_control.senses import GiveUp, Senses
-from msrr_control.unicycle import drive, roll
+from msrr_control.docking.controller import build_controller
+from msrr_control.kinematics.unicycle import drive, roll
+from msrr_control.sequence.observation import GiveUp, Senses
+from msrr_control.sequence.state_machine import PhaseMachine
+from msrr_control.staging.feasibility import check_assembly
+from msrr_control.staging.parameters import AssemblyParams
+from msrr_control.staging.registry import ASSEMBLERS, build_assembler
+from msrr_control.staging.setup import AssemblySetup
+from msrr_control.staging.state_machine import LongRangeAssembler, Stage
+from msrr_control.studies import metrics
 from msrr_scenes.errors import SceneError, UnknownNameError
-from msrr_scenes.load import load_scene
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import (
     AssemblyProgress,
     GlobalPose,
@@ -29,11 +30,10 @@ from msrr_scenes.messages import (
     Situation,
     Twist,
 )
-from msrr_scenes.plan import DockingSpec
-from msrr_scenes.scene import ArenaSpec
-from msrr_scenes.se2 import SE2
-from msrr_scenes.spec import Choice
-from msrr_scenes.vehicle import LimitsSpec
+from msrr_scenes.specs.plan import DockingSpec
+from msrr_scenes.specs.scene import ArenaSpec
+from msrr_scenes.specs.spec import Choice
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 DT_NS = 20_000_000
 CERTAIN = 1e-6 * np.eye(3)

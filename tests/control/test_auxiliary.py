@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from msrr_control.auxiliary import AuxiliaryGains, auxiliary_step
+from msrr_control.feedback.auxiliary import AuxiliaryGains, auxiliary_step
 
 GAINS = AuxiliaryGains(k_mps=0.05, gamma_m=0.10)
 ANY = st.floats(-1e6, 1e6)

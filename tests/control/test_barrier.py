@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from msrr_control.barrier import BarrierLaw, BarrierParams
-from msrr_control.close_range import CloseRangeLaw, CloseRangeParams
-from msrr_control.law import DockSetup, Sensed
-from msrr_control.line_of_sight import edge_angles
-from msrr_control.study import StartSet, run_study
+from msrr_control.docking.barrier import BarrierLaw, BarrierParams
+from msrr_control.docking.c1 import CloseRangeLaw, CloseRangeParams
+from msrr_control.docking.law import DockSetup, Sensed
+from msrr_control.feedback.visibility_cone import edge_angles
+from msrr_control.studies.docking_study import StartSet, run_study
 from msrr_scenes.errors import SceneError
-from msrr_scenes.spec import Spread
+from msrr_scenes.specs.spec import Spread
 
 WILD = StartSet(spread=Spread(x_m=0.05, y_m=0.25, yaw_deg=30.0))
 

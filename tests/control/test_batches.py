@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from msrr_control.long_guidance import (
+from msrr_control.path_following.path import Desired
+from msrr_control.path_following.reference import (
     LongGuidanceGains,
     LongGuidanceState,
     SideWall,
     long_guidance_step,
 )
-from msrr_control.path import Desired
 
 
 def test_a_wall_before_one_trial_is_nothing_to_the_others() -> None:

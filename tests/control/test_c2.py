@@ -6,26 +6,31 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from msrr_control.assembler import build_assembler
-from msrr_control.assembly_setup import AssemblySetup
-from msrr_control.close_range import CloseRangeLaw, CloseRangeParams
-from msrr_control.comparison_close import ComparisonCloseLaw, ComparisonCloseParams
-from msrr_control.comparison_long import ComparisonLongLaw, ComparisonLongParams, RepulsionGains, repulsion
-from msrr_control.composite import CompositeGains
-from msrr_control.guidance import GuidanceSpec
-from msrr_control.law import DockSetup, Sensed
-from msrr_control.long_guidance import SideWall
-from msrr_control.long_range import LongRangeLaw, LongRangeParams
-from msrr_control.long_study import run_long_study
-from msrr_control.long_tracking import Obstacles
-from msrr_control.path import PaceSpec, Path
-from msrr_control.sliding import SlidingGains, sliding_feedback
-from msrr_control.study import Disturbance, run_study
-from msrr_control.unicycle import slipped
+from msrr_control.docking.c1 import CloseRangeLaw, CloseRangeParams
+from msrr_control.docking.c2 import ComparisonCloseLaw, ComparisonCloseParams
+from msrr_control.docking.guidance import GuidanceSpec
+from msrr_control.docking.law import DockSetup, Sensed
+from msrr_control.feedback.composite import CompositeGains
+from msrr_control.feedback.sliding import SlidingGains, sliding_feedback
+from msrr_control.kinematics.unicycle import slipped
+from msrr_control.path_following.baseline import (
+    ComparisonLongLaw,
+    ComparisonLongParams,
+    RepulsionGains,
+    repulsion,
+)
+from msrr_control.path_following.c1 import LongRangeLaw, LongRangeParams
+from msrr_control.path_following.path import PaceSpec, Path
+from msrr_control.path_following.reference import SideWall
+from msrr_control.path_following.tracking import Obstacles
+from msrr_control.staging.registry import build_assembler
+from msrr_control.staging.setup import AssemblySetup
+from msrr_control.studies.docking_study import Disturbance, run_study
+from msrr_control.studies.path_following_study import run_long_study
 from msrr_scenes.errors import SceneError
-from msrr_scenes.load import load_scene
-from msrr_scenes.spec import Choice
-from msrr_scenes.vehicle import LimitsSpec
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.specs.spec import Choice
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 NORMAL = LimitsSpec.model_validate({})
 PAPER = GuidanceSpec(contact_mps=0.11, overrun_m=0.08, lag_m=10.0, corridor_m=10.0)

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from msrr_control.close_range import CloseRangeLaw, CloseRangeParams, LinearParams
-from msrr_control.law import DockSetup, Sensed
+from msrr_control.docking.c1 import CloseRangeLaw, CloseRangeParams, LinearParams
+from msrr_control.docking.law import DockSetup, Sensed
 from msrr_scenes.errors import SceneError
-from msrr_scenes.los_geometry import LosSpec
-from msrr_scenes.vehicle import LimitsSpec
+from msrr_scenes.specs.los_geometry import LosSpec
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 FACTS = DockSetup(0.1, 0.0, 0.018, LosSpec(), LimitsSpec.model_validate({}), 50.0)
 LAW = CloseRangeLaw(CloseRangeParams(), FACTS)

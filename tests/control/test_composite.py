@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msrr_control.composite import CompositeGains, composite_feedback
+from msrr_control.feedback.composite import CompositeGains, composite_feedback
 
 GAINS = st.builds(
     CompositeGains,

@@ -9,10 +9,17 @@ import time
 import numpy as np
 import pytest
 
-from msrr_control.close_range import CloseRangeLaw, CloseRangeParams
-from msrr_control.guidance import GuidanceSpec
-from msrr_control.law import DockSetup
-from msrr_control.study import CLOSE, CLOSE_HARD, Disturbance, StudyResult, draw_starts, run_study
+from msrr_control.docking.c1 import CloseRangeLaw, CloseRangeParams
+from msrr_control.docking.guidance import GuidanceSpec
+from msrr_control.docking.law import DockSetup
+from msrr_control.studies.docking_study import (
+    CLOSE,
+    CLOSE_HARD,
+    Disturbance,
+    StudyResult,
+    draw_starts,
+    run_study,
+)
 
 #: The trajectory of the paper: no slowing down before contact, its end beyond it.
 STEADY = CloseRangeParams(guidance=GuidanceSpec(contact_mps=0.11, overrun_m=0.08))

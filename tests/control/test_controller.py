@@ -4,12 +4,12 @@ import time
 import numpy as np
 import pytest
 
-from msrr_control.controller import CONTROLLERS, ControlInputs, build_controller, sense
-from msrr_control.law import DockSetup
+from msrr_control.docking.controller import CONTROLLERS, ControlInputs, build_controller, sense
+from msrr_control.docking.law import DockSetup
 from msrr_scenes.errors import SceneError, UnknownNameError
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, Twist
-from msrr_scenes.se2 import SE2
-from msrr_scenes.spec import Choice
+from msrr_scenes.specs.spec import Choice
 
 
 def _inputs(x=-0.8, y=0.05, yaw=0.2, status=LosStatus.SEEN, now_ns=0) -> ControlInputs:

@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msrr_control.barrier import BarrierLaw, BarrierParams
-from msrr_control.close_range import CloseRangeLaw, CloseRangeParams, LinearParams
-from msrr_control.comparison_close import ComparisonCloseLaw, ComparisonCloseParams
-from msrr_control.graceful import GracefulLaw, GracefulParams
-from msrr_control.law import DockingLaw, DockSetup, Sensed
-from msrr_control.study import CLOSE, Disturbance, run_study
-from msrr_scenes.los_geometry import LosSpec
-from msrr_scenes.vehicle import LimitsSpec
+from msrr_control.docking.barrier import BarrierLaw, BarrierParams
+from msrr_control.docking.c1 import CloseRangeLaw, CloseRangeParams, LinearParams
+from msrr_control.docking.c2 import ComparisonCloseLaw, ComparisonCloseParams
+from msrr_control.docking.graceful import GracefulLaw, GracefulParams
+from msrr_control.docking.law import DockingLaw, DockSetup, Sensed
+from msrr_control.studies.docking_study import CLOSE, Disturbance, run_study
+from msrr_scenes.specs.los_geometry import LosSpec
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 FACTS = DockSetup(0.1, 0.02, 0.018, LosSpec(), LimitsSpec.model_validate({}), 50.0)
 LAWS = {

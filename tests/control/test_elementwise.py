@@ -7,16 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from msrr_control import elementwise
-from msrr_control.controller import CONTROLLERS, LawController
-from msrr_control.elementwise import at_least, at_most, join, limit, number, split, where
-from msrr_control.law import DockSetup, Sensed
-from msrr_control.long_guidance import SideWall
-from msrr_control.long_range import LongRangeLaw, LongRangeParams
-from msrr_control.long_tracking import Obstacles
-from msrr_control.offset_point import offset_point, point_velocity, rotate, twist_for
-from msrr_control.path import Path
-from msrr_scenes.vehicle import LimitsSpec
+from msrr_control.docking.controller import CONTROLLERS, LawController
+from msrr_control.docking.law import DockSetup, Sensed
+from msrr_control.kinematics import elementwise
+from msrr_control.kinematics.elementwise import at_least, at_most, join, limit, number, split, where
+from msrr_control.kinematics.offset_point import offset_point, point_velocity, rotate, twist_for
+from msrr_control.path_following.c1 import LongRangeLaw, LongRangeParams
+from msrr_control.path_following.path import Path
+from msrr_control.path_following.reference import SideWall
+from msrr_control.path_following.tracking import Obstacles
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 TRIALS = 40
 DT = 0.02

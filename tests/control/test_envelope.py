@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msrr_control.envelope import (
+from msrr_control.feedback.envelope import (
     EnvelopeGains,
     braking_speed,
     envelope,

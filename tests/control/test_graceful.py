@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from msrr_control.graceful import GracefulLaw, GracefulParams
-from msrr_control.law import DockSetup
+from msrr_control.docking.graceful import GracefulLaw, GracefulParams
+from msrr_control.docking.law import DockSetup
 
 
 def test_on_the_axis_it_goes_straight(facts: DockSetup) -> None:

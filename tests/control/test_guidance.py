@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from msrr_control.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
+from msrr_control.docking.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
 
 SPEC = GuidanceSpec()
 REACH, DT = 0.018, 0.02

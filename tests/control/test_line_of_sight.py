@@ -3,8 +3,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msrr_control.line_of_sight import ConeGains, ConeState, cone_force, cone_step, edge_angles, edge_force
-from msrr_scenes.los_geometry import LosSpec
+from msrr_control.feedback.visibility_cone import (
+    ConeGains,
+    ConeState,
+    cone_force,
+    cone_step,
+    edge_angles,
+    edge_force,
+)
+from msrr_scenes.specs.los_geometry import LosSpec
 
 LOS = LosSpec()
 ANGLES = st.floats(-3.1, 3.1)

@@ -8,22 +8,22 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msrr_control.auxiliary import AuxiliaryGains
-from msrr_control.long_guidance import (
+from msrr_control.feedback.auxiliary import AuxiliaryGains
+from msrr_control.path_following.path import Desired
+from msrr_control.path_following.reference import (
     LongGuidanceGains,
     LongGuidanceState,
     SideWall,
     long_guidance_step,
 )
-from msrr_control.long_tracking import (
+from msrr_control.path_following.tracking import (
     LongTrackingGains,
     LongTrackingState,
     Obstacles,
     SpringGains,
     long_tracking_step,
 )
-from msrr_control.path import Desired
-from msrr_scenes.vehicle import LimitsSpec
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 LIMITS = LimitsSpec()
 NOWHERE = SideWall(np.array(False), np.zeros(2), np.array(0.0))

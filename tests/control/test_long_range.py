@@ -7,15 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msrr_control.auxiliary import AuxiliaryGains
-from msrr_control.long_guidance import (
+from msrr_control.feedback.auxiliary import AuxiliaryGains
+from msrr_control.path_following.c1 import LongRangeLaw, LongRangeParams
+from msrr_control.path_following.path import Desired, Path
+from msrr_control.path_following.reference import (
     LongGuidanceGains,
     SideWall,
     long_guidance_start,
     long_guidance_step,
 )
-from msrr_control.long_range import LongRangeLaw, LongRangeParams
-from msrr_control.long_tracking import (
+from msrr_control.path_following.tracking import (
     LongTrackingGains,
     Obstacles,
     SpringGains,
@@ -23,8 +24,7 @@ from msrr_control.long_tracking import (
     long_tracking_step,
     spring_force,
 )
-from msrr_control.path import Desired, Path
-from msrr_scenes.vehicle import LimitsSpec
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 DT = 0.02
 NORMAL = LimitsSpec.model_validate({})

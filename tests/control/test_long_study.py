@@ -6,11 +6,16 @@ Percentiles at a fixed seed: these tests cannot fail by chance. The bounds are t
 import numpy as np
 import pytest
 
-from msrr_control.comparison_long import ComparisonLongLaw, ComparisonLongParams
-from msrr_control.long_range import LongRangeLaw, LongRangeParams
-from msrr_control.long_study import LongStartSet, LongStudyResult, draw_paths, run_long_study
-from msrr_control.study import Disturbance
-from msrr_scenes.vehicle import LimitsSpec
+from msrr_control.path_following.baseline import ComparisonLongLaw, ComparisonLongParams
+from msrr_control.path_following.c1 import LongRangeLaw, LongRangeParams
+from msrr_control.studies.docking_study import Disturbance
+from msrr_control.studies.path_following_study import (
+    LongStartSet,
+    LongStudyResult,
+    draw_paths,
+    run_long_study,
+)
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 NORMAL = LimitsSpec.model_validate({})
 TIGHT = LimitsSpec.model_validate({"setting": "tight"})

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from msrr_control import metrics
-from msrr_control.path import Path
+from msrr_control.path_following.path import Path
+from msrr_control.studies import metrics
 
 T = np.arange(0.0, 12.0, 0.02)
 

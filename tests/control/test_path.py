@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msrr_control.path import Pace, PaceSpec, Path, pace_step
+from msrr_control.path_following.path import Pace, PaceSpec, Path, pace_step
 
 SHAPES = st.lists(st.tuples(st.floats(-3.0, 3.0), st.floats(0.05, 1.0)), min_size=1, max_size=4)
 

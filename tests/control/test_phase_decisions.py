@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from msrr_control.controller import build_controller
-from msrr_control.law import DockSetup
-from msrr_control.phase_tuning import PhaseTuning
-from msrr_control.phases import PhaseMachine
-from msrr_control.senses import Senses
+from msrr_control.docking.controller import build_controller
+from msrr_control.docking.law import DockSetup
+from msrr_control.sequence.observation import Senses
+from msrr_control.sequence.state_machine import PhaseMachine
+from msrr_control.sequence.tuning import PhaseTuning
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
     LockFeedback,
@@ -26,9 +27,8 @@ from msrr_scenes.messages import (
     Setback,
     Twist,
 )
-from msrr_scenes.plan import DockingSpec, VerifySpec
-from msrr_scenes.se2 import SE2
-from msrr_scenes.spec import Choice
+from msrr_scenes.specs.plan import DockingSpec, VerifySpec
+from msrr_scenes.specs.spec import Choice
 
 DT_NS = 20_000_000
 SURE = np.diag([1e-6, 1e-6, 1e-6])

@@ -5,15 +5,15 @@ import time
 import numpy as np
 import pytest
 
-from msrr_control.controller import build_controller
-from msrr_control.law import DockSetup
-from msrr_control.phases import PhaseMachine
-from msrr_control.senses import Senses
+from msrr_control.docking.controller import build_controller
+from msrr_control.docking.law import DockSetup
+from msrr_control.sequence.observation import Senses
+from msrr_control.sequence.state_machine import PhaseMachine
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Conviction, LosStatus, Phase, SeatSwitches, Setback, Twist
-from msrr_scenes.plan import DockingSpec, VerifySpec
-from msrr_scenes.se2 import SE2
-from msrr_scenes.spec import Choice
+from msrr_scenes.specs.plan import DockingSpec, VerifySpec
+from msrr_scenes.specs.spec import Choice
 
 STRAIGHT = [Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.DONE]
 BLIND_TRUST = DockingSpec(verify=VerifySpec(by_sight=False))

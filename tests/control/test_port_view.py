@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msrr_control.law import DockSetup
-from msrr_control.port_view import PortView
-from msrr_scenes.los_geometry import LosSpec
+from msrr_control.docking.law import DockSetup
+from msrr_control.sequence.port_view import PortView
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate
-from msrr_scenes.se2 import SE2
-from msrr_scenes.vehicle import LimitsSpec
+from msrr_scenes.specs.los_geometry import LosSpec
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 FACTS = DockSetup(
     offset=0.1, camera_offset=0.02, pin_reach=0.018, los=LosSpec(), limits=LimitsSpec(), rate_hz=50.0

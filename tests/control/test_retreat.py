@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from msrr_control.law import DockSetup
-from msrr_control.offset_point import offset_point, twist_for
-from msrr_control.retreat import RetreatSpec, retreat_twist
+from msrr_control.docking.law import DockSetup
+from msrr_control.docking.retreat import RetreatSpec, retreat_twist
+from msrr_control.kinematics.offset_point import offset_point, twist_for
 
 SPEC = RetreatSpec()
 

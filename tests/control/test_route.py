@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from msrr_control.ground import Disc, Ground
-from msrr_control.path import PaceSpec
-from msrr_control.route import Route, RouteSpec, Surroundings
-from msrr_control.route_planner import RoutePlanner
-from msrr_control.tangents import Goal, shortest_way
-from msrr_control.walls import WallSpec
+from msrr_control.path_following.path import PaceSpec
+from msrr_control.path_following.walls import WallSpec
+from msrr_control.planning.free_space import Disc, Ground
+from msrr_control.planning.route import Route, RouteSpec, Surroundings
+from msrr_control.planning.route_planner import RoutePlanner
+from msrr_control.planning.tangents import Goal, shortest_way
+from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ObstacleEstimate
-from msrr_scenes.se2 import SE2, wrap_angle
 
 PLANNER = RoutePlanner(RouteSpec(), WallSpec(), PaceSpec(), (-2.0, 2.0, -1.5, 1.5), 0.1, 0.1)
 TARGET = SE2(1.2, 0.0, 0.0)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from msrr_control.search import SearchSpec, scan_angle, turn_rate
+from msrr_control.sequence.search import SearchSpec, scan_angle, turn_rate
 
 SPEC = SearchSpec()
 

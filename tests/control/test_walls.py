@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from msrr_control.path import Path
-from msrr_control.walls import PassageError, WallSpec, encounter, side_wall
+from msrr_control.path_following.path import Path
+from msrr_control.path_following.walls import PassageError, WallSpec, encounter, side_wall
 from msrr_scenes.errors import MsrrError
 
 SPEC = WallSpec()

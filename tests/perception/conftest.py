@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 import pytest
 
-from msrr_perception.tag_camera import pose_vector, project
-from msrr_perception.target import TargetModel
+from msrr_perception.pose.tag_camera import pose_vector, project
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, Pixels, TagDetection, WheelOdometry
-from msrr_scenes.pinhole import Window
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.specs.scene import Scene
 
 SUPERSAMPLING = 8
 BLUR_PX = 0.4

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_perception.body_filter import StandingBody, StandingNoise
+from msrr_perception.estimation.body_filter import StandingBody, StandingNoise
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose
-from msrr_scenes.se2 import SE2
 
 NOISE = StandingNoise()
 S = 1_000_000_000

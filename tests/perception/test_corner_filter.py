@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_perception.estimator import ESTIMATORS, Estimator
-from msrr_perception.filter import CornerEkf
-from msrr_perception.target import TargetModel
+from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.estimation.estimator import ESTIMATORS, Estimator
+from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, PoseEstimate, PoseMeasurement, TagDetection
 from msrr_scenes.registry import build
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
-from msrr_scenes.spec import Choice
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import Choice
 
 MakeDrive = Callable[..., Any]
 MS = 1_000_000

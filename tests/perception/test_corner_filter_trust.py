@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_perception.filter import CornerEkf
-from msrr_perception.tag_camera import pose_vector
-from msrr_perception.target import TargetModel
+from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.pose.tag_camera import pose_vector
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, PoseMeasurement, TagDetection
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.specs.scene import Scene
 
 X_DU = SE2(-0.6, 0.05, 0.1)
 SIGMA_PX = 0.3

@@ -7,16 +7,22 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from msrr_perception import native_apriltag
-from msrr_perception.detector import DETECTORS, LARGE_TAG_PX, DetectorError, PupilDetector, for_large_tags
-from msrr_perception.native_apriltag import NativeSettings
-from msrr_perception.tag_camera import pose_vector, project
-from msrr_perception.target import TargetModel
+from msrr_perception.detection import native_apriltag
+from msrr_perception.detection.detector import (
+    DETECTORS,
+    LARGE_TAG_PX,
+    DetectorError,
+    PupilDetector,
+    for_large_tags,
+)
+from msrr_perception.detection.native_apriltag import NativeSettings
+from msrr_perception.pose.tag_camera import pose_vector, project
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Pixels, TagDetection
-from msrr_scenes.pinhole import Window
 from msrr_scenes.registry import build, resolve
-from msrr_scenes.se2 import SE2
-from msrr_scenes.spec import Choice
+from msrr_scenes.specs.spec import Choice
 
 Draw = Callable[[SE2, Window], Pixels]
 Plate = Callable[[int], Pixels]
@@ -168,7 +174,7 @@ class Blind:
 def test_a_detector_is_named_in_the_scene() -> None:
     detector = build("detector", Choice(name="pupil", params={"quad_decimate": 2.0}), DETECTORS)
     assert isinstance(detector, PupilDetector)
-    assert resolve("detector", "msrr_perception.detector:PupilDetector", DETECTORS) is PupilDetector
+    assert resolve("detector", "msrr_perception.detection.detector:PupilDetector", DETECTORS) is PupilDetector
 
 
 def test_a_second_thread_is_safe_when_it_takes_turns(draw: Draw) -> None:

@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from msrr_perception.detector import PupilDetector
-from msrr_perception.edge_refinement import refine_corners
+from msrr_perception.detection.detector import PupilDetector
+from msrr_perception.detection.edge_refinement import refine_corners
+from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels
-from msrr_scenes.pinhole import Window
 
 Plate = Callable[[int], Pixels]
 Warp = Callable[..., Pixels]

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_perception.global_estimator import X_DU, GlobalEstimator, relative_pose
-from msrr_perception.overhead_model import OverheadModel
+from msrr_perception.estimation.global_estimator import X_DU, GlobalEstimator, relative_pose
+from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Detections,
     Exposure,
@@ -25,8 +26,7 @@ from msrr_scenes.messages import (
     TagDetection,
     WheelOdometry,
 )
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.specs.scene import Scene
 
 TICK_NS = 10_000_000  # encoders at 100 Hz
 FRAME_TICKS = 10

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_perception.detector import PupilDetector
-from msrr_perception.global_pose import GlobalLocalizer, fit_se2, flat_tags, overhead_pose, rays_to_plane
+from msrr_perception.detection.detector import PupilDetector
+from msrr_perception.pose.global_pose import GlobalLocalizer, fit_se2, flat_tags, overhead_pose, rays_to_plane
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Detections, Exposure, Pixels, TagDetection
-from msrr_scenes.pinhole import PinholeCamera, Window
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
-from msrr_scenes.se3 import SE3
+from msrr_scenes.specs.scene import Scene
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_perception.joint_pose import CornerNoise, consistent_pose, joint_pose, one_tag_poses
-from msrr_perception.tag_camera import pose_vector, project_with_jacobian
-from msrr_perception.target import TargetModel
+from msrr_perception.pose.joint_pose import CornerNoise, consistent_pose, joint_pose, one_tag_poses
+from msrr_perception.pose.tag_camera import pose_vector, project_with_jacobian
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import TagDetection
-from msrr_scenes.se2 import SE2
 
 See = Callable[..., tuple[TagDetection, ...]]
 NOISE = CornerNoise(corner_sigma_px=0.3, tilt_sigma=math.radians(0.3))

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_perception.corner_fit import Corners, fit_corners
 from msrr_perception.kernels import compiled, warm
 from msrr_perception.kernels.compiled import KernelCompiler
 from msrr_perception.kernels.fit import gate_distances
 from msrr_perception.kernels.project import expect
-from msrr_perception.tag_camera import project, project_with_jacobian
-from msrr_perception.target import TargetModel
-from msrr_scenes.se2 import SE2
+from msrr_perception.pose.corner_fit import Corners, fit_corners
+from msrr_perception.pose.tag_camera import project, project_with_jacobian
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.se2 import SE2
 
 FolderOf = Callable[..., Path]
 SOURCES = Path(compiled.__file__).parent

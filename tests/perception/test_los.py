@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_perception.filter import CornerEkf
-from msrr_perception.los import LosEstimator, edge_bearings, measured_bearings
-from msrr_perception.tag_camera import pose_vector
-from msrr_perception.target import TargetModel
+from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.estimation.los import LosEstimator, edge_bearings, measured_bearings
+from msrr_perception.pose.tag_camera import pose_vector
+from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, LosStatus, PoseMeasurement, TagDetection
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.specs.scene import Scene
 
 See = Callable[..., tuple[TagDetection, ...]]
 MakeDrive = Callable[..., Any]

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_perception.motion import DEFAULT_NOISE, STATE_SIZE, DriveMotion, FilterState, MotionNoise
-from msrr_perception.target import TargetModel
-from msrr_perception.wheel_history import WheelHistory
+from msrr_perception.estimation.motion import DEFAULT_NOISE, STATE_SIZE, DriveMotion, FilterState, MotionNoise
+from msrr_perception.estimation.wheel_history import WheelHistory
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import WheelOdometry
-from msrr_scenes.se2 import SE2
-from msrr_scenes.sensors import OdometrySpec
+from msrr_scenes.specs.sensors import OdometrySpec
 
 TICK_NS = 10_000_000
 SILENT = MotionNoise(slip=0.0, sideways=0.0, contact=0.0, guidance=0.0, drift=0.0, turn_drift=0.0)

@@ -10,22 +10,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.camera import Camera
 from msrr_bullet.render.renderer import RenderContext, build_renderer
-from msrr_bullet.streams import stream
-from msrr_bullet.tag_dressing import TagDressing
-from msrr_bullet.world import BulletWorld
-from msrr_perception.detector import PupilDetector
-from msrr_perception.joint_pose import joint_pose
-from msrr_perception.los import edge_bearings, measured_bearings
-from msrr_perception.tag_camera import pose_vector, project
-from msrr_perception.target import TargetModel
-from msrr_perception.vision import OnboardVision
-from msrr_scenes.load import load_scene
+from msrr_bullet.sensors.camera import Camera
+from msrr_bullet.simulation.tagged_bodies import TagDressing
+from msrr_bullet.simulation.world import BulletWorld
+from msrr_perception.detection.detector import PupilDetector
+from msrr_perception.detection.onboard_vision import OnboardVision
+from msrr_perception.estimation.los import edge_bearings, measured_bearings
+from msrr_perception.pose.joint_pose import joint_pose
+from msrr_perception.pose.tag_camera import pose_vector, project
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.pinhole import optical_pose
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Detections, PoseEstimate
-from msrr_scenes.pinhole import optical_pose
-from msrr_scenes.placement import draw_placement
-from msrr_scenes.se2 import SE2
+from msrr_scenes.placement.placement import draw_placement
+from msrr_scenes.random_streams import stream
 
 
 @dataclass

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_bullet.tag_dressing import obstacle_tag_pose
-from msrr_perception.overhead_model import OverheadModel
-from msrr_perception.overhead_vision import search_windows
+from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
+from msrr_perception.detection.overhead_vision import search_windows
+from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.errors import SceneError
-from msrr_scenes.scene import Scene
-from msrr_scenes.unit_geometry import tag_corners
+from msrr_scenes.geometry.unit_geometry import tag_corners
+from msrr_scenes.specs.scene import Scene
 
 
 def arena(**changes: Any) -> Scene:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from msrr_perception.sensor_model import SensorModel
-from msrr_scenes.pinhole import Window
+from msrr_bullet.sensors.image_noise import SensorModel
+from msrr_scenes.geometry.pinhole import Window
 
 FRAME = Window(0, 0, 640, 480)
 

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_perception.tag_camera import project, project_with_jacobian
-from msrr_perception.target import TargetModel
-from msrr_scenes.se3 import SE3
+from msrr_perception.pose.tag_camera import project, project_with_jacobian
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.se3 import SE3
 
 
 def _poses(n: int) -> np.ndarray:

@@ -3,12 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from msrr_perception.target import TargetModel
+from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
-from msrr_scenes.los_geometry import LosSpec
-from msrr_scenes.plan import DockStep
-from msrr_scenes.scene import Scene
-from msrr_scenes.se3 import SE3
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.specs.los_geometry import LosSpec
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
 
 
 def test_the_map_holds_every_tag_of_the_unit_in_the_dock_frame(scene: Scene, target: TargetModel) -> None:

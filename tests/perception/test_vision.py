@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from msrr_perception.detector import PupilDetector
-from msrr_perception.target import TargetModel
-from msrr_perception.vision import OnboardVision
+from msrr_perception.detection.detector import PupilDetector
+from msrr_perception.detection.onboard_vision import OnboardVision
+from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, PoseEstimate, TagDetection
-from msrr_scenes.pinhole import Window
-from msrr_scenes.se2 import SE2
 
 Draw = Callable[[SE2, Window], Pixels]
 TRUE = SE2(-0.5, 0.02, 0.05)

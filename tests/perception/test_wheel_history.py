@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_perception.wheel_history import WheelAngles, WheelHistory
+from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
 from msrr_scenes.messages import WheelOdometry
 
 MS = 1_000_000

@@ -5,9 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from msrr_perception.tag_camera import pose_vector, project
-from msrr_perception.target import TargetModel
-from msrr_perception.windows import (
+from msrr_perception.detection.windows import (
     DEFAULT_POLICY,
     choose_tags,
     expected_tags,
@@ -15,9 +13,11 @@ from msrr_perception.windows import (
     plan_windows,
     pose_is_known,
 )
+from msrr_perception.pose.tag_camera import pose_vector, project
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import PoseEstimate
-from msrr_scenes.pinhole import Window
-from msrr_scenes.se2 import SE2
 
 
 def _prediction(X: SE2, sigma: tuple[float, float, float] = (0.001, 0.001, 0.002)) -> PoseEstimate:

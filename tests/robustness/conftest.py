@@ -13,16 +13,16 @@ import pytest
 from scipy.stats import binom
 
 from msrr_bullet.render.renderer import RenderContext, build_renderer
-from msrr_bullet.streams import stream
-from msrr_bullet.tag_dressing import TagDressing
-from msrr_bullet.world import BulletWorld
-from msrr_perception.sensor_model import SensorModel
-from msrr_perception.target import TargetModel
-from msrr_scenes.load import load_scene
+from msrr_bullet.sensors.image_noise import SensorModel
+from msrr_bullet.simulation.tagged_bodies import TagDressing
+from msrr_bullet.simulation.world import BulletWorld
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Pixels
-from msrr_scenes.placement import draw_placement
-from msrr_scenes.se2 import SE2
-from msrr_scenes.se3 import SE3
+from msrr_scenes.placement.placement import draw_placement
+from msrr_scenes.random_streams import stream
 
 #: No test of this folder may fail by chance more often than this although what it claims is true.
 MOST_UNLUCKY = 0.01

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from msrr_bullet.log import MemoryRecorder, TruePose
-from msrr_bullet.result import TrialResult
-from msrr_bullet.trial import Trial
-from msrr_perception.target import TargetModel
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.trial import Trial
+from msrr_perception.pose.target import TargetModel
 from msrr_scenes.messages import Detections, Exposure, PoseEstimate
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.scene import Scene
+from msrr_scenes.specs.scene import Scene
 
 CONDITIONS: Mapping[str, Mapping[str, str]] = {
     "noise 8 grey levels": {"cameras.onboard.noise_grey": "8"},

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_perception.detector import PupilDetector
-from msrr_perception.joint_pose import joint_pose
+from msrr_perception.detection.detector import PupilDetector
+from msrr_perception.pose.joint_pose import joint_pose
 
 #: Gaps between the faces [m]: where an approach begins, and where it is decided.
 FAR, NEAR = (0.50, 0.75), (0.10, 0.30)

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from msrr_scenes import load_scene
 from msrr_scenes.errors import SceneError
-from msrr_scenes.placement import draw_placement
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
-from msrr_scenes.spec import PoseSpec, Spread
-from msrr_scenes.start_regions import hull, overlap, spread_over
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.placement.placement import draw_placement
+from msrr_scenes.placement.start_regions import hull, overlap, spread_over
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import PoseSpec, Spread
 
 
 def load(**overrides: str) -> Scene:

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from msrr_scenes import check_scene, load_scene, scene_hash
-from msrr_scenes.assets import shipped_scenes, urdf_folder
 from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
-from msrr_scenes.plan import ControlSpec
+from msrr_scenes.geometry.assets import shipped_scenes, urdf_folder
+from msrr_scenes.specs.plan import ControlSpec
 
 GOOD = """\
 description: two units, one camera each

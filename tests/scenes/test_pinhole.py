@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msrr_scenes.pinhole import R_BODY_OPTICAL, PinholeCamera, Window, optical_pose
-from msrr_scenes.se3 import SE3
+from msrr_scenes.geometry.pinhole import R_BODY_OPTICAL, PinholeCamera, Window, optical_pose
+from msrr_scenes.geometry.se3 import SE3
 
 CAMERA = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
 

@@ -5,18 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from msrr_bullet.streams import stream
 from msrr_scenes import load_scene
 from msrr_scenes.errors import SceneError
-from msrr_scenes.placement import (
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.placement.placement import (
     Placement,
     close_range_steps,
     draw_placement,
     nominal_units,
     target_in_cone,
 )
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.scene import Scene
 
 
 def place(scene: Scene, seed: int) -> Placement:

@@ -7,7 +7,7 @@ import pytest
 
 from msrr_scenes.errors import SceneError, UnknownNameError
 from msrr_scenes.registry import build, resolve
-from msrr_scenes.spec import Choice
+from msrr_scenes.specs.spec import Choice
 
 
 class Thing:

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 import yaml
 
-from msrr_bullet.cli import run
-from msrr_scenes.assets import scene_folder, shipped_scenes
+from msrr_bullet.cli.app import run
+from msrr_scenes.geometry.assets import scene_folder, shipped_scenes
 
 Spot = tuple[Any, Any]  # a container and the key or index of one of its values
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msrr_scenes.se2 import SE2, wrap_angle
+from msrr_scenes.geometry.se2 import SE2, wrap_angle
 
 metres = st.floats(-10.0, 10.0)
 angles = st.floats(-math.pi, math.pi)

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from msrr_scenes.se2 import SE2
-from msrr_scenes.se3 import SE3, rotation_from_rpy
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
 
 metres = st.floats(-10.0, 10.0)
 angles = st.floats(-math.pi, math.pi)

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from msrr_scenes.assets import find_urdf, urdf_folder
-from msrr_scenes.unit_geometry import read_unit
+from msrr_scenes.geometry.assets import find_urdf, urdf_folder
+from msrr_scenes.geometry.unit_geometry import read_unit
 
 
 @pytest.fixture(scope="module")

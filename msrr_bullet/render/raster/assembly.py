@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from msrr_bullet.render.raster.faces import faces_of
+from msrr_bullet.render.raster.kernels.records import CELLS, REGION_BITS, SMOOTH, TEXTURED, Geometry, Textures
 from msrr_bullet.render.raster.look import Look
-from msrr_bullet.render.raster.records import CELLS, REGION_BITS, SMOOTH, TEXTURED, Geometry, Textures
 from msrr_bullet.render.raster.texture import Texture
 from msrr_scenes.errors import GeometryError
 

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 import pybullet
 
+from msrr_bullet.render.raster.kernels.records import Array
 from msrr_bullet.render.raster.look import Look
 from msrr_bullet.render.raster.mesh import Mesh, box, capsule, cylinder, sphere
 from msrr_bullet.render.raster.mesh_file import MeshPart, read_mesh
-from msrr_bullet.render.raster.records import Array
 from msrr_bullet.render.raster.texture import Texture, read_texture
 from msrr_scenes.errors import GeometryError
-from msrr_scenes.se3 import SE3
+from msrr_scenes.geometry.se3 import SE3
 
 #: Weights of red, green and blue in a grey level (ITU-R BT.601), as OpenCV has them.
 _LUMA = np.array([0.299, 0.587, 0.114])

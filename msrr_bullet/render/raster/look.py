@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from msrr_bullet.render.raster.mesh import Mesh
 from msrr_bullet.render.raster.texture import Texture
-from msrr_scenes.se3 import SE3
+from msrr_scenes.geometry.se3 import SE3
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from msrr_bullet.render.raster.assembly import assemble
+from msrr_bullet.render.raster.kernels.pattern import CELL_SAMPLES, SAMPLES, rooks
+from msrr_bullet.render.raster.kernels.pipeline import draw
+from msrr_bullet.render.raster.kernels.records import Array, Ground, Light, View
+from msrr_bullet.render.raster.kernels.workspace import Workspace
 from msrr_bullet.render.raster.look import Look
-from msrr_bullet.render.raster.pattern import CELL_SAMPLES, SAMPLES, rooks
-from msrr_bullet.render.raster.pipeline import draw
-from msrr_bullet.render.raster.records import Array, Ground, Light, View
-from msrr_bullet.render.raster.workspace import Workspace
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
-from msrr_scenes.pinhole import PinholeCamera, Window
-from msrr_scenes.se3 import SE3
 
 #: Nothing nearer is drawn, so that a camera may sit inside a body [m].
 NEAR = 0.01

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from msrr_bullet.render.raster.bodies import Bodies, loaded_bodies
-from msrr_bullet.render.raster.ground import ground_of
+from msrr_bullet.render.raster.kernels.ground import ground_of
 from msrr_bullet.render.raster.picture_maker import PictureMaker
 from msrr_bullet.render.renderer import RenderContext
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
-from msrr_scenes.pinhole import PinholeCamera, Window
-from msrr_scenes.se3 import SE3
 
 
 class RasterRenderer:

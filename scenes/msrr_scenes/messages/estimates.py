@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.sensing import Array, GlobalPose
-from msrr_scenes.se2 import SE2
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,8 +9,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_scenes.pinhole import Window
-from msrr_scenes.se2 import SE2
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.se2 import SE2
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]

@@ -11,26 +11,26 @@ from typing import Any
 
 import pytest
 
-from msrr_bullet.bullet_plant import BulletPlant
-from msrr_bullet.camera import Camera
-from msrr_bullet.localisation_error import LocalisationError
-from msrr_bullet.odometry import WheelEncoders
-from msrr_bullet.plant import Plant
+from msrr_bullet.plant.kinematic_plant import UnicyclePlant
+from msrr_bullet.plant.plant import Plant
 from msrr_bullet.render.renderer import RenderContext, build_renderer
-from msrr_bullet.schedule import Delayed, Periodic, duration_ns
-from msrr_bullet.streams import stream
-from msrr_bullet.tag_dressing import TagDressing
-from msrr_bullet.unicycle_plant import UnicyclePlant
-from msrr_bullet.world import BulletWorld
-from msrr_perception.detector import PupilDetector
-from msrr_perception.global_estimator import GlobalEstimator
-from msrr_perception.global_pose import overhead_pose
-from msrr_perception.overhead_model import OVERHEAD, OverheadModel
-from msrr_perception.overhead_vision import OverheadVision
+from msrr_bullet.sensors.camera import Camera
+from msrr_bullet.sensors.localisation_error import LocalisationError
+from msrr_bullet.sensors.schedule import Delayed, Periodic, duration_ns
+from msrr_bullet.sensors.wheel_encoders import WheelEncoders
+from msrr_bullet.simulation.bullet_plant import BulletPlant
+from msrr_bullet.simulation.tagged_bodies import TagDressing
+from msrr_bullet.simulation.world import BulletWorld
+from msrr_perception.detection.detector import PupilDetector
+from msrr_perception.detection.overhead_vision import OverheadVision
+from msrr_perception.estimation.global_estimator import GlobalEstimator
+from msrr_perception.pose.global_pose import overhead_pose
+from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Situation, Twist
-from msrr_scenes.placement import draw_placement
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.placement.placement import draw_placement
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.scene import Scene
 
 POST: Mapping[str, Any] = {
     "shape": "cylinder",

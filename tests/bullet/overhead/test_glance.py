@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_bullet.global_sight import GLANCE_HALF_M
-from msrr_bullet.progress import Progress
-from msrr_bullet.replay import replay
+from msrr_bullet.replay.replayer import replay
+from msrr_bullet.robot.overhead_localizer import GLANCE_HALF_M
 from msrr_bullet.run import run_trial
-from msrr_perception.overhead_vision import OverheadVision
+from msrr_bullet.trial.progress import Progress
+from msrr_perception.detection.overhead_vision import OverheadVision
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Phase
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.specs.scene import Scene
 
 FULL = 1280 * 960
 

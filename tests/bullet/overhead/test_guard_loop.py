@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import pytest
 
-from msrr_bullet.clearance import ClearanceModel
-from msrr_bullet.guard import ClearanceGuard, GuardState
+from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.robot.collision_monitor import ClearanceGuard, GuardState
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Situation, Twist
-from msrr_scenes.se2 import SE2
 
 #: A hair aside of the true pose: FCL fails where a face looks straight at a disc.
 ASIDE = SE2(2e-4, 3e-4, 2e-4)

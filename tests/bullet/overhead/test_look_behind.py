@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from msrr_bullet.eyes import ParametricOverhead
-from msrr_bullet.progress import Progress
-from msrr_bullet.result import TrialResult
 from msrr_bullet.run import run_trial
+from msrr_bullet.sensors.camera_sensors import ParametricOverhead
+from msrr_bullet.trial.progress import Progress
+from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.scene import Scene
+from msrr_scenes.specs.scene import Scene
 
 SEED = 1
 BLIND = {"plant": "unicycle", "perception": "parametric"}

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, GlobalPose, ObstacleEstimate, Situation, Twist
-from msrr_scenes.se2 import SE2
 
 FULL = 1280 * 960
 POST = {"shape": "cylinder", "radius_m": 0.06, "height_m": 0.2, "tag_id": 500}

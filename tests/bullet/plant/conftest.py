@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from msrr_bullet.bullet_plant import BulletPlant
-from msrr_bullet.plant import Plant
-from msrr_bullet.unicycle_plant import UnicyclePlant
-from msrr_bullet.world import BulletWorld
+from msrr_bullet.plant.kinematic_plant import UnicyclePlant
+from msrr_bullet.plant.plant import Plant
+from msrr_bullet.simulation.bullet_plant import BulletPlant
+from msrr_bullet.simulation.world import BulletWorld
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
-from msrr_scenes.placement import Placement
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.placement.placement import Placement
+from msrr_scenes.specs.scene import Scene
 
 #: Where the unit docked to stands: in a heading that is no axis of the world.
 X_WB = SE2(0.1, -0.2, 0.4)

@@ -4,15 +4,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msrr_bullet.bullet_plant import BulletPlant
-from msrr_bullet.drive import LimitedDrive, WheelMotors, wheel_speeds
-from msrr_bullet.world import BulletWorld
-from msrr_scenes.assets import find_urdf
+from msrr_bullet.plant.limited_drive import LimitedDrive, WheelMotors, wheel_speeds
+from msrr_bullet.simulation.bullet_plant import BulletPlant
+from msrr_bullet.simulation.world import BulletWorld
+from msrr_scenes.geometry.assets import find_urdf
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import read_unit
 from msrr_scenes.messages import Twist
-from msrr_scenes.placement import Placement
-from msrr_scenes.se2 import SE2
-from msrr_scenes.unit_geometry import read_unit
-from msrr_scenes.vehicle import LimitsSpec
+from msrr_scenes.placement.placement import Placement
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 NORMAL = LimitsSpec.model_validate({})
 PLACEMENT = Placement({"a": SE2(0.2, 0.1, 0.7), "b": SE2(3.0, 3.0, 0.0)}, {})

@@ -8,15 +8,15 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-import msrr_bullet.unit_body
-from msrr_bullet.bullet_plant import BulletPlant
-from msrr_bullet.engine_urdf import read_urdf, weld
-from msrr_bullet.world import BulletWorld
+import msrr_bullet.simulation.unit_body
+from msrr_bullet.simulation.bullet_plant import BulletPlant
+from msrr_bullet.simulation.urdf_welding import read_urdf, weld
+from msrr_bullet.simulation.world import BulletWorld
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import read_unit, urdf_origin
 from msrr_scenes.messages import Twist
-from msrr_scenes.placement import Placement
-from msrr_scenes.se2 import SE2
-from msrr_scenes.se3 import SE3
-from msrr_scenes.unit_geometry import read_unit, urdf_origin
+from msrr_scenes.placement.placement import Placement
 
 APART = Placement({"a": SE2(0.2, -0.1, 0.4), "b": SE2(1.5, 0.0, 0.0)}, {})
 
@@ -38,7 +38,7 @@ def driven(scene) -> np.ndarray:
 def test_a_welded_unit_moves_as_the_unwelded_one(two_units, monkeypatch) -> None:
     """Not bit for bit: the solver stops at a tolerance, and the slip of a tyre follows it."""
     welded = driven(two_units())
-    monkeypatch.setattr(msrr_bullet.unit_body, "weld", lambda tree, apart: None)
+    monkeypatch.setattr(msrr_bullet.simulation.unit_body, "weld", lambda tree, apart: None)
     unwelded = driven(two_units())
     assert welded[0, -1] == 13
     assert unwelded[0, -1] == 35

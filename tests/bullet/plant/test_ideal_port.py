@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from msrr_bullet.ideal_port import Capture, face_half_width
-from msrr_bullet.streams import stream
-from msrr_bullet.unicycle_plant import UnicyclePlant
+from msrr_bullet.plant.kinematic_plant import UnicyclePlant
+from msrr_bullet.plant.kinematic_port import Capture, face_half_width
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
-from msrr_scenes.se2 import SE2
+from msrr_scenes.random_streams import stream
 
 #: Where the pins are at the mouth of the shipped unit: gap of the faces [m].
 MOUTH_M = 0.018

@@ -2,13 +2,13 @@ import math
 
 import pytest
 
-from msrr_bullet.bullet_plant import BulletPlant
-from msrr_bullet.cam import PULL_SLACK, Cam
-from msrr_bullet.plant import NoDockError
-from msrr_bullet.world import BulletWorld
+from msrr_bullet.plant.lock_actuator import PULL_SLACK, Cam
+from msrr_bullet.plant.plant import NoDockError
+from msrr_bullet.simulation.bullet_plant import BulletPlant
+from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import GeometryError, MsrrError, UnknownNameError
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import LockPosition, Twist
-from msrr_scenes.se2 import SE2
 
 BEFORE = SE2(-0.025, 0.0, 0.0)
 #: A little off, so that the seated unit leans against its play: the lock must take it as it is.

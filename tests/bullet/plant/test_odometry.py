@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msrr_bullet.odometry import WheelEncoders
-from msrr_bullet.streams import stream
-from msrr_scenes.sensors import OdometrySpec
+from msrr_bullet.sensors.wheel_encoders import WheelEncoders
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.sensors import OdometrySpec
 
 
 def encoders(seed=0, **keys):

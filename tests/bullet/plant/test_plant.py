@@ -3,14 +3,14 @@ import math
 import numpy as np
 import pytest
 
-from msrr_bullet.ideal_port import Capture
-from msrr_bullet.plant import Plant, tick_ns
-from msrr_bullet.streams import stream
-from msrr_bullet.unicycle_plant import UnicyclePlant
-from msrr_bullet.world import BulletWorld
+from msrr_bullet.plant.kinematic_plant import UnicyclePlant
+from msrr_bullet.plant.kinematic_port import Capture
+from msrr_bullet.plant.plant import Plant, tick_ns
+from msrr_bullet.simulation.world import BulletWorld
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
-from msrr_scenes.placement import Placement
-from msrr_scenes.se2 import SE2
+from msrr_scenes.placement.placement import Placement
+from msrr_scenes.random_streams import stream
 
 PLANTS = ("bullet", "unicycle")
 

@@ -6,13 +6,13 @@ import numpy as np
 import pybullet
 import pytest
 
-from msrr_bullet.world import GRAVITY_MPS2, BulletWorld
+from msrr_bullet.simulation.world import GRAVITY_MPS2, BulletWorld
 from msrr_scenes.errors import UnknownNameError
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import read_unit
 from msrr_scenes.messages import Twist
-from msrr_scenes.placement import Placement
-from msrr_scenes.se2 import SE2
-from msrr_scenes.se3 import SE3
-from msrr_scenes.unit_geometry import read_unit
+from msrr_scenes.placement.placement import Placement
 
 OBSTACLES = {
     "post": {"shape": "cylinder", "radius_m": 0.05, "height_m": 0.2},
@@ -157,12 +157,12 @@ def test_the_client_is_given_back_when_building_fails(two_units, tmp_path):
 
 PROGRAM = """
 import hashlib, struct, sys
-from msrr_bullet.bullet_plant import BulletPlant
-from msrr_bullet.world import BulletWorld
+from msrr_bullet.simulation.bullet_plant import BulletPlant
+from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.messages import Twist
-from msrr_scenes.placement import Placement
-from msrr_scenes.scene import Scene
-from msrr_scenes.se2 import SE2
+from msrr_scenes.placement.placement import Placement
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.geometry.se2 import SE2
 scene = Scene.model_validate({"name": "t", "units": {"a": {"number": 1}, "b": {"number": 2}},
                               "plan": [{"unit": "a", "to": "b.rear"}]})
 X_DP = SE2(-0.03, 0.006, -0.05)
@@ -195,7 +195,7 @@ def test_the_same_commands_give_the_same_bits_in_another_process():
 
 
 def test_a_unit_stops_at_an_obstacle(two_units):
-    from msrr_bullet.bullet_plant import BulletPlant
+    from msrr_bullet.simulation.bullet_plant import BulletPlant
 
     scene = two_units(obstacles={"post": {"shape": "cylinder", "radius_m": 0.05}})
     placement = Placement({"a": SE2(), "b": SE2(0.0, 2.0, 0.0)}, {"post": SE2(0.25, 0.0, 0.0)})

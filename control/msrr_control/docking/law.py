@@ -1,0 +1,113 @@
+"""What a docking law is: a pure step over arrays; one robot and a thousand trials run the same code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_control.kinematics.elementwise import join, limit, split
+from msrr_scenes.errors import SceneError
+from msrr_scenes.specs.los_geometry import LosSpec
+from msrr_scenes.specs.vehicle import LimitsSpec
+
+if TYPE_CHECKING:
+    from msrr_scenes.specs.plan import DockStep
+    from msrr_scenes.specs.scene import Scene
+
+Array = NDArray[np.float64]
+
+
+class Sensed(NamedTuple):
+    """What a law may know at one control instant.
+
+    Attributes:
+        pose: Axle pose (x, y, yaw) in the dock frame D, shape (..., 3) [m, m, rad].
+        edges: Line-of-sight angles (left, right) of the target's edges, shape (..., 2) [rad].
+        visibility: 1 where the target is seen, 0 where lost, between where predicted; shape (...).
+        twist: Measured (v, w), shape (..., 2) [m/s, rad/s].
+    """
+
+    pose: Array
+    edges: Array
+    visibility: Array
+    twist: Array
+
+
+@dataclass(frozen=True, slots=True)
+class DockSetup:
+    """The fixed facts of one docking step, from the unit's geometry and the scene.
+
+    Attributes:
+        offset: l, the active port's face ahead of the axle [m].
+        camera_offset: l_c, the camera ahead of the axle [m].
+        pin_reach: How far the pins stick out beyond the face [m].
+        los: Line-of-sight target and cone.
+        limits: What the drive can do.
+        rate_hz: Control rate.
+    """
+
+    offset: float
+    camera_offset: float
+    pin_reach: float
+    los: LosSpec
+    limits: LimitsSpec
+    rate_hz: float
+
+    def __post_init__(self) -> None:
+        if not self.offset > 0.0:
+            raise SceneError(f"the active port has to lie ahead of the axle; its offset is {self.offset} m")
+        reach = self.offset - self.camera_offset + self.los.setback_m
+        if reach <= 0.0:
+            raise SceneError(
+                f"the camera sits {-reach:.4f} m beyond the line-of-sight target when docked; move it back"
+            )
+        angle = self.los.angle_at_contact(self.offset - self.camera_offset)
+        if angle >= self.los.inner:
+            raise SceneError(
+                f"a unit at contact sees the target's edges at {np.degrees(angle):.1f} deg, not inside"
+                f" los.inner_deg = {self.los.inner_deg:g}: it would park short of the port"
+            )
+
+    @classmethod
+    def of(cls, scene: Scene, step: DockStep) -> DockSetup:
+        """Read the facts of a step of the plan from the scene and the docking unit's URDF."""
+        geometry = scene.geometry(step.unit)
+        offset = geometry.control_offset(step.port)
+        return cls(
+            offset=offset,
+            camera_offset=float(geometry.frame("camera").p[0]),
+            pin_reach=max(float(geometry.footprint[:, 0].max()) - offset, 0.0),
+            los=scene.los,
+            limits=scene.limits,
+            rate_hz=scene.control.rate_hz,
+        )
+
+
+State = TypeVar("State")
+
+
+class DockingLaw(Protocol[State]):
+    """A close-range law with explicit state. It keeps nothing between calls."""
+
+    def start(self, sensed: Sensed) -> State:
+        """Return the state with which an approach begins from here."""
+        ...
+
+    def step(self, state: State, sensed: Sensed, dt: float) -> tuple[Array, State]:
+        """Return the commanded (v, w), shape (..., 2), within the speed limits, and the next state."""
+        ...
+
+    def reference(self, state: State) -> Array:
+        """Return where the guidance wants the controlled point in D, shape (..., 2) [m]."""
+        ...
+
+
+def limit_twist(twist: Array, limits: LimitsSpec) -> Array:
+    """Return ``twist``, shape (..., 2), with v within the close-range speed and w within the drive's."""
+    v, w = split(twist)
+    return join(
+        limit(v, -limits.v_close_mps, limits.v_close_mps), limit(w, -limits.w_max_radps, limits.w_max_radps)
+    )

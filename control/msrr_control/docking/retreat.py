@@ -1,0 +1,64 @@
+"""Backing out of the port along its axis, with the controlled point behind the axle."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from msrr_control.docking.law import DockSetup, limit_twist
+from msrr_control.kinematics.offset_point import offset_point, twist_for
+from msrr_scenes.specs.spec import Positive, Spec
+
+Array = NDArray[np.float64]
+
+
+class RetreatSpec(Spec):
+    """How a unit backs out.
+
+    Attributes:
+        speed_mps: Backwards.
+        k_per_s: Gain on the distance of the rear point from the axis.
+        slant: Largest sideways speed as a share of the speed back; bounds the heading, and so keeps the
+            marker in view.
+        stop_mps2: Deceleration before the end.
+        clear_m: Distance beyond the pins' length over which the unit backs out without steering.
+    """
+
+    speed_mps: Positive = 0.12
+    k_per_s: Positive = 1.0
+    slant: float = Field(default=0.3, gt=0.0, le=1.0)
+    stop_mps2: Positive = 0.2
+    clear_m: Positive = 0.008
+
+
+def retreat_twist(pose: Array, distance: float, spec: RetreatSpec, setup: DockSetup) -> Array:
+    r"""Return the command that backs the unit out along the docking axis.
+
+    The rear point, -l from the axle, is led along the axis: backwards the point ahead of the axle is unstable
+    (1 deg of heading grows to 41 deg in 0.4 m), the one behind it is what the front point is forwards.
+
+    Source: Zheng et al., eqs. 1 and 2 with l replaced by -l.
+
+    Args:
+        pose: Axle pose in D, shape (..., 3).
+        distance: Gap between the faces at which to stop [m].
+        spec: Speed and gains.
+        setup: l, the pins' length, the limits.
+
+    Returns:
+        (v, w), shape (..., 2); v is zero once the gap is reached.
+    """
+    gap = -offset_point(pose, setup.offset)[..., 0]
+    rear = offset_point(pose, -setup.offset)
+    left = np.maximum(distance - gap, 0.0)
+    speed = np.minimum(spec.speed_mps, np.sqrt(2.0 * spec.stop_mps2 * left))
+    wish = np.empty(rear.shape)
+    wish[..., 0] = -speed
+    most = spec.slant * speed
+    wish[..., 1] = np.minimum(np.maximum(-spec.k_per_s * rear[..., 1], -most), most)
+    twist = twist_for(wish, pose[..., 2], -setup.offset)
+    in_holes = gap < setup.pin_reach + spec.clear_m
+    twist[..., 0] = np.where(in_holes, -speed, twist[..., 0])
+    twist[..., 1] = np.where(in_holes, 0.0, twist[..., 1])
+    return limit_twist(twist, setup.limits)

@@ -1,0 +1,54 @@
+"""Composite linear and nonlinear feedback of the close-range phase."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from msrr_scenes.specs.spec import Positive, Spec
+
+Array = NDArray[np.float64]
+
+
+class CompositeGains(Spec):
+    """Gains of the composite feedback.
+
+    Attributes:
+        k_n_per_s: Linear gain k_n.
+        alpha: Exponent of the nonlinear term, in (0, 1).
+        predefined_s: T, the predefined time of the nonlinear term. At 20 s it exceeds the approach and the
+            term only helps at the beginning; at 5 s it costs about 5 mm and 3 deg under noise.
+        nonlinear: False leaves the linear term alone (ablation).
+    """
+
+    k_n_per_s: Positive = 0.8
+    alpha: float = Field(default=0.3, gt=0.0, lt=1.0)
+    predefined_s: Positive = 20.0
+    nonlinear: bool = True
+
+
+def composite_feedback(error: Array, gains: CompositeGains) -> Array:
+    r"""Return the feedback velocity of the lock tip.
+
+    .. math:: u = -k_n e - \frac{e^{|e|^\alpha}\,\mathrm{sig}(e)^{1-\alpha}}{\alpha T},\quad
+        \mathrm{sig}(e)^a = |e|^a\,\mathrm{sgn}(e)
+
+    per axis. Finite, continuous at 0, odd and strictly falling in e; not bounded.
+
+    Source: Zheng et al., eqs. 26 and 27; exponent sign corrected (printed -alpha, unbounded at e = 0).
+
+    Args:
+        error: Position error of the tip in the dock frame [m], any shape. The exponential overflows beyond
+            (700)**(1 / alpha) m, far outside anything the caller's limits let through.
+        gains: ``k_n`` [1/s], ``alpha`` and ``T`` [s].
+
+    Returns:
+        Velocity [m/s], same shape.
+    """
+    linear: Array = -gains.k_n_per_s * error
+    if not gains.nonlinear:
+        return linear
+    size = np.abs(error)
+    power = np.exp(size**gains.alpha) * size ** (1.0 - gains.alpha)
+    return linear - np.copysign(power, error) / (gains.alpha * gains.predefined_s)

@@ -1,0 +1,146 @@
+"""The safety envelope of a double integrator: how fast it may still approach a bound, and what stops it."""
+
+from __future__ import annotations
+
+import math
+
+from msrr_control.kinematics.elementwise import (
+    Number,
+    at_least,
+    at_most,
+    exp,
+    limit,
+    log1p,
+    sqrt,
+    tanh,
+    where,
+)
+from msrr_scenes.specs.spec import Positive, Spec
+
+_LOG_2 = math.log(2.0)
+
+#: Below this ln cosh(z) is z^2 / 2 to all digits that matter, and the general formula loses some.
+_SMALL = 1e-3
+
+
+class EnvelopeGains(Spec):
+    """Gains of the envelope. It holds only if ``gamma`` is less than the acceleration that is available.
+
+    Attributes:
+        gamma: Deceleration that the envelope asks for [units/s2].
+        rho: Length over which it rounds off near the bound [units].
+        alpha_per_s: Rate at which a violated envelope is returned to.
+    """
+
+    gamma: Positive = 0.28
+    rho: Positive = 0.045
+    alpha_per_s: Positive = 2.4
+
+
+def braking_speed(distance: Number, gains: EnvelopeGains) -> Number:
+    r"""Return the speed from which ``gamma`` stops within ``distance`` of the bound, rounded off near it.
+
+    .. math:: \beta(x) = \sqrt{2\gamma\rho\ln\cosh(x/\rho)}
+
+    Source: Zheng et al., eq. 5. ln cosh is written so that it neither overflows nor cancels.
+    """
+    z = abs(distance) / gains.rho
+    near = at_most(z, _SMALL)
+    log_cosh: Number = where(z < _SMALL, 0.5 * near * near, z + log1p(exp(-2.0 * z)) - _LOG_2)
+    return sqrt(2.0 * gains.gamma * gains.rho * at_least(log_cosh, 0.0))
+
+
+def envelope(position: Number, gains: EnvelopeGains) -> Number:
+    r"""Return F, the largest speed towards the bound that is safe at ``position``.
+
+    .. math:: F(x) = \beta(x)\ (x \le 0),\quad -\sqrt{\gamma/\rho}\,x\ (x > 0)
+
+    Source: Zheng et al., eqs. 4 and 5; the sign is corrected (printed opposite, it drives the state away).
+
+    Args:
+        position: eta1, safe where it is not positive, any shape [units].
+        gains: gamma and rho.
+
+    Returns:
+        F, same shape [units/s]; negative beyond the bound, which pulls the state back.
+    """
+    speed: Number = where(
+        position <= 0.0, braking_speed(position, gains), -math.sqrt(gains.gamma / gains.rho) * position
+    )
+    return speed
+
+
+def envelope_slope(position: Number, gains: EnvelopeGains) -> Number:
+    r"""Return H = dF/dx.
+
+    .. math:: H(x) = \gamma\tanh(x/\rho)/\beta(x)\ (x < 0),\quad -\sqrt{\gamma/\rho}\ (x \ge 0)
+
+    Source: Zheng et al., eq. 6, written per branch (the printed product loses a term).
+    """
+    beta = braking_speed(position, gains)
+    inside = position < -_SMALL * _SMALL * gains.rho
+    slope = gains.gamma * tanh(position / gains.rho) / where(inside, beta, 1.0)
+    full: Number = where(inside, slope, -math.sqrt(gains.gamma / gains.rho))
+    return full
+
+
+def safe_acceleration(position: Number, velocity: Number, gains: EnvelopeGains) -> Number:
+    r"""Return u_s, the largest acceleration towards the bound that keeps the envelope.
+
+    .. math:: B = \eta_2 - F(\eta_1),\quad u_s = -\alpha B + H(\eta_1)\,\eta_2
+
+    Source: Zheng et al., Lemma 1.
+
+    Args:
+        position: eta1, any shape [units].
+        velocity: eta2, its rate, same shape [units/s].
+        gains: gamma, rho, alpha.
+
+    Returns:
+        u_s, same shape [units/s2].
+    """
+    excess = velocity - envelope(position, gains)
+    return -gains.alpha_per_s * excess + envelope_slope(position, gains) * velocity
+
+
+def enveloped_acceleration(
+    wish: Number,
+    position: Number,
+    velocity: Number,
+    gains: EnvelopeGains,
+    most: float,
+    lower: float | None = None,
+    upper: float | None = None,
+) -> Number:
+    r"""Return the acceleration nearest to ``wish`` that respects a lower and an upper wall.
+
+    .. math:: u = \mathrm{sat}(-u_{max}, \mathrm{sat}(-u_s^{lower}, u_r, u_s^{upper}), u_{max})
+
+    From a state inside the envelope no wish leads across the wall. Walls in x and y at once can deadlock a
+    unit: use one, aligned with the path.
+
+    Source: Zheng et al., eq. 9.
+
+    Args:
+        wish: u_r, any shape [m/s2].
+        position: Coordinate across the wall, same shape [m].
+        velocity: Its rate [m/s].
+        gains: Envelope; gamma has to be less than ``most``.
+        most: u_max [m/s2].
+        lower: Wall below, None if there is none [m].
+        upper: Wall above, None if there is none [m].
+
+    Returns:
+        u, same shape [m/s2].
+
+    Raises:
+        ValueError: gamma is not less than ``most``: the envelope would ask for more than there is.
+    """
+    if gains.gamma >= most:
+        raise ValueError(f"the envelope's gamma = {gains.gamma} has to be less than u_max = {most}")
+    u = wish
+    if lower is not None:
+        u = at_least(u, -safe_acceleration(lower - position, -velocity, gains))
+    if upper is not None:
+        u = at_most(u, safe_acceleration(position - upper, velocity, gains))
+    return limit(u, -most, most)

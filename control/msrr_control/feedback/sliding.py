@@ -1,0 +1,51 @@
+"""Sliding-mode-flavoured feedback with a boundary layer: the tracking of the paper's comparison."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_scenes.specs.spec import NonNegative, Positive, Spec
+
+Array = NDArray[np.float64]
+
+
+class SlidingGains(Spec):
+    """Gains of the sliding feedback.
+
+    Attributes:
+        k_per_s: Linear gain.
+        reach_mps: Reaching speed, the size of the switching term outside the boundary layer.
+        layer_m: Thickness of the boundary layer, within which that term is linear.
+    """
+
+    k_per_s: Positive = 0.8
+    reach_mps: NonNegative = 0.04
+    layer_m: Positive = 0.02
+
+    @property
+    def slope_per_s(self) -> float:
+        """Gain inside the boundary layer [1/s]: what the loop's delay has to bear."""
+        return self.k_per_s + self.reach_mps / self.layer_m
+
+
+def sliding_feedback(error: Array, gains: SlidingGains) -> Array:
+    r"""Return the feedback velocity.
+
+    .. math:: u = -k e - \rho\,\mathrm{sat}(-1, e/\delta, 1)
+
+    per axis. Continuous, odd and strictly falling in e.
+
+    Source: the comparison of Zheng et al. (their reference [22]); the boundary layer is that of J.-J. Slotine
+    and W. Li, "Applied Nonlinear Control", 1991, section 7.2.
+
+    Args:
+        error: Position error of the controlled point [m], any shape.
+        gains: k [1/s], rho [m/s] and delta [m].
+
+    Returns:
+        Velocity [m/s], same shape.
+    """
+    switching = np.minimum(np.maximum(error / gains.layer_m, -1.0), 1.0)
+    feedback: Array = -gains.k_per_s * error - gains.reach_mps * switching
+    return feedback

@@ -1,0 +1,56 @@
+"""Reads a controller's parameters from a scene, with messages for whoever wrote the scene."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.problems import nearest
+from msrr_scenes.specs.spec import Spec
+
+P = TypeVar("P", bound=Spec)
+
+
+def read_params(name: str, kind: type[P], params: dict[str, Any]) -> P:
+    """Validate a controller's parameters.
+
+    Args:
+        name: The controller, for messages.
+        kind: Their specification.
+        params: As the scene gives them.
+
+    Raises:
+        SceneError: One line with each parameter at fault, what is wrong with it, and the nearest valid one.
+    """
+    try:
+        return kind.model_validate(params)
+    except ValidationError as error:
+        faults = "; ".join(_explain(fault, kind) for fault in error.errors())
+        raise SceneError(f"controller {name!r}: {faults}") from error
+
+
+def _explain(fault: ErrorDetails, kind: type[Spec]) -> str:
+    where = ".".join(str(part) for part in fault["loc"])
+    if fault["type"] == "extra_forbidden":
+        keys = _keys_beside(fault["loc"], kind)
+        return (
+            f"{where}: unknown parameter{nearest(fault['loc'][-1], keys)} Parameters here: {', '.join(keys)}"
+        )
+    message = fault["msg"].removeprefix("Value error, ")
+    if not where:
+        return message
+    found = "" if fault["type"] == "value_error" else f", found {fault['input']!r}"
+    return f"{where}: {message}{found}"
+
+
+def _keys_beside(loc: tuple[int | str, ...], kind: type[BaseModel]) -> list[str]:
+    """Return the fields of the model that holds the last component of a location."""
+    for part in loc[:-1]:
+        annotation = kind.model_fields[str(part)].annotation
+        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+            return []
+        kind = annotation
+    return list(kind.model_fields)

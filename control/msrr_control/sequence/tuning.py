@@ -1,0 +1,69 @@
+"""The figures by which the phase machine decides and which a scene need not name."""
+
+from __future__ import annotations
+
+import math
+
+from pydantic import Field
+
+from msrr_control.docking.retreat import RetreatSpec
+from msrr_control.sequence.search import SearchSpec
+from msrr_scenes.specs.spec import NonNegative, Positive, Spec
+
+
+class PhaseTuning(Spec):
+    """Figures of the phase machine that follow from the mechanism and the sensors, not from the task.
+
+    Attributes:
+        ready_sigma_m: Largest standard deviation of the lateral estimate at the hand-over.
+        ready_sigma_deg: The same for the heading.
+        ready_time_s: How long a target that is seen may stay unready before the attempt ends.
+        contact_m: Beyond the pins' length: gap at which the controller hands over to pressing.
+        capture_m: Lateral error from which the funnel still centres a pin.
+        capture_deg: The same for the heading.
+        press_turn_radps: Largest turn rate while pressing.
+        debounce_s: How long both switches have to stay closed, or open, to be believed.
+        near_m: Deviation from the seated gap that agrees with closed switches (verification by sight only).
+        seated_gap_m: Gap that is left between the faces of a seated pair.
+        progress_m: Approach to the seat that counts as progress.
+        hold_share: Share of the press speed kept while the cam closes.
+        latch_s: How long the cam may take to report closed.
+        unlatch_s: How long it may take to report open before the unit backs out regardless.
+        look_around_s: How long a unit waits for an overhead picture before it backs out regardless.
+        frames: Frames in a row that have to agree at verification.
+        arrived_m: How close to the retreat distance counts as there.
+        settle_s: Pause after backing out.
+        retreat_margin_s: Time given to a retreat beyond what its distance takes.
+    """
+
+    ready_sigma_m: Positive = 0.02
+    ready_sigma_deg: Positive = 3.0
+    ready_time_s: Positive = 6.0
+    contact_m: Positive = 0.003
+    capture_m: Positive = 0.012
+    capture_deg: Positive = 7.0
+    press_turn_radps: NonNegative = 0.4
+    debounce_s: NonNegative = 0.1
+    near_m: Positive = 0.004
+    seated_gap_m: NonNegative = 0.0
+    progress_m: Positive = 0.001
+    hold_share: float = Field(default=0.3, ge=0.0, le=1.0)
+    latch_s: Positive = 3.0
+    unlatch_s: Positive = 2.0
+    look_around_s: Positive = 1.0
+    frames: int = Field(default=3, ge=1)
+    arrived_m: Positive = 0.01
+    settle_s: NonNegative = 0.3
+    retreat_margin_s: Positive = 3.0
+    retreat: RetreatSpec = RetreatSpec()
+    search: SearchSpec = SearchSpec()
+
+    @property
+    def ready_sigma(self) -> float:
+        """Largest standard deviation of the heading at the hand-over [rad]."""
+        return math.radians(self.ready_sigma_deg)
+
+    @property
+    def capture(self) -> float:
+        """Heading error from which the funnel still centres the pins [rad]."""
+        return math.radians(self.capture_deg)

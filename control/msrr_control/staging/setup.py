@@ -1,0 +1,102 @@
+"""The fixed facts of the long-distance phase of a docking step, and what rules it out from the start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import ArenaSpec, Scene
+from msrr_scenes.specs.vehicle import LimitsSpec
+
+
+@dataclass(frozen=True, slots=True)
+class AssemblySetup:
+    """What the unit is told by its makers and by the plan.
+
+    Attributes:
+        unit: The docking unit.
+        target: The unit it docks to.
+        offset: l, the active port's face ahead of the axle [m].
+        half_width: Half the unit's width [m].
+        X_TD: Dock frame of the target port in the target's frame U.
+        unit_radius: Radius of the circle about every unit's footprint, by name [m].
+        obstacle_radius: Radius of the circle about every kind of obstacle's footprint, by name [m].
+        arena: Where units may be.
+        limits: What the drive can do.
+        rate_hz: Control rate.
+    """
+
+    unit: str
+    target: str
+    offset: float
+    half_width: float
+    X_TD: SE2
+    unit_radius: Mapping[str, float]
+    obstacle_radius: Mapping[str, float]
+    arena: ArenaSpec
+    limits: LimitsSpec
+    rate_hz: float
+
+    @classmethod
+    def of(cls, scene: Scene, step: DockStep) -> AssemblySetup:
+        """Read the facts of a step of the plan from the scene and the units' URDFs."""
+        geometry = scene.geometry(step.unit)
+        return cls(
+            unit=step.unit,
+            target=step.target_unit,
+            offset=geometry.control_offset(step.port),
+            half_width=float(np.abs(geometry.footprint[:, 1]).max()),
+            X_TD=scene.geometry(step.target_unit).dock_frame(step.target_port),
+            unit_radius={u: _radius(scene, u) for u in scene.units},
+            obstacle_radius={name: o.radius_m for name, o in scene.obstacles.items()},
+            arena=scene.arena,
+            limits=scene.limits,
+            rate_hz=scene.control.rate_hz,
+        )
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Bounds of the arena: x low, x high, y low, y high [m]."""
+        return (*self.arena.x_m, *self.arena.y_m)
+
+    def check(self, cruise_mps: float, widest_obstacle_m: float, border_m: float) -> None:
+        """Refuse what cannot work wherever things stand.
+
+        Args:
+            cruise_mps: Speed on the path.
+            widest_obstacle_m: Largest radius of an obstacle that a path can lead around.
+            border_m: Kept from the border of the arena.
+
+        Raises:
+            SceneError: With what would have to change.
+        """
+        if not self.offset > 0.0:
+            raise SceneError(f"the active port has to lie ahead of the axle; its offset is {self.offset} m")
+        if cruise_mps > 0.75 * self.limits.v_max_mps:
+            raise SceneError(
+                f"control.assembly.params.pace.cruise_mps = {cruise_mps:g} leaves nothing to catch up with; "
+                f"at most three quarters of limits.v_max_mps, {0.75 * self.limits.v_max_mps:.2f}"
+            )
+        for name, radius in self.obstacle_radius.items():
+            if radius > widest_obstacle_m:
+                raise SceneError(
+                    f"obstacles.{name} has a radius of {radius:.2f} m about its footprint; paths lead around "
+                    f"circles of at most {widest_obstacle_m:.2f} m. Make it of several smaller obstacles"
+                )
+        x0, x1, y0, y1 = self.box
+        if min(x1 - x0, y1 - y0) < 2.0 * (border_m + self.half_width):
+            raise SceneError(
+                f"the arena is {x1 - x0:.2f} m by {y1 - y0:.2f} m; a unit that keeps {border_m:.2f} m from "
+                f"its border cannot move in it"
+            )
+
+
+def _radius(scene: Scene, unit: str) -> float:
+    corners = scene.geometry(unit).footprint
+    return float(max(math.hypot(x, y) for x, y in corners))

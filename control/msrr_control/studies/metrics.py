@@ -1,0 +1,165 @@
+"""Figures of the long-distance phase, from time series alone: of a study, of a log, of a real unit.
+
+Each function takes series whose first axis is time; further axes are trials. A figure that a series does not
+have (no obstacle was met, no arc was ended) is NaN.
+
+Two distances are told apart. The *deviation* is that of the controlled point from the desired POINT, which
+moves along the path by the clock: a unit that is held up has a large one, even on the path. The *distance
+from the path* is that from the curve. Tracking error, amplitude and recovery are made of the deviation; how
+much of an amplitude is a swing off the path, and not time lost, the distance from the path says.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_control.path_following.path import Path
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Deviation [m] below which an obstacle counts as recovered from.
+RECOVERED_M = 0.05
+
+#: Time by which an obstacle episode outlasts that [s]; the position gain of the path is about 1 1/s.
+TAIL_S = 2.0
+
+#: Time before and after the end of the arc over which steady tracking is judged [s].
+BEFORE_S, AFTER_S = 1.0, 2.0
+
+
+def deviation(tip: Array, desired: Array) -> Array:
+    """Return the distance of the controlled point from the desired point, (T, ..., 2) to (T, ...) [m].
+
+    Lag along the path is part of it; see :func:`from_path` for the distance from the curve.
+    """
+    return _apart(tip, desired)
+
+
+def from_path(tip: Array, path: Path) -> Array:
+    """Return the distance of the controlled point from the nearest point of its path, whole and at any time.
+
+    Args:
+        tip: Shape (T, ..., 2) [m].
+        path: One for each trial, leading shape (...); its arcs are no more than full circles.
+
+    Returns:
+        Shape (T, ...) [m].
+    """
+    ends = np.cumsum(path.lengths, axis=-1)
+    nearest = _apart(tip, path.at(np.zeros(ends.shape[:-1])).point)
+    for k in range(ends.shape[-1]):
+        length, curvature = path.lengths[..., k], path.curvature[..., k]
+        begin = path.at(ends[..., k] - length)
+        c, s = np.cos(begin.heading), np.sin(begin.heading)
+        dx, dy = tip[..., 0] - begin.point[..., 0], tip[..., 1] - begin.point[..., 1]
+        ahead, left = c * dx + s * dy, c * dy - s * dx
+        # In the frame of the piece's beginning: the line is y = 0, the circle's middle is (0, 1 / curvature).
+        bent = curvature != 0.0
+        radius = 1.0 / np.where(bent, curvature, 1.0)
+        side = np.sign(radius)
+        swept = np.mod(np.arctan2(ahead, side * (radius - left)), 2.0 * np.pi)
+        reached = np.where(bent, swept * np.abs(radius), ahead)
+        beside = np.where(bent, np.abs(np.hypot(ahead, left - radius) - np.abs(radius)), np.abs(left))
+        alongside = (reached >= 0.0) & (reached <= length)
+        nearest = np.minimum(nearest, np.where(alongside, beside, np.inf))
+        nearest = np.minimum(nearest, _apart(tip, path.at(ends[..., k]).point))
+    return nearest
+
+
+def from_line(tip: Array, line: Array) -> Array:
+    """Return the distance of points, shape (T, 2), from a line through points, shape (N, 2) [m].
+
+    It stands for :func:`from_path` where a log has points of a path and not the path itself.
+    """
+    if len(line) == 1:
+        return _apart(tip, line[0])
+    begin, way = line[:-1], np.diff(line, axis=0)
+    squared = np.sum(way**2, axis=-1)
+    offset = tip[:, None] - begin
+    share = np.sum(offset * way, axis=-1) / np.where(squared > 0.0, squared, 1.0)
+    foot = begin + np.clip(share, 0.0, 1.0)[..., None] * way
+    distance: Array = _apart(tip[:, None], foot).min(axis=-1)
+    return distance
+
+
+def obstacle_episode(time: Array, off: Array, walled: Mask) -> Mask:
+    """Return when the deviation is an obstacle's doing.
+
+    From the first instant at which a wall stands until ``TAIL_S`` after the deviation from the desired point
+    falls below ``RECOVERED_M`` behind the last one: what is left of it then decays with the slowest gain, and
+    is no error of steady tracking.
+
+    Args:
+        time: Shape (T,) [s].
+        off: Deviation from the desired point, shape (T, ...) [m].
+        walled: When a wall stood, shape (T, ...).
+
+    Returns:
+        Shape (T, ...).
+    """
+    began = np.logical_or.accumulate(walled, axis=0)
+    more_to_come = np.logical_or.accumulate(walled[::-1], axis=0)[::-1]
+    after = began & ~more_to_come
+    settled = np.logical_or.accumulate(after & (off <= RECOVERED_M), axis=0)
+    since = time[np.argmax(settled, axis=0)]
+    t = time.reshape(-1, *(1,) * (off.ndim - 1))
+    episode: Mask = began & ~(settled & (t > since + TAIL_S))
+    return episode
+
+
+def tracking_error(time: Array, off: Array, arc_end: Array, episode: Mask) -> Array:
+    """Return the largest deviation from the desired point [m] about the end of the arc, episodes left out.
+
+    Args:
+        time: Shape (T,) [s].
+        off: Deviation from the desired point, shape (T, ...) [m].
+        arc_end: When the desired point ended the arc, NaN if never, shape (...) [s].
+        episode: As :func:`obstacle_episode` gives it, shape (T, ...).
+    """
+    t = time.reshape(-1, *(1,) * (off.ndim - 1))
+    judged = (t >= arc_end - BEFORE_S) & (t <= arc_end + AFTER_S) & ~episode
+    return _largest(off, judged)
+
+
+def amplitude(off: Array, episode: Mask) -> Array:
+    """Return the largest of a distance during the obstacle episode, shape (...) [m].
+
+    Of the deviation from the desired point (:func:`deviation`) lag along the path is part of it; of the
+    distance from the curve (:func:`from_path`) it is the swing off the path alone.
+
+    Args:
+        off: Either of the two, shape (T, ...) [m].
+        episode: As :func:`obstacle_episode` gives it from the deviation, shape (T, ...).
+    """
+    return _largest(off, episode)
+
+
+def recovery_time(time: Array, off: Array, episode: Mask) -> Array:
+    """Return the time [s] from the largest distance of the episode to the last one above 0.05 m in it.
+
+    By the deviation from the desired point, who is back on the path still has to catch up. Shape (...); 0
+    where the distance never exceeds 0.05 m.
+
+    Args:
+        time: Shape (T,) [s].
+        off: Either of the two distances, shape (T, ...) [m].
+        episode: As :func:`obstacle_episode` gives it from the deviation, shape (T, ...).
+    """
+    peak = np.argmax(np.where(episode, off, -1.0), axis=0)
+    beyond = episode & (off > RECOVERED_M)
+    last = len(time) - 1 - np.argmax(beyond[::-1], axis=0)
+    took = np.where(beyond.any(axis=0), time[last] - time[peak], 0.0)
+    recovered: Array = np.where(episode.any(axis=0), took, np.nan)
+    return recovered
+
+
+def _apart(a: Array, b: Array) -> Array:
+    distance: Array = np.hypot(a[..., 0] - b[..., 0], a[..., 1] - b[..., 1])
+    return distance
+
+
+def _largest(off: Array, where: Mask) -> Array:
+    largest: Array = np.max(np.where(where, off, -np.inf), axis=0)
+    return np.where(np.isfinite(largest), largest, np.nan)

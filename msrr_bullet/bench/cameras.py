@@ -1,0 +1,127 @@
+"""What the cameras cost and how exact they are: the table that ``msrr bench cameras`` prints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from pydantic import BaseModel, ConfigDict
+from rich.markup import escape
+from rich.table import Table
+
+from msrr_bullet.bench.renderer_benchmark import (
+    PIXEL_TOLERANCE,
+    CornerRow,
+    CostRow,
+    PixelRow,
+    RangeRow,
+    corner_rows,
+    cost_rows,
+    pixel_row,
+    range_rows,
+)
+from msrr_bullet.bench.renderer_scenes import CONTESTANTS
+from msrr_bullet.trial.result import package_versions
+
+
+class CameraBench(BaseModel):
+    """All that is measured of the renderers, in one process.
+
+    Attributes:
+        costs: Time per picture.
+        corners: Tag corners against exact projection.
+        ranges: Detection and pose over distance.
+        pixels: Pixels against a finely sampled reference.
+        versions: Packages that ran it.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    costs: tuple[CostRow, ...]
+    corners: tuple[CornerRow, ...]
+    ranges: tuple[RangeRow, ...]
+    pixels: PixelRow
+    versions: dict[str, str]
+
+    def to_json(self) -> str:
+        """Return the report as indented JSON."""
+        return self.model_dump_json(indent=2) + "\n"
+
+
+def bench_cameras(
+    *,
+    seed: int = 0,
+    repeats: int = 10,
+    views: int = 200,
+    frames: int = 40,
+    distances_m: tuple[float, ...] = (0.1, 0.2, 0.4, 0.6, 0.8),
+    clutter_scenes: int = 40,
+    observer: Callable[[str], None] = lambda _: None,
+) -> CameraBench:
+    """Compare the renderers.
+
+    Args:
+        seed: Of all random views.
+        repeats: Timings of each picture, of which the shortest counts.
+        views: Views of a single tag for the corner errors.
+        frames: Frames per distance and renderer.
+        distances_m: Between the two faces.
+        clutter_scenes: Scenes of clutter for the comparison by pixel.
+        observer: Is told what is measured next.
+    """
+    observer("time per picture")
+    costs = cost_rows(repeats)
+    observer("corners against exact projection")
+    corners = corner_rows(views, seed)
+    observer("detection and pose over distance")
+    ranges = tuple(row for d in distances_m for row in range_rows(d, frames, seed))
+    observer("pixels against 8 x 8 samples")
+    pixels = pixel_row(range(seed, seed + clutter_scenes))
+    return CameraBench(
+        costs=costs, corners=corners, ranges=ranges, pixels=pixels, versions=package_versions()
+    )
+
+
+def camera_tables(bench: CameraBench) -> tuple[Table, ...]:
+    """Return the report as tables for people."""
+    costs = _table("Time per picture [ms of processor time]", "", *CONTESTANTS, "tiny 1x / raster")
+    for cost in bench.costs:
+        costs.add_row(cost.view, *(f"{cost.ms[c]:.2f}" for c in CONTESTANTS), f"{cost.ratio:.1f}")
+    corners = _table(
+        "Corners against exact projection, no noise, any roll [px]", "", "found", "mean x", "mean y", "RMS"
+    )
+    for c in bench.corners:
+        corners.add_row(
+            c.renderer,
+            f"{c.found} of {c.views}",
+            *(f"{b:+.4f}" for b in c.bias_px),
+            f"{c.rms_px:.4f}",
+        )
+    ranges = _table(
+        "One frame of close_range's camera, its noise and blur",
+        "distance",
+        "renderer",
+        "tags found",
+        "lateral RMS [mm]",
+        "yaw RMS [deg]",
+    )
+    for r in bench.ranges:
+        ranges.add_row(
+            f"{r.distance_m:g} m",
+            r.renderer,
+            f"{100.0 * r.detection_rate:.1f} %",
+            f"{r.lateral_mm:.2f}",
+            f"{r.yaw_deg:.3f}",
+        )
+    p = bench.pixels
+    pixels = _table("Raster against TinyRenderer at 8 x 8 samples", "", "")
+    pixels.add_row("scenes, pixels", f"{p.scenes}, {p.pixels}")
+    pixels.add_row(f"pixels off by more than {PIXEL_TOLERANCE} grey levels", str(p.off))
+    pixels.add_row("largest, mean difference", f"{p.worst}, {p.mean:.2f}")
+    return costs, corners, ranges, pixels
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=escape(title), title_justify="left")  # a unit in brackets is no markup
+    for i, column in enumerate(columns):
+        table.add_column(escape(column), justify="right" if i else "left")
+    return table

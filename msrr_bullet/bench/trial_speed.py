@@ -1,0 +1,189 @@
+"""How fast a trial runs, where its time goes, and what the obvious way to write the loop would take.
+
+The naive loop is the same trial - scene, seed, robot, pixels of the same quality - without the three things
+that make perception cheap here: it reads full frames only, detects tags in all of them, and lets the renderer
+draw the floor as a mesh.
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+from dataclasses import dataclass
+
+from pydantic import BaseModel, ConfigDict
+from rich.table import Table
+
+from msrr_bullet.profiler import StageClock
+from msrr_bullet.run import run_trial
+from msrr_bullet.trial.result import TrialResult, package_versions
+from msrr_scenes.errors import MsrrError
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import CameraSpec
+from msrr_scenes.specs.spec import Choice
+
+#: Stage of the loop that is the simulator's own work; all others sense, decide and judge.
+_PHYSICS = "physics"
+
+#: Stage of the robot's decisions: estimator query, laws and phase machine, without the guard.
+_CONTROL = "control"
+
+#: What is left of the loop when its named stages are taken away.
+_REST = "rest"
+
+
+class BenchError(MsrrError):
+    """A scene that cannot be measured in this way."""
+
+
+class BenchReport(BaseModel):
+    """Speed and memory of one trial, log and viewer off, set-up of the world not counted.
+
+    Attributes:
+        scene: Name of the scene.
+        seed: Its seed.
+        outcome: How the trial ended.
+        duration_s: Simulated time.
+        real_time_factor: Simulated time over wall-clock time of the loop.
+        naive_ratio: Wall-clock time that the naive loop takes per simulated second, over that of the trial.
+        naive_ratio_one_sample: The same with a naive loop that does without anti-aliasing, whose corners are
+            worse.
+        naive_outcome: How the naive trial ended; it sees other windows, so that it may differ.
+        physics_ms_per_s: Wall-clock time of the physics per simulated second.
+        other_ms_per_s: All the rest of the loop.
+        stages_ms_per_s: All of the loop by stage.
+        control_step_ms: One control step: estimator query, laws and phase machine, without the guard [ms].
+        start_up_s: What the first trial of a process takes longer than the next ones.
+        peak_mb: Largest memory of the process so far, before the naive loop began [10^6 bytes].
+        versions: Packages that ran it.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    scene: str
+    seed: int
+    outcome: Outcome
+    duration_s: float
+    real_time_factor: float
+    naive_ratio: float
+    naive_ratio_one_sample: float
+    naive_outcome: Outcome
+    physics_ms_per_s: float
+    other_ms_per_s: float
+    stages_ms_per_s: dict[str, float]
+    control_step_ms: float
+    start_up_s: float
+    peak_mb: float
+    versions: dict[str, str]
+
+    def to_json(self) -> str:
+        """Return the report as indented JSON."""
+        return self.model_dump_json(indent=2) + "\n"
+
+
+@dataclass(frozen=True)
+class _Timing:
+    """One trial with its time; all times per simulated second."""
+
+    result: TrialResult
+    ms_per_s: float
+    stages_ms_per_s: dict[str, float]
+
+
+def naive(scene: Scene, samples: int | None = None) -> Scene:
+    """Return the scene of the naive loop: whole frames, the floor a mesh.
+
+    Args:
+        scene: What to run.
+        samples: Sub-pixel samples of its cameras; None keeps the scene's.
+    """
+
+    def plain(camera: CameraSpec) -> dict[str, object]:
+        return {
+            "renderer": Choice(name="tiny", params={"floor": "mesh"}),
+            "readout": "frames",
+            "samples": samples or camera.samples,
+        }
+
+    cameras = scene.cameras
+    overhead = cameras.overhead
+    slow = cameras.model_copy(
+        update={
+            "onboard": cameras.onboard.model_copy(update=plain(cameras.onboard)),
+            "overhead": overhead.model_copy(update=plain(overhead)) if overhead else None,
+        }
+    )
+    return scene.model_copy(update={"cameras": slow})
+
+
+def bench(scene: Scene, seed: int = 0) -> BenchReport:
+    """Measure one trial, then the naive loop of the same trial, one after the other in this process.
+
+    The trial is run twice and the second run counts. What the first takes longer (to load compiled code, to
+    work out the faces of the meshes) comes once in a process, however many trials it runs, and is told apart.
+
+    Memory is that of the process from its start, so that the figure is the trial's own in a new process only.
+
+    Raises:
+        BenchError: The scene's perception uses no images.
+    """
+    if scene.perception != "images":
+        raise BenchError(f"{scene.name}: nothing to measure, perception is {scene.perception!r}, not images")
+    first = _timed(scene, seed)
+    trial = _timed(scene, seed)
+    peak = _peak_mb()
+    slow = _timed(naive(scene), seed)
+    coarse = _timed(naive(scene, samples=1), seed) if scene.cameras.onboard.samples > 1 else slow
+    physics = trial.stages_ms_per_s.get(_PHYSICS, 0.0)
+    return BenchReport(
+        scene=scene.name,
+        seed=seed,
+        outcome=trial.result.outcome,
+        duration_s=trial.result.duration_s,
+        real_time_factor=1e3 / trial.ms_per_s,
+        naive_ratio=slow.ms_per_s / trial.ms_per_s,
+        naive_ratio_one_sample=coarse.ms_per_s / trial.ms_per_s,
+        naive_outcome=slow.result.outcome,
+        physics_ms_per_s=physics,
+        other_ms_per_s=trial.ms_per_s - physics,
+        stages_ms_per_s=trial.stages_ms_per_s,
+        control_step_ms=trial.stages_ms_per_s.get(_CONTROL, 0.0) / scene.control.rate_hz,
+        start_up_s=1e-3 * (first.ms_per_s - trial.ms_per_s) * trial.result.duration_s,
+        peak_mb=peak,
+        versions=package_versions(),
+    )
+
+
+def bench_table(report: BenchReport) -> Table:
+    """Return the report as a table for people."""
+    title = f"{report.scene}, seed {report.seed}: {report.duration_s:.1f} s"
+    table = Table(title=title, title_justify="left")
+    table.add_column("")
+    table.add_column("per simulated second", justify="right")
+    for stage, ms in sorted(report.stages_ms_per_s.items(), key=lambda item: -item[1]):
+        table.add_row(stage, f"{ms:.1f} ms")
+    table.add_section()
+    table.add_row("one control step, without the guard", f"{report.control_step_ms:.3f} ms")
+    table.add_row("real time factor", f"{report.real_time_factor:.1f}")
+    table.add_row("times faster than the naive loop", f"{report.naive_ratio:.1f}")
+    table.add_row("... than a naive loop with one sample a pixel", f"{report.naive_ratio_one_sample:.1f}")
+    table.add_row("start-up, once in a process", f"{report.start_up_s:.1f} s")
+    table.add_row("memory at its peak", f"{report.peak_mb:.0f} MB")
+    return table
+
+
+def _timed(scene: Scene, seed: int) -> _Timing:
+    clock = StageClock()
+    result = run_trial(scene, seed, clock=clock)
+    if result.duration_s <= 0.0:
+        raise BenchError(f"{scene.name}, seed {seed}: ended at once, {result.outcome.value}")
+    per_s = 1e-6 / result.duration_s
+    stages = {name: ns * per_s for name, ns in clock.spent_ns.items()}
+    stages[_REST] = (clock.span_ns - clock.total_ns) * per_s
+    return _Timing(result, clock.span_ns * per_s, stages)
+
+
+def _peak_mb() -> float:
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak * (1.0 if sys.platform == "darwin" else 1024.0) * 1e-6  # macOS counts bytes, Linux kibibytes

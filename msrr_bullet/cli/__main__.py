@@ -1,0 +1,5 @@
+"""Runs the command line with ``python -m msrr_bullet.cli``."""
+
+from msrr_bullet.cli.app import main
+
+main()

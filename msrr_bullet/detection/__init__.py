@@ -1,1 +1,0 @@
-"""Settings of the detection compared on rendered pixels whose truth is known."""

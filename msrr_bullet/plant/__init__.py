@@ -1,0 +1,1 @@
+"""msrr_bullet.plant."""

@@ -1,0 +1,230 @@
+"""Resolve: open pixels, by sixteen samples with depth.
+
+The samples are an N-rooks pattern: each lies in a row and a column of its own, so that the upright and level
+edges of which docking scenes are made move through sixteen shades and not through four.
+
+Loops over the samples have a fixed length and touch short arrays of single precision: they become a few
+vector instructions. A form's value at a pixel is taken in double precision before it is rounded.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from msrr_bullet.render.raster.kernels.compiled import inlined, kernel
+from msrr_bullet.render.raster.kernels.ground import floor_at
+from msrr_bullet.render.raster.kernels.pattern import CELL_SAMPLES, SAMPLES
+from msrr_bullet.render.raster.kernels.picture import picture_at
+from msrr_bullet.render.raster.kernels.records import (
+    CELLS,
+    FLOOR,
+    REGION_BITS,
+    SMOOTH,
+    TEXTURED,
+    WALL,
+    Array,
+    Faces,
+    Ground,
+    GroundView,
+    Identities,
+    Pixels,
+    Samples,
+    Short,
+    Textures,
+    View,
+)
+from msrr_bullet.render.raster.kernels.settle import mean_of_cells, quantised
+from msrr_bullet.render.raster.kernels.visibility import cell_at
+
+#: Identities count up from here, so that in a key they are not negative.
+_LEAST = WALL
+
+#: Bits of a key that hold the identity.
+_LOW = (1 << 32) - 1
+
+#: Greater than any key.
+_GREATEST = (1 << 63) - 1
+
+
+@inlined
+def key_of(w: np.float32, identity: np.int32 | int) -> np.int64:
+    """Return depth and identity as one number, greater for what is nearer.
+
+    Read as whole numbers, the bits of floats >= 0 are in the order of the floats. At equal depth the greater
+    identity is the greater number, so that no order of drawing can matter.
+    """
+    return (np.int64(np.float32(w).view(np.int32)) << 32) | (np.int64(identity) - _LEAST)
+
+
+@kernel
+def clear_samples(view: View, floor: Array, pattern: Short, samples: Samples) -> None:
+    """Fill the samples of all open pixels with floor and wall."""
+    start, column, key, farthest = samples.start, samples.column, samples.key, samples.farthest
+    rise = np.empty(SAMPLES, np.float32)
+    for s in range(SAMPLES):
+        rise[s] = floor[0] * pattern[0, s] + floor[1] * pattern[1, s]
+    for j in range(view.height):
+        for p in range(start[j], start[j + 1]):
+            corner = np.float32(floor[0] * (view.x + column[p]) + (floor[1] * (view.y + j) + floor[2]))
+            least = _GREATEST
+            for s in range(SAMPLES):
+                w = max(corner + rise[s], np.float32(0.0))
+                key[p, s] = key_of(w, FLOOR if w > np.float32(0.0) else WALL)
+                least = min(least, key[p, s])
+            farthest[p] = least
+
+
+@kernel
+def cover_samples(view: View, faces: Faces, count: int, pattern: Short, samples: Samples) -> None:
+    """Draw all faces on the samples of the open pixels."""
+    start, column, key, farthest = samples.start, samples.column, samples.key, samples.farthest
+    inverse_depth, edge_start, edges, box = faces.inverse_depth, faces.edge_start, faces.edges, faces.box
+    nearest = faces.nearest
+    rise = np.empty(SAMPLES, np.float32)  # of 1 / z from a pixel's upper left corner to each sample
+    reach = np.empty(SAMPLES, np.float32)  # how far inside the edges that cross the pixel each sample is
+    for f in range(count):
+        top = int(max(np.floor(box[f, 2]), float(view.y)))
+        bottom = int(min(np.floor(box[f, 3]), view.y + view.height - 1.0))
+        if top > bottom or start[top - view.y] == start[bottom - view.y + 1]:
+            continue
+        first, end = edge_start[f], edge_start[f + 1]
+        a, b, c = inverse_depth[f, 0], inverse_depth[f, 1], inverse_depth[f, 2]
+        highest = max(a, 0.0) + max(b, 0.0)
+        name = np.int32(f << REGION_BITS)
+        left, right = int(np.floor(box[f, 0])) - view.x, int(np.floor(box[f, 1])) - view.x
+        for s in range(SAMPLES):
+            rise[s] = a * pattern[0, s] + b * pattern[1, s]
+        for y in range(top, bottom + 1):
+            p, stop = start[y - view.y], start[y - view.y + 1]
+            if p == stop or column[p] > right or column[stop - 1] < left:
+                continue
+            p = first_from(column, p, stop, left)
+            while p < stop and column[p] <= right:
+                x = view.x + column[p]
+                corner = a * x + (b * y + c)
+                bound = np.float32(max(min(corner + highest, nearest[f]), 0.0))
+                if key_of(bound, name) > farthest[p]:  # not behind every sample
+                    crossed = 0
+                    for e in range(first, end):
+                        ea, eb = edges[e, 0], edges[e, 1]
+                        value = ea * x + (eb * y + edges[e, 2])
+                        if value + max(ea, 0.0) + max(eb, 0.0) < 0.0:
+                            crossed = -1
+                            break
+                        if value + min(ea, 0.0) + min(eb, 0.0) < 0.0:  # this edge crosses the pixel
+                            ea32, eb32, value32 = np.float32(ea), np.float32(eb), np.float32(value)
+                            if crossed == 0:
+                                for s in range(SAMPLES):
+                                    reach[s] = value32 + (ea32 * pattern[0, s] + eb32 * pattern[1, s])
+                            else:
+                                for s in range(SAMPLES):
+                                    inside = value32 + (ea32 * pattern[0, s] + eb32 * pattern[1, s])
+                                    reach[s] = min(reach[s], inside)
+                            crossed += 1
+                    corner32, least = np.float32(corner), _GREATEST
+                    if crossed == 0:
+                        for s in range(SAMPLES):
+                            w = max(corner32 + rise[s], np.float32(0.0))
+                            key[p, s] = max(key[p, s], key_of(w, name))
+                            least = min(least, key[p, s])
+                        farthest[p] = least
+                    elif crossed > 0:
+                        for s in range(SAMPLES):
+                            w = max(corner32 + rise[s], np.float32(0.0))
+                            w = w if reach[s] >= np.float32(0.0) else np.float32(0.0)
+                            key[p, s] = max(key[p, s], key_of(w, name if w > np.float32(0.0) else WALL))
+                            least = min(least, key[p, s])
+                        farthest[p] = least
+                p += 1
+
+
+@inlined
+def first_from(columns: Identities, low: int, high: int, bound: int) -> int:
+    """Return the first index in low .. high whose column is at least ``bound`` (high if there is none)."""
+    while low < high:
+        middle = (low + high) // 2
+        if columns[middle] < bound:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@kernel
+def shade_open(
+    view: View,
+    faces: Faces,
+    textures: Textures,
+    ground: Ground,
+    seen: GroundView,
+    pattern: Short,
+    cell_pattern: Short,
+    samples: Samples,
+    out: Pixels,
+) -> None:
+    """Write the mean of the samples of every open pixel."""
+    start, column, key = samples.start, samples.column, samples.key
+    kind, grey, cells, uv = faces.kind, faces.grey, faces.cells, faces.uv
+    inverse_depth, shade, texels = faces.inverse_depth, faces.shade, textures.texels
+    place, identity = np.empty(CELL_SAMPLES, np.int32), np.empty(SAMPLES, np.int32)
+    texture, first_level, level_count = faces.texture, textures.first_level, textures.level_count
+    level_start, level_rows = textures.level_start, textures.level_rows
+    level_columns = textures.level_columns
+    for j in range(view.height):
+        y = view.y + j
+        for p in range(start[j], start[j + 1]):
+            x = view.x + column[p]
+            differs = np.int32(0)
+            for s in range(SAMPLES):
+                identity[s] = np.int32((key[p, s] & _LOW) + _LEAST)
+                differs |= identity[s] ^ identity[0]
+            f = identity[0] >> REGION_BITS
+            total = 0.0
+            if differs == 0 and f >= 0 and kind[f] == TEXTURED | CELLS:
+                total = grey[f] * mean_of_cells(
+                    uv, cells, inverse_depth, texels, f, x, y, cell_pattern, place
+                )
+            else:
+                # Most samples show what the one before showed; ``steady``: it has the same grey all over.
+                last, steady, value, reflectance = np.int32(WALL), True, ground.wall, 0.0
+                for s in range(SAMPLES):
+                    name = identity[s]
+                    f = name >> REGION_BITS
+                    if name != last:
+                        last = name
+                        steady = name < 0 or kind[f] == 0
+                        if name == FLOOR:
+                            value = floor_at(ground, seen, x, y)
+                        elif name == WALL:
+                            value = ground.wall
+                        elif steady:
+                            value = grey[f]
+                        elif kind[f] & TEXTURED and not kind[f] & CELLS:
+                            # The filter is as wide as a pixel: one lookup serves all samples of a face.
+                            reflectance = picture_at(
+                                inverse_depth,
+                                uv,
+                                texture,
+                                first_level,
+                                level_count,
+                                level_start,
+                                level_rows,
+                                level_columns,
+                                texels,
+                                f,
+                                x + 0.5,
+                                y + 0.5,
+                            )
+                    if not steady:
+                        u, v = x + pattern[0, s], y + pattern[1, s]
+                        w = inverse_depth[f, 0] * u + (inverse_depth[f, 1] * v + inverse_depth[f, 2])
+                        value = grey[f]
+                        if kind[f] & SMOOTH:
+                            value = (shade[f, 0] * u + (shade[f, 1] * v + shade[f, 2])) / w
+                        if kind[f] & CELLS:
+                            value *= texels[cell_at(uv, cells, f, u, v, w)]
+                        elif kind[f] & TEXTURED:
+                            value *= reflectance
+                    total += value
+                total /= SAMPLES
+            out[j, column[p]] = quantised(total)

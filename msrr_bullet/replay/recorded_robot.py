@@ -1,0 +1,154 @@
+"""Records everything that passes between a trial and its robot, in the order in which a replay needs it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from msrr_bullet.log import topics
+from msrr_bullet.log.recorder import Recorder
+from msrr_bullet.log.records import StepStart
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.messages import (
+    Action,
+    AssemblyPath,
+    AssemblyProgress,
+    Belief,
+    Detections,
+    Exposure,
+    Fetch,
+    LosObservation,
+    Pixels,
+    PoseEstimate,
+    SensorMessage,
+    Situation,
+)
+
+
+class Robot(Protocol):
+    """What a trial and a replay see of :class:`msrr_bullet.robot.autonomy.Autonomy`."""
+
+    def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
+        """Look at an exposure through ``fetch``."""
+        ...
+
+    def receive(self, message: SensorMessage) -> None:
+        """Take in a message that has arrived."""
+        ...
+
+    def step(self, now_ns: int) -> Action:
+        """Decide."""
+        ...
+
+    @property
+    def estimate(self) -> PoseEstimate | None:
+        """Belief on which the last decision was taken."""
+        ...
+
+    @property
+    def los(self) -> LosObservation | None:
+        """Line of sight on which the last decision was taken."""
+        ...
+
+    @property
+    def belief(self) -> Belief:
+        """Verdict on the step as of the last decision."""
+        ...
+
+    @property
+    def situation(self) -> Situation | None:
+        """What global localisation knew when the last decision was taken."""
+        ...
+
+    @property
+    def assembly(self) -> AssemblyProgress | None:
+        """What the long-distance phase did; None when it is not at work."""
+        ...
+
+    @property
+    def path(self) -> AssemblyPath | None:
+        """The path that the long-distance phase follows."""
+        ...
+
+    def wants(self, camera: str) -> bool:
+        """Say whether the robot has a use for the frames of ``camera`` now."""
+        ...
+
+
+class RecordedRobot:
+    """A robot whose every input and output goes to the log; apart from that, the same robot."""
+
+    def __init__(self, robot: Robot, unit: str, recorder: Recorder, index: int, start_ns: int) -> None:
+        """Tap ``robot``, which docks ``unit`` in step ``index`` of the plan, from ``start_ns`` on."""
+        self._robot = robot
+        self._unit = unit
+        self._recorder = recorder
+        self._path: AssemblyPath | None = None
+        recorder.write(topics.STEPS, start_ns, StepStart(start_ns, index, unit))
+
+    @property
+    def estimate(self) -> PoseEstimate | None:
+        """Belief on which the last decision was taken."""
+        return self._robot.estimate
+
+    @property
+    def los(self) -> LosObservation | None:
+        """Line of sight on which the last decision was taken."""
+        return self._robot.los
+
+    @property
+    def belief(self) -> Belief:
+        """Verdict on the step as of the last decision."""
+        return self._robot.belief
+
+    @property
+    def situation(self) -> Situation | None:
+        """What global localisation knew when the last decision was taken."""
+        return self._robot.situation
+
+    @property
+    def assembly(self) -> AssemblyProgress | None:
+        """What the long-distance phase did; None when it is not at work."""
+        return self._robot.assembly
+
+    @property
+    def path(self) -> AssemblyPath | None:
+        """The path that the long-distance phase follows."""
+        return self._robot.path
+
+    def wants(self, camera: str) -> bool:
+        """Say whether the robot has a use for the frames of ``camera`` now."""
+        return self._robot.wants(camera)
+
+    def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
+        """Record the exposure and the windows that the robot asks for."""
+        self._recorder.write(topics.exposure(exposure.camera), exposure.stamp_ns, exposure)
+
+        def recorded(window: Window) -> Pixels:
+            pixels = fetch(window)
+            self._recorder.window(exposure, window, pixels)
+            return pixels
+
+        return self._robot.expose(exposure, recorded)
+
+    def receive(self, now_ns: int, message: SensorMessage) -> None:
+        """Record a message as it arrives."""
+        self._recorder.write(topics.sensor(self._unit, message), now_ns, message)
+        self._robot.receive(message)
+
+    def step(self, now_ns: int) -> Action:
+        """Record the decision, and the belief it was taken on."""
+        action = self._robot.step(now_ns)
+        self._recorder.write(topics.action(self._unit), now_ns, action)
+        if (estimate := self._robot.estimate) is not None:
+            self._recorder.write(topics.estimate(self._unit), now_ns, estimate)
+        if (los := self._robot.los) is not None:
+            self._recorder.write(topics.los(self._unit), now_ns, los)
+        if (situation := self._robot.situation) is not None:
+            self._recorder.write(topics.situation(self._unit), now_ns, situation)
+        if (assembly := self._robot.assembly) is not None:
+            self._recorder.write(topics.assembly(self._unit), now_ns, assembly)
+        if (path := self._robot.path) is not None and path is not self._path:
+            self._recorder.write(topics.path(self._unit), now_ns, path)
+            self._path = path
+        self._recorder.write(topics.belief(self._unit), now_ns, self._robot.belief)
+        return action

@@ -1,0 +1,112 @@
+"""Docking success of C1 and C2 over gain and total delay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.patheffects as effects
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch, Rectangle
+from numpy.typing import NDArray
+
+from msrr_bullet.reproduce.report.findings import DOCKS
+from msrr_bullet.reproduce.report.style import PAPER, SMALL, look, new_figure, save, styled
+from msrr_bullet.studies.gain_delay import LAWS
+from msrr_bullet.studies.measures import measure
+from msrr_bullet.studies.model import GainDelayMap
+
+Array = NDArray[np.float64]
+
+#: Who docks, by (C1, C2): name, colour and hatch.
+_WHO: dict[tuple[bool, bool], tuple[str, str, str]] = {
+    (True, True): ("both dock", "#f7f7f2", ""),
+    (True, False): ("C1 alone", look("c1")[0], "//"),
+    (False, True): ("C2 alone", look("c2")[0], "\\\\"),
+    (False, False): ("neither", "#9aa3ab", "xx"),
+}
+
+
+def draw_map(found: GainDelayMap, path: Path) -> Path:
+    """Draw the success of each controller, and who docks where."""
+    c1, c2 = (np.array([[c.success for c in row] for row in found.cells[law]]) for law in LAWS)
+    with styled():
+        figure = new_figure(19.0, 7.6)
+        left, middle, right = figure.subplots(1, 3, sharey=True)
+        for axes, law, shares in ((left, "c1", c1), (middle, "c2", c2)):
+            image = axes.imshow(
+                100.0 * shares, cmap="cividis", vmin=0.0, vmax=100.0, origin="lower", aspect="auto"
+            )
+            for i, j in np.ndindex(shares.shape):
+                ink = "black" if shares[i, j] > 0.55 else "white"
+                text = f"{100 * shares[i, j]:.0f}"
+                axes.text(j, i, text, ha="center", va="center", color=ink, fontsize=SMALL)
+            axes.set_title(f"{law.upper()}: docked [%]")
+        bar = figure.colorbar(image, ax=(left, middle), shrink=0.8, pad=0.01)
+        bar.set_label("docked [%]")
+        handles = [*_who(right, c1 >= DOCKS, c2 >= DOCKS), *_products(right, found)]
+        for axes in (left, middle, right):
+            _frame(axes, found)
+            if not found.compensated:
+                ring = _ring(axes, found)
+        if not found.compensated:
+            handles.append(ring)
+        left.set_ylabel("gain k_n [1/s]", labelpad=10.0)
+        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+        how = "delay made up for by the estimator" if found.compensated else "delay not made up for"
+        figure.suptitle(f"Docking over gain and delay, {how} ({found.trials} trials a cell)")
+        return save(figure, path)
+
+
+def _who(axes: Axes, c1: NDArray[np.bool_], c2: NDArray[np.bool_]) -> list[Artist]:
+    for i, j in np.ndindex(c1.shape):
+        _, colour, hatch = _WHO[bool(c1[i, j]), bool(c2[i, j])]
+        cell = Rectangle((j - 0.5, i - 0.5), 1, 1, facecolor=colour, hatch=hatch, edgecolor="#ffffff")
+        cell.set_linewidth(0.0)
+        axes.add_patch(cell)
+    axes.set_title(f"who docks (at least {100 * DOCKS:.0f} %)")
+    return [
+        Patch(facecolor=colour, hatch=hatch, edgecolor="#ffffff" if hatch else "black", label=name)
+        for name, colour, hatch in _WHO.values()
+    ]
+
+
+def _products(axes: Axes, found: GainDelayMap) -> list[Artist]:
+    """Draw where gain times total delay is 1: about there a law begins to swing."""
+    gains, delays = np.array(found.gains), found.lag + np.array(found.latencies)
+    fine = np.linspace(delays[0], delays[-1], 400)
+    handles: list[Artist] = []
+    looks = ((found.extra_gain, "--", "C2: gain x delay = 1"), (0.0, "-", "C1: gain x delay = 1"))
+    for more, style, text in looks:
+        gain = 1.0 / fine - more
+        inside = (gain >= gains[0]) & (gain <= gains[-1])
+        x = np.interp(fine[inside], delays, np.arange(len(delays)))
+        y = np.interp(gain[inside], gains, np.arange(len(gains)))
+        (line,) = axes.plot(x, y, color=PAPER, linestyle=style, linewidth=3.0, label=text)
+        line.set_path_effects([effects.Stroke(linewidth=6.0, foreground="white"), effects.Normal()])
+        handles.append(line)
+    return handles
+
+
+def _ring(axes: Axes, found: GainDelayMap) -> Patch:
+    """Draw the cell that resembles the paper, and say how much."""
+    i, j = found.gains.index(found.paper_cell[0]), found.latencies.index(found.paper_cell[1])
+    final = measure("final")
+    papers = f"{1e3 * (final.paper_c1 or 0.0):g} and {1e3 * (final.paper_c2 or 0.0):g} mm"
+    ours = " and ".join(f"{1e3 * (found.cells[law][i][j].final_p50_m or np.nan):.0f}" for law in LAWS)
+    ring = Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, edgecolor=PAPER, linewidth=4.0)
+    ring.set_path_effects([effects.Stroke(linewidth=8.0, foreground="white"), effects.Normal()])
+    ring.set_label(f"most like the paper: final errors {papers} there, {ours} mm here")
+    axes.add_patch(ring)
+    return ring
+
+
+def _frame(axes: Axes, found: GainDelayMap) -> None:
+    axes.grid(visible=False)
+    delays = [f"{1e3 * (found.lag + t):.0f}" for t in found.latencies]
+    axes.set_xticks(range(len(delays)), delays)
+    axes.set_yticks(range(len(found.gains)), [f"{g:g}" for g in found.gains])
+    axes.set_xlabel("total delay: latency + 1/kappa [ms]")
+    axes.set_xlim(-0.5, len(delays) - 0.5)
+    axes.set_ylim(-0.5, len(found.gains) - 0.5)

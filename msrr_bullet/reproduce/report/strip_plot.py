@@ -1,0 +1,160 @@
+"""The paper's figures beside ours: every trial a dot, the median and the 95th percentile drawn in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from msrr_bullet.reproduce.report.style import FAINT, PAPER, SMALL, look, new_figure, save, styled
+from msrr_bullet.statistics import Rate
+from msrr_bullet.studies.measures import MEASURES, Measure
+from msrr_bullet.studies.model import Row, Table
+from msrr_bullet.studies.settings import STANDARD
+from msrr_scenes.random_streams import stream
+
+#: Dots per row: more would be a blot.
+_MOST = 200
+
+
+def draw_strips(table: Table, path: Path) -> Path:
+    """Draw every measure of a table; of the close phase also who docked and who kept the target in view."""
+    shown = [m for m in MEASURES[table.phase] if any(m.key in r.measures for r in table.rows)]
+    shares = any(r.in_view is not None for r in table.rows)
+    # What is asked is asked on unicycles under the standard setting.
+    asked = table.plant == "unicycle" and table.setting == STANDARD.name
+    with styled():
+        lines = -(-len(shown) // 2) + shares
+        figure = new_figure(16.0, 1.2 + lines * (1.4 + 0.46 * len(table.rows)))
+        axes = np.atleast_1d(figure.subplots(lines, 2, squeeze=False)).ravel()
+        for place, what in zip(axes, shown, strict=False):
+            _strip(place, table.rows, what, asked)
+        for place in axes[len(shown) :]:
+            place.set_axis_off()
+        if shares:
+            _shares(axes[-2], table.rows, (("docked [%], 95 % interval", [r.success for r in table.rows]),))
+            views = [("in view", [r.in_view for r in table.rows])]
+            views.append(("in the cone", [r.in_cone for r in table.rows]))
+            _shares(axes[-1], table.rows, views)
+        handles = [
+            Line2D([], [], color=FAINT, marker="o", linestyle="", markersize=6, label="a trial"),
+            Line2D([], [], color=FAINT, linewidth=4.5, label="median"),
+            Line2D([], [], color=FAINT, linewidth=2.0, label="95th percentile"),
+            Line2D([], [], color=PAPER, linestyle="-", label="paper, C1"),
+            Line2D([], [], color=PAPER, linestyle="--", label="paper, C2"),
+        ]
+        if asked:
+            text = "asked of C1's 95th percentile"
+            handles.append(Line2D([], [], color=PAPER, linestyle=":", label=text))
+        figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, columnspacing=1.2)
+        figure.suptitle(f"{table.phase} phase, {table.plant}, {table.setting}")
+        return save(figure, path)
+
+
+def _strip(axes: Axes, rows: Sequence[Row], what: Measure, asked: bool) -> None:
+    jitter = stream(0, f"jitter/{what.key}")
+    papers = [what.scale * v for v in (what.paper_c1, what.paper_c2) if v is not None]
+    found = [r.measures.get(what.key) for r in rows]
+    finite = [np.array([v for v in f.values if np.isfinite(v)]) for f in found if f is not None]
+    high = [what.scale * float(np.quantile(v, 0.99)) for v in finite if v.size]
+    right = 1.18 * max([*high, *papers], default=1.0) or 1.0
+    axes.set_xlim(0.0, right)
+    for i, (row, measured) in enumerate(zip(rows, found, strict=True)):
+        if measured is None or not measured.count:
+            axes.text(0.01, i, "no trial has one", transform=axes.get_yaxis_transform(), va="center")
+            continue
+        colour, marker = look(row.controller)
+        values = what.scale * np.array(measured.values[:_MOST])
+        across = i + jitter.uniform(-0.22, 0.22, len(values))
+        axes.scatter(values, across, s=20, color=colour, marker=marker, alpha=0.4, linewidths=0)
+        q = measured.quantiles
+        for value, half, width in ((q.p50, 0.38, 4.5), (q.p95, 0.30, 2.0)):
+            at = what.scale * (value or 0.0)
+            if not np.isfinite(at):
+                continue  # it lies with those that are beyond the axis
+            axes.plot([at, at], [i - half, i + half], color=colour, linewidth=width)
+        beyond = int((what.scale * np.array(measured.values) > right).sum())
+        if beyond:
+            axes.text(
+                1.0,
+                i,
+                f"{beyond} more{_of_these_never(measured.never)} \N{RIGHTWARDS ARROW}",
+                transform=axes.get_yaxis_transform(),
+                ha="right",
+                va="center",
+                fontsize=SMALL,
+                bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+            )
+    _paper_lines(axes, what, right)
+    if asked and what.asked_p95 is not None:
+        axes.axvline(what.scale * what.asked_p95, color=PAPER, linestyle=":", linewidth=2.0)
+    _rows(axes, rows)
+    axes.set_xlabel(f"{what.label} [{what.unit}]")
+
+
+def _of_these_never(count: int) -> str:
+    return f", {count} never" if count else ""
+
+
+def _paper_lines(axes: Axes, what: Measure, right: float) -> None:
+    """Draw the paper's figures and write them above, C1's to the left of its line if C2's stands near it."""
+    near = (
+        what.paper_c1 is not None
+        and what.paper_c2 is not None
+        and what.scale * (what.paper_c2 - what.paper_c1) < 0.5 * right
+    )
+    sides = ("right" if near else "left", "left" if near else "right")
+    styles = (("C1", what.paper_c1, "-", sides[0]), ("C2", what.paper_c2, "--", sides[1]))
+    for name, paper, style, side in styles:
+        if paper is None:
+            continue
+        at = what.scale * paper
+        axes.axvline(at, color=PAPER, linestyle=style, linewidth=1.8)
+        axes.annotate(
+            f"paper's {name}: {at:g} {what.unit}"
+            if not near or name == "C1"
+            else f"{name}: {at:g} {what.unit}",
+            (at, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(3 if side == "left" else -3, 2),
+            textcoords="offset points",
+            ha=side,
+            fontsize=SMALL,
+        )
+
+
+def _shares(axes: Axes, rows: Sequence[Row], kinds: Sequence[tuple[str, Sequence[Rate | None]]]) -> None:
+    """Draw shares with their intervals: filled the first kind, open the second."""
+    axes.set_axis_on()
+    lowest = 100.0
+    for k, (_, rates) in enumerate(kinds):
+        for i, (row, rate) in enumerate(zip(rows, rates, strict=True)):
+            if rate is None:
+                continue
+            colour, marker = look(row.controller)
+            at, y = 100.0 * rate.rate, i + (k - 0.5 * (len(kinds) - 1)) * 0.36
+            axes.errorbar(
+                at,
+                y,
+                xerr=[[at - 100.0 * rate.low], [100.0 * rate.high - at]],
+                color=colour,
+                marker=marker,
+                markersize=9,
+                markerfacecolor=colour if k == 0 else "white",
+                capsize=4,
+                clip_on=False,
+            )
+            lowest = min(lowest, 100.0 * rate.low)
+    axes.set_xlim(min(80.0, max(0.0, lowest - 2.0)), 100.0)
+    _rows(axes, rows)
+    text = kinds[0][0] if len(kinds) == 1 else "target kept in view (filled), in the cone (open) [%]"
+    axes.set_xlabel(text)
+
+
+def _rows(axes: Axes, rows: Sequence[Row]) -> None:
+    axes.set_yticks(range(len(rows)), [r.label for r in rows])
+    axes.set_ylim(len(rows) - 0.45, -0.55)
+    axes.grid(visible=False, axis="y")

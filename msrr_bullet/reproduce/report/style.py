@@ -1,0 +1,83 @@
+"""How figures look: sizes, colours that stay apart for colour-blind eyes, and the file they become."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from msrr_bullet.timeline.palette import BLACK, BLUE, GREEN, OBSTACLE, ORANGE, PURPLE, VERMILLION, css
+
+DPI = 110
+
+#: Sizes at which a figure can still be read at half its width.
+_TEXT: dict[Any, Any] = {
+    "font.size": 15.0,
+    "axes.titlesize": 15.0,
+    "axes.labelsize": 15.0,
+    "xtick.labelsize": 14.0,
+    "ytick.labelsize": 14.0,
+    "legend.fontsize": 13.5,
+    "figure.titlesize": 17.0,
+    "lines.linewidth": 2.2,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#d9dde2",
+    "grid.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "hatch.linewidth": 1.6,
+    "svg.hashsalt": "msrr",
+}
+
+#: Size of numbers inside a figure.
+SMALL = 13.0
+
+#: Colour and marker of each controller, the same in every figure; the marker tells them apart without colour.
+_LOOKS: dict[str, tuple[int, str]] = {
+    "c1": (BLUE, "o"),
+    "c2": (VERMILLION, "s"),
+    "cbf": (GREEN, "^"),
+    "graceful": (PURPLE, "D"),
+    "linear": (ORANGE, "v"),
+}
+
+#: What belongs to no controller is black, grey or the obstacle's colour.
+PAPER, FAINT, HAZARD = css(BLACK), "#6b747d", css(OBSTACLE)
+
+
+def look(controller: str) -> tuple[str, str]:
+    """Return colour and marker of a controller, by its registered name or its label (``C1, tuned``)."""
+    colour, marker = _LOOKS.get(controller.partition(",")[0].lower(), (0x59636D, "P"))
+    return css(colour), marker
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of that size [in], drawn without a window system."""
+    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def styled() -> AbstractContextManager[None]:
+    """Return the context in which every figure is drawn and saved."""
+    return rc_context(_TEXT)
+
+
+def legend_above(axes: Axes, columns: int = 2) -> None:
+    """Put the legend over the curves: make room for it at the top, so that it hides none of them."""
+    low, high = axes.get_ylim()
+    lines = -(-len(axes.get_legend_handles_labels()[1]) // columns)
+    axes.set_ylim(low, high + (0.06 + 0.115 * lines) * (high - low))
+    axes.legend(loc="upper center", ncols=columns, columnspacing=0.8, handlelength=1.8, framealpha=1.0)
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write a PNG that depends on nothing but what is drawn."""
+    figure.savefig(path, metadata={"Software": None})
+    return path

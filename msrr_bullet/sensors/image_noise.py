@@ -1,0 +1,151 @@
+"""What lens and sensor do to an ideal image: Gaussian blur, shot and read noise, whole grey levels.
+
+Every pixel is a function of the camera's key, the frame's number and the pixel's place in the full frame;
+so a window read out alone equals the crop of the whole frame, noise included. Library normal generators
+cannot give that (they use a varying number of random words per sample) and cost 3 ms per VGA frame; here a
+tile of noise is drawn once per camera, and a hash of the frame number says where on the periodic tile the
+frame lies and which of its eight mirror images is laid.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.messages import Pixels
+
+#: Edge of the noise tile [px].
+_TILE = 1024
+
+#: Sum of the blur's kernel. 255 times its square has to stay below 2**24.
+_UNIT = 256
+
+
+class SensorModel:
+    """Lens blur, shot noise and read noise of one camera.
+
+    Read noise is Gaussian and independent of the light. Shot noise is that of a great many photons: Gaussian,
+    its variance in proportion to the light.
+    """
+
+    def __init__(self, key: int, blur_px: float, noise_grey: float, shot_grey: float = 0.0) -> None:
+        """Set up a sensor.
+
+        Args:
+            key: Up to 128 bits that stand for the seed and the camera.
+            blur_px: Standard deviation of the lens blur [px]; 0 is a perfect lens.
+            noise_grey: Standard deviation of the read noise [grey levels]; 0 is a perfect sensor.
+            shot_grey: Standard deviation of the shot noise at white, 255 [grey levels].
+        """
+        self._key = key.to_bytes(16, "little")
+        self._kernel = blur_kernel(blur_px)
+        self._radius = len(self._kernel) // 2
+        self._tile: NDArray[np.int16] | NDArray[np.float32] | None = None
+        self._sigma: NDArray[np.float32] | None = None
+        if shot_grey > 0.0:
+            light = np.arange(256) / 255.0
+            self._sigma = np.sqrt(noise_grey**2 + shot_grey**2 * light).astype(np.float32)
+            self._tile = _unit_tile(key)
+        elif noise_grey > 0.0:
+            self._tile = _noise_tile(key, noise_grey)
+
+    @property
+    def margin(self) -> int:
+        """Pixels around a window that its blur draws on."""
+        return self._radius
+
+    def read_out(self, ideal: Pixels, window: Window, frame: int) -> Pixels:
+        """Return what the sensor delivers for ``window`` of frame number ``frame``.
+
+        Args:
+            ideal: Noise-free pixels of ``window.padded(self.margin)``.
+            window: The pixels wanted, in the full frame.
+            frame: Number of the frame.
+
+        Raises:
+            ValueError: ``ideal`` has not the shape of the padded window.
+        """
+        r = self._radius
+        if ideal.shape != (window.height + 2 * r, window.width + 2 * r):
+            raise ValueError(f"{ideal.shape} pixels given for {window} with a margin of {r}")
+        pixels = ideal
+        if r:
+            # Whole numbers below 2**24, which single precision holds exactly: no rounding can depend on the
+            # place in the image, nor on how OpenCV cuts it up.
+            sums = cv2.sepFilter2D(ideal, cv2.CV_32F, self._kernel, self._kernel)[r:-r, r:-r]
+            pixels = np.rint(sums * np.float32(1.0 / _UNIT**2)).astype(np.uint8)
+        if self._tile is None:
+            return np.ascontiguousarray(pixels)
+        return self._add_noise(pixels, self._tile, window, frame)
+
+    def _add_noise(
+        self,
+        pixels: Pixels,
+        tile: NDArray[np.int16] | NDArray[np.float32],
+        window: Window,
+        frame: int,
+    ) -> Pixels:
+        digest = hashlib.blake2b(frame.to_bytes(8, "little"), key=self._key, digest_size=9).digest()
+        x = (int.from_bytes(digest[:4], "little") + window.x) % _TILE
+        y = (int.from_bytes(digest[4:8], "little") + window.y) % _TILE
+        variant = digest[8]
+        if variant & 1:
+            tile = tile.T
+        tile = tile[:: -1 if variant & 2 else 1, :: -1 if variant & 4 else 1]
+        out = np.empty(pixels.shape, dtype=np.uint8)
+        for out_y, tile_y, height in _runs(y, window.height):
+            for out_x, tile_x, width in _runs(x, window.width):
+                part = slice(out_y, out_y + height), slice(out_x, out_x + width)
+                noise = tile[tile_y : tile_y + height, tile_x : tile_x + width]
+                if self._sigma is not None:  # the tile holds standard normal numbers
+                    noise = np.rint(noise * self._sigma[pixels[part]])
+                out[part] = np.clip(pixels[part] + noise, 0, 255)
+        return out
+
+
+def _runs(start: int, length: int) -> list[tuple[int, int, int]]:
+    """Split ``length`` pixels from ``start`` on the periodic tile: (offset, place on the tile, length)."""
+    runs, offset = [], 0
+    while offset < length:
+        place = (start + offset) % _TILE
+        step = min(length - offset, _TILE - place)
+        runs.append((offset, place, step))
+        offset += step
+    return runs
+
+
+def blur_kernel(sigma: float) -> NDArray[np.float32]:
+    """Return the blur's one-dimensional kernel, shape (2 r + 1,), whole numbers that sum to 256.
+
+    The discrete Gaussian (Lindeberg, Scale-space for discrete signals, PAMI 1990): its variance is
+    sigma**2 at any sigma, where a sampled Gaussian of 0.4 px blurs by 0.28 px only.
+
+    Args:
+        sigma: Standard deviation [px].
+    """
+    angle = 2.0 * np.pi * np.arange(129) / 256.0
+    half = np.rint(_UNIT * np.fft.irfft(np.exp(sigma**2 * (np.cos(angle) - 1.0)))[:128])
+    radius = int(np.flatnonzero(half)[-1])
+    half[0] = _UNIT - 2.0 * half[1 : radius + 1].sum()
+    return np.concatenate([half[radius:0:-1], half[: radius + 1]]).astype(np.float32)
+
+
+def _unit_tile(key: int) -> NDArray[np.float32]:
+    """Return standard normal numbers, shape (1024, 1024)."""
+    rng = np.random.Generator(np.random.PCG64(key))
+    return rng.standard_normal((_TILE, _TILE), dtype=np.float32)
+
+
+def _noise_tile(key: int, sigma: float) -> NDArray[np.int16]:
+    """Return Gaussian noise in whole grey levels, shape (1024, 1024).
+
+    What it is added to is whole already, so rounding here is the sensor's own rounding, once per trial
+    instead of once per pixel.
+    """
+    noise = sigma * _unit_tile(key)
+    whole: NDArray[np.int16] = np.rint(np.clip(noise, -255.0, 255.0)).astype(np.int16)
+    return whole

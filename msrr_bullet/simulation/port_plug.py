@@ -1,0 +1,53 @@
+"""Something that sits in a port's holes and keeps the pins out (the fault ``port_plugged``)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pybullet
+
+from msrr_bullet.simulation.world import BulletWorld
+from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.se3 import SE3
+
+#: How far a plug reaches up from the bottom of the hole [m]: well over what a switch or the cam forgives.
+PLUG_LENGTH = 0.010
+PLUG_RGBA = (0.2, 0.2, 0.2, 1.0)
+
+
+class Plug:
+    """Two small fixed bodies at the bottom of the holes of one passive port."""
+
+    def __init__(self, world: BulletWorld, unit: str, port: str) -> None:
+        """Stop up the holes where the unit stands now; the unit itself does not feel its plug."""
+        self._client = world.client
+        owner = world.unit(unit)
+        holes = [s for s in owner.geometry.solids if s.link.startswith(f"port_{port}_hole_")]
+        if not holes:
+            raise GeometryError(f"unit {unit!r}: port {port!r} has no holes to stop up")
+        self.bodies: list[int] = []
+        for hole in holes:
+            # The bottom plate is a box with x out of the face; the plug stands on it.
+            thickness, width, height = hole.size
+            half = [0.5 * PLUG_LENGTH, 0.5 * width, 0.5 * height]
+            X_WH = world.pose3(unit) @ hole.X_UG
+            X_WG = X_WH @ SE3(p=np.array([0.5 * (thickness + PLUG_LENGTH), 0.0, 0.0]))
+            body: int = pybullet.createMultiBody(
+                baseMass=0.0,
+                baseCollisionShapeIndex=pybullet.createCollisionShape(
+                    pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client
+                ),
+                baseVisualShapeIndex=pybullet.createVisualShape(
+                    pybullet.GEOM_BOX, halfExtents=half, rgbaColor=PLUG_RGBA, physicsClientId=self._client
+                ),
+                basePosition=X_WG.p.tolist(),
+                baseOrientation=X_WG.quaternion_xyzw().tolist(),
+                physicsClientId=self._client,
+            )
+            for link in owner.links.values():
+                pybullet.setCollisionFilterPair(owner.body, body, link, -1, 0, physicsClientId=self._client)
+            self.bodies.append(body)
+
+    def remove(self) -> None:
+        """Clear the holes."""
+        while self.bodies:
+            pybullet.removeBody(self.bodies.pop(), physicsClientId=self._client)

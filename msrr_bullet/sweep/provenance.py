@@ -1,0 +1,63 @@
+"""What code computes a trial, so that a stored result is used only while it would come out the same."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import json
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from msrr_bullet.trial.result import package_versions
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import Choice
+
+_PACKAGES = ("msrr_scenes", "msrr_perception", "msrr_control", "msrr_bullet")
+
+
+def code_fingerprint(scene: Scene) -> str:
+    """Return a digest of the code that a trial of ``scene`` runs.
+
+    It covers the versions of the packages that can change a bit, every source file of this project, and the
+    file of each implementation that the scene names by import path (not what that file imports in turn).
+    """
+    digest = hashlib.blake2b(digest_size=12)
+    digest.update(_own_code())
+    for module in sorted({c.name.partition(":")[0] for c in _choices(scene) if ":" in c.name}):
+        file = _module_file(module)
+        digest.update(module.encode())
+        digest.update(file.read_bytes() if file is not None else b"")
+    return digest.hexdigest()
+
+
+@lru_cache(maxsize=1)
+def _own_code() -> bytes:
+    digest = hashlib.blake2b(json.dumps(package_versions(), sort_keys=True).encode())
+    for package in _PACKAGES:
+        root = _module_file(package)
+        if root is None:
+            continue
+        for file in sorted(root.parent.rglob("*.py")):
+            digest.update(str(file.relative_to(root.parent)).encode())
+            digest.update(file.read_bytes())
+    return digest.digest()
+
+
+def _module_file(module: str) -> Path | None:
+    """Return the file of a module; None when there is none, which whoever builds the module will find."""
+    try:
+        spec = importlib.util.find_spec(module)
+    except (ImportError, ValueError):
+        return None
+    return Path(spec.origin) if spec is not None and spec.origin is not None else None
+
+
+def _choices(value: object) -> Iterator[Choice]:
+    if isinstance(value, Choice):
+        yield value
+    elif isinstance(value, BaseModel):
+        for name in type(value).model_fields:
+            yield from _choices(getattr(value, name))

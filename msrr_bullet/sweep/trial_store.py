@@ -1,0 +1,95 @@
+"""Results of trials in one SQLite file, so that a killed sweep resumes and nothing runs twice."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterable
+from pathlib import Path
+from types import TracebackType
+
+from msrr_bullet.trial.result import TrialResult
+from msrr_scenes.errors import MsrrError
+
+#: Layout of the tables; raised when it changes.
+LAYOUT = 1
+
+_TABLES = """
+CREATE TABLE IF NOT EXISTS scenes (
+    scene_hash TEXT PRIMARY KEY,
+    name TEXT NOT NULL,
+    scene TEXT NOT NULL  -- JSON
+);
+CREATE TABLE IF NOT EXISTS trials (
+    scene_hash TEXT NOT NULL,
+    seed INTEGER NOT NULL,
+    code TEXT NOT NULL,  -- msrr_bullet.sweep.provenance.code_fingerprint
+    outcome TEXT NOT NULL,
+    result TEXT NOT NULL,  -- JSON, msrr_bullet.trial.result.TrialResult
+    PRIMARY KEY (scene_hash, seed, code)
+);
+"""
+
+
+class StoreError(MsrrError):
+    """A store that cannot be read or written."""
+
+
+class TrialStore:
+    """Results keyed by (scene hash, seed, code). Each one is safe on disk when :meth:`put` returns."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a store, or make one.
+
+        Raises:
+            StoreError: The file is something else, is of another layout, or cannot be opened.
+        """
+        self._path = path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._db = sqlite3.connect(path, timeout=30.0)
+            with self._db:
+                layout = int(self._db.execute("PRAGMA user_version").fetchone()[0])
+                known = self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] > 0
+                if known and layout != LAYOUT:
+                    raise StoreError(
+                        f"{path}: not a store of this version (layout {layout}); name another file"
+                    )
+                self._db.executescript(_TABLES)
+                self._db.execute(f"PRAGMA user_version = {LAYOUT}")
+        except (sqlite3.Error, OSError) as error:
+            raise StoreError(f"{path}: cannot be opened as a store of trials: {error}") from None
+
+    def __enter__(self) -> TrialStore:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._db.close()
+
+    def put_scene(self, scene_hash: str, name: str, scene_json: str) -> None:
+        """Note which scene a hash stands for."""
+        self._write("INSERT OR IGNORE INTO scenes VALUES (?, ?, ?)", (scene_hash, name, scene_json))
+
+    def put(self, result: TrialResult, code: str) -> None:
+        """Keep a result."""
+        row = (result.scene_hash, result.seed, code, result.outcome.value, result.model_dump_json())
+        self._write("INSERT OR REPLACE INTO trials VALUES (?, ?, ?, ?, ?)", row)
+
+    def get(self, scene_hash: str, code: str, seeds: Iterable[int]) -> dict[int, TrialResult]:
+        """Return the results at hand of these seeds, by seed."""
+        wanted = set(seeds)
+        try:
+            rows = self._db.execute(
+                "SELECT seed, result FROM trials WHERE scene_hash = ? AND code = ?", (scene_hash, code)
+            )
+            return {seed: TrialResult.model_validate_json(text) for seed, text in rows if seed in wanted}
+        except (sqlite3.Error, ValueError) as error:
+            raise StoreError(f"{self._path}: cannot be read: {error}") from None
+
+    def _write(self, statement: str, row: tuple[object, ...]) -> None:
+        try:
+            with self._db:
+                self._db.execute(statement, row)
+        except sqlite3.Error as error:
+            raise StoreError(f"{self._path}: cannot be written: {error}") from None

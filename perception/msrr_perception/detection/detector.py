@@ -1,0 +1,131 @@
+"""From pixels to AprilTag corners: the detector protocol and the implementations that ship."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from copy import copy
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Protocol
+
+import numpy as np
+
+from msrr_perception.detection import native_apriltag
+from msrr_perception.detection.edge_refinement import refine_corners
+from msrr_perception.detection.native_apriltag import DetectorError, NativeSettings
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.messages import Pixels, TagDetection
+
+__all__ = ["DETECTORS", "LARGE_TAG_PX", "Detector", "DetectorError", "PupilDetector", "for_large_tags"]
+
+#: The AprilTag library counts pixels from their edges, this project from their centres.
+EDGE_TO_CENTRE_PX = 0.5
+
+#: Shortest edge in the image from which a tag is found at half the resolution as well [px]. Of 3500 tags of
+#: 18 px and more with the noise of the design, none was missed there; of 300 smaller ones, 52.
+LARGE_TAG_PX = 26.0
+
+#: Smaller images hold no tag and make the library's tiles degenerate.
+_SMALLEST_EDGE_PX = 8
+
+
+class Detector(Protocol):
+    """Finds tags in one window of one frame."""
+
+    def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
+        """Return the tags in ``pixels``, mono8 of shape (window.height, window.width).
+
+        Corners are pixels of the FULL frame, counted from pixel centres, in the order of
+        :func:`msrr_scenes.geometry.unit_geometry.tag_corners`; tags are sorted by id.
+        """
+        ...
+
+
+def for_large_tags(detector: Detector) -> Detector:
+    """Return the detector to use where all tags appear larger than :data:`LARGE_TAG_PX`.
+
+    A detector that can do with less work then says so by a method ``for_large_tags()``, which returns it.
+    """
+    make = getattr(detector, "for_large_tags", None)
+    return detector if make is None else make()
+
+
+class PupilDetector:
+    """AprilTag 3 by way of pupil-apriltags.
+
+    Every instance of a process shares one native detector (see
+    :mod:`msrr_perception.detection.native_apriltag`).
+
+    Attributes:
+        family: Tag family.
+        max_hamming: Detections with more corrected bits are dropped.
+        min_decision_margin: Detections with a smaller margin are dropped [grey levels].
+        refine: Whether corners are measured again by
+            :func:`msrr_perception.detection.edge_refinement.refine_corners`.
+        settings: What the native detector is told.
+    """
+
+    def __init__(
+        self,
+        family: str = "tag36h11",
+        quad_decimate: float = 1.0,
+        quad_sigma: float = 0.0,
+        decode_sharpening: float = 1.0,
+        min_white_black_diff: int = 30,
+        max_hamming: int = 1,
+        min_decision_margin: float = 10.0,
+        refine: bool = True,
+    ) -> None:
+        """See :class:`NativeSettings` for the native parameters.
+
+        Raises:
+            DetectorError: A parameter out of its range.
+        """
+        if quad_decimate < 1.0 or quad_sigma < 0.0 or decode_sharpening < 0.0:
+            raise DetectorError("quad_decimate must be >= 1, quad_sigma and decode_sharpening >= 0")
+        if not 0 < min_white_black_diff < 256:
+            raise DetectorError(f"min_white_black_diff must lie in 1..255, not {min_white_black_diff}")
+        self.family = family
+        self.max_hamming = max_hamming
+        self.min_decision_margin = min_decision_margin
+        self.refine = refine
+        self.settings = NativeSettings(
+            quad_decimate, quad_sigma, decode_sharpening, int(min_white_black_diff)
+        )
+
+    def for_large_tags(self) -> PupilDetector:
+        """Return a detector that searches at half the resolution.
+
+        Its corners are as good, for they are measured again in the image itself; without that it is this one.
+        """
+        if not self.refine or self.settings.quad_decimate >= 2.0:
+            return self
+        quick = copy(self)
+        quick.settings = replace(self.settings, quad_decimate=2.0)
+        return quick
+
+    def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
+        """Return the tags of one window; see :meth:`Detector.detect`."""
+        if pixels.shape != (window.height, window.width):
+            raise DetectorError(f"{pixels.shape} pixels do not fill a window of {window}")
+        if min(pixels.shape) < _SMALLEST_EDGE_PX:
+            return ()
+        found = [
+            t
+            for t in native_apriltag.detect(pixels, self.family, self.settings)
+            if t.hamming <= self.max_hamming and t.decision_margin >= self.min_decision_margin
+        ]
+        if not found:
+            return ()
+        found.sort(key=lambda t: (t.tag_id, -t.decision_margin))
+        corners = np.stack([t.corners for t in found]) - EDGE_TO_CENTRE_PX
+        if self.refine:
+            corners = refine_corners(pixels, corners)
+        corners += [window.x, window.y]
+        return tuple(
+            TagDetection(t.tag_id, c, float(t.decision_margin), t.hamming)
+            for t, c in zip(found, corners, strict=True)
+        )
+
+
+DETECTORS: Mapping[str, Callable[..., Detector]] = MappingProxyType({"pupil": PupilDetector})

@@ -1,0 +1,202 @@
+"""Which pixels to ask for: windows around the tags expected in view, as small as the prediction allows.
+
+Pixels rendered and searched are the main cost of perception in the loop, so a near target gets one window per
+tag and a far one a window for all. Windows start and end at multiples of 4 px, the tile of the detector's
+threshold, so that a tag is seen alike in a window and in the full frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from msrr_perception.kernels.project import expect, extent
+from msrr_perception.pose.tag_camera import pose_vector
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.messages import Array, PoseEstimate
+
+_TILE = 4
+
+
+@dataclass(frozen=True, slots=True)
+class WindowPolicy:
+    """How windows are cut.
+
+    Attributes:
+        sigmas: How many standard deviations of the prediction a window leaves to a corner.
+        margin_px: Room on top of that, for lens blur and the detector's tiles.
+        quiet_zone: Room for the tag's white border, as a share of its longest edge in the image.
+        merge_px: Windows are joined when that adds fewer pixels than this; the fixed cost of a window.
+        extra_px: Windows of tags on neighbouring ports are taken along while all stay below this area.
+        budget_px: When the tags of the target port need more than this, a frame looks at some of them and the
+            next frame at others.
+        least_edge_px: A tag whose shortest edge appears smaller is not expected to be read.
+    """
+
+    sigmas: float = 4.0
+    margin_px: float = 6.0
+    quiet_zone: float = 0.08
+    merge_px: int = 2000
+    extra_px: int = 8000
+    budget_px: int = 20000
+    least_edge_px: float = 10.0
+
+
+#: What suits the markers of the design at 640 x 480.
+DEFAULT_POLICY = WindowPolicy()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExpectedTag:
+    """A tag that should be in view.
+
+    Attributes:
+        tag_id: The tag.
+        pixels: Its corners, shape (4, 2).
+        sigma: Standard deviation of each corner coordinate by the prediction, shape (4, 2) [px].
+    """
+
+    tag_id: int
+    pixels: Array
+    sigma: Array
+
+    def box(self, policy: WindowPolicy, widen: float = 1.0) -> Window:
+        """Return the pixels that should hold the tag; ``widen`` scales all its margins."""
+        x, y, x_end, y_end = extent(
+            self.pixels, self.sigma, policy.sigmas, policy.margin_px, policy.quiet_zone, widen
+        )
+        return Window(x, y, x_end - x, y_end - y)
+
+    @property
+    def shortest_edge(self) -> float:
+        """Length of the shortest edge in the image [px]."""
+        places = self.pixels.tolist()
+        return min(math.dist(a, b) for a, b in zip(places, places[1:] + places[:1], strict=True))
+
+
+def expected_tags(
+    target: TargetModel, prediction: PoseEstimate, policy: WindowPolicy = DEFAULT_POLICY
+) -> tuple[ExpectedTag, ...]:
+    """Return the tags that face the camera, wholly inside the image and large enough, by ascending id.
+
+    What other bodies may hide is not known here; a tag that is hidden is simply not found.
+    """
+    camera = target.camera
+    pixels, sigma, expected = expect(
+        target.optics,
+        camera.width,
+        camera.height,
+        pose_vector(prediction.X_DU),
+        prediction.covariance,
+        target.all_corners_D,
+        policy.least_edge_px,
+    )
+    shown = zip(target.tags, expected.tolist(), strict=True)
+    return tuple(ExpectedTag(tag, pixels[i], sigma[i]) for i, (tag, fits) in enumerate(shown) if fits)
+
+
+def choose_tags(
+    target: TargetModel, expected: Sequence[ExpectedTag], turn: int, policy: WindowPolicy = DEFAULT_POLICY
+) -> tuple[ExpectedTag, ...]:
+    """Return the tags worth looking at in one frame.
+
+    Tags of the target port come first (others when none of them is expected). When they are so near that
+    their windows exceed the budget, as many as fit take turns, at least one a frame; when they are so far
+    that there is room, tags of neighbouring ports are taken along.
+
+    Args:
+        target: Camera and map of the tags.
+        expected: What should be in view.
+        turn: Number of the frame; says who is first.
+        policy: Budget and room.
+    """
+    own = [e for e in expected if e.tag_id in target.port_tags]
+    others = [e for e in expected if e.tag_id not in target.port_tags]
+    first = own or others
+    if not first:
+        return ()
+    start = turn % len(first)
+    chosen: list[ExpectedTag] = []
+    frame = target.camera.frame
+    taken: list[_Box] = []
+
+    def take(tag: ExpectedTag, room_px: float) -> list[_Box]:
+        """Take a tag if there is room; return the boxes that hold all tags taken so far."""
+        more = _merged([*taken, *_fitted(tag.box(policy), frame)], policy.merge_px)
+        if sum((x_end - x) * (y_end - y) for x, y, x_end, y_end in more) > room_px:
+            return taken
+        chosen.append(tag)
+        return more
+
+    for tag in [*first[start:], *first[:start]]:
+        taken = take(tag, policy.budget_px if chosen else math.inf)
+    if own and len(chosen) == len(own):
+        for extra in others:
+            taken = take(extra, policy.extra_px)
+    return tuple(sorted(chosen, key=lambda e: e.tag_id))
+
+
+def plan_windows(
+    target: TargetModel,
+    tags: Sequence[ExpectedTag],
+    policy: WindowPolicy = DEFAULT_POLICY,
+    widen: float = 1.0,
+) -> tuple[Window, ...]:
+    """Return the windows that hold ``tags``, ordered by place in the image; ``widen`` scales margins."""
+    return merged_windows((e.box(policy, widen) for e in tags), target.camera.frame, policy)
+
+
+#: First column and row of a window, and those after its last; cheaper than objects in the loops below.
+_Box = tuple[int, int, int, int]
+
+
+def fitting_window(window: Window, frame: Window) -> Window | None:
+    """Return ``window`` grown to whole tiles and cut to ``frame``; None when they have no pixel in common."""
+    for x, y, x_end, y_end in _fitted(window, frame):
+        return Window(x, y, x_end - x, y_end - y)
+    return None
+
+
+def merged_windows(boxes: Iterable[Window], frame: Window, policy: WindowPolicy) -> tuple[Window, ...]:
+    """Return the boxes cut to the frame, with those joined that are cheaper to look at as one."""
+    fitted = [fit for box in boxes for fit in _fitted(box, frame)]
+    merged = _merged(fitted, policy.merge_px)
+    return tuple(Window(x, y, x_end - x, y_end - y) for x, y, x_end, y_end in merged)
+
+
+def _fitted(window: Window, frame: Window) -> tuple[_Box, ...]:
+    """Return the box of ``window`` grown to whole tiles and cut to ``frame``; none when nothing is left."""
+    x, y = max(window.x // _TILE * _TILE, frame.x), max(window.y // _TILE * _TILE, frame.y)
+    x_end = min(-(-(window.x + window.width) // _TILE) * _TILE, frame.x + frame.width)
+    y_end = min(-(-(window.y + window.height) // _TILE) * _TILE, frame.y + frame.height)
+    return ((x, y, x_end, y_end),) if x < x_end and y < y_end else ()
+
+
+def _merged(boxes: list[_Box], merge_px: int) -> list[_Box]:
+    """Join boxes as long as that adds fewer pixels than ``merge_px``, cheapest first; sorted by place."""
+    boxes = list(boxes)
+    while True:
+        least, best = merge_px, None
+        for i, (ax, ay, ax_end, ay_end) in enumerate(boxes):
+            area = (ax_end - ax) * (ay_end - ay)
+            for j in range(i + 1, len(boxes)):
+                bx, by, bx_end, by_end = boxes[j]
+                x, y = ax if ax < bx else bx, ay if ay < by else by
+                x_end, y_end = ax_end if ax_end > bx_end else bx_end, ay_end if ay_end > by_end else by_end
+                added = (x_end - x) * (y_end - y) - area - (bx_end - bx) * (by_end - by)
+                if added < least:
+                    least, best = added, (i, j, (x, y, x_end, y_end))
+        if best is None:
+            return sorted(boxes)
+        i, j, joined = best
+        boxes = [*(box for k, box in enumerate(boxes) if k not in (i, j)), joined]
+
+
+def pose_is_known(prediction: PoseEstimate, position_m: float, yaw: float) -> bool:
+    """Say whether every direction of the prediction is known better than ``position_m`` and ``yaw`` [rad]."""
+    P = prediction.covariance
+    (xx, xy, _), (_, yy, _), (_, _, turn) = P.tolist()
+    largest = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)  # eigenvalue of the position's part
+    return bool(largest < position_m**2 and turn < yaw**2)

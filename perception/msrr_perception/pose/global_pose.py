@@ -1,0 +1,165 @@
+"""Where units and obstacles stand in the world, from the overhead camera: pixel rays cut with a plane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.pinhole import PinholeCamera
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import tag_corners
+from msrr_scenes.messages import Array, Detections, GlobalPose, TagDetection
+from msrr_scenes.specs.bodies import TAG_PLATE_M
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import OverheadCameraSpec
+
+#: An obstacle's tag lies flat on its top: image right is the body's x, image up its y.
+_R_FLAT_TAG: Array = np.diag([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlatTag:
+    """A level tag on top of a body.
+
+    Attributes:
+        name: The unit or obstacle that carries it.
+        corners_B: Corners in the body frame B (z = 0 the floor), shape (4, 3) [m]; all of one height.
+    """
+
+    name: str
+    corners_B: Array
+
+    @property
+    def height(self) -> float:
+        """Height above the floor [m]."""
+        return float(self.corners_B[:, 2].mean())
+
+
+def overhead_pose(spec: OverheadCameraSpec) -> SE3:
+    """Return X_WC of the overhead camera: straight down, image right along world x, image down along -y."""
+    return SE3(np.diag([1.0, -1.0, -1.0]), np.array([spec.x_m, spec.y_m, spec.height_m]))
+
+
+def rays_to_plane(camera: PinholeCamera, X_WC: SE3, pixels: Array, height: float) -> tuple[Array, Array]:
+    """Cut pixel rays with the plane z = ``height`` of W.
+
+    Args:
+        camera: Intrinsics.
+        X_WC: Pose of the camera.
+        pixels: Shape (N, 2).
+        height: Of the plane [m].
+
+    Returns:
+        Points in W, shape (N, 2) [m], and their derivatives by the pixel, shape (N, 2, 2) [m/px].
+
+    Raises:
+        SceneError: A ray that does not meet the plane in front of the camera.
+    """
+    d = camera.rays(pixels) @ X_WC.R.T
+    t = (height - X_WC.p[2]) / d[:, 2]
+    if not np.all(np.isfinite(t)) or float(t.min()) <= 0.0:
+        raise SceneError(f"the camera does not look at the plane z = {height} m")
+    points = X_WC.p[:2] + t[:, None] * d[:, :2]
+    # d(point)/d(pixel): the ray turns by the rotation's first two columns over f, sliding along the plane.
+    turn = X_WC.R[:, :2] / camera.focal
+    jacobian = t[:, None, None] * (turn[None, :2, :] - d[:, :2, None] * (turn[2] / d[:, 2:3])[:, None, :])
+    return points, jacobian
+
+
+def flat_tags(scene: Scene) -> dict[int, FlatTag]:
+    """Return tag id -> flat tag of every unit and tagged obstacle, whether it stands there yet or not."""
+    tags = {}
+    for unit in scene.units:
+        geometry = scene.geometry(unit)
+        if "tag_top" in geometry.tag_slots:
+            corners = geometry.frame("tag_top").act(tag_corners(scene.tag_size("tag_top")))
+            tags[scene.tag_ids(unit)["tag_top"]] = FlatTag(unit, corners)
+    for name, obstacle in scene.obstacles.items():
+        if obstacle.tag_id is not None:
+            X_BT = SE3(_R_FLAT_TAG, np.array([0.0, 0.0, obstacle.height_m + TAG_PLATE_M]))
+            tags[obstacle.tag_id] = FlatTag(name, X_BT.act(tag_corners(obstacle.tag_m)))
+    return tags
+
+
+class GlobalLocalizer:
+    """Locates bodies by their top tags in overhead detections."""
+
+    def __init__(
+        self,
+        camera: PinholeCamera,
+        X_WC: SE3,
+        tags: Mapping[int, FlatTag],
+        corner_sigma_px: float = 0.2,
+        misfit_px: float = 2.0,
+    ) -> None:
+        """Set up.
+
+        Args:
+            camera: Intrinsics of the overhead camera.
+            X_WC: Its pose, by calibration.
+            tags: Tag id -> where it sits on which body.
+            corner_sigma_px: Standard deviation of each corner coordinate.
+            misfit_px: Root mean square distance of the corners from the fitted tag above which it is not
+                believed: something that is not this tag at this height.
+        """
+        self.camera = camera
+        self.X_WC = X_WC
+        self.tags = MappingProxyType(dict(tags))
+        self._sigma = corner_sigma_px
+        self._misfit = misfit_px
+
+    def locate(self, detections: Detections) -> tuple[GlobalPose, ...]:
+        """Return the pose of every known body seen, in the order of the tags."""
+        found = (
+            self._locate(tag, self.tags[tag.tag_id], detections.exposure.stamp_ns)
+            for tag in detections.tags
+            if tag.tag_id in self.tags
+        )
+        return tuple(pose for pose in found if pose is not None)
+
+    def pixels(self, tag: FlatTag, X_WB: SE2) -> Array:
+        """Return where the corners of a tag appear, shape (4, 2) [px], its body standing at ``X_WB``."""
+        p_W = SE3.from_se2(X_WB).act(tag.corners_B)
+        return self.camera.project(self.X_WC.inverse().act(p_W))
+
+    def _locate(self, seen: TagDetection, tag: FlatTag, stamp_ns: int) -> GlobalPose | None:
+        points, by_pixel = rays_to_plane(self.camera, self.X_WC, seen.corners, tag.height)
+        X_WB = fit_se2(tag.corners_B[:, :2], points)
+        misfit = self.pixels(tag, X_WB) - seen.corners
+        if float((misfit**2).sum(axis=1).mean()) > self._misfit**2:
+            return None
+        # Both sides are linear near the solution: the pose's covariance follows from the corners'.
+        A = pose_jacobian(X_WB, tag.corners_B[:, :2])
+        normal = np.linalg.inv(A.T @ A)
+        spread = np.zeros((8, 8))
+        for i, J in enumerate(by_pixel):
+            spread[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = self._sigma**2 * (J @ J.T)
+        covariance = normal @ A.T @ spread @ A @ normal
+        return GlobalPose(tag.name, stamp_ns, X_WB, 0.5 * (covariance + covariance.T))
+
+
+def fit_se2(points_B: Array, points_A: Array) -> SE2:
+    """Return X_AB that maps ``points_B`` onto ``points_A``, both (N, 2), with the least squared error.
+
+    Source: Umeyama, "Least-squares estimation of transformation parameters", PAMI 13, 1991; in the plane.
+    """
+    mean_B, mean_A = points_B.mean(axis=0), points_A.mean(axis=0)
+    b, a = points_B - mean_B, points_A - mean_A
+    yaw = math.atan2(float((b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0]).sum()), float((b * a).sum()))
+    turned = SE2(0.0, 0.0, yaw).act(mean_B)
+    return SE2(float(mean_A[0] - turned[0]), float(mean_A[1] - turned[1]), yaw)
+
+
+def pose_jacobian(X_WB: SE2, points_B: Array) -> Array:
+    """Return the derivatives of the points in W by (x, y, yaw), shape (2 N, 3)."""
+    p = X_WB.act(points_B) - X_WB.translation
+    A = np.zeros((2 * len(points_B), 3))
+    A[0::2, 0] = A[1::2, 1] = 1.0
+    A[0::2, 2], A[1::2, 2] = -p[:, 1], p[:, 0]
+    return A

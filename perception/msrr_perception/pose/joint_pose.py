@@ -1,0 +1,232 @@
+"""The joint relative pose over the corners of every visible tag, with covariance, started from one tag."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from msrr_perception.pose.corner_fit import CornerFit, Corners, deviation, fit_corners
+from msrr_perception.pose.tag_camera import YAW, pose_vector
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.messages import Array, TagDetection
+
+#: How far beyond its solutions and how finely a single tag's yaw is stepped, how firmly it is held [rad].
+_YAW_REACH = 0.5
+_YAW_STEP = 0.035
+_PIN = 1e-5
+
+#: Two solutions nearer to each other than this many standard deviations are one.
+_SAME_SIGMAS = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class CornerNoise:
+    """What is assumed of a camera on wheels.
+
+    Attributes:
+        corner_sigma_px: Of each corner coordinate. Errors of corners on one straight edge are correlated, and
+            from frame to frame too, so this is larger than the scatter within one tag.
+        tilt_sigma: Of the pitch and of the roll of one unit against the other [rad].
+    """
+
+    corner_sigma_px: float = 0.25
+    tilt_sigma: float = math.radians(0.3)
+
+
+#: What suits rendered images with anti-aliasing.
+DEFAULT_CORNER_NOISE = CornerNoise()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointPose:
+    """A relative pose from one exposure.
+
+    Attributes:
+        X_DU: The unit in the dock frame D of its target.
+        covariance: Of (x, y, yaw) in D, pitch and roll marginalised, both solutions covered where the tags
+            leave two, shape (3, 3) [m, rad].
+        pitch: Most likely pitch [rad].
+        roll: Most likely roll [rad].
+        tilt_covariance: Of the whole (x, y, yaw, pitch, roll) about the chosen solution, shape (5, 5).
+        chi2: Squared residual over sigma^2, with 8 coordinates per tag.
+        tags: Ids of the tags used.
+        alternative: The other solution, when the tags leave two apart.
+        gap: By how much its cost exceeds the chosen one's; infinite without an alternative.
+    """
+
+    X_DU: SE2
+    covariance: Array
+    pitch: float
+    roll: float
+    tilt_covariance: Array
+    chi2: float
+    tags: tuple[int, ...]
+    alternative: SE2 | None
+    gap: float
+
+    @property
+    def ambiguous(self) -> bool:
+        """The alternative is less than three standard deviations less likely."""
+        return self.gap < 9.0
+
+
+def gather_corners(target: TargetModel, tags: Sequence[TagDetection], sigma_px: float) -> Corners:
+    """Collect the corners of those ``tags`` that belong to the target; there must be at least one."""
+    known = [t for t in tags if t.tag_id in target.corners_D]
+    points = np.concatenate([target.corners_D[t.tag_id] for t in known])
+    pixels = np.concatenate([t.corners for t in known])
+    return Corners(points, pixels.reshape(-1), sigma_px)
+
+
+def one_tag_poses(target: TargetModel, tag: TagDetection) -> tuple[SE2, ...]:
+    """Return the one or two poses X_DU at which a single flat tag looks as detected, best first.
+
+    Source: Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014 (IPPE), projected
+    to the floor.
+    """
+    corners_D = target.corners_D[tag.tag_id]
+    x, y = corners_D[1] - corners_D[0], corners_D[0] - corners_D[3]
+    size = float(np.linalg.norm(x))
+    X_DT = SE3(np.stack([x, y, np.cross(x, y) / size], axis=1) / size, corners_D.mean(axis=0))
+    h = 0.5 * size
+    square = np.array([[-h, h, 0.0], [h, h, 0.0], [h, -h, 0.0], [-h, -h, 0.0]])
+    count, rotations, translations, _ = cv2.solvePnPGeneric(
+        square, tag.corners, target.camera.matrix(), np.zeros(4), flags=cv2.SOLVEPNP_IPPE_SQUARE
+    )
+    poses = []
+    for i in range(count):
+        R = np.asarray(cv2.Rodrigues(rotations[i])[0], dtype=np.float64)
+        X_CT = SE3(R, np.asarray(translations[i], dtype=np.float64))
+        poses.append((X_DT @ X_CT.inverse() @ target.X_CU).to_se2())
+    return tuple(poses)
+
+
+def joint_pose(
+    target: TargetModel, tags: Sequence[TagDetection], noise: CornerNoise = DEFAULT_CORNER_NOISE
+) -> JointPose | None:
+    """Estimate the relative pose from the corners of every tag of the target.
+
+    Both poses of the tag that is largest in the image are refined over all corners of all tags, on the flat
+    floor with pitch and roll as nuisances; the smaller cost wins.
+
+    Args:
+        target: Camera and map of the tags.
+        tags: Detections; those of other units are left out.
+        noise: What is assumed of corners and tilt.
+
+    Returns:
+        The pose, or None when no tag of the target is among ``tags`` or none gives a finite solution.
+    """
+    known = [t for t in tags if t.tag_id in target.corners_D]
+    if not known:
+        return None
+    corners = gather_corners(target, known, noise.corner_sigma_px)
+    largest = max(known, key=lambda t: (_area(t.corners), -t.tag_id))
+    prior = np.zeros((5, 5))
+    prior[3, 3] = prior[4, 4] = noise.tilt_sigma**-2
+    fits = []
+    for start in one_tag_poses(target, largest):
+        vector = pose_vector(start)
+        try:
+            fit = fit_corners(target, corners, vector, np.zeros(5), prior, max_iterations=40)
+        except np.linalg.LinAlgError:  # this start has no solution near it; the other one may
+            continue
+        if np.all(np.isfinite(fit.state)) and np.all(np.isfinite(fit.covariance)):
+            fits.append(fit)
+    if not fits:
+        return None
+    fits.sort(key=lambda f: f.cost)
+    pose = _report(fits, tuple(sorted(t.tag_id for t in known)))
+    if len(known) > 1 or (pose.alternative is None and pose.covariance[2, 2] < (0.2 * _YAW_STEP) ** 2):
+        return pose
+    spread = _covariance_along_yaw(target, corners, fits, prior)
+    # Where the yaw is sharper than a step of the search, the curvature is right and the sum is coarse.
+    return pose if spread[2, 2] < _YAW_STEP**2 else replace(pose, covariance=spread)
+
+
+def consistent_pose(
+    target: TargetModel, tags: Sequence[TagDetection], noise: CornerNoise = DEFAULT_CORNER_NOISE
+) -> JointPose | None:
+    """Return the joint pose of tags that agree with each other: to start from when nothing is known.
+
+    With three tags or more, the one that disagrees is left out; two that disagree tell nothing.
+    """
+    pose = joint_pose(target, tags, noise)
+    if pose is None or _agree(pose):
+        return pose
+    if len(pose.tags) < 3:
+        return None
+    rest = ([t for t in tags if t.tag_id != odd] for odd in pose.tags)
+    poses = [p for p in (joint_pose(target, some, noise) for some in rest) if p is not None]
+    best = min(poses, key=lambda p: p.chi2, default=None)
+    return best if best is not None and _agree(best) else None
+
+
+def _agree(pose: JointPose) -> bool:
+    # Twice the degrees of freedom, and some: rendered corners are not quite independent.
+    return pose.chi2 <= 2.0 * (8 * len(pose.tags) - 3) + 12.0
+
+
+def _report(fits: list[CornerFit], tags: tuple[int, ...]) -> JointPose:
+    best = fits[0]
+    covariance, alternative, gap = best.covariance[:3, :3], None, math.inf
+    X_DU = SE2(*best.state[:3])
+    for other in fits[1:]:
+        d = other.state[:3] - best.state[:3]
+        d[2] = math.remainder(d[2], 2.0 * math.pi)
+        if float(d @ np.linalg.solve(covariance, d)) < _SAME_SIGMAS**2:
+            continue
+        alternative, gap = SE2(*other.state[:3]), other.cost - best.cost
+        # Second moment of the two-peaked posterior about the better peak.
+        w = 1.0 / (1.0 + math.exp(min(0.5 * gap, 500.0)))
+        covariance = (1.0 - w) * covariance + w * (other.covariance[:3, :3] + np.outer(d, d))
+    return JointPose(
+        X_DU=X_DU,
+        covariance=covariance,
+        pitch=float(best.state[3]),
+        roll=float(best.state[4]),
+        tilt_covariance=best.covariance,
+        chi2=best.chi2,
+        tags=tags,
+        alternative=alternative,
+        gap=gap,
+    )
+
+
+def _covariance_along_yaw(
+    target: TargetModel, corners: Corners, fits: Sequence[CornerFit], prior: Array
+) -> Array:
+    """Return the second moment of (x, y, yaw) about the first fit, shape (3, 3), summed over the yaw.
+
+    A single flat tag seen from the front says so little about its yaw that the likelihood is no bell: it is
+    flat or has two peaks, and its curvature at the best point promises far too much. So the yaw is stepped
+    through, the rest solved for at each step, and the moments are taken over all of it.
+    """
+    best = fits[0].state
+    turns = [math.remainder(float(f.state[YAW] - best[YAW]), 2.0 * math.pi) for f in fits]
+    pinned = prior.copy()
+    pinned[YAW, YAW] = _PIN**-2
+    costs, moments = [], []
+    start = fits[int(np.argmin(turns))].state.copy()
+    for turn in np.arange(min(turns) - _YAW_REACH, max(turns) + _YAW_REACH, _YAW_STEP):
+        mean = np.zeros(5)
+        mean[YAW] = start[YAW] = best[YAW] + turn
+        fit = fit_corners(target, corners, start, mean, pinned, max_iterations=8)
+        d = deviation(fit.state, best)[:3]
+        costs.append(fit.cost)
+        moments.append(fit.covariance[:3, :3] + np.outer(d, d))
+        start = fit.state.copy()
+    weights = np.exp(-0.5 * (np.array(costs) - min(costs)))
+    return np.asarray(np.tensordot(weights / weights.sum(), np.array(moments), axes=1))
+
+
+def _area(corners: Array) -> float:
+    (a, b, c, d) = corners
+    p, q = c - a, d - b
+    return 0.5 * abs(float(p[0] * q[1] - p[1] * q[0]))

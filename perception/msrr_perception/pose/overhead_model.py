@@ -1,0 +1,124 @@
+"""All that perception knows of the arena before it looks: the overhead camera, and which tag means what."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+
+from msrr_perception.pose.global_pose import FlatTag, GlobalLocalizer, flat_tags, overhead_pose
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.messages import Array
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
+
+#: Name of the overhead camera in exposures.
+OVERHEAD = "overhead"
+
+
+@dataclass(frozen=True, eq=False)
+class OverheadModel:
+    """Calibration of the overhead camera and the catalogue of tags, for one step of the plan.
+
+    It holds where a tag sits on its body, and never where a body stands.
+
+    Attributes:
+        camera: Intrinsics.
+        X_WC: Pose of the camera, by calibration.
+        tags: Tag id -> the body that carries it and the tag's corners in that body's frame.
+        radii: Obstacle -> radius of the circle about its footprint [m]; also of those not there yet.
+        units: All units.
+        own: The docking unit.
+        target: The unit it docks to.
+        X_TD: The dock frame of the target port in the target unit's frame.
+        pair: The docking unit's drive, by calibration.
+        noise: Covariance, shape (3, 3) [m, rad], that global localisation is said to have beyond the
+            camera's noise.
+    """
+
+    camera: PinholeCamera
+    X_WC: SE3
+    tags: Mapping[int, FlatTag]
+    radii: Mapping[str, float]
+    units: tuple[str, ...]
+    own: str
+    target: str
+    X_TD: SE2
+    pair: TargetModel
+    noise: Array
+
+    @classmethod
+    def from_scene(cls, scene: Scene, step: DockStep) -> OverheadModel:
+        """Build from calibration and data sheets; no pose of a body is read.
+
+        Raises:
+            SceneError: The scene has no overhead camera, or a unit of the step has no tag on top.
+        """
+        spec = scene.cameras.overhead
+        if spec is None:
+            raise SceneError("cameras.overhead: this scene has no overhead camera")
+        tags = flat_tags(scene)
+        seen = {tag.name for tag in tags.values()}
+        for unit in (step.unit, step.target_unit):
+            if unit not in seen:
+                raise SceneError(f"units.{unit}: the overhead camera cannot find it, its URDF has no tag_top")
+        errors = spec.localisation
+        yaw = math.radians(errors.noise_yaw_deg)
+        return cls(
+            camera=spec.pinhole,
+            X_WC=overhead_pose(spec),
+            tags=MappingProxyType(tags),
+            radii=MappingProxyType({name: o.radius_m for name, o in scene.obstacles.items() if name in seen}),
+            units=tuple(scene.units),
+            own=step.unit,
+            target=step.target_unit,
+            X_TD=scene.geometry(step.target_unit).dock_frame(step.target_port),
+            pair=TargetModel.from_scene(scene, step),
+            noise=np.diag([errors.noise_m**2, errors.noise_m**2, yaw**2]),
+        )
+
+    @cached_property
+    def tag_of(self) -> Mapping[str, int]:
+        """Body -> id of the tag on top of it."""
+        return MappingProxyType({tag.name: tag_id for tag_id, tag in self.tags.items()})
+
+    @cached_property
+    def obstacle_radius(self) -> Mapping[int, float]:
+        """Tag id -> radius of the obstacle that carries it [m]."""
+        return MappingProxyType({self.tag_of[name]: radius for name, radius in self.radii.items()})
+
+    @cached_property
+    def largest_tag_px(self) -> float:
+        """Longest diagonal that a tag can have in the image [px]."""
+        above = float(self.X_WC.p[2])
+        return max(
+            self.camera.focal
+            * float(np.ptp(tag.corners_B[:, :2], axis=0).max())
+            * math.sqrt(2.0)
+            / (above - tag.height)
+            for tag in self.tags.values()
+        )
+
+    def square(self, middle_W: Array, half_m: float) -> Window:
+        """Return the pixels, inside the frame or not, of an upright square as high as the docking unit's tag.
+
+        Args:
+            middle_W: Its middle, shape (2,) [m].
+            half_m: Half its edge [m].
+        """
+        height = self.tags[self.tag_of[self.own]].height
+        corners = np.array([[x, y, height] for x in (-half_m, half_m) for y in (-half_m, half_m)])
+        corners[:, :2] += middle_W
+        return Window.around(self.camera.project(self.X_WC.inverse().act(corners)), 0.0)
+
+    def localizer(self, corner_sigma_px: float) -> GlobalLocalizer:
+        """Return what turns this camera's detections into poses."""
+        return GlobalLocalizer(self.camera, self.X_WC, self.tags, corner_sigma_px)

@@ -1,0 +1,117 @@
+"""SE(3): poses in space, in the same monogram notation as :mod:`msrr_scenes.geometry.se2`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from msrr_scenes.geometry.se2 import SE2
+
+Array = NDArray[np.float64]
+
+
+def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
+    """Return R = Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3), the convention of URDF [rad]."""
+    cr, sr = math.cos(roll), math.sin(roll)
+    cp, sp = math.cos(pitch), math.sin(pitch)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def _frozen(values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    array = np.array(values, dtype=np.float64).reshape(shape)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class SE3:
+    """A rigid motion of space.
+
+    Attributes:
+        R: Rotation matrix, shape (3, 3), read-only.
+        p: Translation, shape (3,) [m], read-only.
+    """
+
+    R: Array = field(default_factory=lambda: np.eye(3))
+    p: Array = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "R", _frozen(self.R, (3, 3)))
+        object.__setattr__(self, "p", _frozen(self.p, (3,)))
+
+    @classmethod
+    def from_xyz_rpy(cls, xyz: ArrayLike, rpy: ArrayLike) -> SE3:
+        """Build from a translation (3,) [m] and roll, pitch, yaw (3,) [rad] in the URDF convention."""
+        roll, pitch, yaw = (float(a) for a in np.asarray(rpy, dtype=np.float64))
+        return cls(rotation_from_rpy(roll, pitch, yaw), np.asarray(xyz, dtype=np.float64))
+
+    @classmethod
+    def from_quaternion_xyzw(cls, p: ArrayLike, quaternion_xyzw: ArrayLike) -> SE3:
+        """Build from a translation (3,) [m] and a quaternion (4,) ordered x, y, z, w (any length > 0)."""
+        q = np.asarray(quaternion_xyzw, dtype=np.float64)
+        x, y, z, w = (float(a) for a in q / np.linalg.norm(q))
+        R = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        return cls(R, np.asarray(p, dtype=np.float64))
+
+    @classmethod
+    def from_se2(cls, X: SE2, z: float = 0.0) -> SE3:
+        """Lift a planar pose to height ``z`` [m]."""
+        return cls(rotation_from_rpy(0.0, 0.0, X.yaw), np.array([X.x, X.y, z]))
+
+    def to_se2(self) -> SE2:
+        """Project to the plane: x, y and the heading of the x axis."""
+        return SE2(float(self.p[0]), float(self.p[1]), math.atan2(float(self.R[1, 0]), float(self.R[0, 0])))
+
+    def quaternion_xyzw(self) -> Array:
+        """Return the unit quaternion (4,), ordered x, y, z, w, with w >= 0."""
+        R = self.R
+        # Shepperd's method: divide by the largest of the four candidates, never by a small one.
+        diagonal = np.array([R[0, 0], R[1, 1], R[2, 2], np.trace(R)])
+        i = int(np.argmax(diagonal))
+        if i == 3:
+            q = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1.0 + diagonal[3]])
+        else:
+            j, k = (i + 1) % 3, (i + 2) % 3
+            q = np.empty(4)
+            q[i] = 1.0 + 2.0 * diagonal[i] - diagonal[3]
+            q[j] = R[j, i] + R[i, j]
+            q[k] = R[k, i] + R[i, k]
+            q[3] = R[k, j] - R[j, k]
+        q /= np.linalg.norm(q)
+        return -q if q[3] < 0.0 else q
+
+    def __matmul__(self, other: SE3) -> SE3:
+        """Compose: ``X_AC = X_AB @ X_BC``."""
+        return SE3(self.R @ other.R, self.R @ other.p + self.p)
+
+    def inverse(self) -> SE3:
+        """Return ``X_BA`` of this ``X_AB``."""
+        return SE3(self.R.T, -self.R.T @ self.p)
+
+    def act(self, points: ArrayLike) -> Array:
+        """Map points of frame B, shape (..., 3) [m], into frame A."""
+        moved: Array = np.asarray(points, dtype=np.float64) @ self.R.T + self.p
+        return moved
+
+    def matrix(self) -> Array:
+        """Return the homogeneous (4, 4) matrix."""
+        M = np.eye(4)
+        M[:3, :3] = self.R
+        M[:3, 3] = self.p
+        return M

@@ -1,0 +1,274 @@
+"""The geometry of a unit, read from its URDF and from nowhere else.
+
+A unit's URDF names the frames that matter as links: ``axle`` (frame U: on the ground under the middle of the
+axle, x forward), ``camera`` (x along the optical axis), ``port_<name>`` (on the ground under the port's
+face, x out of the face), ``tag_top`` and, for each passive port, ``port_<name>_marker_{left,middle,right}``
+(tag frames: x right, y down, z into the tag, as an onlooker sees it). The lock needs the links
+``pin_{left,right}`` and, for each passive port, ``port_<name>_hole_{left,right}``: the bottoms of the holes.
+Any URDF with these frames works.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+
+Array = NDArray[np.float64]
+
+#: Rotation by pi: from a port's frame P (x out of the face) to its dock frame D (x into the unit).
+X_PD = SE2(0.0, 0.0, math.pi)
+
+MARKER_SLOTS = ("left", "middle", "right")
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A collision shape of the unit.
+
+    Attributes:
+        link: Link that carries it.
+        kind: ``box``, ``cylinder``, ``sphere`` or ``mesh``.
+        X_UG: The shape's own frame in U, all joints at zero.
+        size: Box: full edges (3,); cylinder: radius, length; sphere: radius; mesh: scale (3,). [m]
+        mesh: File of a mesh.
+    """
+
+    link: str
+    kind: str
+    X_UG: SE3
+    size: tuple[float, ...]
+    mesh: Path | None = None
+
+    def outline(self) -> Array:
+        """Return points in U, shape (N, 2) [m], whose convex hull is the shape's shadow on the ground.
+
+        Round shapes are given by 32 points on the circle.
+        """
+        return _outline(self)
+
+    def points(self) -> Array:
+        """Return points in U, shape (N, 3) [m], whose convex hull is the shape.
+
+        Round shapes are given by 32 points on each circle.
+        """
+        return _points(self)
+
+
+def tag_corners(size: float) -> Array:
+    """Return the corners of a tag's black border in T, shape (4, 3) [m]: bottom left, then counter-clockwise.
+
+    ``size`` is the edge of the black square [m]. T is x right, y down, z into the tag.
+    """
+    h = 0.5 * size
+    return np.array([[-h, h, 0.0], [h, h, 0.0], [h, -h, 0.0], [-h, -h, 0.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class UnitGeometry:
+    """Frames and shapes of a unit with all joints at zero.
+
+    Attributes:
+        urdf: File it was read from.
+        frames: ``X_UF`` of every link F.
+        solids: Collision shapes.
+        wheel_radius: [m].
+        track: Distance between the wheels' contact points [m].
+    """
+
+    urdf: Path
+    frames: dict[str, SE3]
+    solids: tuple[Solid, ...]
+    wheel_radius: float
+    track: float
+
+    def frame(self, name: str) -> SE3:
+        """Return ``X_UF`` of link ``name``; an unknown name lists the ones that exist."""
+        try:
+            return self.frames[name]
+        except KeyError:
+            raise GeometryError(
+                f"{self.urdf}: no link named {name!r}; links: {', '.join(sorted(self.frames))}"
+            ) from None
+
+    @cached_property
+    def ports(self) -> tuple[str, ...]:
+        """Names of the ports, without the prefix ``port_``."""
+        return tuple(
+            name.removeprefix("port_")
+            for name in self.frames
+            if name.startswith("port_") and name.count("_") == 1
+        )
+
+    @cached_property
+    def passive_ports(self) -> tuple[str, ...]:
+        """Ports that carry a marker, in the order of the URDF."""
+        return tuple(p for p in self.ports if f"port_{p}_marker_left" in self.frames)
+
+    def port(self, name: str) -> SE2:
+        """Return ``X_UP`` of a port: on its face, x outwards."""
+        return self.frame(f"port_{name}").to_se2()
+
+    def dock_frame(self, name: str) -> SE2:
+        """Return ``X_UD`` of a port: on its face, x into the unit."""
+        return self.port(name) @ X_PD
+
+    def control_offset(self, port: str) -> float:
+        """Return l, the distance [m] of an active port ahead of the axle."""
+        return self.port(port).x
+
+    @cached_property
+    def tag_slots(self) -> tuple[str, ...]:
+        """Links that carry a tag in the order of their ids: top, then per port left, middle, right."""
+        slots = ["tag_top"] if "tag_top" in self.frames else []
+        for port in self.passive_ports:
+            slots += [f"port_{port}_marker_{s}" for s in MARKER_SLOTS]
+        return tuple(slots)
+
+    @cached_property
+    def mechanism(self) -> tuple[str, ...]:
+        """Links of the lock: pins of the active port and bottoms of the holes of the passive ones."""
+        return tuple(name for name in self.frames if name.startswith("pin_") or "_hole_" in name)
+
+    @cached_property
+    def footprint(self) -> Array:
+        """Convex outline of all shapes on the ground, shape (N, 2) [m], counter-clockwise."""
+        from scipy.spatial import ConvexHull
+
+        points = np.concatenate([_outline(s) for s in self.solids])
+        hull: Array = points[ConvexHull(points).vertices]
+        return hull
+
+    @cached_property
+    def circumradius(self) -> float:
+        """Largest distance of the footprint from the axle's middle [m]."""
+        return float(np.linalg.norm(self.footprint, axis=1).max())
+
+
+def _outline(solid: Solid) -> Array:
+    if solid.kind == "sphere":
+        return solid.X_UG.p[:2] + solid.size[0] * _circle()
+    return _points(solid)[:, :2]
+
+
+def _points(solid: Solid) -> Array:
+    if solid.kind == "box":
+        corners = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
+        return solid.X_UG.act(corners * np.asarray(solid.size))
+    if solid.kind == "cylinder":
+        radius, length = solid.size
+        ring = np.column_stack([radius * _circle(), np.full(32, 0.5 * length)])
+        return solid.X_UG.act(np.concatenate([ring, ring * np.array([1.0, 1.0, -1.0])]))
+    if solid.kind == "sphere":
+        rings = [
+            np.column_stack([math.cos(a) * _circle(), np.full(32, math.sin(a))])
+            for a in np.linspace(-0.5 * math.pi, 0.5 * math.pi, 9)
+        ]
+        return solid.X_UG.act(solid.size[0] * np.concatenate(rings))
+    assert solid.mesh is not None
+    return solid.X_UG.act(obj_vertices(solid.mesh) * np.asarray(solid.size))
+
+
+def _circle() -> Array:
+    t = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
+    return np.stack([np.cos(t), np.sin(t)], axis=1)
+
+
+def obj_vertices(path: Path) -> Array:
+    """Return the vertices of an OBJ file, shape (N, 3)."""
+    rows = [line.split()[1:4] for line in path.read_text().splitlines() if line.startswith("v ")]
+    if not rows:
+        raise GeometryError(f"{path}: no vertices in this mesh")
+    return np.array(rows, dtype=np.float64)
+
+
+def urdf_origin(element: ElementTree.Element | None) -> SE3:
+    """Return the pose in an ``<origin>`` of a URDF; the identity for None."""
+    if element is None:
+        return SE3()
+    xyz = [float(a) for a in element.get("xyz", "0 0 0").split()]
+    rpy = [float(a) for a in element.get("rpy", "0 0 0").split()]
+    return SE3.from_xyz_rpy(xyz, rpy)
+
+
+def _solid(link: str, X_UL: SE3, collision: ElementTree.Element, folder: Path) -> Solid:
+    X_UG = X_UL @ urdf_origin(collision.find("origin"))
+    geometry = collision.find("geometry")
+    shape = geometry[0] if geometry is not None and len(geometry) else None
+    if shape is None:
+        raise GeometryError(f"link {link!r}: a <collision> without a shape")
+    if shape.tag == "box":
+        return Solid(link, "box", X_UG, tuple(float(a) for a in shape.attrib["size"].split()))
+    if shape.tag == "cylinder":
+        return Solid(link, "cylinder", X_UG, (float(shape.attrib["radius"]), float(shape.attrib["length"])))
+    if shape.tag == "sphere":
+        return Solid(link, "sphere", X_UG, (float(shape.attrib["radius"]),))
+    if shape.tag == "mesh":
+        scale = tuple(float(a) for a in shape.get("scale", "1 1 1").split())
+        return Solid(link, "mesh", X_UG, scale, folder / shape.attrib["filename"])
+    raise GeometryError(f"link {link!r}: unsupported shape <{shape.tag}>; use box, cylinder, sphere or mesh")
+
+
+@lru_cache(maxsize=32)
+def read_unit(path: Path) -> UnitGeometry:
+    """Read a unit's URDF.
+
+    Raises:
+        GeometryError: The file is missing, is not a tree of links, or lacks a frame that every unit needs.
+    """
+    try:
+        root = ElementTree.parse(path).getroot()
+    except FileNotFoundError:
+        raise GeometryError(f"{path}: no such URDF file") from None
+    except ElementTree.ParseError as error:
+        raise GeometryError(f"{path}: not well-formed XML: {error}") from None
+    try:
+        return _read_tree(path, root)
+    except (KeyError, ValueError) as error:
+        raise GeometryError(f"{path}: malformed URDF: {error!r}") from None
+
+
+def _read_tree(path: Path, root: ElementTree.Element) -> UnitGeometry:
+    links = {e.attrib["name"]: e for e in root.findall("link")}
+    parent: dict[str, tuple[str, SE3]] = {}
+    for joint in root.findall("joint"):
+        up, down = joint.find("parent"), joint.find("child")
+        if up is None or down is None:
+            raise GeometryError(f"{path}: joint {joint.get('name')!r} lacks a parent or a child")
+        parent[down.attrib["link"]] = (up.attrib["link"], urdf_origin(joint.find("origin")))
+
+    def to_root(name: str) -> SE3:
+        X, seen = SE3(), {name}
+        while name in parent:
+            name, X_step = parent[name]
+            if name in seen or name not in links:
+                raise GeometryError(f"{path}: the links do not form a tree at {name!r}")
+            seen.add(name)
+            X = X_step @ X
+        return X
+
+    required = ("axle", "camera", "wheel_left", "wheel_right", "port_front")
+    missing = [name for name in required if name not in links]
+    if missing:
+        raise GeometryError(
+            f"{path}: lacks the link(s) {', '.join(missing)}; a unit needs {', '.join(required)}"
+        )
+    X_AR = to_root("axle").inverse()
+    frames = {name: X_AR @ to_root(name) for name in links}
+    solids = tuple(
+        _solid(name, frames[name], collision, path.parent)
+        for name, link in links.items()
+        for collision in link.findall("collision")
+    )
+    wheel = next(s for s in solids if s.link == "wheel_left")
+    track = float(frames["wheel_left"].p[1] - frames["wheel_right"].p[1])
+    return UnitGeometry(path, frames, solids, wheel.size[0], track)

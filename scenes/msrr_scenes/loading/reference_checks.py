@@ -1,0 +1,180 @@
+"""Checks of names and numbers: everything that is referred to exists, and nothing is given out twice."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from msrr_scenes.loading.problems import KeyPath, Problem, nearest
+from msrr_scenes.placement.placement import split_frame
+from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import PoseSpec
+
+#: AprilTag 36h11 has 587 members.
+LAST_TAG = 586
+
+
+def poses(scene: Scene) -> Iterator[tuple[KeyPath, str, PoseSpec]]:
+    """Yield key path, name and pose of every body, units first."""
+    for name, unit in scene.units.items():
+        yield ("units", name, "pose"), name, unit.pose
+    for name, obstacle in scene.obstacles.items():
+        yield ("obstacles", name, "pose"), name, obstacle.pose
+
+
+def camera_names(scene: Scene) -> list[str]:
+    """Return the names of all cameras: ``overhead`` if there is one, ``<unit>/onboard``."""
+    overhead = ["overhead"] if scene.cameras.overhead else []
+    return overhead + [f"{unit}/onboard" for unit in scene.units]
+
+
+def reference_problems(scene: Scene) -> list[Problem]:
+    """Return names that nobody bears, poses that hang on themselves and numbers given out twice."""
+    problems: list[Problem] = []
+
+    def known(path: KeyPath, unit: str) -> None:
+        if unit not in scene.units:
+            text = f"no unit named {unit!r}{nearest(unit, scene.units)} Units: {', '.join(scene.units)}"
+            problems.append(Problem(path, text))
+
+    for i, step in enumerate(scene.plan):
+        known(("plan", i, "unit"), step.unit)
+        known(("plan", i, "to"), step.target_unit)
+        if step.unit == step.target_unit:
+            problems.append(
+                Problem(("plan", i, "to"), f"{step.unit!r} cannot dock to itself; name another unit")
+            )
+    for path, _, pose in poses(scene):
+        frame = split_frame(pose.frame)
+        if frame:
+            known((*path, "frame"), frame[0])
+    for i, fault in enumerate(scene.faults):
+        if isinstance(fault, CameraBlackout):
+            cameras = camera_names(scene)
+            if fault.camera not in cameras:
+                near = nearest(fault.camera, cameras)
+                text = f"no camera {fault.camera!r}{near} Cameras: {', '.join(cameras)}"
+                problems.append(Problem(("faults", i, "camera"), text))
+        else:
+            known(("faults", i, "unit"), fault.unit)
+    for name in scene.obstacles:
+        if name in scene.units:
+            text = f"a unit is named {name!r} as well; names of bodies have to differ"
+            problems.append(Problem(("obstacles", name), text))
+    return problems or [*_frame_cycles(scene), *_numbers_twice(scene)]
+
+
+def _frame_cycles(scene: Scene) -> Iterator[Problem]:
+    for unit in scene.units:
+        chain = [unit]
+        while frame := split_frame(scene.units[chain[-1]].pose.frame):
+            chain.append(frame[0])
+            if frame[0] in chain[:-1]:
+                break
+        if len(chain) > 1 and chain[-1] == unit:
+            text = f"placed relative to itself ({' -> '.join(chain)}); give one of them in frame world"
+            yield Problem(("units", unit, "pose", "frame"), text)
+
+
+def _numbers_twice(scene: Scene) -> Iterator[Problem]:
+    seen: dict[int, str] = {}
+    for unit, spec in scene.units.items():
+        if spec.number in seen:
+            free = next(
+                n for n in range(len(scene.units) + 1) if n not in {u.number for u in scene.units.values()}
+            )
+            text = f"unit {seen[spec.number]!r} has the number {spec.number} already; {free} is free"
+            yield Problem(("units", unit, "number"), text)
+        seen.setdefault(spec.number, unit)
+
+
+def value_problems(scene: Scene) -> list[Problem]:
+    """Return pairs of values that contradict each other."""
+    problems: list[Problem] = []
+    for axis in ("x_m", "y_m"):
+        low, high = getattr(scene.arena, axis)
+        if low >= high:
+            problems.append(Problem(("arena", axis), f"expected [low, high], found [{low:g}, {high:g}]"))
+    los, half_fov = scene.los, math.degrees(scene.cameras.onboard.pinhole.half_fov)
+    if los.inner_deg >= los.outer_deg:
+        text = f"the inner bound has to be below los.outer_deg = {los.outer_deg:g}, found {los.inner_deg:g}"
+        problems.append(Problem(("los", "inner_deg"), text))
+    if los.outer_deg >= half_fov:
+        text = (
+            f"the outer bound has to be below half the onboard camera's field of view ({half_fov:.4g} deg), "
+            f"found {los.outer_deg:g}; lower it or raise cameras.onboard.hfov_deg"
+        )
+        problems.append(Problem(("los", "outer_deg"), text))
+    if scene.limits.v_close_mps > scene.limits.v_max_mps:
+        text = f"the close-range speed cannot exceed limits.v_max_mps = {scene.limits.v_max_mps:g}"
+        problems.append(Problem(("limits", "v_close_mps"), text))
+    for i, fault in enumerate(scene.faults):
+        if isinstance(fault, CameraBlackout) and fault.from_s >= fault.to_s:
+            text = f"the blackout ends before it begins (from_s = {fault.from_s:g}, to_s = {fault.to_s:g})"
+            problems.append(Problem(("faults", i, "to_s"), text))
+        if isinstance(fault, PortPlugged) and any(a < 1 for a in fault.attempts):
+            problems.append(Problem(("faults", i, "attempts"), "attempts are counted from 1"))
+    return problems
+
+
+def port_problems(scene: Scene) -> list[Problem]:
+    """Return ports that a unit does not have or that cannot do what is asked, and tag ids used twice."""
+    problems: list[Problem] = []
+
+    def has(path: KeyPath, unit: str, port: str) -> bool:
+        ports = scene.geometry(unit).ports
+        if port not in ports:
+            text = f"unit {unit!r} has no port {port!r}{nearest(port, ports)} Ports: {', '.join(ports)}"
+            problems.append(Problem(path, text))
+        return port in ports
+
+    def passive(path: KeyPath, unit: str, port: str) -> None:
+        valid = scene.geometry(unit).passive_ports
+        if has(path, unit, port) and port not in valid:
+            text = f"port {port!r} of {unit!r} has no holes to dock to; passive ports: {', '.join(valid)}"
+            problems.append(Problem(path, text))
+
+    for i, step in enumerate(scene.plan):
+        geometry = scene.geometry(step.unit)
+        if has(("plan", i, "port"), step.unit, step.port) and step.port in geometry.passive_ports:
+            active = [p for p in geometry.ports if p not in geometry.passive_ports]
+            text = f"port {step.port!r} of {step.unit!r} has no pins; active ports: {', '.join(active)}"
+            problems.append(Problem(("plan", i, "port"), text))
+        passive(("plan", i, "to"), step.target_unit, step.target_port)
+    for path, _, pose in poses(scene):
+        frame = split_frame(pose.frame)
+        if frame:
+            has((*path, "frame"), *frame)
+    for i, fault in enumerate(scene.faults):
+        if isinstance(fault, PortPlugged):
+            passive(("faults", i, "port"), fault.unit, fault.port)
+    return problems + list(_tags_twice(scene))
+
+
+def _tags_twice(scene: Scene) -> Iterator[Problem]:
+    seen: dict[int, str] = {}
+    for path, owner, tag in _all_tags(scene):
+        if not 0 <= tag <= LAST_TAG:
+            yield Problem(path, f"{owner} has tag id {tag}; the family has 0 .. {LAST_TAG}")
+        elif tag in seen:
+            yield Problem(
+                path, f"{owner} has tag id {tag}, which {seen[tag]} has already; give it another one"
+            )
+        seen.setdefault(tag, owner)
+    for unit, spec in scene.units.items():
+        slots = scene.geometry(unit).tag_slots
+        for slot in spec.tag_ids:
+            if slot not in slots:
+                text = f"no such tag link{nearest(slot, slots)} Links with a tag: {', '.join(slots)}"
+                yield Problem(("units", unit, "tag_ids", slot), text)
+
+
+def _all_tags(scene: Scene) -> Iterator[tuple[KeyPath, str, int]]:
+    for unit, spec in scene.units.items():
+        for slot, tag in scene.tag_ids(unit).items():
+            path: KeyPath = ("units", unit, "tag_ids", slot) if slot in spec.tag_ids else ("units", unit)
+            yield path, f"{unit}/{slot}", tag
+    for name, obstacle in scene.obstacles.items():
+        if obstacle.tag_id is not None:
+            yield ("obstacles", name, "tag_id"), name, obstacle.tag_id

@@ -1,0 +1,156 @@
+"""Puts what pydantic found wrong into words for somebody who wrote a scene file, not a Python model."""
+
+from __future__ import annotations
+
+import types
+import typing
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails
+
+from msrr_scenes.loading.marked_yaml import Marked
+from msrr_scenes.loading.problems import KeyPath, Problem, nearest
+from msrr_scenes.specs.scene import Scene
+
+_PATTERNS = {
+    "to": "'<unit>.<port>'",
+    "frame": "'world' or '<unit>.<port>'",
+}
+_NAME = "a name of lower-case letters, digits and underscores that starts with a letter"
+_NOT_KEYS = {"source"}  # fields that the program fills in
+
+
+def explain(error: ErrorDetails, document: Marked) -> Problem | None:
+    """Turn one pydantic error into a problem of the document it was found in.
+
+    Returns:
+        None for an error that only repeats another one.
+    """
+    kind, loc, given = error["type"], error["loc"], error["input"]
+    path = _written_path(loc, document.data)
+    found = _shown(given)
+    context = error.get("ctx", {})
+    if kind == "extra_forbidden":
+        keys = _keys_at(loc[:-1])
+        return Problem(path, f"unknown key{nearest(loc[-1], keys)} Keys here: {', '.join(keys)}")
+    if kind == "missing":
+        return Problem((*path, str(loc[-1])), "required, and missing", rank=1)
+    if kind == "flag":
+        return Problem((*path, context["key"]), f"expected a value, found the flag {context['shown']}")
+    if kind == "too_short":
+        # pydantic counts the items that passed: a list whose only item is wrong is "too short" as well.
+        enough = len(given) >= context["min_length"]
+        return (
+            None
+            if enough
+            else Problem(path, f"expected at least {context['min_length']} entry, found {found}")
+        )
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        return _wrong_tag((*path, context["discriminator"].strip("'")), _tags(loc), context.get("tag"))
+    if kind == "literal_error":
+        valid = [part.strip("'") for part in context["expected"].replace(" or ", ", ").split(", ")]
+        return Problem(path, f"expected {context['expected']}, found {found}{nearest(given, valid)}")
+    if kind == "string_pattern_mismatch":
+        return Problem(path, f"expected {_PATTERNS.get(str(loc[-1]), _NAME)}, found {found}")
+    return Problem(path, _plainly(error["msg"], found))
+
+
+def _wrong_tag(path: KeyPath, tags: list[str], tag: str | None) -> Problem:
+    valid = " or ".join(repr(t) for t in tags)
+    if tag is None:
+        return Problem(path, f"required, and missing; expected {valid}")
+    return Problem(path, f"expected {valid}, found {tag!r}{nearest(tag, tags)}")
+
+
+def _plainly(message: str, found: str) -> str:
+    """Rewrite pydantic's ``Input should be ...``; other messages stand as they are."""
+    if message.startswith("Value error, "):
+        return message.removeprefix("Value error, ")
+    head, _, _ = message.partition(", ")
+    if "valid dictionary" in head:
+        return f"expected keys with values, found {found}"
+    if head.startswith("Input should be "):
+        wanted = head.removeprefix("Input should be ").replace("a valid tuple", "a list")
+        bound = "a number " if wanted.startswith(("greater", "less")) else ""
+        wanted = wanted.replace("valid ", "").replace("a integer", "an integer")
+        return f"expected {bound}{wanted}, found {found}"
+    return f"{message[0].lower()}{message[1:]} (found {found})"
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    if isinstance(value, Mapping):
+        return "keys with values" if value else "none"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return f"a list of {len(value)}" if value else "none"
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _written_path(loc: tuple[int | str, ...], data: Any) -> KeyPath:
+    """Keep of a pydantic location what stands in the document: pydantic adds the tags of unions."""
+    path: KeyPath = ()
+    for part in loc:
+        in_dict = isinstance(data, dict) and part in data
+        in_list = isinstance(data, list) and isinstance(part, int) and part < len(data)
+        if in_dict or in_list:
+            data = data[part]
+            path = (*path, part)
+    return path
+
+
+def _members(annotation: Any) -> list[Any]:
+    """Return the types that an annotation allows, None aside."""
+    origin = typing.get_origin(annotation)
+    if origin is typing.Annotated:
+        return _members(typing.get_args(annotation)[0])
+    if origin in (typing.Union, types.UnionType):
+        return [a for a in typing.get_args(annotation) if a is not type(None)]
+    return [annotation]
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _literals(model: Any) -> list[str]:
+    """Return the values of a model's first Literal field: the tags by which a union tells it."""
+    for field in model.model_fields.values():
+        if typing.get_origin(field.annotation) is typing.Literal:
+            return [str(v) for v in typing.get_args(field.annotation)]
+    return []
+
+
+def _step(annotation: Any, part: int | str) -> Any:
+    """Follow one component of a pydantic location through the types; None where it leads nowhere."""
+    members = _members(annotation)
+    if len(members) > 1:
+        return next((m for m in members if _is_model(m) and part in _literals(m)), None)
+    only, args = members[0], typing.get_args(members[0])
+    if _is_model(only):
+        field = only.model_fields.get(str(part))
+        return field.annotation if field else None
+    if typing.get_origin(only) is dict:
+        return args[1]
+    if typing.get_origin(only) is tuple:
+        return args[0]
+    return None
+
+
+def _type_at(loc: tuple[int | str, ...]) -> Any:
+    annotation: Any = Scene
+    for part in loc:
+        annotation = None if annotation is None else _step(annotation, part)
+    return annotation
+
+
+def _keys_at(loc: tuple[int | str, ...]) -> list[str]:
+    model: Any = _members(_type_at(loc))[0]
+    return [k for k in model.model_fields if k not in _NOT_KEYS] if _is_model(model) else []
+
+
+def _tags(loc: tuple[int | str, ...]) -> list[str]:
+    return [tag for m in _members(_type_at(loc)) if _is_model(m) for tag in _literals(m)]

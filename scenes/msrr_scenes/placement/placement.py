@@ -1,0 +1,175 @@
+"""Where everything stands at the start of a trial: poses drawn from a scene's start distributions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import UnitGeometry
+from msrr_scenes.specs.los_geometry import LosSpec
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import PoseSpec
+
+MAX_REDRAWS = 1000
+
+#: Port by which a unit is placed in another port's frame.
+FRONT = "front"
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Start of one trial.
+
+    Attributes:
+        units: ``X_WU`` of every unit.
+        obstacles: ``X_WB`` of every obstacle.
+        redraws: How many starts were thrown away because the target lay outside the outer cone.
+    """
+
+    units: Mapping[str, SE2]
+    obstacles: Mapping[str, SE2]
+    redraws: int = 0
+
+
+def split_frame(frame: str) -> tuple[str, str] | None:
+    """Return (unit, port) of a pose's frame; None for the world."""
+    if frame == "world":
+        return None
+    unit, _, port = frame.partition(".")
+    return unit, port
+
+
+def draw(pose: PoseSpec, rng: np.random.Generator) -> SE2:
+    """Draw a pose in its own frame, uniformly within the half-widths of its spread."""
+    # Always three numbers, so that opening one spread leaves the draws of the others as they were.
+    dx, dy, dyaw = (float(a) for a in rng.uniform(-1.0, 1.0, 3))
+    s = pose.spread
+    return SE2(pose.x_m + s.x_m * dx, pose.y_m + s.y_m * dy, math.radians(pose.yaw_deg + s.yaw_deg * dyaw))
+
+
+def target_in_cone(X_DU: SE2, geometry: UnitGeometry, los: LosSpec) -> bool:
+    """Say whether both edges of the target lie inside the outer cone, seen from the unit's camera.
+
+    Args:
+        X_DU: The unit in the dock frame of its target.
+        geometry: Geometry of the unit that looks.
+        los: Target and cone.
+    """
+    X_DC = X_DU @ geometry.frame("camera").to_se2()
+    edges = X_DC.inverse().act([[los.setback_m, los.half_width_m], [los.setback_m, -los.half_width_m]])
+    angles = np.abs(np.arctan2(edges[:, 1], edges[:, 0]))
+    return bool(angles.max() <= los.outer)
+
+
+def close_range_steps(scene: Scene) -> dict[str, DockStep]:
+    """Return the first step of every unit that has to see its target from the start, by unit.
+
+    That is a unit placed in the frame of the port it docks to, or any docking unit when no overhead camera
+    could lead it there; not one whose target is moved by an earlier step.
+    """
+    steps: dict[str, DockStep] = {}
+    moved: set[str] = set()
+    for step in scene.plan:
+        start = scene.units[step.unit].pose
+        if (
+            step.unit not in moved
+            and step.target_unit not in moved
+            and (start.frame == step.to or scene.cameras.overhead is None)
+        ):
+            steps[step.unit] = step
+        moved.add(step.unit)
+    return steps
+
+
+def draw_placement(scene: Scene, rng_for: Callable[[str], np.random.Generator]) -> Placement:
+    """Draw the start of a trial.
+
+    Each body draws from its own stream ``start/<name>``. A unit whose target lies outside the outer cone
+    (Zheng et al., eq. 22) draws again from the same stream.
+
+    Args:
+        scene: A checked scene.
+        rng_for: Gives the generator of a named stream.
+
+    Raises:
+        SceneError: No start inside the cone was found.
+    """
+    steps = close_range_steps(scene)
+    units: dict[str, SE2] = {}
+    redraws = 0
+    pending = list(scene.units)
+    while pending:
+        # A unit waits for the unit in whose frame it is placed and for the target it has to see.
+        ready = [u for u in pending if not _waits_for(scene, u, steps) & set(pending)]
+        for unit in ready or pending[:1]:
+            units[unit], again = _draw_unit(scene, unit, units, steps.get(unit), rng_for(f"start/{unit}"))
+            redraws += again
+            pending.remove(unit)
+    obstacles = {
+        name: base_pose(scene, body.pose, units) @ draw(body.pose, rng_for(f"start/{name}"))
+        for name, body in scene.obstacles.items()
+    }
+    ordered = {unit: units[unit] for unit in scene.units}
+    return Placement(MappingProxyType(ordered), MappingProxyType(obstacles), redraws)
+
+
+def base_pose(scene: Scene, pose: PoseSpec, units: Mapping[str, SE2]) -> SE2:
+    """Return ``X_WF`` of the frame in which a pose is given, the units being placed already."""
+    frame = split_frame(pose.frame)
+    if frame is None:
+        return SE2()
+    unit, port = frame
+    return units[unit] @ scene.geometry(unit).dock_frame(port)
+
+
+def nominal_units(scene: Scene) -> dict[str, SE2]:
+    """Return ``X_WU`` of every unit at the middle of its start distribution."""
+    units: dict[str, SE2] = {}
+
+    def place(unit: str) -> None:
+        pose = scene.units[unit].pose
+        frame = split_frame(pose.frame)
+        if frame and frame[0] not in units:
+            place(frame[0])
+        X_PU = scene.geometry(unit).port(FRONT).inverse() if frame else SE2()
+        units[unit] = base_pose(scene, pose, units) @ pose.nominal @ X_PU
+
+    for unit in scene.units:
+        if unit not in units:
+            place(unit)
+    return units
+
+
+def _waits_for(scene: Scene, unit: str, steps: Mapping[str, DockStep]) -> set[str]:
+    frame = split_frame(scene.units[unit].pose.frame)
+    waits = {frame[0]} if frame else set()
+    if unit in steps:
+        waits.add(steps[unit].target_unit)
+    return waits - {unit}
+
+
+def _draw_unit(
+    scene: Scene, unit: str, units: Mapping[str, SE2], step: DockStep | None, rng: np.random.Generator
+) -> tuple[SE2, int]:
+    pose, geometry = scene.units[unit].pose, scene.geometry(unit)
+    X_WF = base_pose(scene, pose, units)
+    # In another port's frame the pose speaks of the front port, in the world of the unit itself.
+    X_PU = SE2() if split_frame(pose.frame) is None else geometry.port(FRONT).inverse()
+    if step is None or step.target_unit not in units:
+        return X_WF @ draw(pose, rng) @ X_PU, 0
+    X_WD = units[step.target_unit] @ scene.geometry(step.target_unit).dock_frame(step.target_port)
+    for redraws in range(MAX_REDRAWS):
+        X_WU = X_WF @ draw(pose, rng) @ X_PU
+        if target_in_cone(X_WD.inverse() @ X_WU, geometry, scene.los):
+            return X_WU, redraws
+    raise SceneError(
+        f"units.{unit}.pose: none of {MAX_REDRAWS} starts has the target {step.to} inside the outer cone of "
+        f"{scene.los.outer_deg:g} deg; turn the unit towards it or narrow the spread"
+    )

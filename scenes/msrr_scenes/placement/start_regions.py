@@ -1,0 +1,120 @@
+"""The ground that a body can cover at the start, over everything its start distribution allows.
+
+Regions are convex outlines, shape (N, 2) [m]. They are grown, never shrunk, where a turn is approximated by
+steps, so that two disjoint regions prove that no draw brings the bodies together.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.placement.placement import FRONT, split_frame
+from msrr_scenes.specs.bodies import BoxSpec, ObstacleSpec
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import PoseSpec
+
+Array = NDArray[np.float64]
+
+_MAX_TURN = math.radians(5.0)
+_CIRCLE = 48
+_SQUARE: Array = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+
+
+def hull(points: Array) -> Array:
+    """Return the convex outline of points, counter-clockwise."""
+    from scipy.spatial import ConvexHull
+
+    corners: Array = points[ConvexHull(points).vertices]
+    return corners
+
+
+def overlap(a: Array, b: Array) -> bool:
+    """Say whether two convex outlines have inner points in common (separating axes)."""
+    for outline in (a, b):
+        edges = np.roll(outline, -1, axis=0) - outline
+        normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
+        pa, pb = a @ normals.T, b @ normals.T
+        if np.any((pa.max(axis=0) <= pb.min(axis=0)) | (pb.max(axis=0) <= pa.min(axis=0))):
+            return False
+    return True
+
+
+def obstacle_outline(spec: ObstacleSpec) -> Array:
+    """Return the outline of an obstacle in its own frame; a circle is drawn from outside."""
+    if isinstance(spec, BoxSpec):
+        return 0.5 * np.array([spec.length_m, spec.width_m]) * _SQUARE
+    t = np.arange(_CIRCLE) * (2.0 * math.pi / _CIRCLE)
+    return spec.radius_m / math.cos(math.pi / _CIRCLE) * np.stack([np.cos(t), np.sin(t)], axis=1)
+
+
+def spread_over(pose: PoseSpec, points: Array) -> Array:
+    """Return the region, in the pose's frame, that ``points`` of the posed frame reach over its spread."""
+    half = min(math.radians(pose.spread.yaw_deg), math.pi)
+    steps = math.ceil(half / _MAX_TURN)
+    # The arc between two steps lies inside their chord once both are moved out by 1 / cos(step / 2).
+    grown = points / math.cos(0.5 * half / steps) if steps else points
+    turns = (
+        [pose.nominal.yaw + half * k / steps for k in range(-steps, steps + 1)]
+        if steps
+        else [pose.nominal.yaw]
+    )
+    turned = np.concatenate([SE2(pose.x_m, pose.y_m, turn).act(grown) for turn in turns])
+    half_box = np.array([pose.spread.x_m, pose.spread.y_m])
+    corners = half_box * _SQUARE
+    return hull((turned[None] + corners[:, None]).reshape(-1, 2))
+
+
+def ancestors(scene: Scene, pose: PoseSpec) -> list[str]:
+    """Return the units in whose frames a pose is given, directly or through each other, nearest first."""
+    chain: list[str] = []
+    while frame := split_frame(pose.frame):
+        chain.append(frame[0])
+        pose = scene.units[frame[0]].pose
+    return chain
+
+
+def region(scene: Scene, name: str, points: Array, within: str | None = None) -> Array:
+    """Return the ground that ``points`` of a body's own frame can cover.
+
+    Args:
+        scene: The scene.
+        name: The body.
+        points: In its own frame, shape (N, 2) [m].
+        within: An ancestor in whose frame U the region is wanted; None for the world.
+    """
+    body = scene.units.get(name) or scene.obstacles[name]
+    frame = split_frame(body.pose.frame)
+    if frame is not None and name in scene.units:
+        points = scene.geometry(name).port(FRONT).inverse().act(points)
+    reached = spread_over(body.pose, points)
+    if frame is None:
+        return reached
+    unit, port = frame
+    reached = scene.geometry(unit).dock_frame(port).act(reached)
+    return reached if unit == within else region(scene, unit, reached, within)
+
+
+def outline(scene: Scene, name: str) -> Array:
+    """Return the outline of a unit or an obstacle in its own frame."""
+    if name in scene.units:
+        return scene.geometry(name).footprint
+    return obstacle_outline(scene.obstacles[name])
+
+
+def may_overlap(scene: Scene, a: str, b: str) -> bool:
+    """Say whether some draw may bring two bodies into each other."""
+    chains = {}
+    for name in (a, b):
+        body = scene.units.get(name) or scene.obstacles[name]
+        chains[name] = [name, *ancestors(scene, body.pose)]
+    # What both hang on moves them together: compare them in its frame, or each would seem to move alone.
+    common = next((u for u in chains[a] if u in chains[b]), None)
+    regions = [
+        outline(scene, name) if name == common else region(scene, name, outline(scene, name), common)
+        for name in (a, b)
+    ]
+    return overlap(*regions)
