@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Protocol
 
 
-class Clock(Protocol):
+class Profiler(Protocol):
     """Hands out the context manager that times a stage: ``with clock("physics"): ...``."""
 
     def __call__(self, stage: str) -> AbstractContextManager[object]:
@@ -20,7 +20,7 @@ class Clock(Protocol):
         ...
 
 
-class StageClock:
+class StageProfiler:
     """Adds up the wall-clock time spent in each stage, exclusively.
 
     A stage entered inside another one stops the outer one, so that no nanosecond is counted twice and the sum
@@ -77,7 +77,7 @@ class _Stage:
 
     __slots__ = ("_clock", "spent_ns")
 
-    def __init__(self, clock: StageClock) -> None:
+    def __init__(self, clock: StageProfiler) -> None:
         self._clock = clock
         self.spent_ns = 0
 
@@ -90,10 +90,10 @@ class _Stage:
         self._clock._exit()
 
 
-class NullClock:
+class NullProfiler:
     """A clock that times nothing: what a trial carries unless somebody wants to know."""
 
-    def __call__(self, stage: str) -> NullClock:
+    def __call__(self, stage: str) -> NullProfiler:
         """Return a context manager that does nothing."""
         return self
 

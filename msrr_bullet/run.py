@@ -10,7 +10,7 @@ from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.reader import LOG_NAME, read_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
-from msrr_bullet.profiler import Clock
+from msrr_bullet.profiler import Profiler
 from msrr_bullet.timeline.camera_views import docking_views
 from msrr_bullet.timeline.log_snapshots import snapshots
 from msrr_bullet.timeline.snapshot import Viewer
@@ -36,7 +36,7 @@ def run_trial(
     out: Path | None = None,
     viewer: Viewer | None = None,
     observer: Callable[[Progress], None] | None = None,
-    clock: Clock | None = None,
+    clock: Profiler | None = None,
 ) -> TrialResult:
     """Run one trial.
 

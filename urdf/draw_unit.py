@@ -20,11 +20,10 @@ from matplotlib.patches import Circle, Polygon
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.assets import find_urdf
 from msrr_scenes.geometry.unit_geometry import Solid, UnitGeometry, read_unit, tag_corners
 from msrr_scenes.specs.sensors import TagsSpec
-
-Array = NDArray[np.float64]
 
 PORT = "rear"
 SHADE, EDGE, TAG, DIMENSION, CAMERA = "#d9d9d9", "#444444", "#2266aa", "#aa3322", "#227744"

@@ -13,8 +13,9 @@ from pydantic import BaseModel, ConfigDict
 
 from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
 from msrr_perception.detection.detector import Detector, for_large_tags
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.messages import Array, Detections, Exposure, Fetch, Pixels, TagDetection
+from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, TagDetection
 
 #: A detection with a corner farther than this from the tag's own is none of that tag [px].
 LARGEST_ERROR_PX = 3.0

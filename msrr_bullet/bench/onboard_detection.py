@@ -17,10 +17,11 @@ from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, joint_pose
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import NS_PER_S, Array, Detections, PoseEstimate
+from msrr_scenes.messages import NS_PER_S, Detections, PoseEstimate
 from msrr_scenes.placement.placement import target_in_cone
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene

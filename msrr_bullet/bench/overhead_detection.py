@@ -15,16 +15,17 @@ from msrr_bullet.bench.detector_settings import overhead_contestants
 from msrr_bullet.bench.onboard_detection import inside, with_sensor
 from msrr_bullet.render.renderer import RenderContext, build_renderer
 from msrr_bullet.sensors.camera import Camera
-from msrr_bullet.simulation.tagged_bodies import TagDressing
+from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_perception.pose.global_pose import GlobalLocalizer
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import NS_PER_S, Array, Detections, GlobalPose
+from msrr_scenes.messages import NS_PER_S, Detections, GlobalPose
 from msrr_scenes.placement.placement import Placement, draw_placement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
@@ -91,7 +92,7 @@ def _views(
     for number in range(arrangements):
         placement = _placement(scene, rng)
         with tempfile.TemporaryDirectory(prefix="msrr-") as folder:
-            dressing = TagDressing(scene, Path(folder))
+            dressing = TagVisuals(scene, Path(folder))
             with BulletWorld(scene, placement, dressing=dressing) as world:
                 renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
                 camera = Camera(OVERHEAD, spec, renderer, lambda: model.X_WC, seed + number)

@@ -23,7 +23,7 @@ from msrr_bullet.bench.renderer_scenes import (
     facing_units,
 )
 from msrr_bullet.render.renderer import Renderer
-from msrr_bullet.sensors.image_noise import SensorModel
+from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_bullet.simulation.tag_plates import load_tag_plate
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.pose.joint_pose import joint_pose
@@ -216,7 +216,7 @@ def range_rows(distance_m: float, frames: int, seed: int) -> tuple[RangeRow, ...
     with facing_units(starts[0]) as (scene, world):
         target = TargetModel.from_scene(scene, scene.plan[0])
         spec = scene.cameras.onboard
-        sensor = SensorModel(stream_key(seed, "bench/range/noise"), spec.blur_px, spec.noise_grey)
+        sensor = ImageNoise(stream_key(seed, "bench/range/noise"), spec.blur_px, spec.noise_grey)
         X_WD = world.pose("b") @ scene.geometry("b").dock_frame("rear")
         renderers = contestants(world.client)
         detector = PupilDetector()
@@ -252,7 +252,7 @@ def range_rows(distance_m: float, frames: int, seed: int) -> tuple[RangeRow, ...
 
 
 def _exposure(
-    renderer: Renderer, target: TargetModel, X_DU: SE2, X_WC: SE3, sensor: SensorModel, frame: int
+    renderer: Renderer, target: TargetModel, X_DU: SE2, X_WC: SE3, sensor: ImageNoise, frame: int
 ) -> tuple[Pixels, Window]:
     """Return what the sensor delivers of the part of the frame that holds the target's port."""
     X_CD = (SE3.from_se2(X_DU) @ target.X_UC).inverse()

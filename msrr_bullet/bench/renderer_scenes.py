@@ -11,7 +11,7 @@ from types import MappingProxyType
 import pybullet
 
 from msrr_bullet.render.renderer import RenderContext, Renderer, build_renderer
-from msrr_bullet.simulation.tagged_bodies import TagDressing
+from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
@@ -56,6 +56,6 @@ def facing_units(X_DU: SE2) -> Iterator[tuple[Scene, BulletWorld]]:
     X_WD = scene.units["b"].pose.nominal @ scene.geometry("b").dock_frame("rear")
     placement = Placement({"b": scene.units["b"].pose.nominal, "a": X_WD @ X_DU}, {})
     with tempfile.TemporaryDirectory(prefix="msrr-") as folder:
-        dressing = TagDressing(scene, Path(folder))
+        dressing = TagVisuals(scene, Path(folder))
         with BulletWorld(scene, placement, dressing=dressing) as world:
             yield scene, world

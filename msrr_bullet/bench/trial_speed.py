@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
-from msrr_bullet.profiler import StageClock
+from msrr_bullet.profiler import StageProfiler
 from msrr_bullet.run import run_trial
 from msrr_bullet.trial.result import TrialResult, package_versions
 from msrr_scenes.errors import MsrrError
@@ -174,7 +174,7 @@ def bench_table(report: BenchReport) -> Table:
 
 
 def _timed(scene: Scene, seed: int) -> _Timing:
-    clock = StageClock()
+    clock = StageProfiler()
     result = run_trial(scene, seed, clock=clock)
     if result.duration_s <= 0.0:
         raise BenchError(f"{scene.name}, seed {seed}: ended at once, {result.outcome.value}")

@@ -15,7 +15,7 @@ import typer
 from rich.console import Console
 
 from msrr_bullet.cli import bench_commands, run_commands, study_commands, trial_commands
-from msrr_bullet.cli.exit_codes import BAD_INPUT, Doors, say
+from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, say
 from msrr_bullet.cli.options import Overrides, parse_overrides
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.assets import shipped_scenes
@@ -23,7 +23,7 @@ from msrr_scenes.loading.load import load_scene, scene_hash
 
 app = typer.Typer(
     name="msrr",
-    cls=Doors,
+    cls=ExitCodeGroup,
     help="Docking of mobile robots by what their rendered cameras see.",
     no_args_is_help=True,
     add_completion=False,

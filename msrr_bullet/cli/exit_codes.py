@@ -27,7 +27,7 @@ INTERRUPTED = 130
 _AGAIN_S = 0.1
 
 
-class Doors(TyperGroup):
+class ExitCodeGroup(TyperGroup):
     """Turns what ends a command into an exit code, before typer makes one code of all of it."""
 
     def invoke(self, ctx: Any) -> Any:

@@ -19,12 +19,11 @@ from typing import NamedTuple
 
 import fcl
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.collision.footprint import Part
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 
-Array = NDArray[np.float64]
 Point = tuple[float, float]
 
 #: Half the height of every spindle [m]. Any value serves: the distance does not depend on it.

@@ -12,14 +12,13 @@ from functools import cached_property, lru_cache
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.unit_geometry import Solid, UnitGeometry
 from msrr_scenes.specs.bodies import BoxSpec, CylinderSpec
-
-Array = NDArray[np.float64]
 
 #: Two parts become one when their common hull adds no point farther than this from the body [m].
 MERGE_TOLERANCE = 1e-4

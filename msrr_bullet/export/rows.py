@@ -9,10 +9,11 @@ from msrr_bullet.export.table import Row, time
 from msrr_bullet.log import topics
 from msrr_bullet.log.reader import LogRecord
 from msrr_bullet.log.records import CameraWindow, Clearance, Event, StartPoses, StepStart, TruePose
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
-    Array,
+    ArenaEstimate,
     AssemblyPath,
     AssemblyProgress,
     Belief,
@@ -26,7 +27,6 @@ from msrr_scenes.messages import (
     PoseEstimate,
     PoseMeasurement,
     SeatSwitches,
-    Situation,
     WheelOdometry,
 )
 
@@ -86,7 +86,7 @@ def sight(record: LogRecord) -> Iterator[Row]:
 
 def situation(record: LogRecord) -> Iterator[Row]:
     """Yield the rows of a situation."""
-    m: Situation = record.message
+    m: ArenaEstimate = record.message
     known: list[tuple[str, GlobalPose | ObstacleEstimate]] = [("own", m.own), ("target", m.target)]
     known += [("other", body) for body in m.others] + [("obstacle", body) for body in m.obstacles]
     for role, body in known:

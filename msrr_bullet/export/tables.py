@@ -7,6 +7,7 @@ from msrr_bullet.export.table import Table, columns
 from msrr_bullet.log.records import CameraWindow, Clearance, Event, StartPoses, StepStart, TruePose
 from msrr_scenes.messages import (
     Action,
+    ArenaEstimate,
     AssemblyPath,
     AssemblyProgress,
     Belief,
@@ -19,7 +20,6 @@ from msrr_scenes.messages import (
     PoseEstimate,
     PoseMeasurement,
     SeatSwitches,
-    Situation,
     WheelOdometry,
 )
 
@@ -118,7 +118,7 @@ TABLES = (
             **_SIGMA,
             radius_m="radius about an obstacle's footprint",
         ),
-        Situation,
+        ArenaEstimate,
         rows.situation,
     ),
     Table(

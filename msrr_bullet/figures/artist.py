@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msrr_bullet.figures.drawing import Picture, Stagecraft
+from msrr_bullet.figures.drawing import DrawingContext, Picture
 from msrr_bullet.figures.onboard_frame import draw_onboard
 from msrr_bullet.figures.overhead_frame import draw_overhead
 from msrr_bullet.log.reader import Log
@@ -28,7 +28,7 @@ class Artist:
             MsrrError: It ended before the first decision.
         """
         self.moments = Moments(snapshots(log))
-        self.stagecraft = Stagecraft(log.header.scene, log.header.seed)
+        self.stagecraft = DrawingContext(log.header.scene, log.header.seed)
 
     def draw(self, view: CameraView) -> Picture:
         """Draw on a frame."""

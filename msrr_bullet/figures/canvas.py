@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Point = tuple[float, float]
 

@@ -7,7 +7,6 @@ from itertools import groupby
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from msrr_bullet.timeline.palette import (
     BELIEF,
@@ -25,8 +24,6 @@ from msrr_bullet.timeline.series import Series
 from msrr_scenes.specs.plan import GuardSpec, JudgeSpec
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
-
-Array = NDArray[np.float64]
 
 #: Below these the scales of a trial that begins far away are linear, above logarithmic [mm], [deg].
 FINE_MM, FINE_DEG = 1.0, 1.0

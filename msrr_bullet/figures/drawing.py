@@ -25,7 +25,7 @@ DETECTION_KEY = Key(DETECTION, "tag detected")
 
 
 @dataclass(frozen=True, eq=False)
-class Stagecraft:
+class DrawingContext:
     """What frames are drawn with, made once per run.
 
     Attributes:
@@ -70,7 +70,7 @@ class Picture:
         return framed(self.image, self.title, self.legend)
 
 
-def prepared(stagecraft: Stagecraft, view: CameraView, look: Perspective, moment: Snapshot) -> Canvas:
+def prepared(stagecraft: DrawingContext, view: CameraView, look: Perspective, moment: Snapshot) -> Canvas:
     """Return the frame: its pixels where they were read, elsewhere a drawing; windows and tags outlined."""
     camera = view.camera
     canvas = Canvas(camera.width, camera.height, max(1, WIDTH // camera.width), GRID)
@@ -88,7 +88,7 @@ def prepared(stagecraft: Stagecraft, view: CameraView, look: Perspective, moment
     return canvas
 
 
-def heading(stagecraft: Stagecraft, view: CameraView, moment: Snapshot) -> tuple[str, str]:
+def heading(stagecraft: DrawingContext, view: CameraView, moment: Snapshot) -> tuple[str, str]:
     """Return the lines that say what, when and in which phase."""
     scene, exposure = stagecraft.scene, view.exposure
     frame = f"frame {exposure.frame}" if exposure.frame >= 0 else "not looking"

@@ -10,8 +10,8 @@ from msrr_bullet.figures.canvas import Canvas, Key
 from msrr_bullet.figures.drawing import (
     DETECTION_KEY,
     READ_KEY,
+    DrawingContext,
     Picture,
-    Stagecraft,
     caption,
     heading,
     looked_at,
@@ -40,7 +40,7 @@ _LEGEND = (
 )
 
 
-def draw_onboard(stagecraft: Stagecraft, view: CameraView, moment: Snapshot) -> Picture:
+def draw_onboard(stagecraft: DrawingContext, view: CameraView, moment: Snapshot) -> Picture:
     """Draw on a frame of the docking unit's camera.
 
     Args:

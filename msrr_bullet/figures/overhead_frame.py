@@ -6,14 +6,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.figures.canvas import PAPER, Canvas, Key
 from msrr_bullet.figures.drawing import (
     DETECTION_KEY,
     READ_KEY,
+    DrawingContext,
     Picture,
-    Stagecraft,
     caption,
     heading,
     looked_at,
@@ -28,8 +27,6 @@ from msrr_bullet.viewer.scene_graph import SIGHT_RANGE
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import LosStatus
-
-Array = NDArray[np.float64]
 
 #: Height at which lines are drawn [m]: about that of the tags on top, so that they meet what one sees there.
 PLANE = 0.2
@@ -46,7 +43,7 @@ _LEGEND = (
 
 
 def draw_overhead(
-    stagecraft: Stagecraft, view: CameraView, moment: Snapshot, past: Sequence[Snapshot]
+    stagecraft: DrawingContext, view: CameraView, moment: Snapshot, past: Sequence[Snapshot]
 ) -> Picture:
     """Draw on a frame of the camera above the arena.
 
@@ -79,7 +76,7 @@ def draw_overhead(
 def _outline(
     canvas: Canvas,
     look: Perspective,
-    stagecraft: Stagecraft,
+    stagecraft: DrawingContext,
     unit: str,
     X_WU: SE2,
     colour: int,
@@ -94,7 +91,7 @@ def _outline(
             canvas.line(look.pixels(square), colour, 1, closed=True)
 
 
-def _belief(canvas: Canvas, look: Perspective, stagecraft: Stagecraft, moment: Snapshot) -> None:
+def _belief(canvas: Canvas, look: Perspective, stagecraft: DrawingContext, moment: Snapshot) -> None:
     if moment.estimate is not None and moment.step is not None:
         _outline(canvas, look, stagecraft, moment.step.unit, moment.estimate, BELIEF, 1)
     if moment.situation is None:
@@ -121,7 +118,7 @@ def _plan(canvas: Canvas, look: Perspective, moment: Snapshot) -> None:
     canvas.dot(tip, BELIEF, 3.5, halo=PAPER)
 
 
-def _sight(canvas: Canvas, look: Perspective, stagecraft: Stagecraft, moment: Snapshot) -> None:
+def _sight(canvas: Canvas, look: Perspective, stagecraft: DrawingContext, moment: Snapshot) -> None:
     """Draw where the unit believes the edges of its target, as lines on the floor from below its camera."""
     if moment.los is None or moment.estimate is None or moment.step is None:
         return

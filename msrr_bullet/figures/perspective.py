@@ -10,12 +10,13 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from msrr_bullet.sensors.camera_sensors import camera_pose
 from msrr_bullet.simulation.tag_plates import PLATE_RATIO
 from msrr_bullet.timeline.palette import OBSTACLE, TYRE, unit_colour
 from msrr_perception.pose.global_pose import flat_tags, overhead_pose
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -23,8 +24,6 @@ from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.specs.bodies import CylinderSpec, ObstacleSpec
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
-
-Array = NDArray[np.float64]
 
 #: What is nearer to the camera than this is cut off [m].
 NEAR = 0.01

@@ -6,16 +6,14 @@ import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.figures.canvas import Canvas
 from msrr_bullet.figures.perspective import Perspective, Solids, circle, on_floor
 from msrr_bullet.timeline.palette import DARK, FLOOR, GRID
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.scene import ArenaSpec
-
-Array = NDArray[np.float64]
 
 #: Colours of what is not floor, of the border, and of a tag's plate and square.
 AROUND, BORDER, PLATE, SQUARE = 0xE2E7EC, DARK, 0xFFFFFF, 0x4A5562

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
-from numpy.typing import NDArray
 
 from msrr_bullet.collision.footprint import Part, obstacle_parts, unit_parts
 from msrr_bullet.timeline.palette import BELIEF, DARK, DOCKING_UNIT, OBSTACLE, PATH, PLAN, css, unit_colour
@@ -17,8 +16,6 @@ from msrr_bullet.timeline.snapshot import Snapshot, planned_paths
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Phase
 from msrr_scenes.specs.scene import Scene
-
-Array = NDArray[np.float64]
 
 #: Free space around everything that is drawn [m].
 MARGIN = 0.08

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.messages import ArenaEstimate
 
 T = TypeVar("T")
 
@@ -30,6 +31,15 @@ T = TypeVar("T")
 Json = Any
 
 _compact = json.JSONEncoder(separators=(",", ":"), allow_nan=False, check_circular=False)
+
+
+#: Names that message classes had when the first logs were written. Logs keep them, so that all can be read.
+_LOG_NAMES: dict[type, str] = {ArenaEstimate: "Situation"}
+
+
+def log_name(kind: type) -> str:
+    """Return the name of a message class in logs and in their schemas."""
+    return _LOG_NAMES.get(kind, kind.__name__)
 
 
 class LogError(MsrrError):
@@ -153,7 +163,7 @@ def _dataclass_codec(kind: type) -> Codec[Any]:
         lambda value: {name: encode(getattr(value, name)) for name, encode in encoders},
         lambda value: kind(**{name: decode(value[name]) for name, decode in decoders}),
         {
-            "title": f"msrr.{kind.__name__}",
+            "title": f"msrr.{log_name(kind)}",
             "type": "object",
             "properties": {name: part.schema for name, part in parts},
         },

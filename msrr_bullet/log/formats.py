@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from msrr_bullet.log import foxglove, topics
-from msrr_bullet.log.codec import Json, LogError, codec
+from msrr_bullet.log.codec import Json, LogError, codec, log_name
 from msrr_bullet.log.records import (
     CameraWindow,
     Clearance,
@@ -25,6 +25,7 @@ from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import (
     Action,
+    ArenaEstimate,
     AssemblyPath,
     AssemblyProgress,
     Belief,
@@ -39,7 +40,6 @@ from msrr_scenes.messages import (
     PoseEstimate,
     PoseMeasurement,
     SeatSwitches,
-    Situation,
     WheelOdometry,
 )
 
@@ -70,7 +70,7 @@ def target_frame(unit: str) -> str:
 
 def _plain(kind: type) -> Format:
     own = codec(kind)
-    return Format(kind, f"msrr.{kind.__name__}", own.schema, lambda m, _: own.encode(m), own.decode)
+    return Format(kind, f"msrr.{log_name(kind)}", own.schema, lambda m, _: own.encode(m), own.decode)
 
 
 def _well_known(kind: type, name: str, show: Callable[[Any, str], dict[str, Json]]) -> Format:
@@ -143,7 +143,7 @@ _FORMATS: dict[type, Format] = {
     f.kind: f
     for f in (
         *map(_plain, (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, Detections, Exposure)),
-        *map(_plain, (Localisation, LosObservation, Situation, Action, AssemblyProgress, AssemblyPath)),
+        *map(_plain, (Localisation, LosObservation, ArenaEstimate, Action, AssemblyProgress, AssemblyPath)),
         *map(_plain, (Belief, Clearance, StepStart, StartPoses)),
         _well_known(PoseEstimate, "foxglove.PoseInFrame", _show_estimate),
         _well_known(GlobalPose, "foxglove.PoseInFrame", _show_body),
@@ -169,7 +169,7 @@ _FORMATS: dict[type, Format] = {
     )
 }
 
-_BY_NAME: dict[str, Format] = {kind.__name__: f for kind, f in _FORMATS.items()}
+_BY_NAME: dict[str, Format] = {log_name(kind): f for kind, f in _FORMATS.items()}
 
 
 def message_types() -> tuple[type, ...]:

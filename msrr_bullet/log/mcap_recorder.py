@@ -18,7 +18,7 @@ from typing import BinaryIO
 from mcap.writer import CompressionType, IndexType, Writer
 
 from msrr_bullet.log import topics
-from msrr_bullet.log.codec import LogError, to_bytes
+from msrr_bullet.log.codec import LogError, log_name, to_bytes
 from msrr_bullet.log.formats import Format, format_of
 from msrr_bullet.log.frames import scene_frames, step_frames
 from msrr_bullet.log.header import METADATA, LogHeader
@@ -202,7 +202,7 @@ class _Sink:
         self._file.flush()
 
     def _channel(self, topic: str, form: Format) -> int:
-        kind = form.kind.__name__
+        kind = log_name(form.kind)
         key = f"{topic}\0{kind}"
         if key not in self._channels:
             if kind not in self._schemas:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import Array, Exposure, Pixels
+from msrr_scenes.messages import Exposure, Pixels
 
 if TYPE_CHECKING:
     from msrr_bullet.collision import clearance_model as clearance

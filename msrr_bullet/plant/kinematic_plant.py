@@ -7,7 +7,7 @@ that it does.
 
 from __future__ import annotations
 
-from msrr_bullet.plant.kinematic_port import Capture, IdealPort
+from msrr_bullet.plant.kinematic_port import Capture, KinematicPort
 from msrr_bullet.plant.limited_drive import LimitedDrive, wheel_speeds
 from msrr_bullet.plant.lock_actuator import PullResult
 from msrr_bullet.plant.plant import NoDockError, tick_ns
@@ -21,7 +21,7 @@ from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 
-class UnicyclePlant:
+class KinematicPlant:
     """A plant of ideal unicycles behind the drive limits of Zheng et al., eq. 3."""
 
     def __init__(
@@ -49,7 +49,7 @@ class UnicyclePlant:
         self._wishes = dict.fromkeys(scene.units, Twist())
         self._moved = dict.fromkeys(scene.units, Twist())
         self._drives = {name: LimitedDrive(scene.limits) for name in scene.units}
-        self._docks: dict[str, IdealPort] = {}
+        self._docks: dict[str, KinematicPort] = {}
         self._plugs: set[tuple[str, str]] = set()
 
     def now_ns(self) -> int:
@@ -138,7 +138,7 @@ class UnicyclePlant:
             raise MsrrError(f"unit {step.unit!r} is still locked; open its lock before it docks to {step.to}")
         own, target = self._scene.geometry(step.unit), self._scene.geometry(step.target_unit)
         X_TU = self.pose(step.target_unit).inverse() @ self.pose(step.unit)
-        dock = IdealPort(step, own, target, self._scene.lock, self._capture, X_TU)
+        dock = KinematicPort(step, own, target, self._scene.lock, self._capture, X_TU)
         dock.plugged = (step.target_unit, step.target_port) in self._plugs
         self._docks[step.unit] = dock
 
@@ -177,7 +177,7 @@ class UnicyclePlant:
         if unit not in self._poses:
             raise UnknownNameError("unit", unit, self._poses)
 
-    def _dock(self, unit: str) -> IdealPort:
+    def _dock(self, unit: str) -> KinematicPort:
         self._check(unit)
         try:
             return self._docks[unit]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_bullet.plant.lock_actuator import CAM_REACH, PULL_SLACK, SWITCH_TRAVEL, Cam, PullResult
+from msrr_bullet.plant.lock_actuator import CAM_REACH, PULL_SLACK, SWITCH_TRAVEL, LockActuator, PullResult
 from msrr_bullet.simulation.port_plug import PLUG_LENGTH
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
@@ -67,7 +67,7 @@ def face_half_width(geometry: UnitGeometry, port: str) -> float:
     return float(np.abs(face[:, 1]).max())
 
 
-class IdealPort:
+class KinematicPort:
     """One active port before one passive port: a gate at the mouth, a funnel behind it, and a lock.
 
     The mouth is the face of the passive port and no wider. It minds only pins that come into it from outside.
@@ -104,7 +104,7 @@ class IdealPort:
         self._length = pin_length(geometry, step.port)
         self._X_UP = geometry.port(step.port)
         self._X_TD = target.dock_frame(step.target_port)
-        self._cam = Cam(spec.close_time_s)
+        self._cam = LockActuator(spec.close_time_s)
         self._half_width = face_half_width(target, step.target_port)
         self.engaged = False
         self.touching = False

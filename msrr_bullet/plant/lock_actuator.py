@@ -30,7 +30,7 @@ class PullResult:
     holds: bool
 
 
-class Cam:
+class LockActuator:
     """The cam's own motion, whatever it may hold: open at once, closed after its closing time."""
 
     def __init__(self, close_time_s: float) -> None:

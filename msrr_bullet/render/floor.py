@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 
 Image = NDArray[np.float32]
-Array = NDArray[np.float64]
 
 _WARP = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
 

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from msrr_bullet.render.floor_mesh import ensure_floor_mesh
 from msrr_bullet.render.renderer import RenderContext
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
-
-Array = NDArray[np.float64]
 
 #: From the optical frame (y down, z forward) to OpenGL's eye frame (y up, z backward).
 _X_CG = SE3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))

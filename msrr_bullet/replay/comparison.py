@@ -17,6 +17,7 @@ from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import (
     Action,
+    ArenaEstimate,
     AssemblyPath,
     AssemblyProgress,
     Belief,
@@ -30,7 +31,6 @@ from msrr_scenes.messages import (
     PoseEstimate,
     PoseMeasurement,
     SeatSwitches,
-    Situation,
     WheelOdometry,
 )
 from msrr_scenes.specs.plan import DockStep
@@ -45,7 +45,7 @@ _SENSORS = (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, GlobalPo
 _BELIEFS: dict[type, str] = {
     PoseEstimate: "estimate",
     LosObservation: "los",
-    Situation: "situation",
+    ArenaEstimate: "situation",
     AssemblyProgress: "assembly",
     AssemblyPath: "path",
     Belief: "belief",

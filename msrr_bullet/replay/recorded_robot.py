@@ -10,6 +10,7 @@ from msrr_bullet.log.records import StepStart
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import (
     Action,
+    ArenaEstimate,
     AssemblyPath,
     AssemblyProgress,
     Belief,
@@ -20,7 +21,6 @@ from msrr_scenes.messages import (
     Pixels,
     PoseEstimate,
     SensorMessage,
-    Situation,
 )
 
 
@@ -55,7 +55,7 @@ class Robot(Protocol):
         ...
 
     @property
-    def situation(self) -> Situation | None:
+    def situation(self) -> ArenaEstimate | None:
         """What global localisation knew when the last decision was taken."""
         ...
 
@@ -101,7 +101,7 @@ class RecordedRobot:
         return self._robot.belief
 
     @property
-    def situation(self) -> Situation | None:
+    def situation(self) -> ArenaEstimate | None:
         """What global localisation knew when the last decision was taken."""
         return self._robot.situation
 

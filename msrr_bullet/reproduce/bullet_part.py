@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from msrr_bullet.reproduce.forecast import Forecast
-from msrr_bullet.reproduce.measured_trial import MeasuredTrial, Shelf, measured_trial
+from msrr_bullet.reproduce.measured_trial import MeasuredTrial, TrialCache, measured_trial
 from msrr_bullet.statistics import Rate, wilson
 from msrr_bullet.studies.measures import MEASURES, OF_THE_OBSTACLE, Measure, PhaseName, paper_figures
 from msrr_bullet.studies.model import Count, Measured, Reproduction, Row, Table
@@ -188,7 +188,7 @@ def run_trials(
         KeyboardInterrupt: It was stopped; what was computed is kept.
         MsrrError: The scene cannot be run, a trial's program failed, or the code was changed meanwhile.
     """
-    shelf = Shelf(folder, scene)
+    shelf = TrialCache(folder, scene)
     trials = {t.seed: t for t in shelf if t.seed in seeds}
     count.kept(len(trials))
 

@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field, ValidationError
 from msrr_bullet.reproduce.trial_series import CloseSeries, SeriesRecorder
 from msrr_bullet.studies.measures import SETTLED_M
 from msrr_bullet.sweep.provenance import code_fingerprint
-from msrr_bullet.timeline.path_following_series import LongSeries
+from msrr_bullet.timeline.path_following_series import PathFollowingSeries
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.loading.load import scene_hash
@@ -39,7 +39,9 @@ class MeasuredTrial(TrialResult):
     code: str
 
 
-def record_trial(scene: Scene, seed: int) -> tuple[TrialResult, LongSeries | None, CloseSeries | None]:
+def record_trial(
+    scene: Scene, seed: int
+) -> tuple[TrialResult, PathFollowingSeries | None, CloseSeries | None]:
     """Run a trial and return its result and the series of its last step's two phases."""
     # The simulator is loaded where trials run, not where they are asked for.
     from msrr_bullet.trial.trial import Trial
@@ -51,7 +53,7 @@ def record_trial(scene: Scene, seed: int) -> tuple[TrialResult, LongSeries | Non
     contact_s = result.contact.time_s if result.contact is not None else None
     return (
         result,
-        LongSeries.of(recorder.instants, step.unit, offset),
+        PathFollowingSeries.of(recorder.instants, step.unit, offset),
         CloseSeries.of(recorder.instants, scene, contact_s),
     )
 
@@ -77,7 +79,7 @@ def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
     )
 
 
-class Shelf:
+class TrialCache:
     """Keeps measured trials of one scene in a file of one JSON line each, so that a stopped run resumes.
 
     Trials are tied to the scene (all its values, URDFs and meshes) and to the code (every source file, the

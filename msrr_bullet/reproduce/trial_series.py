@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.log import topics
 from msrr_bullet.log.records import TruePose
@@ -17,11 +16,10 @@ from msrr_control.docking.controller import ControlInputs, sense
 from msrr_control.docking.law import DockSetup
 from msrr_control.feedback.visibility_cone import edge_angles
 from msrr_control.kinematics.offset_point import offset_point
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure, Phase, Pixels, seconds
 from msrr_scenes.specs.scene import Scene
-
-Array = NDArray[np.float64]
 
 #: Far less than a control period [s]: an instant that is to the rounding a window before the end is in it.
 _ROUNDING_S = 1e-6

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from msrr_bullet.profiler import Clock, NullClock
-from msrr_bullet.robot.collision_monitor import ClearanceGuard
-from msrr_bullet.robot.overhead_localizer import GlobalSight
+from msrr_bullet.profiler import NullProfiler, Profiler
+from msrr_bullet.robot.collision_monitor import CollisionMonitor
+from msrr_bullet.robot.overhead_localizer import OverheadLocalizer
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
-from msrr_control.sequence.observation import Assembler, Senses
+from msrr_control.sequence.observation import Assembler, Observation
 from msrr_control.sequence.state_machine import PhaseMachine
 from msrr_control.staging.registry import build_assembler
 from msrr_control.staging.setup import AssemblySetup
@@ -26,6 +26,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     NS_PER_S,
     Action,
+    ArenaEstimate,
     AssemblyPath,
     AssemblyProgress,
     Belief,
@@ -39,7 +40,6 @@ from msrr_scenes.messages import (
     PoseMeasurement,
     SeatSwitches,
     SensorMessage,
-    Situation,
     Twist,
     WheelOdometry,
     seconds,
@@ -72,7 +72,7 @@ class Autonomy:
     looks at where the scene puts anybody.
     """
 
-    def __init__(self, scene: Scene, step: DockStep, clock: Clock | None = None) -> None:
+    def __init__(self, scene: Scene, step: DockStep, clock: Profiler | None = None) -> None:
         """Set up the robot for one step.
 
         Args:
@@ -97,15 +97,15 @@ class Autonomy:
         whole = scene.cameras.onboard.readout == "frames"  # then a window saves nothing
         self._vision = OnboardVision(target, detector, full_every=1 if whole else FULL_LOOK_EVERY)
         self._los_estimator = LosEstimator(target)
-        self._above = GlobalSight.of(scene, step, detector)
+        self._above = OverheadLocalizer.of(scene, step, detector)
         setup = DockSetup.of(scene, step)
         self._assembler: Assembler | None = None
         if self._above is not None:
             self._assembler = build_assembler(scene.control.assembly, AssemblySetup.of(scene, step))
         controller = build_controller(scene.control.docking, setup)
         self._phases = PhaseMachine(scene.docking, setup, controller, self._assembler)
-        self._guard = ClearanceGuard(scene, step) if self._above else None
-        self._clock = clock or NullClock()
+        self._guard = CollisionMonitor(scene, step) if self._above else None
+        self._clock = clock or NullProfiler()
         self._onboard = target.camera_name
         self._wheel_radius, self._track = target.wheel_radius, target.track
         self._readings: tuple[WheelOdometry, WheelOdometry] | None = None
@@ -116,7 +116,7 @@ class Autonomy:
         self._glanced_ns = 0
         self.estimate: PoseEstimate | None = None
         self.los: LosObservation | None = None
-        self.situation: Situation | None = None
+        self.situation: ArenaEstimate | None = None
 
     @property
     def belief(self) -> Belief:
@@ -190,7 +190,7 @@ class Autonomy:
             self.situation = self._above.situation(now_ns, self.estimate if near else None)
         before = self._phases.phase
         action = self._phases.step(
-            Senses(
+            Observation(
                 now_ns=now_ns,
                 pose=self.estimate,
                 los=self.los,

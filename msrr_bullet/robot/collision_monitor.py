@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from msrr_bullet.collision.clearance_model import Clearance, ClearanceModel
-from msrr_bullet.robot.stopping_trajectory import Surroundings, WayAhead
-from msrr_scenes.messages import Situation, Twist
+from msrr_bullet.robot.stopping_trajectory import StoppingTrajectory, Surroundings
+from msrr_scenes.messages import ArenaEstimate, Twist
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
@@ -25,7 +25,7 @@ _HALVINGS = 4
 _CREEP = 0.25
 
 
-class GuardState(Enum):
+class MonitorState(Enum):
     """What the guard does with a command."""
 
     FREE = "free"
@@ -34,7 +34,7 @@ class GuardState(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class GuardDecision:
+class MonitorDecision:
     """The guard's answer to one command.
 
     Attributes:
@@ -48,15 +48,16 @@ class GuardDecision:
 
     twist: Twist
     clearance: Clearance | None
-    state: GuardState
+    state: MonitorState
     ahead: float
 
 
-class ClearanceGuard:
+class CollisionMonitor:
     """Limits commands of one docking unit during one step of the plan.
 
     It looks ahead to where the unit would stand if it braked as soon as the next command could make it
-    (:class:`msrr_bullet.robot.stopping_trajectory.WayAhead`) and takes the smallest clearance on that way:
+    (:class:`~msrr_bullet.robot.stopping_trajectory.StoppingTrajectory`) and takes the smallest clearance on
+    that way:
 
     - at least ``slow_m``, or no less than at present: the command passes;
     - between ``stop_m`` and ``slow_m``: it passes slower, down to a creep;
@@ -74,15 +75,15 @@ class ClearanceGuard:
         self._model = ClearanceModel(scene)
         self._reaches = {unit: scene.geometry(unit).circumradius for unit in scene.units}
         self._reaches |= {name: spec.radius_m for name, spec in scene.obstacles.items()}
-        self._way = WayAhead(scene)
+        self._way = StoppingTrajectory(scene)
 
     def reset(self) -> None:
         """Forget how fast the unit is: it stands."""
         self._way.reset()
 
     def limit(
-        self, twist: Twist, situation: Situation | None, now_ns: int, docking: bool = False
-    ) -> GuardDecision:
+        self, twist: Twist, situation: ArenaEstimate | None, now_ns: int, docking: bool = False
+    ) -> MonitorDecision:
         """Return what of a command may pass; to be asked for every command, in the order of time.
 
         Args:
@@ -96,8 +97,10 @@ class ClearanceGuard:
         self._way.passed(decision.twist)
         return decision
 
-    def _decide(self, twist: Twist, situation: Situation | None, now_ns: int, docking: bool) -> GuardDecision:
-        free = GuardDecision(twist, None, GuardState.FREE, math.inf)
+    def _decide(
+        self, twist: Twist, situation: ArenaEstimate | None, now_ns: int, docking: bool
+    ) -> MonitorDecision:
+        free = MonitorDecision(twist, None, MonitorState.FREE, math.inf)
         if situation is None or not self._spec.enabled:
             return free
         around = Surroundings(self._model, situation, self._reaches, self._target if docking else None)
@@ -107,7 +110,7 @@ class ClearanceGuard:
         at_least = around.at_least(X_WU) - self._way.longest(twist, around.reach)
         present = around.clearance(X_WU) if at_least < slow else None
         if present is None:
-            return GuardDecision(twist, None, GuardState.FREE, at_least - unsure)
+            return MonitorDecision(twist, None, MonitorState.FREE, at_least - unsure)
 
         def ahead(wish: Twist) -> float:
             return self._way.closest(wish, X_WU, present.distance, around, slow)
@@ -115,10 +118,10 @@ class ClearanceGuard:
         nearest = ahead(twist)
         keeps = present.distance - _LOSS_M
         if nearest >= min(slow, keeps):
-            return GuardDecision(twist, present, GuardState.FREE, nearest - unsure)
+            return MonitorDecision(twist, present, MonitorState.FREE, nearest - unsure)
         if nearest >= stop:
             share = _CREEP + (1.0 - _CREEP) * (nearest - stop) / (slow - stop)
-            return GuardDecision(_scaled(twist, share), present, GuardState.SLOW, nearest - unsure)
+            return MonitorDecision(_scaled(twist, share), present, MonitorState.SLOW, nearest - unsure)
         low, high = 0.0, _CREEP
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
@@ -126,8 +129,8 @@ class ClearanceGuard:
         passed = _scaled(twist, low)
         if low == 0.0 and twist.v and twist.w and ahead(Twist(0.0, twist.w)) >= min(stop, keeps):
             passed = Twist(0.0, twist.w)
-        state = GuardState.STOP if passed == Twist() else GuardState.SLOW
-        return GuardDecision(passed, present, state, nearest - unsure)
+        state = MonitorState.STOP if passed == Twist() else MonitorState.SLOW
+        return MonitorDecision(passed, present, state, nearest - unsure)
 
 
 def _scaled(twist: Twist, share: float) -> Twist:

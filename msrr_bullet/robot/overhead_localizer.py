@@ -8,6 +8,7 @@ from msrr_perception.estimation.global_estimator import GlobalEstimator
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
+    ArenaEstimate,
     Detections,
     Exposure,
     Fetch,
@@ -15,7 +16,6 @@ from msrr_scenes.messages import (
     Localisation,
     PoseEstimate,
     SensorMessage,
-    Situation,
     WheelOdometry,
 )
 from msrr_scenes.specs.plan import DockStep
@@ -25,7 +25,7 @@ from msrr_scenes.specs.scene import Scene
 GLANCE_HALF_M = 0.5
 
 
-class GlobalSight:
+class OverheadLocalizer:
     """Vision and estimator of the overhead camera, for one step of the plan."""
 
     def __init__(self, scene: Scene, step: DockStep, detector: Detector) -> None:
@@ -47,7 +47,7 @@ class GlobalSight:
         return self._newest_ns
 
     @classmethod
-    def of(cls, scene: Scene, step: DockStep, detector: Detector) -> GlobalSight | None:
+    def of(cls, scene: Scene, step: DockStep, detector: Detector) -> OverheadLocalizer | None:
         """Return the global sight of a scene; None when it has no overhead camera."""
         return cls(scene, step, detector) if scene.cameras.overhead is not None else None
 
@@ -81,7 +81,7 @@ class GlobalSight:
         """Search the next exposure for what is new, however short ago the last one was searched."""
         self._vision.search_next()
 
-    def situation(self, now_ns: int, by_sight: PoseEstimate | None) -> Situation | None:
+    def situation(self, now_ns: int, by_sight: PoseEstimate | None) -> ArenaEstimate | None:
         """Return where everything is.
 
         Args:

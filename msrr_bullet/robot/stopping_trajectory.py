@@ -8,16 +8,9 @@ from collections.abc import Iterator, Mapping
 
 from msrr_bullet.collision.clearance_model import Clearance, ClearanceModel
 from msrr_control.kinematics.drive_limits import follower, nested_limit
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
-from msrr_scenes.messages import (
-    NS_PER_S,
-    Array,
-    GlobalPose,
-    ObstacleEstimate,
-    Situation,
-    Twist,
-    seconds,
-)
+from msrr_scenes.messages import NS_PER_S, ArenaEstimate, GlobalPose, ObstacleEstimate, Twist, seconds
 from msrr_scenes.specs.scene import Scene
 
 #: Way of the unit's farthest point between two measurements of clearance [m].
@@ -41,7 +34,7 @@ class Surroundings:
     def __init__(
         self,
         model: ClearanceModel,
-        situation: Situation,
+        situation: ArenaEstimate,
         reaches: Mapping[str, float],
         exempt: str | None = None,
     ) -> None:
@@ -92,7 +85,7 @@ def _variance(covariance: Array, reach: float) -> float:
     return float(0.5 * (a + b) + math.hypot(0.5 * (a - b), c) + reach**2 * turn)
 
 
-class WayAhead:
+class StoppingTrajectory:
     """Follows a unit's drive through its commands, and says where a command would take it.
 
     The way ahead of a command: what is under way to the drive arrives, then the command, and when the next

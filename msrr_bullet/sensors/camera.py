@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from msrr_bullet.render.renderer import Renderer
-from msrr_bullet.sensors.image_noise import SensorModel
+from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
@@ -78,7 +78,7 @@ class Camera:
         self._renderer = renderer
         self._pose = pose
         key = stream_key(seed, f"camera/{name}/noise")
-        self._sensor = SensorModel(key, spec.blur_px, spec.noise_grey, spec.shot_grey)
+        self._sensor = ImageNoise(key, spec.blur_px, spec.noise_grey, spec.shot_grey)
         self._dropout = stream(seed, f"camera/{name}/dropout")
         self._blackouts = [f for f in faults if isinstance(f, CameraBlackout) and f.camera == name]
         self._exposure: Exposure | None = None

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from msrr_bullet.profiler import Clock
+from msrr_bullet.profiler import Profiler
 from msrr_bullet.sensors import parametric_pose as parametric
 from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.sensors.localisation_error import LocalisationError
@@ -42,7 +42,7 @@ class Reader(Protocol):
         ...
 
 
-class Eye(Protocol):
+class CameraSensor(Protocol):
     """Measures at one instant what one camera shows."""
 
     @property
@@ -69,13 +69,13 @@ def camera_pose(scene: Scene, unit: str) -> SE3:
     return X_UB
 
 
-class ImageEye:
+class RenderedCameraSensor:
     """A rendered camera whose pixels the robot reads."""
 
     def __init__(
         self,
         camera: Camera,
-        clock: Clock,
+        clock: Profiler,
         spoil: Callable[[Detections], Detections] | None = None,
     ) -> None:
         """Put a camera before the robot; ``spoil`` puts errors on what is made of its frames."""
@@ -84,7 +84,7 @@ class ImageEye:
         self._spoil = spoil
 
     @classmethod
-    def onboard(cls, stage: Stage, step: DockStep, clock: Clock) -> ImageEye:
+    def onboard(cls, stage: Stage, step: DockStep, clock: Profiler) -> RenderedCameraSensor:
         """Return the camera of the docking unit."""
         scene, plant, unit = stage.scene, stage.plant, step.unit
         X_UC = optical_pose(camera_pose(scene, unit))
@@ -92,7 +92,7 @@ class ImageEye:
         return cls(camera, clock)
 
     @classmethod
-    def overhead(cls, stage: Stage, step: DockStep, clock: Clock) -> ImageEye:
+    def overhead(cls, stage: Stage, step: DockStep, clock: Profiler) -> RenderedCameraSensor:
         """Return the camera above the arena. Its place is calibrated, so truth and belief are one."""
         scene = stage.scene
         spec = scene.cameras.overhead
@@ -133,7 +133,7 @@ class ImageEye:
             return self.camera.fetch(window)
 
 
-class _Luck:
+class FrameDropout:
     """Which frames of a camera are lost; drawn for every frame, whatever else becomes of it."""
 
     def __init__(self, camera: str, spec: CameraSpec, stage: Stage) -> None:
@@ -144,11 +144,12 @@ class _Luck:
         ]
 
     def lost(self, now_ns: int) -> bool:
+        """Draw for the next frame, exposed at ``now_ns``; return whether it is lost."""
         dropped = self._rng.random() < self._dropout
         return dropped or any(f.from_s <= seconds(now_ns) < f.to_s for f in self._blackouts)
 
 
-class ParametricEye:
+class ParametricOnboardCamera:
     """A model of the onboard camera and its detector together: the true pose with stated errors."""
 
     def __init__(self, stage: Stage, step: DockStep, X_DU: Callable[[], SE2]) -> None:
@@ -159,7 +160,7 @@ class ParametricEye:
         self.name = f"{step.unit}/onboard"
         self.spec: CameraSpec = scene.cameras.onboard
         self._rng = stage.stream(f"camera/{self.name}/parametric")
-        self._luck = _Luck(self.name, self.spec, stage)
+        self._luck = FrameDropout(self.name, self.spec, stage)
         self._hidden = any(isinstance(f, MarkerHidden) and f.unit == step.target_unit for f in scene.faults)
         self._frames = stage.frames(self.name)
 
@@ -179,7 +180,7 @@ class ParametricEye:
         return () if lost or self._hidden or measured is None else (measured,)
 
 
-class ParametricOverhead:
+class ParametricOverheadCamera:
     """A model of the overhead camera and its detector together: true poses with stated errors."""
 
     def __init__(self, stage: Stage) -> None:
@@ -190,7 +191,7 @@ class ParametricOverhead:
         self.name = OVERHEAD
         self.spec: CameraSpec = spec
         self._rng = stage.stream(f"camera/{OVERHEAD}/parametric")
-        self._luck = _Luck(OVERHEAD, spec, stage)
+        self._luck = FrameDropout(OVERHEAD, spec, stage)
 
     def look(self, now_ns: int, robot: Reader) -> tuple[SensorMessage, ...]:
         """Draw one measurement of every body that is there."""

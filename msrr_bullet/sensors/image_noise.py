@@ -25,7 +25,7 @@ _TILE = 1024
 _UNIT = 256
 
 
-class SensorModel:
+class ImageNoise:
     """Lens blur, shot noise and read noise of one camera.
 
     Read noise is Gaussian and independent of the light. Shot noise is that of a great many photons: Gaussian,

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from msrr_bullet.profiler import Clock
-from msrr_bullet.sensors.camera_sensors import Eye, Reader
+from msrr_bullet.profiler import Profiler
+from msrr_bullet.sensors.camera_sensors import CameraSensor, Reader
 from msrr_bullet.sensors.schedule import Delayed, Periodic, duration_ns
 from msrr_bullet.trial.environment import Stage
 from msrr_scenes.messages import (
@@ -36,10 +36,10 @@ class Observer(Reader, Protocol):
         ...
 
 
-class _MountedEye:
+class _MountedCamera:
     """An eye with its clockwork: when it looks, and how long what it saw is under way."""
 
-    def __init__(self, eye: Eye, now_ns: int) -> None:
+    def __init__(self, eye: CameraSensor, now_ns: int) -> None:
         self.eye = eye
         self._frames = Periodic(eye.spec.rate_hz, now_ns)
         self._latency_ns = duration_ns(eye.spec.latency_ms * 1e-3)
@@ -53,15 +53,15 @@ class _MountedEye:
         return self._under_way.arrived(now_ns)
 
 
-class Hardware:
+class SensorSuite:
     """All sensors of one docking unit."""
 
-    def __init__(self, stage: Stage, step: DockStep, eyes: Sequence[Eye], clock: Clock) -> None:
+    def __init__(self, stage: Stage, step: DockStep, eyes: Sequence[CameraSensor], clock: Profiler) -> None:
         """Wire up the sensors of ``step.unit``; all of them start now."""
         now_ns = stage.plant.now_ns()
         self._unit = step.unit
         self._plant = stage.plant
-        self._eyes = [_MountedEye(eye, now_ns) for eye in eyes]
+        self._eyes = [_MountedCamera(eye, now_ns) for eye in eyes]
         self._onboard = f"{step.unit}/onboard"
         self._targets_tags = frozenset(stage.scene.tag_ids(step.target_unit).values())
         self._encoders = stage.encoders[step.unit]

@@ -15,18 +15,16 @@ from typing import Protocol
 
 import numpy as np
 import pybullet
-from numpy.typing import NDArray
 
-from msrr_bullet.plant.lock_actuator import CAM_REACH, PULL_SLACK, SWITCH_TRAVEL, Cam, PullResult
+from msrr_bullet.plant.lock_actuator import CAM_REACH, PULL_SLACK, SWITCH_TRAVEL, LockActuator, PullResult
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody
 from msrr_bullet.simulation.world import BulletWorld
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import LockPosition
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.vehicle import LockSpec
-
-Array = NDArray[np.float64]
 
 SIDES = ("left", "right")
 #: Cap on the constraint's force on each axis [N]: far above any load, so that the strength alone decides.
@@ -55,7 +53,7 @@ class PinLock:
         self._world = world
         self.dock_step = step
         self._spec = spec
-        self._cam = Cam(spec.close_time_s)
+        self._cam = LockActuator(spec.close_time_s)
         self._unit, self._target = world.unit(step.unit), world.unit(step.target_unit)
         names = [(f"pin_{side}", f"port_{step.target_port}_hole_{side}") for side in SIDES]
         for pin, hole in names:

@@ -26,7 +26,7 @@ def obstacle_tag_pose(height_m: float) -> SE3:
     return SE3(R_BT, np.array([0.0, 0.0, height_m + PLATE_LIFT_M]))
 
 
-class TagDressing:
+class TagVisuals:
     """A :class:`msrr_bullet.simulation.dressing.Dressing`; ``folder`` has to outlive the world."""
 
     def __init__(self, scene: Scene, folder: Path) -> None:

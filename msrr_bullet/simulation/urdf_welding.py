@@ -15,13 +15,11 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, SubElement, parse
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import urdf_origin
-
-Array = NDArray[np.float64]
 
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 

@@ -13,7 +13,6 @@ from types import TracebackType
 
 import numpy as np
 import pybullet
-from numpy.typing import NDArray
 
 from msrr_bullet.simulation.dressing import Dressing
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody, load_unit
@@ -24,8 +23,6 @@ from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.bodies import CylinderSpec
 from msrr_scenes.specs.scene import Scene
-
-Array = NDArray[np.float64]
 
 GRAVITY_MPS2 = 9.80665
 #: Friction of the floor; PyBullet multiplies it with the other body's.

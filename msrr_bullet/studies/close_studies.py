@@ -10,15 +10,14 @@ from numpy.typing import NDArray
 from msrr_bullet.studies.measures import CAPTURE_DEG, CAPTURE_M, SETTLED_M, measure
 from msrr_bullet.studies.model import Measured, Row, Series, met_of, rate_of
 from msrr_bullet.studies.settings import PAPER_TRAJECTORY, Setting
-from msrr_control.docking.c1 import CloseRangeState
+from msrr_control.docking.c1 import C1DockingState
 from msrr_control.docking.controller import LawController, build_controller
 from msrr_control.docking.law import DockingLaw, DockSetup
 from msrr_control.studies.docking_study import StudyResult, run_study
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.spec import Choice
-
-Array = NDArray[np.float64]
 
 #: Simulated time of a trial [s]; the paper's trajectory reaches the face in 7, a slow law in 11.
 DURATION = 14.0
@@ -100,10 +99,10 @@ def close_series(controller: Choice, setting: Setting, seed: int) -> Series:
     """Return one trial over time, from start to contact."""
     controller = on_paper_trajectory(controller)
     setup = setting.dock_setup()
-    states: list[CloseRangeState] = []
+    states: list[C1DockingState] = []
 
     def keep(state: object) -> None:
-        if isinstance(state, CloseRangeState):
+        if isinstance(state, C1DockingState):
             states.append(state)
 
     result = run_study(

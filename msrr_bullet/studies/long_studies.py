@@ -5,23 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.studies.close_studies import merged, pairs
 from msrr_bullet.studies.measures import paper_figures
 from msrr_bullet.studies.model import Measured, Row, Series, met_of, rate_of
 from msrr_bullet.studies.settings import PAPER_PACE, Setting
 from msrr_control.parameters import read_params
-from msrr_control.path_following.baseline import ComparisonLongLaw, ComparisonLongParams
-from msrr_control.path_following.c1 import LongRangeLaw, LongRangeParams, LongRangeState
-from msrr_control.path_following.law import LongLaw
+from msrr_control.path_following.baseline import C2PathFollowingLaw, C2PathFollowingParams
+from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams, C1PathFollowingState
+from msrr_control.path_following.law import PathFollowingLaw
 from msrr_control.path_following.walls import WallSpec
-from msrr_control.studies.path_following_study import LongStudyResult, run_long_study
+from msrr_control.studies.path_following_study import PathFollowingStudyResult, run_path_following_study
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.spec import Choice
-
-Array = NDArray[np.float64]
 
 #: Half the body's length and width [m].
 _HALF_BODY = 0.10
@@ -30,7 +27,7 @@ _HALF_BODY = 0.10
 _OFFSET = 0.10
 
 
-def long_law(choice: Choice, setting: Setting) -> LongLaw[Any]:
+def long_law(choice: Choice, setting: Setting) -> PathFollowingLaw[Any]:
     """Build a law of the long-distance phase by the name of its assembler.
 
     Raises:
@@ -40,16 +37,16 @@ def long_law(choice: Choice, setting: Setting) -> LongLaw[Any]:
     params = merged({"pace": PAPER_PACE.model_dump()}, choice.params)
     limits = setting.limits_spec
     if choice.name == "c1":
-        return LongRangeLaw(read_params("c1", LongRangeParams, params), limits, _OFFSET)
+        return C1PathFollowingLaw(read_params("c1", C1PathFollowingParams, params), limits, _OFFSET)
     if choice.name == "c2":
-        return ComparisonLongLaw(read_params("c2", ComparisonLongParams, params), limits, _OFFSET)
+        return C2PathFollowingLaw(read_params("c2", C2PathFollowingParams, params), limits, _OFFSET)
     raise UnknownNameError("long-distance law", choice.name, ("c1", "c2"), "")
 
 
-def run_long(choice: Choice, setting: Setting, seeds: range) -> LongStudyResult:
+def run_long(choice: Choice, setting: Setting, seeds: range) -> PathFollowingStudyResult:
     """Study a law: a trial for each seed; paths, starts and noise are the same for every law."""
     walls = WallSpec.model_validate(choice.params.get("walls", {}))
-    return run_long_study(
+    return run_path_following_study(
         long_law(choice, setting),
         setting.limits_spec,
         stream(seeds.start, f"study/long/{setting.limits}"),
@@ -89,15 +86,15 @@ def long_row(choice: Choice, label: str, setting: Setting, seeds: range) -> Row:
 
 def long_series(choice: Choice, setting: Setting, seed: int) -> Series:
     """Return one trial over time."""
-    states: list[LongRangeState] = []
+    states: list[C1PathFollowingState] = []
 
     def keep(state: object) -> None:
-        if isinstance(state, LongRangeState):
+        if isinstance(state, C1PathFollowingState):
             states.append(state)
 
     walls = WallSpec.model_validate(choice.params.get("walls", {}))
     limits = setting.limits_spec
-    result = run_long_study(
+    result = run_path_following_study(
         long_law(choice, setting),
         limits,
         stream(seed, "panel/long"),

@@ -13,8 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from msrr_bullet.statistics import Rate, wilson
 from msrr_bullet.studies.measures import PhaseName, measure
 from msrr_bullet.studies.open_quantiles import OpenQuantiles
-
-Array = NDArray[np.float64]
+from msrr_scenes.arrays import Array
 
 
 class _Part(BaseModel):

@@ -6,23 +6,22 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.studies.close_studies import merged
 from msrr_control.docking.barrier import BarrierParams
-from msrr_control.docking.c1 import CloseRangeParams, LinearParams
-from msrr_control.docking.c2 import ComparisonCloseParams
+from msrr_control.docking.c1 import C1DockingParams, LinearParams
+from msrr_control.docking.c2 import C2DockingParams
 from msrr_control.docking.graceful import GracefulParams
-from msrr_control.path_following.baseline import ComparisonLongParams
-from msrr_control.path_following.c1 import LongRangeParams
+from msrr_control.path_following.baseline import C2PathFollowingParams
+from msrr_control.path_following.c1 import C1PathFollowingParams
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Spec
 
-Array = NDArray[np.float64]
 Part = Literal["docking", "assembly"]
 
 
 @dataclass(frozen=True, slots=True)
-class Knob:
+class SearchParameter:
     """One parameter that is tuned, by its dotted name, and its range on a logarithmic scale."""
 
     name: str
@@ -30,48 +29,48 @@ class Knob:
     high: float
 
 
-_CONE = Knob("cone.reach_m", 0.01, 0.12)
+_CONE = SearchParameter("cone.reach_m", 0.01, 0.12)
 
-KNOBS: dict[Part, dict[str, tuple[Knob, ...]]] = {
+KNOBS: dict[Part, dict[str, tuple[SearchParameter, ...]]] = {
     "docking": {
         "c1": (
-            Knob("feedback.k_n_per_s", 0.4, 8.0),
-            Knob("feedback.predefined_s", 6.0, 80.0),
-            Knob("windup.k_mps", 0.01, 0.2),
+            SearchParameter("feedback.k_n_per_s", 0.4, 8.0),
+            SearchParameter("feedback.predefined_s", 6.0, 80.0),
+            SearchParameter("windup.k_mps", 0.01, 0.2),
             _CONE,
         ),
         "c2": (
-            Knob("feedback.k_per_s", 0.4, 8.0),
-            Knob("feedback.reach_mps", 0.004, 0.2),
-            Knob("feedback.layer_m", 0.004, 0.08),
+            SearchParameter("feedback.k_per_s", 0.4, 8.0),
+            SearchParameter("feedback.reach_mps", 0.004, 0.2),
+            SearchParameter("feedback.layer_m", 0.004, 0.08),
             _CONE,
         ),
-        "linear": (Knob("k_n_per_s", 0.4, 8.0),),
+        "linear": (SearchParameter("k_n_per_s", 0.4, 8.0),),
         "cbf": (
-            Knob("k_n_per_s", 0.4, 8.0),
-            Knob("braking", 0.2, 0.95),
-            Knob("rho_rad", 0.01, 0.2),
-            Knob("margin_deg", 0.5, 8.0),
+            SearchParameter("k_n_per_s", 0.4, 8.0),
+            SearchParameter("braking", 0.2, 0.95),
+            SearchParameter("rho_rad", 0.01, 0.2),
+            SearchParameter("margin_deg", 0.5, 8.0),
         ),
         "graceful": (
-            Knob("k1", 0.5, 8.0),
-            Knob("k2", 1.0, 20.0),
-            Knob("slow_down", 0.01, 1.0),
-            Knob("ahead_m", 0.03, 0.2),
+            SearchParameter("k1", 0.5, 8.0),
+            SearchParameter("k2", 1.0, 20.0),
+            SearchParameter("slow_down", 0.01, 1.0),
+            SearchParameter("ahead_m", 0.03, 0.2),
         ),
     },
     "assembly": {
         "c1": (
-            Knob("guidance.c1_per_s", 0.3, 3.0),
-            Knob("guidance.c2_per_s", 1.4, 4.0),
-            Knob("tracking.k_l_per_s", 0.7, 5.0),
-            Knob("guidance.envelope.rho", 0.015, 0.15),
+            SearchParameter("guidance.c1_per_s", 0.3, 3.0),
+            SearchParameter("guidance.c2_per_s", 1.4, 4.0),
+            SearchParameter("tracking.k_l_per_s", 0.7, 5.0),
+            SearchParameter("guidance.envelope.rho", 0.015, 0.15),
         ),
         "c2": (
-            Knob("feedback.k_per_s", 0.4, 5.0),
-            Knob("feedback.reach_mps", 0.004, 0.2),
-            Knob("feedback.layer_m", 0.004, 0.1),
-            Knob("repulsion.eta", 0.002, 0.06),
+            SearchParameter("feedback.k_per_s", 0.4, 5.0),
+            SearchParameter("feedback.reach_mps", 0.004, 0.2),
+            SearchParameter("feedback.layer_m", 0.004, 0.1),
+            SearchParameter("repulsion.eta", 0.002, 0.06),
         ),
     },
 }
@@ -79,13 +78,13 @@ KNOBS: dict[Part, dict[str, tuple[Knob, ...]]] = {
 
 _SPECS: dict[Part, dict[str, type[Spec]]] = {
     "docking": {
-        "c1": CloseRangeParams,
-        "c2": ComparisonCloseParams,
+        "c1": C1DockingParams,
+        "c2": C2DockingParams,
         "linear": LinearParams,
         "cbf": BarrierParams,
         "graceful": GracefulParams,
     },
-    "assembly": {"c1": LongRangeParams, "c2": ComparisonLongParams},
+    "assembly": {"c1": C1PathFollowingParams, "c2": C2PathFollowingParams},
 }
 
 

@@ -9,7 +9,7 @@ from msrr_control.docking.guidance import GuidanceSpec
 from msrr_control.docking.law import DockSetup
 from msrr_control.path_following.path import PaceSpec
 from msrr_control.studies.docking_study import CLOSE, CLOSE_HARD, Disturbance, StartSet
-from msrr_control.studies.path_following_study import LongStartSet
+from msrr_control.studies.path_following_study import PathFollowingStartSet
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Spread
@@ -42,7 +42,7 @@ class Setting:
     limits: str = "normal"
     disturbance: Disturbance = field(default_factory=Disturbance)
     starts: StartSet = CLOSE
-    long_starts: LongStartSet = field(default_factory=LongStartSet)
+    long_starts: PathFollowingStartSet = field(default_factory=PathFollowingStartSet)
     close_params: dict[str, Any] = field(default_factory=dict)
     long_params: dict[str, Any] = field(default_factory=dict)
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 from scipy.optimize import Bounds, differential_evolution
 from scipy.stats import qmc
@@ -23,12 +22,11 @@ from msrr_bullet.studies.long_studies import run_long
 from msrr_bullet.studies.measures import LONG
 from msrr_bullet.studies.search_space import KNOBS, Part, params_of, shipped_values
 from msrr_bullet.studies.settings import HARD, STANDARD, Setting
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError, UnknownNameError
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.plan import GuardSpec
 from msrr_scenes.specs.spec import Choice
-
-Array = NDArray[np.float64]
 
 #: Candidates of one generation.
 POPULATION = 16

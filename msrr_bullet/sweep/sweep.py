@@ -110,7 +110,7 @@ def sweep(
         todo = deque(seed for seed in wanted if seed not in results)
         if todo and executor is None:
             prepare_renderers(scene, _log.info)  # once, instead of in every worker at the same time
-        crew = _Crew(jobs, executor, trial, scene)
+        crew = WorkerPool(jobs, executor, trial, scene)
         try:
             crew.work(todo, done)
             interrupted = False
@@ -126,7 +126,7 @@ def sweep(
     return summarise(scene, digest, code, ordered, failures, reused=reused, interrupted=interrupted)
 
 
-class _Crew:
+class WorkerPool:
     """Keeps ``jobs`` trials going and survives the death of a worker."""
 
     def __init__(self, jobs: int, executor: Submits | None, trial: TrialFunction, scene: Scene) -> None:

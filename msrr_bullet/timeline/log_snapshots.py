@@ -11,12 +11,12 @@ from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
+    ArenaEstimate,
     AssemblyPath,
     AssemblyProgress,
     LosObservation,
     Phase,
     PoseEstimate,
-    Situation,
 )
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
@@ -41,8 +41,8 @@ def snapshots(log: Log) -> list[Snapshot]:
     def close(action: Action) -> None:
         estimate, los, near = now.get(PoseEstimate), now.get(LosObservation), now.get(ClearanceRecord)
         believed = None
-        situation, assembly = now.get(Situation), now.get(AssemblyProgress)
-        if action.phase is Phase.ASSEMBLE and isinstance(situation, Situation):
+        situation, assembly = now.get(ArenaEstimate), now.get(AssemblyProgress)
+        if action.phase is Phase.ASSEMBLE and isinstance(situation, ArenaEstimate):
             believed = situation.own.X_WB
         elif step is not None and isinstance(estimate, PoseEstimate):
             believed = dock_frame(scene, step, units) @ estimate.X_DU
@@ -59,7 +59,7 @@ def snapshots(log: Log) -> list[Snapshot]:
                 clearance=_clearance(near) if isinstance(near, ClearanceRecord) else None,
                 twist=action.twist,
                 reason=action.reason,
-                situation=situation if isinstance(situation, Situation) else None,
+                situation=situation if isinstance(situation, ArenaEstimate) else None,
                 assembly=assembly if isinstance(assembly, AssemblyProgress) else None,
                 path=path,
             )

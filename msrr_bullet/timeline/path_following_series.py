@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from msrr_control.kinematics.offset_point import offset_point
 from msrr_control.studies import metrics
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, AssemblyProgress, LosObservation, PoseEstimate, seconds
-
-Array = NDArray[np.float64]
 
 #: Stages of the long-distance phase in which a path is followed.
 _UNDER_WAY = ("drive", "settle")
@@ -31,7 +30,7 @@ class Instant:
 
 
 @dataclass(frozen=True, eq=False)
-class LongSeries:
+class PathFollowingSeries:
     """The long-distance phase of one trial, truth in W.
 
     Attributes:
@@ -55,7 +54,7 @@ class LongSeries:
     arc_end: float
 
     @classmethod
-    def of(cls, instants: list[Instant], unit: str, offset: float) -> LongSeries | None:
+    def of(cls, instants: list[Instant], unit: str, offset: float) -> PathFollowingSeries | None:
         """Select the instants at which a path was followed; None if there were not any."""
         way = [(i, i.assembly) for i in instants if i.assembly is not None and i.assembly.stage in _UNDER_WAY]
         way = [(i, a) for i, a in way if unit in i.true]

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.timeline.snapshot import Snapshot, meant_to_touch
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import LosStatus, Phase, seconds
 from msrr_scenes.specs.scene import Scene
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 

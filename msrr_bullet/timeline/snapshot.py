@@ -9,11 +9,11 @@ from typing import Protocol
 from msrr_bullet.collision.clearance_model import Clearance
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
+    ArenaEstimate,
     AssemblyPath,
     AssemblyProgress,
     LosObservation,
     Phase,
-    Situation,
     Twist,
 )
 from msrr_scenes.specs.plan import DockStep
@@ -51,7 +51,7 @@ class Snapshot:
     clearance: Clearance | None = None
     twist: Twist | None = None
     reason: str = ""
-    situation: Situation | None = None
+    situation: ArenaEstimate | None = None
     assembly: AssemblyProgress | None = None
     path: AssemblyPath | None = None
 

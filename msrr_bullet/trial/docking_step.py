@@ -5,17 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from msrr_bullet.collision.clearance_model import Clearance
-from msrr_bullet.profiler import Clock
+from msrr_bullet.profiler import Profiler
 from msrr_bullet.replay.recorded_robot import RecordedRobot
 from msrr_bullet.robot.autonomy import Autonomy
-from msrr_bullet.sensors.camera_sensors import Eye, ImageEye, ParametricEye, ParametricOverhead
+from msrr_bullet.sensors.camera_sensors import (
+    CameraSensor,
+    ParametricOnboardCamera,
+    ParametricOverheadCamera,
+    RenderedCameraSensor,
+)
 from msrr_bullet.sensors.schedule import Periodic, duration_ns
-from msrr_bullet.sensors.sensor_suite import Hardware
-from msrr_bullet.timeline.path_following_series import Instant, LongSeries
+from msrr_bullet.sensors.sensor_suite import SensorSuite
+from msrr_bullet.timeline.path_following_series import Instant, PathFollowingSeries
 from msrr_bullet.trial.environment import Stage
 from msrr_bullet.trial.judge import Judge
 from msrr_bullet.trial.result import AssemblyFigures, AttemptRecord, Contact, PlanarPose, Seating
-from msrr_bullet.trial.telemetry import Narrator
+from msrr_bullet.trial.telemetry import Telemetry
 from msrr_scenes.messages import Action, Belief, LockPosition, Phase, Twist, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.faults import PortPlugged
@@ -24,7 +29,7 @@ _OVER = frozenset({Phase.DONE, Phase.FAILED})
 
 
 @dataclass(frozen=True)
-class StepEnd:
+class StepResult:
     """How a step of the plan ended.
 
     Attributes:
@@ -54,10 +59,10 @@ class StepEnd:
     records: tuple[AttemptRecord, ...]
 
 
-class StepRun:
+class DockingStep:
     """Runs one step of the plan to its end."""
 
-    def __init__(self, stage: Stage, index: int, narrator: Narrator, clock: Clock) -> None:
+    def __init__(self, stage: Stage, index: int, narrator: Telemetry, clock: Profiler) -> None:
         """Prepare step ``index`` of the scene's plan."""
         scene, plant = stage.scene, stage.plant
         self._stage, self._index, self._narrator, self._clock = stage, index, narrator, clock
@@ -69,12 +74,12 @@ class StepRun:
         self._robot = RecordedRobot(
             Autonomy(scene, step, clock), step.unit, narrator.recorder, index, plant.now_ns()
         )
-        self._hardware = Hardware(stage, step, self._eyes(), clock)
+        self._hardware = SensorSuite(stage, step, self._eyes(), clock)
         self._link = stage.links[step.unit]
         self._records: list[AttemptRecord] = []
         self._way: list[Instant] = []
 
-    def run(self) -> StepEnd:
+    def run(self) -> StepResult:
         """Run until the robot is done, the judge ends it, or time is up."""
         stage, plant = self._stage, self._stage.plant
         control = Periodic(stage.scene.control.rate_hz, plant.now_ns())
@@ -117,7 +122,7 @@ class StepRun:
     def _figures(self) -> AssemblyFigures | None:
         unit = self._step.unit
         offset = self._stage.scene.geometry(unit).control_offset(self._step.port)
-        series = LongSeries.of(self._way, unit, offset)
+        series = PathFollowingSeries.of(self._way, unit, offset)
         if series is None:
             return None
         found = series.measures()
@@ -139,14 +144,14 @@ class StepRun:
             self._stage.plant.command(self._step.unit, arrived.twist)
             self._stage.plant.set_lock(self._step.unit, arrived.lock)
 
-    def _eyes(self) -> list[Eye]:
+    def _eyes(self) -> list[CameraSensor]:
         stage, step, clock = self._stage, self._step, self._clock
         above = stage.scene.cameras.overhead is not None
         if stage.scene.perception == "parametric":
-            front: Eye = ParametricEye(stage, step, self._judge.X_DU)
-            return [ParametricOverhead(stage), front] if above else [front]
-        front = ImageEye.onboard(stage, step, clock)
-        return [ImageEye.overhead(stage, step, clock), front] if above else [front]
+            front: CameraSensor = ParametricOnboardCamera(stage, step, self._judge.X_DU)
+            return [ParametricOverheadCamera(stage), front] if above else [front]
+        front = RenderedCameraSensor.onboard(stage, step, clock)
+        return [RenderedCameraSensor.overhead(stage, step, clock), front] if above else [front]
 
     def _plug(self, attempt: int) -> None:
         """Put the fault ``port_plugged`` into force for this attempt, or out of it."""
@@ -167,7 +172,7 @@ class StepRun:
             true=PlanarPose.of(self._judge.X_DU()),
         )
 
-    def _end(self, action: Action, outcome: Outcome | None) -> StepEnd:
+    def _end(self, action: Action, outcome: Outcome | None) -> StepResult:
         plant, unit = self._stage.plant, self._step.unit
         self._records.append(self._record(action, action.reason))
         seating = self._judge.seating()
@@ -184,7 +189,7 @@ class StepRun:
                     self._robot.belief.setback, self._hardware.ever_detected
                 )
         self._narrator.verdict(plant.now_ns(), outcome)
-        return StepEnd(
+        return StepResult(
             outcome=outcome,
             belief=self._robot.belief,
             action=action,

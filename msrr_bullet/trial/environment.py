@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from msrr_bullet.collision.clearance_model import ClearanceModel, Pair
-from msrr_bullet.plant.kinematic_plant import UnicyclePlant
+from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.plant.plant import Plant
 from msrr_bullet.render.renderer import RenderContext, Renderer, build_renderer
 from msrr_bullet.sensors.camera import Camera
@@ -20,7 +20,7 @@ from msrr_bullet.sensors.command_link import CommandLink
 from msrr_bullet.sensors.localisation_error import LocalisationError
 from msrr_bullet.sensors.wheel_encoders import WheelEncoders
 from msrr_bullet.simulation.bullet_plant import BulletPlant
-from msrr_bullet.simulation.tagged_bodies import TagDressing
+from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -114,14 +114,14 @@ def open_stage(scene: Scene, seed: int, placement: Placement) -> Iterator[Stage]
             dressing = None
             if scene.perception == "images":
                 folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="msrr-"))
-                dressing = TagDressing(scene, Path(folder))
+                dressing = TagVisuals(scene, Path(folder))
             world = stack.enter_context(BulletWorld(scene, placement, dressing=dressing))
         plant: Plant
         if scene.plant == "bullet":
             assert world is not None
             plant = BulletPlant(world)
         else:
-            plant = UnicyclePlant(scene, placement, world)
+            plant = KinematicPlant(scene, placement, world)
         yield Stage(
             scene=scene,
             seed=seed,

@@ -10,7 +10,7 @@ from msrr_bullet.collision.clearance_model import Clearance, Pair
 from msrr_bullet.trial.environment import Stage
 from msrr_bullet.trial.result import Contact, PlanarPose, Seating
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Action, Phase, PoseEstimate, Setback, seconds
+from msrr_scenes.messages import Action, FailureReason, Phase, PoseEstimate, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import DockStep
 
@@ -217,7 +217,7 @@ class Judge:
             return Outcome.FALSE_DOCK
         return Outcome.DOCKED if pull_passed else Outcome.LOCK_FAILED
 
-    def verdict_gave_up(self, setback: Setback | None, ever_detected: bool) -> Outcome:
+    def verdict_gave_up(self, setback: FailureReason | None, ever_detected: bool) -> Outcome:
         """Return the verdict on a robot that gave up.
 
         Args:
@@ -226,12 +226,12 @@ class Judge:
         """
         if self._was_seated:
             return Outcome.FALSE_ABORT
-        if setback is Setback.BLOCKED and self.contact is None:
+        if setback is FailureReason.BLOCKED and self.contact is None:
             return Outcome.BLOCKED
         if not ever_detected:
             return Outcome.NEVER_DETECTED
         deepest = self._deepest_pose
         if self.contact is None or deepest is None:
-            return Outcome.TARGET_LOST if setback is Setback.TARGET_LOST else Outcome.GAVE_UP
+            return Outcome.TARGET_LOST if setback is FailureReason.TARGET_LOST else Outcome.GAVE_UP
         in_line = abs(deepest.lateral) <= IN_LINE_M and abs(deepest.yaw) <= IN_LINE_YAW_RAD
         return Outcome.NOT_SEATED if in_line else Outcome.JAMMED

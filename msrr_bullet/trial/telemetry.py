@@ -20,12 +20,12 @@ from msrr_perception.estimation.global_estimator import X_DU
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
+    ArenaEstimate,
     AssemblyPath,
     AssemblyProgress,
     LosObservation,
     Phase,
     PoseEstimate,
-    Situation,
     seconds,
 )
 from msrr_scenes.outcome import Outcome
@@ -42,7 +42,7 @@ class Believer(Protocol):
         ...
 
     @property
-    def situation(self) -> Situation | None:
+    def situation(self) -> ArenaEstimate | None:
         """What global localisation knew when the last decision was taken."""
         ...
 
@@ -62,7 +62,7 @@ class Believer(Protocol):
         ...
 
 
-class Narrator:
+class Telemetry:
     """Everything a trial says to the outside; nothing it does reaches the robot."""
 
     def __init__(

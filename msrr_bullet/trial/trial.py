@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from msrr_bullet.log.recorder import NullRecorder, Recorder
-from msrr_bullet.profiler import Clock, NullClock
+from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.trial import result
-from msrr_bullet.trial.docking_step import StepEnd, StepRun
+from msrr_bullet.trial.docking_step import DockingStep, StepResult
 from msrr_bullet.trial.environment import open_stage
 from msrr_bullet.trial.progress import Progress
 from msrr_bullet.trial.result import TrialResult
-from msrr_bullet.trial.telemetry import Narrator
+from msrr_bullet.trial.telemetry import Telemetry
 from msrr_control.staging.feasibility import check_assembly
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.messages import Conviction, seconds
@@ -38,7 +38,7 @@ class Trial:
         recorder: Recorder | None = None,
         viewer: Viewer | None = None,
         observer: Callable[[Progress], None] | None = None,
-        clock: Clock | None = None,
+        clock: Profiler | None = None,
     ) -> None:
         """Prepare a trial.
 
@@ -56,17 +56,17 @@ class Trial:
         check_assembly(scene)
         self.scene = scene
         self.seed = seed
-        self._narrator = Narrator(recorder or NullRecorder(), viewer, observer)
-        self._clock = clock or NullClock()
+        self._narrator = Telemetry(recorder or NullRecorder(), viewer, observer)
+        self._clock = clock or NullProfiler()
 
     def run(self) -> TrialResult:
         """Run the trial to its end and return the verdict."""
         placement = draw_placement(self.scene, lambda name: stream(self.seed, name))
         self._narrator.begin(placement)
-        ends: list[StepEnd] = []
+        ends: list[StepResult] = []
         with open_stage(self.scene, self.seed, placement) as stage:
             for index, step in enumerate(self.scene.plan):
-                end = StepRun(stage, index, self._narrator, self._clock).run()
+                end = DockingStep(stage, index, self._narrator, self._clock).run()
                 ends.append(end)
                 if end.outcome is not Outcome.DOCKED:
                     break
@@ -74,7 +74,7 @@ class Trial:
                 stage.locked.append(step.unit)
         return self._result(ends, placement.redraws)
 
-    def _result(self, ends: list[StepEnd], redraws: int) -> TrialResult:
+    def _result(self, ends: list[StepResult], redraws: int) -> TrialResult:
         last = ends[-1]
         clearances = [e.min_clearance_m for e in ends if e.min_clearance_m is not None]
         return TrialResult(

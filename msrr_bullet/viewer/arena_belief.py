@@ -6,19 +6,17 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.timeline.palette import BELIEF, PLAN
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import shapes
 from msrr_bullet.viewer.commands import Command, set_object, set_property
 from msrr_bullet.viewer.nodes import HIDDEN, Placement
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import GlobalPose, ObstacleEstimate
 from msrr_scenes.specs.scene import Scene
-
-Array = NDArray[np.float64]
 
 #: Widths of the outlines and of the planned path, and their heights above the floor [m].
 OUTLINE_WIDTH, OUTLINE_Z = 0.006, 0.0050

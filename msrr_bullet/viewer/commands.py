@@ -17,9 +17,8 @@ import umsgpack  # type: ignore[import-untyped]  # no types, no stubs package
 from meshcat.geometry import Geometry, Material, Mesh, Object
 from numpy.typing import NDArray
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se3 import SE3
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

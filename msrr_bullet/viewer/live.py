@@ -14,7 +14,6 @@ from pathlib import Path
 from types import TracebackType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import server
@@ -23,12 +22,11 @@ from msrr_bullet.viewer.commands import Command, set_property, set_transform
 from msrr_bullet.viewer.nodes import Placement
 from msrr_bullet.viewer.page import readings, render_page
 from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, AssemblyPath
 from msrr_scenes.specs.scene import Scene
-
-Array = NDArray[np.float64]
 
 DEFAULT_PORT = 7000
 #: Instants shown per second of wall-clock time, at most.

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.timeline.palette import PHASE_COLOURS, css
 from msrr_bullet.timeline.snapshot import Snapshot, planned_paths
@@ -15,12 +14,11 @@ from msrr_bullet.viewer.commands import Command, Track, set_animation
 from msrr_bullet.viewer.nodes import Placement
 from msrr_bullet.viewer.page import PhaseSpan, Timeline, readings, render_page
 from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, seconds
 from msrr_scenes.specs.scene import Scene
-
-Array = NDArray[np.float64]
 
 #: Frames per second of trial that the page keeps; it interpolates between them.
 FRAME_RATE = 25.0

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import meshcat.geometry as g
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.timeline.palette import (
     ALARM,
@@ -32,6 +31,7 @@ from msrr_bullet.viewer import shapes
 from msrr_bullet.viewer.arena_belief import ArenaBelief
 from msrr_bullet.viewer.commands import Command, set_object, set_property, set_transform
 from msrr_bullet.viewer.nodes import HIDDEN, Placement
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import R_BODY_OPTICAL
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
@@ -40,8 +40,6 @@ from msrr_scenes.specs.bodies import CylinderSpec
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.plan import GuardSpec
 from msrr_scenes.specs.scene import Scene
-
-Array = NDArray[np.float64]
 
 #: Lengths [m] to which the frustum and, on the floor, the lines of sight are drawn.
 FRUSTUM_RANGE, SIGHT_RANGE = 0.22, 0.7

@@ -13,7 +13,7 @@ from msrr_bullet.cli.app import app as cli
 from msrr_bullet.cli.exit_codes import BAD_INPUT
 from msrr_bullet.figures import frames
 from msrr_bullet.figures.canvas import bgr
-from msrr_bullet.figures.drawing import Stagecraft
+from msrr_bullet.figures.drawing import DrawingContext
 from msrr_bullet.figures.frames import FILM_SIZE, FramesError, write_frames
 from msrr_bullet.figures.onboard_frame import draw_onboard
 from msrr_bullet.figures.overhead_frame import draw_overhead
@@ -43,7 +43,7 @@ def moments(log):
 
 @pytest.fixture(scope="module")
 def stagecraft(log):
-    return Stagecraft(log.header.scene, log.header.seed)
+    return DrawingContext(log.header.scene, log.header.seed)
 
 
 @pytest.fixture(scope="module")

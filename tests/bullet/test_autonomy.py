@@ -11,7 +11,7 @@ import pytest
 from msrr_bullet.robot.autonomy import Autonomy
 from msrr_control.docking.controller import ControlInputs
 from msrr_control.docking.law import DockSetup
-from msrr_control.sequence.observation import Senses
+from msrr_control.sequence.observation import Observation
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, Exposure, GlobalPose, Phase, PoseMeasurement, Twist
@@ -35,7 +35,7 @@ class Onwards:
     def reset(self, reason: str) -> None:
         self._left = 0.0
 
-    def step(self, senses: Senses) -> Twist | None:
+    def step(self, senses: Observation) -> Twist | None:
         self._left -= 1.0
         return AHEAD if self._left >= 0.0 else None
 

@@ -8,7 +8,7 @@ import pytest
 
 from msrr_bullet.bench.trial_speed import BenchError, bench, bench_table, naive
 from msrr_bullet.log import CameraWindow, MemoryRecorder
-from msrr_bullet.profiler import StageClock
+from msrr_bullet.profiler import StageProfiler
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
@@ -63,7 +63,7 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
 
 
 def test_the_guard_is_a_stage_of_its_own() -> None:
-    clock = StageClock()
+    clock = StageProfiler()
     Trial(load_scene("two_units", {"time_limit_s": "0.3"}), 0, clock=clock).run()
     assert clock.spent_ns["guard"] > 0
     assert clock.spent_ns["control"] > 0

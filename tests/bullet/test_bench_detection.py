@@ -25,8 +25,9 @@ from msrr_bullet.bench.onboard_detection import onboard_rows
 from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import BAD_INPUT
 from msrr_perception.detection.detector import PupilDetector
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.messages import Array, Detections, Exposure, Pixels, TagDetection
+from msrr_scenes.messages import Detections, Exposure, Pixels, TagDetection
 
 SQUARE = np.array([[40.0, 56.0], [56.0, 56.0], [56.0, 40.0], [40.0, 40.0]])
 FRAME = Window(0, 0, 96, 96)

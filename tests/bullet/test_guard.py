@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
-from msrr_bullet.plant.kinematic_plant import UnicyclePlant
-from msrr_bullet.robot.collision_monitor import ClearanceGuard, GuardState
+from msrr_bullet.plant.kinematic_plant import KinematicPlant
+from msrr_bullet.robot.collision_monitor import CollisionMonitor, MonitorState
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import GlobalPose, ObstacleEstimate, Situation, Twist
+from msrr_scenes.messages import ArenaEstimate, GlobalPose, ObstacleEstimate, Twist
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.plan import GuardSpec
 from msrr_scenes.specs.scene import Scene
@@ -43,10 +43,10 @@ def arena(obstacle: Mapping[str, Any] = POST, **changes: Any) -> Scene:
 
 def known(
     now_ns: int, X_WA: SE2, X_WO: SE2 | None, X_WB: SE2 = FAR, covariance: np.ndarray = TIGHT
-) -> Situation:
+) -> ArenaEstimate:
     obstacles = () if X_WO is None else (ObstacleEstimate("thing", now_ns, X_WO, covariance, 0.06),)
     own, target = (GlobalPose(name, now_ns, X, covariance) for name, X in (("a", X_WA), ("b", X_WB)))
-    return Situation(now_ns, own, target, (), obstacles, now_ns)
+    return ArenaEstimate(now_ns, own, target, (), obstacles, now_ns)
 
 
 Law = Callable[[SE2], Twist]
@@ -54,13 +54,13 @@ Law = Callable[[SE2], Twist]
 
 def drive(
     scene: Scene, X_WA: SE2, X_WO: SE2, law: Law, time_s: float, X_WB: SE2 = FAR
-) -> tuple[float, list[GuardState], SE2]:
+) -> tuple[float, list[MonitorState], SE2]:
     """Return the smallest true clearance, what the guard did at each command, and where the unit ended.
 
     ``law`` is given the obstacle as seen from the unit.
     """
-    plant = UnicyclePlant(scene, Placement({"a": X_WA, "b": X_WB}, {"thing": X_WO}))
-    guard, model = ClearanceGuard(scene, scene.plan[0]), ClearanceModel(scene)
+    plant = KinematicPlant(scene, Placement({"a": X_WA, "b": X_WB}, {"thing": X_WO}))
+    guard, model = CollisionMonitor(scene, scene.plan[0]), ClearanceModel(scene)
     every = round(scene.physics_hz / 48.0)
     nearest, states = math.inf, []
     while plant.now_ns() < time_s * 1e9:
@@ -103,15 +103,15 @@ def test_a_unit_driven_at_an_obstacle_stops_before_it(seed: int) -> None:
     spec = scene.control.guard
     assert nearest >= spec.stop_m
     assert nearest < spec.slow_m + 0.01  # it came close: the guard and nothing else held it
-    assert states[0] is GuardState.FREE
-    assert states[-1] is not GuardState.FREE
+    assert states[0] is MonitorState.FREE
+    assert states[-1] is not MonitorState.FREE
 
 
 def test_without_it_the_same_unit_hits() -> None:
     scene = arena(control={"guard": {"enabled": False}})
     nearest, states, _ = drive(scene, SE2(-0.7, 0.0, 0.0), SE2(), hostile(0.4), 4.0)
     assert nearest < 0.0
-    assert set(states) == {GuardState.FREE}
+    assert set(states) == {MonitorState.FREE}
 
 
 def test_a_pass_at_the_distance_that_the_law_keeps_is_left_alone() -> None:
@@ -124,7 +124,7 @@ def test_a_pass_at_the_distance_that_the_law_keeps_is_left_alone() -> None:
         return Twist(0.22, 0.22 / radius + 3.0 * turn + 4.0 * (math.hypot(X_UO.x, X_UO.y) - radius))
 
     nearest, states, X_end = drive(scene, SE2(0.0, -radius - 0.1, 0.0), SE2(), orbit, 10.0)
-    assert set(states) == {GuardState.FREE}
+    assert set(states) == {MonitorState.FREE}
     assert math.hypot(X_end.x, X_end.y) == pytest.approx(radius, abs=0.005)
     assert nearest == pytest.approx(0.065, abs=0.01)
 
@@ -133,19 +133,19 @@ def test_what_leads_away_passes_however_near_the_unit_is() -> None:
     scene = arena()
     for gap in (0.001, 0.01, 0.03):
         X_WA = SE2(-0.06 - 0.118 - gap, 0.0, 0.0)
-        guard = ClearanceGuard(scene, scene.plan[0])
+        guard = CollisionMonitor(scene, scene.plan[0])
         back = guard.limit(Twist(-0.3, 0.2), known(0, X_WA, SE2()), 0)
-        assert (back.state, back.twist) == (GuardState.FREE, Twist(-0.3, 0.2))
+        assert (back.state, back.twist) == (MonitorState.FREE, Twist(-0.3, 0.2))
         assert back.clearance is not None
         # The pins stick out beside the middle, so the post's rim is farther from them than from the face.
         assert gap - 1e-6 <= back.clearance.distance < gap + 0.03
-        assert guard.limit(Twist(0.3), known(0, X_WA, SE2()), 0).state is not GuardState.FREE
+        assert guard.limit(Twist(0.3), known(0, X_WA, SE2()), 0).state is not MonitorState.FREE
 
 
 def test_it_never_adds_to_a_command() -> None:
     """2000 random commands near things: each passed part is a share of it, or its turn alone."""
     scene = arena()
-    guard = ClearanceGuard(scene, scene.plan[0])
+    guard = CollisionMonitor(scene, scene.plan[0])
     rng = np.random.default_rng(0)
     seen = set()
     for i in range(2000):
@@ -158,42 +158,42 @@ def test_it_never_adds_to_a_command() -> None:
         assert 0.0 <= v <= 1.0
         assert 0.0 <= w <= 1.0
         assert v == pytest.approx(w) or v == 0.0
-        assert (decision.state is GuardState.FREE) == (decision.twist == wish)
-        assert (decision.state is GuardState.STOP) == (decision.twist == Twist())
-    assert seen == set(GuardState)
+        assert (decision.state is MonitorState.FREE) == (decision.twist == wish)
+        assert (decision.state is MonitorState.STOP) == (decision.twist == Twist())
+    assert seen == set(MonitorState)
 
 
 def test_the_target_may_be_touched_while_docking_and_nothing_else() -> None:
     scene = arena()
     at_port = SE2(-0.1 - 0.118 - 0.01, 0.0, 0.0)
     push = Twist(0.1)
-    for docking, state in ((False, GuardState.STOP), (True, GuardState.FREE)):
-        guard = ClearanceGuard(scene, scene.plan[0])
+    for docking, state in ((False, MonitorState.STOP), (True, MonitorState.FREE)):
+        guard = CollisionMonitor(scene, scene.plan[0])
         assert guard.limit(push, known(0, at_port, SE2(0.0, 2.0), SE2()), 0, docking).state is state
-    guard = ClearanceGuard(scene, scene.plan[0])
+    guard = CollisionMonitor(scene, scene.plan[0])
     ahead = SE2(at_port.x + 0.12 + 0.06 + 0.01, 0.0)
-    assert guard.limit(push, known(0, at_port, ahead), 0, docking=True).state is GuardState.STOP
+    assert guard.limit(push, known(0, at_port, ahead), 0, docking=True).state is MonitorState.STOP
 
 
 def test_what_the_estimates_may_be_wrong_by_is_taken_off() -> None:
     scene = arena()
     X_WA = SE2(-0.06 - 0.118 - 0.08, 0.0, 0.0)
-    sure = ClearanceGuard(scene, scene.plan[0]).limit(Twist(0.15), known(0, X_WA, SE2()), 0)
+    sure = CollisionMonitor(scene, scene.plan[0]).limit(Twist(0.15), known(0, X_WA, SE2()), 0)
     wide = np.diag([0.02**2, 0.02**2, 1e-6])
-    unsure = ClearanceGuard(scene, scene.plan[0]).limit(
+    unsure = CollisionMonitor(scene, scene.plan[0]).limit(
         Twist(0.15), known(0, X_WA, SE2(), covariance=wide), 0
     )
-    assert sure.state is GuardState.FREE
-    assert unsure.state is not GuardState.FREE
+    assert sure.state is MonitorState.FREE
+    assert unsure.state is not MonitorState.FREE
     # Two bodies, two standard deviations.
     assert sure.ahead - unsure.ahead == pytest.approx(2.0 * math.hypot(0.02, 0.02), abs=0.002)
 
 
 def test_while_nothing_is_known_everything_passes() -> None:
     scene = arena()
-    guard = ClearanceGuard(scene, scene.plan[0])
+    guard = CollisionMonitor(scene, scene.plan[0])
     decision = guard.limit(Twist(0.4, 1.0), None, 0)
-    assert (decision.twist, decision.state, decision.clearance) == (Twist(0.4, 1.0), GuardState.FREE, None)
+    assert (decision.twist, decision.state, decision.clearance) == (Twist(0.4, 1.0), MonitorState.FREE, None)
     assert (
         guard.limit(Twist(0.4), known(1, SE2(), None, X_WB=SE2(0.1, 0.0)), 1, docking=True).clearance is None
     )
@@ -202,7 +202,7 @@ def test_while_nothing_is_known_everything_passes() -> None:
 def test_an_estimate_from_the_past_is_moved_up_to_now() -> None:
     """Without delay compensation the pose is 0.15 s old: at 0.4 m/s the unit is 6 cm farther than it says."""
     scene = arena()
-    guard = ClearanceGuard(scene, scene.plan[0])
+    guard = CollisionMonitor(scene, scene.plan[0])
     X_WO = SE2(2.0, 0.0)
     for i in range(100):  # at full speed by then
         guard.limit(Twist(0.4), known(i * 20_000_000, SE2(-3.0, 0.0), X_WO), i * 20_000_000)

@@ -7,11 +7,11 @@ import math
 import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
-from msrr_bullet.plant.kinematic_plant import UnicyclePlant
+from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.trial.environment import Stage
 from msrr_bullet.trial.judge import Judge
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Action, Phase, Setback
+from msrr_scenes.messages import Action, FailureReason, Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.random_streams import stream
@@ -35,7 +35,7 @@ def scene() -> Scene:
 
 def stage(scene: Scene, model: ClearanceModel, units: dict[str, SE2], post: SE2) -> Stage:
     placement = Placement(units, {"post": post})
-    return Stage(scene, 0, UnicyclePlant(scene, placement), None, placement, model, {}, {})
+    return Stage(scene, 0, KinematicPlant(scene, placement), None, placement, model, {}, {})
 
 
 def plain_reading(judge: Judge, at: Stage, docking: bool) -> tuple[Outcome | None, float | None]:
@@ -124,7 +124,7 @@ def test_seated_is_in_the_seat(scene: Scene, x: float, y: float, yaw_deg: float,
     seating = judge.seating()
     assert (seating is not None and seating.seated) is seated
     # Whoever gives up there makes a mistake, or not.
-    verdict = judge.verdict_gave_up(Setback.NOT_LOCALISED, ever_detected=False)
+    verdict = judge.verdict_gave_up(FailureReason.NOT_LOCALISED, ever_detected=False)
     assert (verdict is Outcome.FALSE_ABORT) is seated
 
 
@@ -132,9 +132,9 @@ def test_a_new_attempt_is_judged_anew(scene: Scene) -> None:
     at = beside(scene, 0.0)
     at.plant.begin_dock(scene.plan[0])
     judge = sat(Judge(at, scene.plan[0]))
-    assert judge.verdict_gave_up(Setback.STALLED, ever_detected=True) is Outcome.FALSE_ABORT
+    assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is Outcome.FALSE_ABORT
     judge.tick(10**9, 2, None)
-    assert judge.verdict_gave_up(Setback.STALLED, ever_detected=True) is not Outcome.FALSE_ABORT
+    assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is not Outcome.FALSE_ABORT
 
 
 @pytest.mark.parametrize("phase", [Phase.FAILED, Phase.HAND_OVER, Phase.ASSEMBLE])

@@ -17,7 +17,7 @@ from msrr_bullet.render.raster.assembly import assemble
 from msrr_bullet.render.raster.faces import faces_of
 from msrr_bullet.render.raster.kernels.ground import ground_of
 from msrr_bullet.render.raster.kernels.pattern import CELL_SAMPLES, SAMPLES, rooks
-from msrr_bullet.render.raster.look import Look
+from msrr_bullet.render.raster.look import VisualShape
 from msrr_bullet.render.raster.mesh import Mesh, box, capsule, cylinder, segments, sphere
 from msrr_bullet.render.raster.mesh_file import read_mesh
 from msrr_bullet.render.raster.texture import rectangles, texture_of
@@ -209,7 +209,7 @@ def test_a_mirrored_mesh_keeps_its_outside_outside() -> None:
 def test_assembly_puts_shapes_into_their_movers_frames() -> None:
     X_MG = SE3.from_xyz_rpy([0.1, -0.2, 0.3], [0.3, -0.4, 1.2])
     mesh = box(np.array([0.3, 0.2, 0.1]))
-    geometry, _ = assemble([Look(0, SE3(), mesh, 1.0), Look(1, X_MG, mesh, 0.5)])
+    geometry, _ = assemble([VisualShape(0, SE3(), mesh, 1.0), VisualShape(1, X_MG, mesh, 0.5)])
     start, end = geometry.shape_face[1], geometry.shape_face[2]
     for face in range(start, end):
         corners = geometry.corners[geometry.corner_start[face] : geometry.corner_start[face + 1]]

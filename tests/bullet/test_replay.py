@@ -11,15 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.log import LogError, LogHeader, McapRecorder, RecordedRobot, read_log, topics
+from msrr_bullet.log import LogError, LogHeader, McapRecorder, read_log, topics
 from msrr_bullet.log.records import TruePose
 from msrr_bullet.replay.comparison import ReplayError, ReplayReport
-from msrr_bullet.replay.recorded_robot import Robot
+from msrr_bullet.replay.recorded_robot import RecordedRobot, Robot
 from msrr_bullet.replay.replayer import replay, replay_isolated
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
+    ArenaEstimate,
     AssemblyPath,
     AssemblyProgress,
     Belief,
@@ -32,7 +33,6 @@ from msrr_scenes.messages import (
     Pixels,
     PoseEstimate,
     SensorMessage,
-    Situation,
     TagDetection,
     Twist,
     WheelOdometry,
@@ -57,7 +57,7 @@ class HashRobot:
         self.estimate: PoseEstimate | None = None
         self.los: LosObservation | None = None
         self.belief = Belief()
-        self.situation: Situation | None = None
+        self.situation: ArenaEstimate | None = None
         self.assembly: AssemblyProgress | None = None
         self.path: AssemblyPath | None = None
         self._steps = 0

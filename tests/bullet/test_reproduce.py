@@ -12,7 +12,7 @@ from msrr_bullet.cli.app import run
 from msrr_bullet.reproduce import unicycle_part
 from msrr_bullet.reproduce.bullet_part import Experiment, meets, reproduce_bullet, within_paper
 from msrr_bullet.reproduce.forecast import Forecast
-from msrr_bullet.reproduce.measured_trial import MeasuredTrial, Shelf, measured_trial, record_trial
+from msrr_bullet.reproduce.measured_trial import MeasuredTrial, TrialCache, measured_trial, record_trial
 from msrr_bullet.reproduce.report.ablation_findings import ablation_text
 from msrr_bullet.reproduce.report.ablation_plot import draw_ablations
 from msrr_bullet.reproduce.report.findings import claims, map_text, winner_text
@@ -27,7 +27,7 @@ from msrr_bullet.studies.long_studies import long_row
 from msrr_bullet.studies.measures import MEASURES, measure
 from msrr_bullet.studies.model import Ablations, GainDelayMap, MapCell, Measured, Reproduction, Table
 from msrr_bullet.studies.settings import HARD, HIGH_GAIN, STANDARD
-from msrr_bullet.timeline.path_following_series import LongSeries
+from msrr_bullet.timeline.path_following_series import PathFollowingSeries
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
@@ -223,7 +223,7 @@ def test_each_path_of_the_loop_counts_for_itself() -> None:
     """A new path a metre beside the old one, which the unit was on all the time."""
     x = np.linspace(0.0, 1.0, 20)
     old, new = np.stack([x, np.zeros(20)], axis=-1), np.stack([x, np.ones(20)], axis=-1)
-    series = LongSeries(
+    series = PathFollowingSeries(
         time=0.02 * np.arange(40),
         pose=np.zeros((40, 3)),
         tip=np.concatenate([old, old]),
@@ -265,7 +265,7 @@ def test_stopped_runs_resume(blind_loop: dict[str, str], tmp_path: Path) -> None
         "short", "close_range", "for the test", ("close",), {"C1": C1}, overrides=blind_loop
     )
     first = measured_trial(experiment.load("C1"), 0)
-    shelf = Shelf(tmp_path, experiment.load("C1"))
+    shelf = TrialCache(tmp_path, experiment.load("C1"))
     shelf.put(first)
     with shelf.path.open("a") as file:
         file.write('{"half a li')  # what a kill leaves
@@ -279,7 +279,7 @@ def test_stopped_runs_resume(blind_loop: dict[str, str], tmp_path: Path) -> None
     with shelf.path.open("a") as file:
         file.write("not a trial\n")
     with pytest.raises(MsrrError, match="not a measured trial"):
-        list(Shelf(tmp_path, experiment.load("C1")))
+        list(TrialCache(tmp_path, experiment.load("C1")))
     assert len(joined([both, both]).tables) == 2
 
 
@@ -288,15 +288,15 @@ def test_a_trial_of_other_code_or_another_scene_is_not_used(
 ) -> None:
     scene = load_scene("close_range", blind_loop)
     trial = measured_trial(scene, 0)
-    shelf = Shelf(tmp_path, scene)
+    shelf = TrialCache(tmp_path, scene)
     edited = trial.model_copy(update={"code": "0" * 24})
     with pytest.raises(MsrrError, match="the code was changed while the trials ran"):
         shelf.put(edited)
     assert list(shelf) == []
     other = load_scene("close_range", {**blind_loop, "cameras.onboard.latency_ms": "41"})
-    assert Shelf(tmp_path, other).path != shelf.path
+    assert TrialCache(tmp_path, other).path != shelf.path
     with pytest.raises(MsrrError, match="another scene"):
-        Shelf(tmp_path, other).put(trial)
+        TrialCache(tmp_path, other).put(trial)
     shelf.path.write_text(edited.model_dump_json() + "\n")  # as if two fingerprints began alike
     with pytest.raises(MsrrError, match="another scene or code"):
         list(shelf)

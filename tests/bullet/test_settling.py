@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from msrr_bullet.reproduce.bullet_part import Experiment, reproduce_bullet
-from msrr_bullet.reproduce.measured_trial import Shelf, measured_trial
+from msrr_bullet.reproduce.measured_trial import TrialCache, measured_trial
 from msrr_bullet.reproduce.report.ablation_findings import ablation_text
 from msrr_bullet.reproduce.report.ablation_plot import draw_ablations
 from msrr_bullet.reproduce.report.findings import claims
@@ -158,7 +158,7 @@ def test_a_trial_that_never_settled_is_kept_and_counted(tmp_path: Path) -> None:
     scene = experiment.load("C1")
     trials = [measured_trial(scene, seed) for seed in (0, 1)]
     lost = trials[1].model_copy(update={"measures": {**trials[1].measures, "settling": math.inf}})
-    shelf = Shelf(tmp_path, scene)
+    shelf = TrialCache(tmp_path, scene)
     shelf.put(trials[0])
     shelf.put(lost)
     assert list(shelf) == [trials[0], lost]

@@ -2,7 +2,7 @@ import time
 
 import pytest
 
-from msrr_bullet.profiler import NullClock, StageClock
+from msrr_bullet.profiler import NullProfiler, StageProfiler
 
 
 class FakeTime:
@@ -15,7 +15,7 @@ class FakeTime:
 
 def test_an_inner_stage_stops_the_outer_one() -> None:
     now = FakeTime()
-    clock = StageClock(now)
+    clock = StageProfiler(now)
     assert clock.span_ns == 0
     now.now += 1_000_000
     with clock("loop"):
@@ -36,7 +36,7 @@ def test_an_inner_stage_stops_the_outer_one() -> None:
 
 def test_a_stage_adds_up_and_may_enter_itself() -> None:
     now = FakeTime()
-    clock = StageClock(now)
+    clock = StageProfiler(now)
     for _ in range(3):
         with clock("detect"):
             now.now += 10
@@ -47,7 +47,7 @@ def test_a_stage_adds_up_and_may_enter_itself() -> None:
 
 def test_an_exception_closes_its_stages() -> None:
     now = FakeTime()
-    clock = StageClock(now)
+    clock = StageProfiler(now)
 
     def fail() -> None:
         with clock("loop"), clock("physics"):
@@ -62,7 +62,7 @@ def test_an_exception_closes_its_stages() -> None:
 
 
 def test_the_sum_of_the_stages_is_the_time_under_the_outermost() -> None:
-    clock = StageClock()
+    clock = StageProfiler()
     start = time.perf_counter_ns()
     with clock("loop"):
         for _ in range(2_000):
@@ -75,6 +75,6 @@ def test_the_sum_of_the_stages_is_the_time_under_the_outermost() -> None:
 
 
 def test_a_null_clock_takes_the_same_calls() -> None:
-    clock = NullClock()
+    clock = NullProfiler()
     with clock("loop"), clock("physics"):
         pass

@@ -8,11 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.profiler import NullClock
+from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.run import run_trial
-from msrr_bullet.sensors.camera_sensors import ImageEye, ParametricEye, ParametricOverhead
+from msrr_bullet.sensors.camera_sensors import (
+    ParametricOnboardCamera,
+    ParametricOverheadCamera,
+    RenderedCameraSensor,
+)
 from msrr_bullet.sweep.summary import summarise
-from msrr_bullet.trial.docking_step import StepRun
+from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.environment import open_stage
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
@@ -50,7 +54,7 @@ def test_the_noise_of_a_step_is_not_that_of_the_step_before(shipped: Load) -> No
     keeper = Keeper()
     with open_stage(scene, 0, draw_placement(scene, lambda name: stream(0, name))) as stage:
         for step in scene.plan:
-            eye = ImageEye.overhead(stage, step, NullClock())
+            eye = RenderedCameraSensor.overhead(stage, step, NullProfiler())
             for _ in range(3):
                 eye.look(stage.plant.now_ns(), keeper)
     assert keeper.frames == list(range(6))
@@ -64,9 +68,9 @@ def test_modelled_cameras_go_on_too(shipped: Load, camera: str) -> None:
     scene = shipped("three_units", IDEAL)
     with open_stage(scene, 0, draw_placement(scene, lambda name: stream(0, name))) as stage:
         first, again = (
-            ParametricOverhead(stage)
+            ParametricOverheadCamera(stage)
             if camera == "overhead"
-            else ParametricEye(stage, scene.plan[0], lambda: SEEN)
+            else ParametricOnboardCamera(stage, scene.plan[0], lambda: SEEN)
             for _ in range(2)
         )
         drawn = [eye.look(0, Keeper()) for eye in (first, again)]
@@ -81,14 +85,14 @@ def test_modelled_cameras_go_on_too(shipped: Load, camera: str) -> None:
 
 def test_a_lock_that_opens_later_undoes_the_plan(shipped: Load, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first pair parts when the second step begins, and nothing else goes wrong."""
-    begin = StepRun.__init__
+    begin = DockingStep.__init__
 
     def sabotaged(self, stage, index, *rest) -> None:
         begin(self, stage, index, *rest)
         if index == 1:
             stage.plant.set_lock("a", False)
 
-    monkeypatch.setattr(StepRun, "__init__", sabotaged)
+    monkeypatch.setattr(DockingStep, "__init__", sabotaged)
     result = run_trial(shipped("three_units", IDEAL), 1)
     assert result.outcome is Outcome.LOCK_FAILED
     assert not result.docked

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
-from msrr_bullet.robot.collision_monitor import ClearanceGuard, GuardState
+from msrr_bullet.robot.collision_monitor import CollisionMonitor, MonitorState
 from msrr_bullet.robot.stopping_trajectory import Surroundings
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import GlobalPose, ObstacleEstimate, Situation, Twist
+from msrr_scenes.messages import ArenaEstimate, GlobalPose, ObstacleEstimate, Twist
 from msrr_scenes.specs.scene import Scene
 
 POST = {"shape": "cylinder", "radius_m": 0.06, "height_m": 0.2, "tag_id": 500}
@@ -32,8 +32,8 @@ def scene() -> Scene:
     )
 
 
-def _known(X_WA: SE2, own: np.ndarray, target: np.ndarray, post: np.ndarray) -> Situation:
-    return Situation(
+def _known(X_WA: SE2, own: np.ndarray, target: np.ndarray, post: np.ndarray) -> ArenaEstimate:
+    return ArenaEstimate(
         0,
         GlobalPose("a", 0, X_WA, own),
         GlobalPose("b", 0, SE2(1.8, 1.3, 0.5), target),
@@ -95,11 +95,11 @@ def test_the_guard_takes_an_uncertain_heading_off_the_clearance(scene: Scene) ->
     X_WA, wish = SE2(-0.06 - 0.118 - 0.05, 0.0, 0.0), Twist(0.15)
     turn = np.diag([0.0, 0.0, math.radians(4.0) ** 2])
     sure, unsure = (
-        ClearanceGuard(scene, scene.plan[0]).limit(wish, _known(X_WA, P, NOTHING, NOTHING), 0)
+        CollisionMonitor(scene, scene.plan[0]).limit(wish, _known(X_WA, P, NOTHING, NOTHING), 0)
         for P in (NOTHING, turn)
     )
-    assert sure.state is GuardState.FREE
-    assert unsure.state is not GuardState.FREE
+    assert sure.state is MonitorState.FREE
+    assert unsure.state is not MonitorState.FREE
     reach = scene.geometry("a").circumradius
     expected = scene.control.guard.sigmas * reach * math.radians(4.0)
     assert sure.ahead - unsure.ahead == pytest.approx(expected, abs=0.002)

@@ -15,7 +15,7 @@ import pytest
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
 from msrr_control.kinematics.drive_limits import nested_limit
-from msrr_control.sequence.observation import Senses
+from msrr_control.sequence.observation import Observation
 from msrr_control.sequence.state_machine import PhaseMachine
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
@@ -77,7 +77,7 @@ class ToyRobot:
         b = los.half_width_m
         return math.atan2(b - y, ahead) - self.X_DU.yaw, math.atan2(-b - y, ahead) - self.X_DU.yaw
 
-    def senses(self) -> Senses:
+    def senses(self) -> Observation:
         left, right = self.edges()
         seen = not self.blind and max(abs(left), abs(right)) < math.radians(37.5)
         if seen:
@@ -92,7 +92,7 @@ class ToyRobot:
             status = LosStatus.SEEN if seen else LosStatus.LOST
             los = LosObservation(self.now_ns, left, right, math.radians(37.5) - abs(left), status)
         seated = self.gap < SEATED_GAP + 5e-4
-        return Senses(
+        return Observation(
             now_ns=self.now_ns,
             pose=pose,
             los=los,

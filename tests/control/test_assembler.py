@@ -10,24 +10,24 @@ import pytest
 
 from msrr_control.docking.controller import build_controller
 from msrr_control.kinematics.unicycle import drive, roll
-from msrr_control.sequence.observation import GiveUp, Senses
+from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.sequence.state_machine import PhaseMachine
 from msrr_control.staging.feasibility import check_assembly
 from msrr_control.staging.parameters import AssemblyParams
 from msrr_control.staging.registry import ASSEMBLERS, build_assembler
 from msrr_control.staging.setup import AssemblySetup
-from msrr_control.staging.state_machine import LongRangeAssembler, Stage
+from msrr_control.staging.state_machine import LongDistanceAssembler, Stage
 from msrr_control.studies import metrics
 from msrr_scenes.errors import SceneError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import (
+    ArenaEstimate,
     AssemblyProgress,
+    FailureReason,
     GlobalPose,
     ObstacleEstimate,
     Phase,
-    Setback,
-    Situation,
     Twist,
 )
 from msrr_scenes.specs.plan import DockingSpec
@@ -72,7 +72,7 @@ class Arena:
     def __post_init__(self) -> None:
         self.setup = make_setup(self.limits)
         built = build_assembler(Choice(name="c1", params=self.params), self.setup)
-        assert isinstance(built, LongRangeAssembler)
+        assert isinstance(built, LongDistanceAssembler)
         self.assembler = built
         self.rng = None if self.seed is None else np.random.default_rng(self.seed)
         self.twist, self.now_ns, self.seen_ns = np.zeros(2), 0, -1
@@ -91,13 +91,13 @@ class Arena:
         now = 1e-9 * self.now_ns
         return {name: (x, y, r) for name, (x, y, r, at) in self.obstacles.items() if at <= now}
 
-    def situation(self) -> Situation | None:
+    def situation(self) -> ArenaEstimate | None:
         now = self.now_ns
         if not self.hidden[0] <= 1e-9 * now < self.hidden[1]:
             self.seen_ns = now
         if self.seen_ns < 0:
             return None
-        return Situation(
+        return ArenaEstimate(
             stamp_ns=now,
             own=GlobalPose("a", now, self._seen(self.X_WU, 0.004, 0.5), CERTAIN),
             target=GlobalPose("b", now, self._seen(self.X_WT, 0.002, 0.2), CERTAIN),
@@ -111,7 +111,7 @@ class Arena:
 
     def step(self) -> None:
         decision = self.assembler.step(
-            Senses(now_ns=self.now_ns, twist=Twist(*map(float, self.twist)), situation=self.situation())
+            Observation(now_ns=self.now_ns, twist=Twist(*map(float, self.twist)), situation=self.situation())
         )
         if self.assembler.progress is not None:
             self.log.append(self.assembler.progress)
@@ -199,7 +199,7 @@ def test_where_there_is_no_way_it_gives_up_at_rest(late: bool) -> None:
     fence = {f"f{k}": (-0.1, y, 0.1, at) for k, y in enumerate(np.arange(-1.4, 1.45, 0.28))}
     arena = Arena(SE2(-1.5, 0.3, 0.0), obstacles=fence).run()
     assert arena.outcome is not None
-    assert arena.outcome.setback is Setback.BLOCKED
+    assert arena.outcome.setback is FailureReason.BLOCKED
     assert "no way to the port" in arena.outcome.reason
     assert abs(arena.twist[0]) < 0.01
     assert arena.gap > 0.1
@@ -230,7 +230,7 @@ def test_a_unit_that_is_never_seen_shows_itself_and_gives_up() -> None:
     assert arena.twist[0] == 0.0
     arena.run()
     assert arena.outcome is not None
-    assert arena.outcome.setback is Setback.NOT_LOCALISED
+    assert arena.outcome.setback is FailureReason.NOT_LOCALISED
 
 
 def test_a_unit_that_is_held_waits_and_then_plans_anew() -> None:
@@ -243,7 +243,7 @@ def test_a_unit_that_is_held_waits_and_then_plans_anew() -> None:
 def test_a_unit_that_is_held_for_good_gives_up() -> None:
     arena = Arena(SE2(-1.5, 0.3, 0.0), held=(4.0, math.inf)).run(seconds=200.0)
     assert arena.outcome is not None
-    assert arena.outcome.setback is Setback.BLOCKED
+    assert arena.outcome.setback is FailureReason.BLOCKED
     assert "paths" in arena.outcome.reason
 
 
@@ -411,7 +411,7 @@ class _Scripted:
     def reset(self, reason: str) -> None:
         self.resets.append(reason)
 
-    def step(self, senses: Senses) -> Twist | GiveUp | None:
+    def step(self, senses: Observation) -> Twist | GiveUp | None:
         return self.decisions.pop(0) if self.decisions else None
 
 
@@ -432,10 +432,10 @@ def test_the_phase_machine_assembles_first(toy) -> None:
 
 def test_the_phase_machine_gives_up_with_its_assembler(toy) -> None:
     robot = toy()
-    _with(robot, _Scripted(Twist(), GiveUp(Setback.BLOCKED, "a fence")))
+    _with(robot, _Scripted(Twist(), GiveUp(FailureReason.BLOCKED, "a fence")))
     robot.run()
     assert robot.phases() == [Phase.ASSEMBLE, Phase.FAILED]
-    assert (robot.machine.belief.setback, robot.machine.belief.reason) == (Setback.BLOCKED, "a fence")
+    assert (robot.machine.belief.setback, robot.machine.belief.reason) == (FailureReason.BLOCKED, "a fence")
 
 
 def test_a_failed_hand_over_goes_back_to_assembly(toy) -> None:
@@ -454,6 +454,6 @@ def test_a_marker_that_is_never_seen_ends_with_the_attempts(toy) -> None:
     robot, assembler = toy(blind=True), _Scripted()
     _with(robot, assembler, DockingSpec(attempts=2))
     robot.run()
-    assert robot.machine.belief.setback is Setback.NEVER_DETECTED
+    assert robot.machine.belief.setback is FailureReason.NEVER_DETECTED
     assert len(assembler.resets) == 1
     assert robot.log[-1].attempt == 2

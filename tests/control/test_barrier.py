@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from msrr_control.docking.barrier import BarrierLaw, BarrierParams
-from msrr_control.docking.c1 import CloseRangeLaw, CloseRangeParams
+from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams
 from msrr_control.docking.law import DockSetup, Sensed
 from msrr_control.feedback.visibility_cone import edge_angles
 from msrr_control.studies.docking_study import StartSet, run_study
@@ -17,7 +17,7 @@ def test_the_target_stays_in_the_cone_where_the_papers_law_loses_it(tight: DockS
     result = run_study(BarrierLaw(BarrierParams(), tight), tight, np.random.default_rng(2), 300, WILD)
     assert result.docked.all()
     assert result.in_cone(tight.los.outer).all()
-    paper = run_study(CloseRangeLaw(CloseRangeParams(), tight), tight, np.random.default_rng(2), 300, WILD)
+    paper = run_study(C1DockingLaw(C1DockingParams(), tight), tight, np.random.default_rng(2), 300, WILD)
     assert paper.in_cone(tight.los.outer).mean() < 0.85
 
 

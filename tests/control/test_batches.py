@@ -4,10 +4,10 @@ import numpy as np
 
 from msrr_control.path_following.path import Desired
 from msrr_control.path_following.reference import (
-    LongGuidanceGains,
-    LongGuidanceState,
+    ReferenceGains,
+    ReferenceState,
     SideWall,
-    long_guidance_step,
+    reference_step,
 )
 
 
@@ -18,7 +18,7 @@ def test_a_wall_before_one_trial_is_nothing_to_the_others() -> None:
     angle = rng.uniform(-np.pi, np.pi, n)
     normal = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     foot = rng.normal(size=(n, 2))
-    state = LongGuidanceState(
+    state = ReferenceState(
         foot + rng.uniform(0.05, 0.5, (n, 1)) * normal,
         0.2 * rng.normal(size=(n, 2)),
         0.1 * rng.normal(size=(n, 2)),
@@ -27,11 +27,11 @@ def test_a_wall_before_one_trial_is_nothing_to_the_others() -> None:
         state.position + 0.3 * rng.normal(size=(n, 2)), 0.2 * rng.normal(size=(n, 2)), rng.normal(size=(n, 2))
     )
     active = rng.random(n) < 0.5
-    gains = LongGuidanceGains()
-    together = long_guidance_step(state, desired, SideWall(active, foot, angle), gains, 0.02)
+    gains = ReferenceGains()
+    together = reference_step(state, desired, SideWall(active, foot, angle), gains, 0.02)
     for i in range(n):
-        alone = long_guidance_step(
-            LongGuidanceState(*(a[i] for a in state)),
+        alone = reference_step(
+            ReferenceState(*(a[i] for a in state)),
             Desired(*(a[i] for a in desired)),
             SideWall(active[i], foot[i], angle[i]),
             gains,

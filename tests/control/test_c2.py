@@ -6,27 +6,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from msrr_control.docking.c1 import CloseRangeLaw, CloseRangeParams
-from msrr_control.docking.c2 import ComparisonCloseLaw, ComparisonCloseParams
+from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams
+from msrr_control.docking.c2 import C2DockingLaw, C2DockingParams
 from msrr_control.docking.guidance import GuidanceSpec
 from msrr_control.docking.law import DockSetup, Sensed
 from msrr_control.feedback.composite import CompositeGains
 from msrr_control.feedback.sliding import SlidingGains, sliding_feedback
 from msrr_control.kinematics.unicycle import slipped
 from msrr_control.path_following.baseline import (
-    ComparisonLongLaw,
-    ComparisonLongParams,
+    C2PathFollowingLaw,
+    C2PathFollowingParams,
     RepulsionGains,
     repulsion,
 )
-from msrr_control.path_following.c1 import LongRangeLaw, LongRangeParams
+from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams
 from msrr_control.path_following.path import PaceSpec, Path
 from msrr_control.path_following.reference import SideWall
 from msrr_control.path_following.tracking import Obstacles
 from msrr_control.staging.registry import build_assembler
 from msrr_control.staging.setup import AssemblySetup
 from msrr_control.studies.docking_study import Disturbance, run_study
-from msrr_control.studies.path_following_study import run_long_study
+from msrr_control.studies.path_following_study import run_path_following_study
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.spec import Choice
@@ -81,9 +81,7 @@ def test_a_potential_without_a_range_is_refused() -> None:
 def test_the_cone_correction_is_that_of_c1(facts: DockSetup) -> None:
     """Both turn to the same side where an edge is about to leave; without the correction neither does."""
     wide = Sensed(np.array([-0.5, 0.0, 0.0]), np.array([0.5, 0.3]), np.array(1.0), np.zeros(2))
-    with_it, without = (
-        ComparisonCloseLaw(ComparisonCloseParams(los_correction=on), facts) for on in (True, False)
-    )
+    with_it, without = (C2DockingLaw(C2DockingParams(los_correction=on), facts) for on in (True, False))
     assert with_it.step(with_it.start(wide), wide, 0.02)[0][1] > 0.0
     assert without.step(without.start(wide), wide, 0.02)[0][1] == 0.0
     lost = wide._replace(visibility=np.array(0.0))
@@ -94,18 +92,18 @@ def test_high_gain_and_delay_separate_c1_from_c2_and_gentle_gains_do_not(facts: 
     """k_n = 6 1/s and 100 ms + 1/kappa: (6 + 2) 0.167 > 1. 60 noisy trials at a fixed seed."""
     wrong = Disturbance(sigma_xy_m=0.005, sigma_yaw_deg=1.0, delay_s=0.1, slip=0.02, compensated=False)
 
-    def lateral(law: CloseRangeLaw | ComparisonCloseLaw) -> float:
+    def lateral(law: C1DockingLaw | C2DockingLaw) -> float:
         result = run_study(law, facts, np.random.default_rng(3), 60, disturbance=wrong, duration=8.5)
         assert result.docked.all()
         return float(np.median(np.abs(result.at_contact()[0])))
 
-    def c1(k: float) -> CloseRangeLaw:
+    def c1(k: float) -> C1DockingLaw:
         feedback = CompositeGains(k_n_per_s=k)
-        return CloseRangeLaw(CloseRangeParams(feedback=feedback, guidance=PAPER), facts)
+        return C1DockingLaw(C1DockingParams(feedback=feedback, guidance=PAPER), facts)
 
-    def c2(k: float) -> ComparisonCloseLaw:
+    def c2(k: float) -> C2DockingLaw:
         feedback = SlidingGains(k_per_s=k)
-        return ComparisonCloseLaw(ComparisonCloseParams(feedback=feedback, guidance=PAPER), facts)
+        return C2DockingLaw(C2DockingParams(feedback=feedback, guidance=PAPER), facts)
 
     assert lateral(c1(6.0)) < 0.006
     assert lateral(c2(6.0)) > 0.013
@@ -114,9 +112,9 @@ def test_high_gain_and_delay_separate_c1_from_c2_and_gentle_gains_do_not(facts: 
 
 
 def test_c2_is_pushed_back_where_c1_is_led_around() -> None:
-    c1 = LongRangeLaw(LongRangeParams(pace=PaceSpec(lag_m=10.0)), NORMAL, 0.1)
-    c2 = ComparisonLongLaw(ComparisonLongParams(), NORMAL, 0.1)
-    a, b = (run_long_study(law, NORMAL, np.random.default_rng(5), 60) for law in (c1, c2))
+    c1 = C1PathFollowingLaw(C1PathFollowingParams(pace=PaceSpec(lag_m=10.0)), NORMAL, 0.1)
+    c2 = C2PathFollowingLaw(C2PathFollowingParams(), NORMAL, 0.1)
+    a, b = (run_path_following_study(law, NORMAL, np.random.default_rng(5), 60) for law in (c1, c2))
     assert np.median(b.amplitude()) > 1.4 * np.median(a.amplitude())
     assert np.nanmedian(b.tracking_error()) < 0.01
     assert a.body_distance().min() > 0.08
@@ -125,9 +123,9 @@ def test_c2_is_pushed_back_where_c1_is_led_around() -> None:
 
 def test_wheels_that_slip_lead_the_unit_astray() -> None:
     """The odometry does not see it; only the measured pose brings the unit back."""
-    law = LongRangeLaw(LongRangeParams(), NORMAL, 0.1)
+    law = C1PathFollowingLaw(C1PathFollowingParams(), NORMAL, 0.1)
     firm, slippery = (
-        run_long_study(
+        run_path_following_study(
             law, NORMAL, np.random.default_rng(7), 30, disturbance=Disturbance(slip=slip, delay_s=0.1)
         )
         for slip in (0.0, 0.05)
@@ -138,12 +136,12 @@ def test_wheels_that_slip_lead_the_unit_astray() -> None:
 @pytest.mark.parametrize(
     "law",
     [
-        ComparisonLongLaw(ComparisonLongParams(), NORMAL, 0.1),
-        LongRangeLaw(LongRangeParams(), NORMAL, 0.1),
+        C2PathFollowingLaw(C2PathFollowingParams(), NORMAL, 0.1),
+        C1PathFollowingLaw(C1PathFollowingParams(), NORMAL, 0.1),
     ],
     ids=["c2", "c1"],
 )
-def test_the_mirrored_world_gives_the_mirrored_command(law: ComparisonLongLaw | LongRangeLaw) -> None:
+def test_the_mirrored_world_gives_the_mirrored_command(law: C2PathFollowingLaw | C1PathFollowingLaw) -> None:
     rng = np.random.default_rng(11)
 
     def drive(sign: float, pose: np.ndarray, middle: np.ndarray, normal: float) -> np.ndarray:

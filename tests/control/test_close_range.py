@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from msrr_control.docking.c1 import CloseRangeLaw, CloseRangeParams, LinearParams
+from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams, LinearParams
 from msrr_control.docking.law import DockSetup, Sensed
 from msrr_scenes.errors import SceneError
 from msrr_scenes.specs.los_geometry import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 FACTS = DockSetup(0.1, 0.0, 0.018, LosSpec(), LimitsSpec.model_validate({}), 50.0)
-LAW = CloseRangeLaw(CloseRangeParams(), FACTS)
+LAW = C1DockingLaw(C1DockingParams(), FACTS)
 
 
 def test_a_lost_target_pulls_nowhere() -> None:
@@ -28,21 +28,21 @@ def test_every_switch_changes_what_it_names_and_nothing_else() -> None:
     near = Sensed(np.array([-0.5, 0.005, 0.0]), np.array([0.08, -0.08]), np.array(1.0), np.zeros(2))
     commands = []
     for params in (
-        CloseRangeParams(),
-        CloseRangeParams(los_correction=False),
-        CloseRangeParams(anti_windup=False),
+        C1DockingParams(),
+        C1DockingParams(los_correction=False),
+        C1DockingParams(anti_windup=False),
     ):
-        law = CloseRangeLaw(params, FACTS)
+        law = C1DockingLaw(params, FACTS)
         commands.append(law.step(law.start(near), near, 0.02)[0])
     np.testing.assert_array_equal(commands[1], commands[0])
     np.testing.assert_array_equal(commands[2], commands[0])
-    linear = CloseRangeLaw(LinearParams().as_close_range(), FACTS)
+    linear = C1DockingLaw(LinearParams().as_close_range(), FACTS)
     assert abs(linear.step(linear.start(near), near, 0.02)[0][1]) < abs(commands[0][1])
 
 
 def test_an_anti_windup_that_would_cycle_is_refused() -> None:
     with pytest.raises(ValidationError, match="limit cycle"):
-        CloseRangeParams.model_validate({"windup": {"k_mps": 0.24, "gamma_m": 0.1}})
+        C1DockingParams.model_validate({"windup": {"k_mps": 0.24, "gamma_m": 0.1}})
 
 
 @pytest.mark.parametrize(

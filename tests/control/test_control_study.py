@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from msrr_control.docking.c1 import CloseRangeLaw, CloseRangeParams
+from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams
 from msrr_control.docking.guidance import GuidanceSpec
 from msrr_control.docking.law import DockSetup
 from msrr_control.studies.docking_study import (
@@ -22,12 +22,12 @@ from msrr_control.studies.docking_study import (
 )
 
 #: The trajectory of the paper: no slowing down before contact, its end beyond it.
-STEADY = CloseRangeParams(guidance=GuidanceSpec(contact_mps=0.11, overrun_m=0.08))
+STEADY = C1DockingParams(guidance=GuidanceSpec(contact_mps=0.11, overrun_m=0.08))
 NOISE = Disturbance(sigma_xy_m=0.005, sigma_yaw_deg=1.0, delay_s=0.05)
 
 
-def _study(facts: DockSetup, params: CloseRangeParams, **more) -> StudyResult:
-    return run_study(CloseRangeLaw(params, facts), facts, np.random.default_rng(1), **more)
+def _study(facts: DockSetup, params: C1DockingParams, **more) -> StudyResult:
+    return run_study(C1DockingLaw(params, facts), facts, np.random.default_rng(1), **more)
 
 
 def test_ideal_starts(facts: DockSetup) -> None:
@@ -53,7 +53,7 @@ def test_noise_and_delay(facts: DockSetup) -> None:
 
 def test_the_shipped_trajectory_enters_the_port_straight(facts: DockSetup) -> None:
     """Slowing down for the pins: within 3 mm and 1.5 deg at contact in 95 % of noisy trials."""
-    result = _study(facts, CloseRangeParams(), disturbance=NOISE)
+    result = _study(facts, C1DockingParams(), disturbance=NOISE)
     lateral, yaw = result.at_contact()
     assert result.docked.all()
     assert np.percentile(np.abs(lateral), 95) < 0.003
@@ -62,8 +62,8 @@ def test_the_shipped_trajectory_enters_the_port_straight(facts: DockSetup) -> No
 
 def test_the_cone_correction_keeps_targets_that_are_lost_without_it(tight: DockSetup) -> None:
     hard = {"starts": CLOSE_HARD, "trials": 500}
-    kept = np.mean(_study(tight, CloseRangeParams(), **hard).in_cone(tight.los.outer))
-    without = np.mean(_study(tight, CloseRangeParams(los_correction=False), **hard).in_cone(tight.los.outer))
+    kept = np.mean(_study(tight, C1DockingParams(), **hard).in_cone(tight.los.outer))
+    without = np.mean(_study(tight, C1DockingParams(los_correction=False), **hard).in_cone(tight.los.outer))
     assert kept > without + 0.02
 
 
@@ -84,12 +84,12 @@ def test_starts_are_in_the_set_and_in_the_cone(facts: DockSetup) -> None:
 
 
 def test_the_same_seed_gives_the_same_bits(facts: DockSetup) -> None:
-    a = _study(facts, CloseRangeParams(), trials=20, disturbance=NOISE)
-    b = _study(facts, CloseRangeParams(), trials=20, disturbance=NOISE)
+    a = _study(facts, C1DockingParams(), trials=20, disturbance=NOISE)
+    b = _study(facts, C1DockingParams(), trials=20, disturbance=NOISE)
     np.testing.assert_array_equal(a.pose, b.pose)
 
 
 def test_a_thousand_trials_take_seconds(facts: DockSetup) -> None:
     began = time.perf_counter()
-    _study(facts, CloseRangeParams())
+    _study(facts, C1DockingParams())
     assert time.perf_counter() - began < 10.0

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msrr_control.docking.barrier import BarrierLaw, BarrierParams
-from msrr_control.docking.c1 import CloseRangeLaw, CloseRangeParams, LinearParams
-from msrr_control.docking.c2 import ComparisonCloseLaw, ComparisonCloseParams
+from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams, LinearParams
+from msrr_control.docking.c2 import C2DockingLaw, C2DockingParams
 from msrr_control.docking.graceful import GracefulLaw, GracefulParams
 from msrr_control.docking.law import DockingLaw, DockSetup, Sensed
 from msrr_control.studies.docking_study import CLOSE, Disturbance, run_study
@@ -16,9 +16,9 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 
 FACTS = DockSetup(0.1, 0.02, 0.018, LosSpec(), LimitsSpec.model_validate({}), 50.0)
 LAWS = {
-    "c1": CloseRangeLaw(CloseRangeParams(), FACTS),
-    "c2": ComparisonCloseLaw(ComparisonCloseParams(), FACTS),
-    "linear": CloseRangeLaw(LinearParams().as_close_range(), FACTS),
+    "c1": C1DockingLaw(C1DockingParams(), FACTS),
+    "c2": C2DockingLaw(C2DockingParams(), FACTS),
+    "linear": C1DockingLaw(LinearParams().as_close_range(), FACTS),
     "cbf": BarrierLaw(BarrierParams(), FACTS),
     "graceful": GracefulLaw(GracefulParams(), FACTS),
 }

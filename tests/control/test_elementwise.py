@@ -12,7 +12,7 @@ from msrr_control.docking.law import DockSetup, Sensed
 from msrr_control.kinematics import elementwise
 from msrr_control.kinematics.elementwise import at_least, at_most, join, limit, number, split, where
 from msrr_control.kinematics.offset_point import offset_point, point_velocity, rotate, twist_for
-from msrr_control.path_following.c1 import LongRangeLaw, LongRangeParams
+from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams
 from msrr_control.path_following.path import Path
 from msrr_control.path_following.reference import SideWall
 from msrr_control.path_following.tracking import Obstacles
@@ -80,7 +80,7 @@ def test_the_long_distance_law_drives_one_robot_as_it_drives_many(walled: bool) 
     wall = SideWall(
         np.full(TRIALS, walled), rng.normal(0.0, 0.3, (TRIALS, 2)), rng.uniform(-3.0, 3.0, TRIALS)
     )
-    law = LongRangeLaw(LongRangeParams(), LimitsSpec.model_validate({}), 0.1)
+    law = C1PathFollowingLaw(C1PathFollowingParams(), LimitsSpec.model_validate({}), 0.1)
     twist = np.zeros((TRIALS, 2))
     many = law.start(pose, twist)
     ones = [law.start(pose[i], twist[i]) for i in range(TRIALS)]

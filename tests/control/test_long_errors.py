@@ -11,17 +11,17 @@ from hypothesis import strategies as st
 from msrr_control.feedback.auxiliary import AuxiliaryGains
 from msrr_control.path_following.path import Desired
 from msrr_control.path_following.reference import (
-    LongGuidanceGains,
-    LongGuidanceState,
+    ReferenceGains,
+    ReferenceState,
     SideWall,
-    long_guidance_step,
+    reference_step,
 )
 from msrr_control.path_following.tracking import (
-    LongTrackingGains,
-    LongTrackingState,
     Obstacles,
     SpringGains,
-    long_tracking_step,
+    TrackingGains,
+    TrackingState,
+    tracking_step,
 )
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -35,7 +35,7 @@ PAIR = st.tuples(NEAR, NEAR).map(np.array)
 LAMBDA = st.tuples(st.floats(-1.3, 1.3), st.floats(-1.3, 1.3)).map(np.array)
 
 
-def _guidance_errors(state: LongGuidanceState, desired: Desired, gains: LongGuidanceGains) -> np.ndarray:
+def _guidance_errors(state: ReferenceState, desired: Desired, gains: ReferenceGains) -> np.ndarray:
     """z1 and z2 of eqs. 11 and 12, as rows."""
     point, rate, _ = desired
     z1 = state.position - point
@@ -58,11 +58,11 @@ def test_the_errors_of_the_reference_fall_as_they_were_designed_to(
     It is what u_r is for: every term of it is needed, with its sign, and lambda takes up what saturation
     takes away.
     """
-    gains = LongGuidanceGains()
-    before = LongGuidanceState(position, velocity, lam)
+    gains = ReferenceGains()
+    before = ReferenceState(position, velocity, lam)
     now = Desired(point, rate, forward)
     then = Desired(point + TINY * rate, rate + TINY * forward, forward)
-    after = long_guidance_step(before, now, NOWHERE, gains, TINY)
+    after = reference_step(before, now, NOWHERE, gains, TINY)
     z1, z2 = _guidance_errors(before, now, gains)
     falls = (_guidance_errors(after, then, gains) - np.stack([z1, z2])) / TINY
     np.testing.assert_allclose(
@@ -78,10 +78,10 @@ def test_one_step_of_the_reference_by_hand() -> None:
     u_r = -0.18 + 0.05 - 0.2 x 0.693147 - 0.1 - 0.5 (0.09 - 0.05 + 0.06) = -0.418629.
     y: all zero but p_d' = 0.1: z2 = -0.1, u_r = 0.2 - 0.5 (-0.1) = 0.25.
     """
-    gains = LongGuidanceGains(c1_per_s=0.5, c2_per_s=2.0, windup=AuxiliaryGains(k_mps=0.2, gamma_m=0.1))
-    state = LongGuidanceState(np.array([0.3, 0.0]), np.array([0.2, 0.0]), np.array([math.log(2.0), 0.0]))
+    gains = ReferenceGains(c1_per_s=0.5, c2_per_s=2.0, windup=AuxiliaryGains(k_mps=0.2, gamma_m=0.1))
+    state = ReferenceState(np.array([0.3, 0.0]), np.array([0.2, 0.0]), np.array([math.log(2.0), 0.0]))
     desired = Desired(np.array([0.2, 0.0]), np.array([0.1, 0.1]), np.array([0.05, 0.0]))
-    after = long_guidance_step(state, desired, NOWHERE, gains, 0.1)
+    after = reference_step(state, desired, NOWHERE, gains, 0.1)
     acceleration = (after.velocity - state.velocity) / 0.1
     np.testing.assert_allclose(acceleration, [-0.418629, 0.25], atol=1e-6)
     np.testing.assert_allclose(after.position, [0.3 + 0.02 - 0.5e-2 * 0.418629, 0.5e-2 * 0.25], atol=1e-8)
@@ -112,11 +112,11 @@ def test_the_tracking_error_falls_as_it_was_designed_to(
 
     Whatever the limits take off: lambda takes it up, and its decay k lambda has to be asked of the drive.
     """
-    gains, offset = LongTrackingGains(), 0.1
+    gains, offset = TrackingGains(), 0.1
     pose = np.array([*place, yaw])
-    state = LongTrackingState(lam, lam_s, np.array([v, w]))
-    reference = LongGuidanceState(goal, pace, np.zeros(2))
-    _, after = long_tracking_step(state, reference, pose, ALONE, gains, LIMITS, offset, TINY)
+    state = TrackingState(lam, lam_s, np.array([v, w]))
+    reference = ReferenceState(goal, pace, np.zeros(2))
+    _, after = tracking_step(state, reference, pose, ALONE, gains, LIMITS, offset, TINY)
 
     def error(tip: np.ndarray, at: np.ndarray, lam: np.ndarray) -> np.ndarray:
         return tip - at - gains.windup.gamma_m * np.tanh(lam)
@@ -137,13 +137,13 @@ def test_one_command_by_hand() -> None:
     Then turned by a quarter to the left with its tip at the same place: v = u_y and w = -u_x / l.
     """
     spring = SpringGains(windup=AuxiliaryGains(k_mps=1e-9, gamma_m=0.02))  # it decays not at all in a step
-    gains = LongTrackingGains(k_l_per_s=1.0, windup=AuxiliaryGains(k_mps=0.05, gamma_m=0.1), spring=spring)
+    gains = TrackingGains(k_l_per_s=1.0, windup=AuxiliaryGains(k_mps=0.05, gamma_m=0.1), spring=spring)
     lam, offset = math.log(2.0), 0.2
-    state = LongTrackingState(np.array([lam, 0.0]), np.array([-lam, 0.0]), np.zeros(2))
-    reference = LongGuidanceState(np.array([0.18, 0.01]), np.array([0.1, 0.03]), np.zeros(2))
+    state = TrackingState(np.array([lam, 0.0]), np.array([-lam, 0.0]), np.zeros(2))
+    reference = ReferenceState(np.array([0.18, 0.01]), np.array([0.1, 0.03]), np.zeros(2))
     for pose, expected in (
         ([0.0, 0.0, 0.0], [0.1173426, 0.04 / offset]),
         ([0.2, -0.2, 0.5 * math.pi], [0.04, -0.1173426 / offset]),
     ):
-        command, _ = long_tracking_step(state, reference, np.array(pose), ALONE, gains, LIMITS, offset, 0.02)
+        command, _ = tracking_step(state, reference, np.array(pose), ALONE, gains, LIMITS, offset, 0.02)
         np.testing.assert_allclose(command, expected, atol=1e-6)

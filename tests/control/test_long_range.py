@@ -8,21 +8,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msrr_control.feedback.auxiliary import AuxiliaryGains
-from msrr_control.path_following.c1 import LongRangeLaw, LongRangeParams
+from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams
 from msrr_control.path_following.path import Desired, Path
 from msrr_control.path_following.reference import (
-    LongGuidanceGains,
+    ReferenceGains,
     SideWall,
-    long_guidance_start,
-    long_guidance_step,
+    reference_start,
+    reference_step,
 )
 from msrr_control.path_following.tracking import (
-    LongTrackingGains,
     Obstacles,
     SpringGains,
-    long_tracking_start,
-    long_tracking_step,
+    TrackingGains,
     spring_force,
+    tracking_start,
+    tracking_step,
 )
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -41,10 +41,10 @@ def _still(point) -> Desired:
 @settings(max_examples=10, deadline=None)
 @given(POINT)
 def test_the_reference_comes_to_a_point_that_stands(point) -> None:
-    gains = LongGuidanceGains()
-    state = long_guidance_start(np.zeros(2), np.zeros(2))
+    gains = ReferenceGains()
+    state = reference_start(np.zeros(2), np.zeros(2))
     for _ in range(1000):
-        state = long_guidance_step(state, _still(point), NOWHERE, gains, DT)
+        state = reference_step(state, _still(point), NOWHERE, gains, DT)
     np.testing.assert_allclose(state.position, point, atol=1e-3)
 
 
@@ -54,34 +54,34 @@ def test_no_wish_leads_across_the_wall(goal, normal: float, ahead: float) -> Non
     """The wall stands in any direction; the reference starts on its free side and is drawn anywhere."""
     out = np.array([np.cos(normal), np.sin(normal)])
     wall = SideWall(np.array(True), np.array([0.4, -0.1]), np.array(normal))
-    gains = LongGuidanceGains()
-    state = long_guidance_start(wall.foot + ahead * out, np.zeros(2))
+    gains = ReferenceGains()
+    state = reference_start(wall.foot + ahead * out, np.zeros(2))
     nearest = np.inf
     for _ in range(500):
-        state = long_guidance_step(state, _still(wall.foot + goal), wall, gains, DT)
+        state = reference_step(state, _still(wall.foot + goal), wall, gains, DT)
         nearest = min(nearest, float((state.position - wall.foot) @ out))
     assert nearest > -1e-3
 
 
 def test_a_wall_that_rises_over_the_reference_pushes_it_out() -> None:
     wall = SideWall(np.array(True), np.zeros(2), np.array(0.5 * np.pi))
-    state = long_guidance_start(np.array([0.0, -0.25]), np.array([0.2, 0.0]))
+    state = reference_start(np.array([0.0, -0.25]), np.array([0.2, 0.0]))
     for _ in range(300):
-        state = long_guidance_step(state, _still([0.0, -0.25]), wall, LongGuidanceGains(), DT)
+        state = reference_step(state, _still([0.0, -0.25]), wall, ReferenceGains(), DT)
     assert -0.005 < state.position[1] < 0.05
-    off = long_guidance_start(np.array([0.0, -0.25]), np.array([0.2, 0.0]))
+    off = reference_start(np.array([0.0, -0.25]), np.array([0.2, 0.0]))
     for _ in range(300):
-        off = long_guidance_step(off, _still([0.0, -0.25]), wall, LongGuidanceGains(), DT, envelope=False)
+        off = reference_step(off, _still([0.0, -0.25]), wall, ReferenceGains(), DT, envelope=False)
     assert off.position[1] == pytest.approx(-0.25, abs=0.01)
 
 
 @settings(max_examples=40, deadline=None)
 @given(POINT, POINT, st.booleans())
 def test_the_acceleration_of_the_reference_is_bounded(goal, velocity, walled: bool) -> None:
-    gains = LongGuidanceGains()
-    state = long_guidance_start(np.zeros(2), velocity)
+    gains = ReferenceGains()
+    state = reference_start(np.zeros(2), velocity)
     wall = SideWall(np.array(walled), np.array([0.1, 0.2]), np.array(0.3))
-    after = long_guidance_step(state, _still(goal), wall, gains, DT)
+    after = reference_step(state, _still(goal), wall, gains, DT)
     assert np.linalg.norm(after.velocity - velocity) <= np.sqrt(2) * gains.u_max_mps2 * DT * (1 + 1e-9)
 
 
@@ -96,15 +96,15 @@ def test_the_acceleration_of_the_reference_is_bounded(goal, velocity, walled: bo
 )
 def test_commands_stay_within_the_drive(goal, pose, velocity, obstacle, limits, on: bool) -> None:
     """Any reference, any pose, an obstacle anywhere, the unit's own place included."""
-    state = long_tracking_start(np.array([9.0, -9.0]), limits)
-    reference = long_guidance_start(goal, velocity)
+    state = tracking_start(np.array([9.0, -9.0]), limits)
+    reference = reference_start(goal, velocity)
     for _ in range(5):
-        command, state = long_tracking_step(
+        command, state = tracking_step(
             state,
             reference,
             np.array([*pose[0], pose[1]]),
             Obstacles(np.stack([obstacle, pose[0]]), np.array([True, True])),
-            LongTrackingGains(),
+            TrackingGains(),
             limits,
             0.1,
             DT,
@@ -141,7 +141,7 @@ def test_a_closer_obstacle_pushes_harder() -> None:
 
 def test_many_robots_step_as_one_does() -> None:
     rng = np.random.default_rng(0)
-    law = LongRangeLaw(LongRangeParams(), NORMAL, 0.1)
+    law = C1PathFollowingLaw(C1PathFollowingParams(), NORMAL, 0.1)
     starts = rng.uniform(-0.05, 0.05, (4, 3))
     paths = Path(np.zeros((4, 3)), rng.uniform(-1, 1, (4, 1)), np.full((4, 1), 2.0))
     centre = rng.uniform(0.2, 0.6, (4, 2))
@@ -162,7 +162,7 @@ def test_many_robots_step_as_one_does() -> None:
 
 
 def test_one_robot_steps_fast_enough() -> None:
-    law = LongRangeLaw(LongRangeParams(), NORMAL, 0.1)
+    law = C1PathFollowingLaw(C1PathFollowingParams(), NORMAL, 0.1)
     path = Path(np.zeros(3), np.array([0.8, 0.0]), np.array([2.0, 0.3]))
     pose = np.array([0.0, 0.01, 0.1])
     wall = SideWall(np.array(True), np.array([0.5, 0.2]), np.array(1.5))
@@ -179,9 +179,9 @@ def test_one_robot_steps_fast_enough() -> None:
 @pytest.mark.parametrize(
     ("build", "says"),
     [
-        (lambda: LongGuidanceGains(u_max_mps2=0.2), "less than u_max_mps2"),
-        (lambda: LongGuidanceGains(windup=AuxiliaryGains(k_mps=1.0, gamma_m=0.05)), "near or below c2_per_s"),
-        (lambda: LongTrackingGains(k_l_per_s=0.5), "limit cycle"),
+        (lambda: ReferenceGains(u_max_mps2=0.2), "less than u_max_mps2"),
+        (lambda: ReferenceGains(windup=AuxiliaryGains(k_mps=1.0, gamma_m=0.05)), "near or below c2_per_s"),
+        (lambda: TrackingGains(k_l_per_s=0.5), "limit cycle"),
         (lambda: SpringGains(near_m=0.7), "less than far_m"),
     ],
 )

@@ -6,14 +6,14 @@ Percentiles at a fixed seed: these tests cannot fail by chance. The bounds are t
 import numpy as np
 import pytest
 
-from msrr_control.path_following.baseline import ComparisonLongLaw, ComparisonLongParams
-from msrr_control.path_following.c1 import LongRangeLaw, LongRangeParams
+from msrr_control.path_following.baseline import C2PathFollowingLaw, C2PathFollowingParams
+from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams
 from msrr_control.studies.docking_study import Disturbance
 from msrr_control.studies.path_following_study import (
-    LongStartSet,
-    LongStudyResult,
+    PathFollowingStartSet,
+    PathFollowingStudyResult,
     draw_paths,
-    run_long_study,
+    run_path_following_study,
 )
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -23,10 +23,12 @@ NOISE = Disturbance(sigma_xy_m=0.005, sigma_yaw_deg=1.0, delay_s=0.05, compensat
 BODY_M = 0.08
 
 
-def _study(params: LongRangeParams | None = None, limits: LimitsSpec = NORMAL, **more) -> LongStudyResult:
-    params = params if params is not None else LongRangeParams()
-    law = LongRangeLaw(params, limits, 0.10)
-    return run_long_study(law, limits, np.random.default_rng(1), walls=params.walls, **more)
+def _study(
+    params: C1PathFollowingParams | None = None, limits: LimitsSpec = NORMAL, **more
+) -> PathFollowingStudyResult:
+    params = params if params is not None else C1PathFollowingParams()
+    law = C1PathFollowingLaw(params, limits, 0.10)
+    return run_path_following_study(law, limits, np.random.default_rng(1), walls=params.walls, **more)
 
 
 @pytest.mark.parametrize(("disturbance", "tracking"), [(None, (0.012, 0.015)), (NOISE, (0.020, 0.025))])
@@ -53,32 +55,34 @@ def test_every_command_is_within_the_drive() -> None:
 def test_the_unit_ends_on_the_lead_in() -> None:
     result = _study(disturbance=NOISE, trials=50)
     assert result.deviation()[-1].max() < 0.015
-    path, _ = draw_paths(LongStartSet(), 50, np.random.default_rng(1))
+    path, _ = draw_paths(PathFollowingStartSet(), 50, np.random.default_rng(1))
     end = path.at(path.length)
     off = np.angle(np.exp(1j * (result.pose[-1, :, 2] - end.heading)))
     assert np.degrees(np.abs(off)).max() < 8.0
 
 
 def test_without_the_envelope_it_drives_through() -> None:
-    result = _study(LongRangeParams(envelope=False), trials=50)
+    result = _study(C1PathFollowingParams(envelope=False), trials=50)
     assert (result.body_distance() < BODY_M).all()
 
 
 def test_the_spring_adds_a_margin() -> None:
     kept = _study(trials=100).body_distance().min()
-    without = _study(LongRangeParams(spring=False), trials=100).body_distance().min()
+    without = _study(C1PathFollowingParams(spring=False), trials=100).body_distance().min()
     assert 0.002 < kept - without < 0.03
 
 
 def test_anti_windup_lessens_the_overshoot_where_limits_bite() -> None:
     kept = np.median(_study(limits=TIGHT, trials=100).amplitude())
-    without = np.median(_study(LongRangeParams(anti_windup=False), limits=TIGHT, trials=100).amplitude())
+    without = np.median(
+        _study(C1PathFollowingParams(anti_windup=False), limits=TIGHT, trials=100).amplitude()
+    )
     assert kept < without
 
 
 def test_compensating_the_delay_halves_the_steady_error() -> None:
     late = Disturbance(delay_s=0.1, compensated=False)
-    none = LongStartSet(obstacle_m=None)
+    none = PathFollowingStartSet(obstacle_m=None)
     off = np.median(_study(disturbance=late, starts=none, trials=50).tracking_error())
     on = np.median(
         _study(
@@ -95,8 +99,8 @@ def test_the_same_seed_gives_the_same_bits() -> None:
 
 def test_what_is_lag_is_told_from_what_is_swing() -> None:
     """C2 waits behind the obstacle: far from the desired point, hardly farther from the path than C1."""
-    law = ComparisonLongLaw(ComparisonLongParams(), NORMAL, 0.10)
-    c1, c2 = _study(trials=60), run_long_study(law, NORMAL, np.random.default_rng(1), trials=60)
+    law = C2PathFollowingLaw(C2PathFollowingParams(), NORMAL, 0.10)
+    c1, c2 = _study(trials=60), run_path_following_study(law, NORMAL, np.random.default_rng(1), trials=60)
     for result in (c1, c2):
         # The desired point is a point of the path, so nothing is nearer to it than to the path.
         assert np.all(result.from_path() <= result.deviation() + 1e-9)

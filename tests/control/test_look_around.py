@@ -9,7 +9,7 @@ import pytest
 
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
-from msrr_control.sequence.observation import Senses
+from msrr_control.sequence.observation import Observation
 from msrr_control.sequence.state_machine import PhaseMachine
 from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.geometry.se2 import SE2
@@ -29,7 +29,7 @@ class _InPlace:
 
     def reset(self, reason: str) -> None: ...
 
-    def step(self, senses: Senses) -> Twist | None:
+    def step(self, senses: Observation) -> Twist | None:
         return None
 
 
@@ -48,7 +48,7 @@ def waited_s(
         is_open = (seconds(now - began) if began >= 0 else 0.0) >= lock_opens_s
         lock = LockFeedback("a", now, LockPosition.OPEN if is_open else LockPosition.CLOSING)
         pose = PoseEstimate(now, X_DU, np.diag([1e-6, 1e-6, 1e-6]), now)
-        action = machine.step(Senses(now, pose, lock=lock, looked_around_ns=seen))
+        action = machine.step(Observation(now, pose, lock=lock, looked_around_ns=seen))
         if action.phase is Phase.RETREAT:
             began = now if began < 0 else began
             moved = now if moved < 0 and action.twist.v < 0.0 else moved

@@ -11,12 +11,13 @@ import pytest
 
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
-from msrr_control.sequence.observation import Senses
+from msrr_control.sequence.observation import Observation
 from msrr_control.sequence.state_machine import PhaseMachine
 from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
+    FailureReason,
     LockFeedback,
     LockPosition,
     LosObservation,
@@ -24,7 +25,6 @@ from msrr_scenes.messages import (
     Phase,
     PoseEstimate,
     SeatSwitches,
-    Setback,
     Twist,
 )
 from msrr_scenes.specs.plan import DockingSpec, VerifySpec
@@ -70,7 +70,7 @@ class Desk:
         now = self.now_ns
         seen = now if exposed_ns is None else exposed_ns
         return self.machine.step(
-            Senses(
+            Observation(
                 now_ns=now,
                 pose=None if X_DU is None else PoseEstimate(now, X_DU, covariance, seen),
                 los=los,
@@ -144,7 +144,7 @@ def test_a_look_that_stays_unready_ends_the_attempt(desk: Desk, outside: bool, s
     while desk.machine.phase is not Phase.RETREAT:
         assert desk.now_ns < 1e9 * (TUNING.ready_time_s + 0.1)
         desk.ask(desk.at(0.6), covariance=covariance, los=_edges(edge, 0.0))
-    assert desk.machine.belief.setback is Setback.UNREADY
+    assert desk.machine.belief.setback is FailureReason.UNREADY
     assert says in desk.machine.belief.reason
 
 
@@ -216,7 +216,7 @@ def test_it_presses_only_from_where_the_funnel_captures(
         assert (action.phase, action.twist.v) == (Phase.DOCK, desk.spec.press_mps)
     else:
         assert action.phase is Phase.RETREAT
-        assert desk.machine.belief.setback is Setback.OFF_AXIS
+        assert desk.machine.belief.setback is FailureReason.OFF_AXIS
 
 
 def _phases(desk: Desk, gap: float, steps: int, closed: bool = True) -> Sequence[Phase]:
@@ -270,7 +270,7 @@ def test_a_report_from_before_the_cam_was_told_to_close_is_none(desk: Desk) -> N
         assert desk.now_ns < 60e9
         desk.ask(desk.at(0.0), closed=True, lock=(LockPosition.CLOSED, stale))
     assert desk.machine.phase is Phase.RETREAT
-    assert desk.machine.belief.setback is Setback.NOT_LATCHED
+    assert desk.machine.belief.setback is FailureReason.NOT_LATCHED
 
 
 def test_a_report_from_after_it_does(desk: Desk) -> None:
@@ -328,4 +328,4 @@ def test_frames_that_never_agree_long_enough_open_the_lock(desk: Desk) -> None:
         assert desk.now_ns - began < 1e9 * (desk.spec.verify.time_s + 0.2)
         _verify(desk, "ggb")
     assert desk.machine.phase is Phase.RETREAT
-    assert desk.machine.belief.setback is Setback.NOT_VERIFIED
+    assert desk.machine.belief.setback is FailureReason.NOT_VERIFIED

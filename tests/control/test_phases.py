@@ -7,11 +7,11 @@ import pytest
 
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
-from msrr_control.sequence.observation import Senses
+from msrr_control.sequence.observation import Observation
 from msrr_control.sequence.state_machine import PhaseMachine
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Conviction, LosStatus, Phase, SeatSwitches, Setback, Twist
+from msrr_scenes.messages import Conviction, FailureReason, LosStatus, Phase, SeatSwitches, Twist
 from msrr_scenes.specs.plan import DockingSpec, VerifySpec
 from msrr_scenes.specs.spec import Choice
 
@@ -51,7 +51,7 @@ def test_a_marker_that_is_never_seen(toy) -> None:
     robot = toy(blind=True)
     robot.run()
     belief = robot.machine.belief
-    assert (belief.conviction, belief.setback) == (Conviction.GAVE_UP, Setback.NEVER_DETECTED)
+    assert (belief.conviction, belief.setback) == (Conviction.GAVE_UP, FailureReason.NEVER_DETECTED)
     assert robot.phases() == [Phase.HAND_OVER, Phase.FAILED]
     assert robot.now_ns < 1e9 * (DockingSpec().search_time_s + 1.0)
 
@@ -73,7 +73,7 @@ def test_after_the_last_attempt_it_gives_up_at_a_distance(toy) -> None:
     robot = toy(blocked_until=99, spec=DockingSpec(attempts=2))
     last = robot.run()
     belief = robot.machine.belief
-    assert (belief.conviction, belief.setback) == (Conviction.GAVE_UP, Setback.STALLED)
+    assert (belief.conviction, belief.setback) == (Conviction.GAVE_UP, FailureReason.STALLED)
     assert "gave up after 2 attempts" in belief.reason
     assert robot.gap == pytest.approx(DockingSpec().retreat_m, abs=0.02)
     assert (last.phase, last.lock, last.twist) == (Phase.FAILED, False, Twist())
@@ -86,7 +86,7 @@ def test_a_target_lost_on_the_way_is_found_again(toy) -> None:
     robot.blind = True
     while robot.machine.phase is not Phase.HAND_OVER:
         robot.step()
-    assert robot.machine.belief.setback is Setback.TARGET_LOST
+    assert robot.machine.belief.setback is FailureReason.TARGET_LOST
     robot.blind = False
     assert robot.run().attempt == 2
     assert robot.machine.belief.conviction is Conviction.DOCKED
@@ -98,7 +98,7 @@ def test_a_target_lost_for_good(toy) -> None:
         robot.step()
     robot.blind = True
     robot.run()
-    assert robot.machine.belief.setback is Setback.TARGET_LOST
+    assert robot.machine.belief.setback is FailureReason.TARGET_LOST
     assert robot.gap >= 0.4
     assert robot.log[-1].attempt == DockingSpec().attempts
 
@@ -106,14 +106,14 @@ def test_a_target_lost_for_good(toy) -> None:
 def test_a_cam_that_does_not_close(toy) -> None:
     robot = toy(cam_jams=True, spec=DockingSpec(attempts=1))
     robot.run()
-    assert robot.machine.belief.setback is Setback.NOT_LATCHED
+    assert robot.machine.belief.setback is FailureReason.NOT_LATCHED
     assert robot.phases() == [Phase.DOCK, Phase.LOCK, Phase.RETREAT, Phase.FAILED]
 
 
 def test_sight_contradicts_a_lock(toy) -> None:
     robot = toy(seen_offset=0.0045, spec=DockingSpec(attempts=1))
     robot.run()
-    assert robot.machine.belief.setback is Setback.NOT_VERIFIED
+    assert robot.machine.belief.setback is FailureReason.NOT_VERIFIED
     trusting = toy(seen_offset=0.0045, spec=BLIND_TRUST)
     trusting.run()
     assert trusting.machine.belief.conviction is Conviction.DOCKED
@@ -125,9 +125,9 @@ def test_stuck_switches_fool_only_a_robot_that_does_not_look(toy, by_sight: bool
     robot = toy(blocked_until=99, spec=DockingSpec(attempts=1, verify=VerifySpec(by_sight=by_sight)))
     honest = robot.senses
 
-    def stuck() -> Senses:
+    def stuck() -> Observation:
         s = honest()
-        return Senses(s.now_ns, s.pose, s.los, SeatSwitches("a", s.now_ns, True, True), s.lock, s.twist)
+        return Observation(s.now_ns, s.pose, s.los, SeatSwitches("a", s.now_ns, True, True), s.lock, s.twist)
 
     robot.senses = stuck
     robot.run()
@@ -142,7 +142,7 @@ def test_switches_that_open_again_while_the_cam_closes(toy) -> None:
     robot.X_DU = SE2(robot.X_DU.x - 0.006, 0.0, 0.0)
     robot.blocked_until = 99
     robot.run()
-    assert robot.machine.belief.setback is Setback.NOT_LATCHED
+    assert robot.machine.belief.setback is FailureReason.NOT_LATCHED
 
 
 def test_far_off_the_axis_at_the_port_it_does_not_push(toy) -> None:
@@ -151,7 +151,7 @@ def test_far_off_the_axis_at_the_port_it_does_not_push(toy) -> None:
         robot.step()
     robot.X_DU = SE2(-0.119, 0.02, 0.0)
     robot.run()
-    assert robot.machine.belief.setback is Setback.OFF_AXIS
+    assert robot.machine.belief.setback is FailureReason.OFF_AXIS
 
 
 def test_undocking_opens_the_lock_before_it_moves(toy) -> None:
@@ -186,7 +186,7 @@ class _Drives:
     def __init__(self, steps: int) -> None:
         self.left = steps
 
-    def step(self, senses: Senses) -> Twist | None:
+    def step(self, senses: Observation) -> Twist | None:
         self.left -= 1
         return Twist(0.1, 0.0) if self.left >= 0 else None
 

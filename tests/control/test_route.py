@@ -7,7 +7,7 @@ import pytest
 
 from msrr_control.path_following.path import PaceSpec
 from msrr_control.path_following.walls import WallSpec
-from msrr_control.planning.free_space import Disc, Ground
+from msrr_control.planning.free_space import Disc, FreeSpace
 from msrr_control.planning.route import Route, RouteSpec, Surroundings
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.planning.tangents import Goal, shortest_way
@@ -152,7 +152,7 @@ def test_where_there_is_no_way_there_is_no_route() -> None:
 
 
 def test_the_shortest_way_around_a_disc_is_a_taut_string() -> None:
-    ground = Ground((-5.0, 5.0, -5.0, 5.0), (Disc("d", 0.0, 0.0, 1.0),))
+    ground = FreeSpace((-5.0, 5.0, -5.0, 5.0), (Disc("d", 0.0, 0.0, 1.0),))
     path = shortest_way(ground, (-2.0, 0.0), Goal(2.0, 0.0))
     assert path is not None
     assert float(path.length) == pytest.approx(2 * math.sqrt(3) + math.pi / 3, abs=1e-6)
@@ -162,7 +162,7 @@ def test_the_shortest_way_around_a_disc_is_a_taut_string() -> None:
 
 
 def test_a_way_arrives_with_the_heading_that_is_asked_for() -> None:
-    ground = Ground((-5.0, 5.0, -5.0, 5.0), ())
+    ground = FreeSpace((-5.0, 5.0, -5.0, 5.0), ())
     for heading in np.linspace(-3.0, 3.0, 7):
         path = shortest_way(ground, (-2.0, 0.5), Goal(1.0, 0.2, float(heading), 0.5))
         assert path is not None
@@ -172,7 +172,7 @@ def test_a_way_arrives_with_the_heading_that_is_asked_for() -> None:
 
 
 def test_a_unit_may_leave_ground_that_it_stands_on_but_not_go_deeper() -> None:
-    ground = Ground((-1.0, 1.0, -1.0, 1.0), (Disc("d", 0.0, 0.0, 0.5),))
+    ground = FreeSpace((-1.0, 1.0, -1.0, 1.0), (Disc("d", 0.0, 0.0, 0.5),))
     here = ground.left_from(0.3, 0.0)
     assert not ground.allows(np.array([[0.3, 0.0]]))
     assert here.allows(np.array([[0.3, 0.0], [0.9, 0.0]]))

@@ -18,11 +18,11 @@ from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
+    ArenaEstimate,
     Detections,
     Exposure,
     GlobalPose,
     PoseEstimate,
-    Situation,
     TagDetection,
     WheelOdometry,
 )
@@ -111,7 +111,7 @@ class Arena:
         self.tick += 1
         self._wheel_message()
 
-    def drive(self, until_s: float) -> Situation | None:
+    def drive(self, until_s: float) -> ArenaEstimate | None:
         while self.now_ns < round(until_s * 1e9):
             self.step()
         return self.estimator.situation(self.now_ns)
@@ -290,7 +290,7 @@ def test_the_relative_pose_and_its_covariance(make: Make, model: OverheadModel) 
     rng = np.random.default_rng(8)
     P_own, P_target = np.diag([4e-6, 9e-6, 1e-5]), np.diag([1e-6, 4e-6, 4e-6])
     P_own[0, 2] = P_own[2, 0] = 2e-6
-    wide = Situation(
+    wide = ArenaEstimate(
         known.stamp_ns,
         GlobalPose("a", known.stamp_ns, known.own.X_WB, P_own),
         GlobalPose("b", known.stamp_ns, known.target.X_WB, P_target),

@@ -12,7 +12,7 @@ import pytest
 
 from msrr_bullet.render.renderer import RenderContext, build_renderer
 from msrr_bullet.sensors.camera import Camera
-from msrr_bullet.simulation.tagged_bodies import TagDressing
+from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.detection.onboard_vision import OnboardVision
@@ -54,7 +54,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     scene = load_scene("close_range")
     folder: Path = tmp_path_factory.mktemp("plates")
     placement = draw_placement(scene, lambda name: stream(0, name))
-    with BulletWorld(scene, placement, dressing=TagDressing(scene, folder)) as world:
+    with BulletWorld(scene, placement, dressing=TagVisuals(scene, folder)) as world:
         spec = scene.cameras.onboard
         renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
         X_UC = optical_pose(scene.geometry("a").frame("camera"))

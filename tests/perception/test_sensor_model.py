@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from msrr_bullet.sensors.image_noise import SensorModel
+from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_scenes.geometry.pinhole import Window
 
 FRAME = Window(0, 0, 640, 480)
@@ -33,7 +33,7 @@ def cut(pixels: NDArray[np.uint8], window: Window, margin: int) -> NDArray[np.ui
     [(0.0, 0.0, 0.0), (0.4, 2.0, 0.0), (1.0, 8.0, 5.0), (2.5, 0.0, 3.0), (0.0, 40.0, 0.0)],
 )
 def test_window_is_the_crop_of_the_frame_bit_for_bit(blur: float, noise: float, shot: float) -> None:
-    sensor = SensorModel(key=2**127 + 5, blur_px=blur, noise_grey=noise, shot_grey=shot)
+    sensor = ImageNoise(key=2**127 + 5, blur_px=blur, noise_grey=noise, shot_grey=shot)
     ideal = scene_pixels(sensor.margin)
     rng = np.random.default_rng(3)
     for frame in (0, 1, 12345):
@@ -47,7 +47,7 @@ def test_window_is_the_crop_of_the_frame_bit_for_bit(blur: float, noise: float, 
 
 
 def test_a_perfect_sensor_changes_nothing() -> None:
-    sensor = SensorModel(key=1, blur_px=0.0, noise_grey=0.0)
+    sensor = ImageNoise(key=1, blur_px=0.0, noise_grey=0.0)
     assert sensor.margin == 0
     np.testing.assert_array_equal(sensor.read_out(scene_pixels(0), FRAME, 7), scene_pixels(0))
 
@@ -55,7 +55,7 @@ def test_a_perfect_sensor_changes_nothing() -> None:
 @pytest.mark.parametrize("sigma", [1.0, 2.0, 8.0])
 def test_noise_is_white_and_has_the_stated_sigma(sigma: float) -> None:
     """N = 307,200 pixels a frame; bounds of 5 standard errors fail by chance once in 2 million."""
-    sensor = SensorModel(key=99, blur_px=0.0, noise_grey=sigma)
+    sensor = ImageNoise(key=99, blur_px=0.0, noise_grey=sigma)
     grey = np.full((480, 640), 128, dtype=np.uint8)
     a, b = (sensor.read_out(grey, FRAME, k).astype(float) - 128.0 for k in (4, 5))
     n = a.size
@@ -70,7 +70,7 @@ def test_noise_is_white_and_has_the_stated_sigma(sigma: float) -> None:
 @pytest.mark.parametrize("grey", [40, 100, 192])
 def test_the_variance_of_shot_noise_goes_with_the_light(grey: int) -> None:
     """N = 307,200 pixels; 5 standard errors of the variance fail by chance once in 2 million."""
-    sensor = SensorModel(key=11, blur_px=0.0, noise_grey=2.0, shot_grey=6.0)
+    sensor = ImageNoise(key=11, blur_px=0.0, noise_grey=2.0, shot_grey=6.0)
     lifted = np.full((480, 640), grey, dtype=np.uint8)
     seen = sensor.read_out(lifted, FRAME, 3).astype(float) - grey
     variance = 2.0**2 + 6.0**2 * grey / 255.0 + 1.0 / 12.0
@@ -81,7 +81,7 @@ def test_noise_depends_on_camera_key_and_frame_and_on_nothing_else() -> None:
     grey = np.full((480, 640), 128, dtype=np.uint8)
 
     def read(key: int, frame: int) -> NDArray[np.uint8]:
-        return SensorModel(key, 0.0, 3.0).read_out(grey, FRAME, frame)
+        return ImageNoise(key, 0.0, 3.0).read_out(grey, FRAME, frame)
 
     np.testing.assert_array_equal(read(5, 9), read(5, 9))
     assert (read(5, 9) != read(6, 9)).mean() > 0.5
@@ -89,7 +89,7 @@ def test_noise_depends_on_camera_key_and_frame_and_on_nothing_else() -> None:
 
 
 def test_noise_saturates_and_never_wraps_around() -> None:
-    sensor = SensorModel(key=3, blur_px=0.0, noise_grey=30.0)
+    sensor = ImageNoise(key=3, blur_px=0.0, noise_grey=30.0)
     black = sensor.read_out(np.zeros((480, 640), dtype=np.uint8), FRAME, 0)
     white = sensor.read_out(np.full((480, 640), 255, dtype=np.uint8), FRAME, 0)
     assert black.max() < 200
@@ -101,7 +101,7 @@ def test_noise_saturates_and_never_wraps_around() -> None:
 @pytest.mark.parametrize("sigma", [0.4, 0.6, 1.0, 2.0])
 def test_blur_spreads_an_edge_by_its_sigma(sigma: float) -> None:
     """The derivative of a blurred step is the blur's kernel; grey levels are whole, hence the tolerance."""
-    sensor = SensorModel(key=3, blur_px=sigma, noise_grey=0.0)
+    sensor = ImageNoise(key=3, blur_px=sigma, noise_grey=0.0)
     window = Window(0, 0, 64, 8)
     ideal = np.zeros((8 + 2 * sensor.margin, 64 + 2 * sensor.margin), dtype=np.uint8)
     ideal[:, 32 + sensor.margin :] = 250
@@ -115,6 +115,6 @@ def test_blur_spreads_an_edge_by_its_sigma(sigma: float) -> None:
 
 
 def test_pixels_that_do_not_fill_the_padded_window_are_refused() -> None:
-    sensor = SensorModel(key=3, blur_px=1.0, noise_grey=0.0)
+    sensor = ImageNoise(key=3, blur_px=1.0, noise_grey=0.0)
     with pytest.raises(ValueError, match="margin of 3"):
         sensor.read_out(np.zeros((10, 10), dtype=np.uint8), Window(0, 0, 10, 10), 0)

@@ -13,8 +13,8 @@ import pytest
 from scipy.stats import binom
 
 from msrr_bullet.render.renderer import RenderContext, build_renderer
-from msrr_bullet.sensors.image_noise import SensorModel
-from msrr_bullet.simulation.tagged_bodies import TagDressing
+from msrr_bullet.sensors.image_noise import ImageNoise
+from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
@@ -98,7 +98,7 @@ class View:
 
     def photograph(self, target: TargetModel, noise_grey: float, blur_px: float, frame: int) -> Pixels:
         """Return the frame that a camera of this noise and blur delivers."""
-        sensor = SensorModel(1, blur_px, noise_grey)
+        sensor = ImageNoise(1, blur_px, noise_grey)
         cut = self.margin - sensor.margin
         ideal = self.ideal[cut : self.ideal.shape[0] - cut, cut : self.ideal.shape[1] - cut]
         return sensor.read_out(np.ascontiguousarray(ideal), target.camera.frame, frame)
@@ -132,13 +132,13 @@ def _render(gaps: tuple[float, float], count: int) -> Gallery:
     scene = load_scene("close_range")
     step, spec = scene.plan[0], scene.cameras.onboard
     target = TargetModel.from_scene(scene, step)
-    margin = SensorModel(0, 2.0, 0.0).margin
+    margin = ImageNoise(0, 2.0, 0.0).margin
     rng = stream(11, f"test/views/{gaps}")
     placement = draw_placement(scene, lambda name: stream(0, name))
     views = []
     with (
         tempfile.TemporaryDirectory() as folder,
-        BulletWorld(scene, placement, dressing=TagDressing(scene, Path(folder))) as world,
+        BulletWorld(scene, placement, dressing=TagVisuals(scene, Path(folder))) as world,
     ):
         renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
         X_WD = world.pose(step.target_unit) @ scene.geometry(step.target_unit).dock_frame(step.target_port)

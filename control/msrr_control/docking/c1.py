@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import model_validator
 
 from msrr_control.docking.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
@@ -15,16 +14,15 @@ from msrr_control.feedback.composite import CompositeGains, composite_feedback
 from msrr_control.feedback.visibility_cone import ConeGains, ConeState, cone_force, cone_step
 from msrr_control.kinematics.drive_limits import nested_limit
 from msrr_control.kinematics.offset_point import offset_point, point_velocity, twist_for
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Positive, Spec
-
-Array = NDArray[np.float64]
 
 #: Errors beyond this [m] are cut: farther than any arena, and long before eq. 27's exponential overflows.
 _FARTHEST = 100.0
 
 
-class CloseRangeParams(Spec):
-    """Parameters of :class:`CloseRangeLaw`; the three switches are ablations.
+class C1DockingParams(Spec):
+    """Parameters of :class:`C1DockingLaw`; the three switches are ablations.
 
     Attributes:
         feedback: Composite feedback (eqs. 26, 27); ``feedback.nonlinear`` switches its second term.
@@ -43,7 +41,7 @@ class CloseRangeParams(Spec):
     anti_windup: bool = True
 
     @model_validator(mode="after")
-    def _windup_below_loop(self) -> CloseRangeParams:
+    def _windup_below_loop(self) -> C1DockingParams:
         if self.anti_windup and self.windup.bandwidth >= self.feedback.k_n_per_s:
             raise ValueError(
                 f"windup.k_mps / windup.gamma_m = {self.windup.bandwidth:.3g} 1/s has to stay below"
@@ -52,7 +50,7 @@ class CloseRangeParams(Spec):
         return self
 
 
-class CloseRangeState(NamedTuple):
+class C1DockingState(NamedTuple):
     """State of the law; all arrays share the leading shape of the trials.
 
     Attributes:
@@ -68,26 +66,26 @@ class CloseRangeState(NamedTuple):
     limited: Array
 
 
-class CloseRangeLaw:
+class C1DockingLaw:
     """The close-range law C1 (Zheng et al., eqs. 21 to 29) in its corrected form."""
 
-    def __init__(self, params: CloseRangeParams, setup: DockSetup) -> None:
+    def __init__(self, params: C1DockingParams, setup: DockSetup) -> None:
         """Bind the law to its parameters and to the facts of the docking step."""
         self.params = params
         self.setup = setup
 
-    def start(self, sensed: Sensed) -> CloseRangeState:
+    def start(self, sensed: Sensed) -> C1DockingState:
         """Return the state at the beginning of an approach: the reference beside the tip, at rest."""
         tip = offset_point(sensed.pose, self.setup.offset)
         nothing = np.zeros_like(tip)
-        return CloseRangeState(
+        return C1DockingState(
             guidance=guidance_start(tip),
             cone=ConeState(nothing, nothing),
             xi=nothing,
             limited=limit_twist(np.asarray(sensed.twist, dtype=np.float64), self.setup.limits),
         )
 
-    def step(self, state: CloseRangeState, sensed: Sensed, dt: float) -> tuple[Array, CloseRangeState]:
+    def step(self, state: C1DockingState, sensed: Sensed, dt: float) -> tuple[Array, C1DockingState]:
         r"""Advance the law by ``dt`` and return the command.
 
         .. math:: e = p_l - (p_r + \lambda_1) - \gamma\tanh\xi,\quad
@@ -133,9 +131,9 @@ class CloseRangeLaw:
         if params.anti_windup:
             excess = point_velocity(limited - wish, yaw, setup.offset)
             xi = auxiliary_step(xi, excess, params.windup, dt)
-        return limit_twist(wish, setup.limits), CloseRangeState(guidance, cone, xi, limited)
+        return limit_twist(wish, setup.limits), C1DockingState(guidance, cone, xi, limited)
 
-    def reference(self, state: CloseRangeState) -> Array:
+    def reference(self, state: C1DockingState) -> Array:
         """Return the guidance trajectory's point p_r in D, shape (..., 2) [m]."""
         return np.stack([state.guidance.x, np.zeros_like(state.guidance.x)], axis=-1)
 
@@ -161,9 +159,9 @@ class LinearParams(Spec):
     k_n_per_s: Positive = 0.8
     guidance: GuidanceSpec = GuidanceSpec()
 
-    def as_close_range(self) -> CloseRangeParams:
+    def as_close_range(self) -> C1DockingParams:
         """Return the close-range law's parameters with everything but the linear term switched off."""
-        return CloseRangeParams(
+        return C1DockingParams(
             feedback=CompositeGains(k_n_per_s=self.k_n_per_s, nonlinear=False),
             guidance=self.guidance,
             los_correction=False,

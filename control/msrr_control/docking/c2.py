@@ -5,23 +5,21 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_control.docking.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
 from msrr_control.docking.law import DockSetup, Sensed, limit_twist
 from msrr_control.feedback.sliding import SlidingGains, sliding_feedback
 from msrr_control.feedback.visibility_cone import ConeGains, ConeState, cone_force, cone_step
 from msrr_control.kinematics.offset_point import offset_point, twist_for
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Spec
-
-Array = NDArray[np.float64]
 
 #: Errors beyond this [m] are cut: farther than any arena.
 _FARTHEST = 100.0
 
 
-class ComparisonCloseParams(Spec):
-    """Parameters of :class:`ComparisonCloseLaw`.
+class C2DockingParams(Spec):
+    """Parameters of :class:`C2DockingLaw`.
 
     Attributes:
         feedback: Sliding feedback with a boundary layer.
@@ -36,14 +34,14 @@ class ComparisonCloseParams(Spec):
     los_correction: bool = True
 
 
-class ComparisonCloseState(NamedTuple):
+class C2DockingState(NamedTuple):
     """The reference on the docking axis, and the filters of the line-of-sight correction."""
 
     guidance: GuidanceState
     cone: ConeState
 
 
-class ComparisonCloseLaw:
+class C2DockingLaw:
     r"""Sliding tracking of the guidance, with the line-of-sight correction and without anti-windup.
 
     .. math:: e = p_l - (p_r + \lambda_1),\quad u = u_s(e) + \dot p_r + \dot\lambda_1
@@ -52,20 +50,18 @@ class ComparisonCloseLaw:
     nothing.
     """
 
-    def __init__(self, params: ComparisonCloseParams, setup: DockSetup) -> None:
+    def __init__(self, params: C2DockingParams, setup: DockSetup) -> None:
         """Bind the law to its parameters and to the facts of the docking step."""
         self.params = params
         self.setup = setup
 
-    def start(self, sensed: Sensed) -> ComparisonCloseState:
+    def start(self, sensed: Sensed) -> C2DockingState:
         """Return the state at the beginning of an approach: the reference beside the tip, at rest."""
         tip = offset_point(sensed.pose, self.setup.offset)
         nothing = np.zeros_like(tip)
-        return ComparisonCloseState(guidance_start(tip), ConeState(nothing, nothing))
+        return C2DockingState(guidance_start(tip), ConeState(nothing, nothing))
 
-    def step(
-        self, state: ComparisonCloseState, sensed: Sensed, dt: float
-    ) -> tuple[Array, ComparisonCloseState]:
+    def step(self, state: C2DockingState, sensed: Sensed, dt: float) -> tuple[Array, C2DockingState]:
         """Advance by ``dt`` [s]; return (v, w), shape (..., 2), and the next state."""
         params, setup = self.params, self.setup
         yaw = sensed.pose[..., 2]
@@ -83,8 +79,8 @@ class ComparisonCloseLaw:
             pace += shift_rate
         error = np.minimum(np.maximum(tip - goal, -_FARTHEST), _FARTHEST)
         wish = twist_for(sliding_feedback(error, params.feedback) + pace, yaw, setup.offset)
-        return limit_twist(wish, setup.limits), ComparisonCloseState(guidance, cone)
+        return limit_twist(wish, setup.limits), C2DockingState(guidance, cone)
 
-    def reference(self, state: ComparisonCloseState) -> Array:
+    def reference(self, state: C2DockingState) -> Array:
         """Return the guidance trajectory's point p_r in D, shape (..., 2) [m]."""
         return np.stack([state.guidance.x, np.zeros_like(state.guidance.x)], axis=-1)

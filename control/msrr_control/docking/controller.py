@@ -10,8 +10,8 @@ from typing import Any, Generic, Protocol
 import numpy as np
 
 from msrr_control.docking.barrier import BarrierLaw, BarrierParams
-from msrr_control.docking.c1 import CloseRangeLaw, CloseRangeParams, LinearParams
-from msrr_control.docking.c2 import ComparisonCloseLaw, ComparisonCloseParams
+from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams, LinearParams
+from msrr_control.docking.c2 import C2DockingLaw, C2DockingParams
 from msrr_control.docking.graceful import GracefulLaw, GracefulParams
 from msrr_control.docking.law import DockingLaw, DockSetup, Sensed, State
 from msrr_control.parameters import read_params
@@ -98,17 +98,17 @@ def sense(inputs: ControlInputs) -> Sensed:
 
 def c1(setup: DockSetup, **params: Any) -> Controller:
     """Build the paper's close-range law C1."""
-    return LawController(CloseRangeLaw(read_params("c1", CloseRangeParams, params), setup))
+    return LawController(C1DockingLaw(read_params("c1", C1DockingParams, params), setup))
 
 
 def c2(setup: DockSetup, **params: Any) -> Controller:
     """Build the comparison law C2 of the paper."""
-    return LawController(ComparisonCloseLaw(read_params("c2", ComparisonCloseParams, params), setup))
+    return LawController(C2DockingLaw(read_params("c2", C2DockingParams, params), setup))
 
 
 def linear(setup: DockSetup, **params: Any) -> Controller:
     """Build plain linear tracking of the same guidance: no cone, no anti-windup, no nonlinear term."""
-    return LawController(CloseRangeLaw(read_params("linear", LinearParams, params).as_close_range(), setup))
+    return LawController(C1DockingLaw(read_params("linear", LinearParams, params).as_close_range(), setup))
 
 
 def cbf(setup: DockSetup, **params: Any) -> Controller:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_control.docking.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
 from msrr_control.docking.law import DockSetup, Sensed, limit_twist
 from msrr_control.kinematics.offset_point import offset_point
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
-
-Array = NDArray[np.float64]
 
 
 class GracefulParams(Spec):

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_control.kinematics.elementwise import Number, at_least, at_most, limit, number, split, sqrt
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
-
-Array = NDArray[np.float64]
 
 
 class GuidanceSpec(Spec):

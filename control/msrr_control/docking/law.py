@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_control.kinematics.elementwise import join, limit, split
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.specs.los_geometry import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -16,8 +16,6 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 if TYPE_CHECKING:
     from msrr_scenes.specs.plan import DockStep
     from msrr_scenes.specs.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 class Sensed(NamedTuple):

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from msrr_control.docking.law import DockSetup, limit_twist
 from msrr_control.kinematics.offset_point import offset_point, twist_for
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Positive, Spec
-
-Array = NDArray[np.float64]
 
 
 class RetreatSpec(Spec):

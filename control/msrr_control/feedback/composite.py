@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Positive, Spec
-
-Array = NDArray[np.float64]
 
 
 class CompositeGains(Spec):

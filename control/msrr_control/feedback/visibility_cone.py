@@ -6,14 +6,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from msrr_control.kinematics.offset_point import rotate
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.los_geometry import LosSpec
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
-
-Array = NDArray[np.float64]
 
 #: Keeps tan below its pole; the force there is 1 to all digits.
 _BELOW_ONE = 1.0 - 1e-6

@@ -6,9 +6,8 @@ from collections.abc import Callable
 from typing import overload
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from msrr_scenes.arrays import Array
 
 
 @overload

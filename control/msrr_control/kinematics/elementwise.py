@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from msrr_scenes.arrays import Array
 
 #: A float, or an array with one element for each trial.
 Number = TypeVar("Number", float, Array)

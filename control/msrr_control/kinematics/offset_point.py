@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from msrr_control.kinematics.elementwise import Number, cos, join, number, sin, split
-
-Array = NDArray[np.float64]
+from msrr_scenes.arrays import Array
 
 
 def rotated(x: Number, y: Number, angle: Number) -> tuple[Number, Number]:

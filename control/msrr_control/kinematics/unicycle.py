@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_control.kinematics.drive_limits import nested_limit
 from msrr_control.kinematics.offset_point import rotate
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.vehicle import LimitsSpec
-
-Array = NDArray[np.float64]
 
 
 def drive(twist: Array, command: Array, limits: LimitsSpec, dt: float) -> Array:

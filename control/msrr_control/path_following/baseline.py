@@ -5,18 +5,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import model_validator
 
 from msrr_control.feedback.sliding import SlidingGains, sliding_feedback
 from msrr_control.kinematics.offset_point import offset_point, point_velocity, twist_for
 from msrr_control.path_following.path import Pace, PaceSpec, Path, pace_step
-from msrr_control.path_following.reference import LongGuidanceState, SideWall, long_guidance_start
+from msrr_control.path_following.reference import ReferenceState, SideWall, reference_start
 from msrr_control.path_following.tracking import Obstacles
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Positive, Spec
 from msrr_scenes.specs.vehicle import LimitsSpec
-
-Array = NDArray[np.float64]
 
 #: Errors beyond this [m] are cut: farther than any arena.
 _FARTHEST = 100.0
@@ -67,8 +65,8 @@ def repulsion(tip: Array, obstacles: Obstacles, gains: RepulsionGains) -> Array:
     return pushed
 
 
-class ComparisonLongParams(Spec):
-    """Parameters of :class:`ComparisonLongLaw`.
+class C2PathFollowingParams(Spec):
+    """Parameters of :class:`C2PathFollowingLaw`.
 
     Attributes:
         feedback: Sliding feedback with a boundary layer.
@@ -82,7 +80,7 @@ class ComparisonLongParams(Spec):
     pace: PaceSpec = PaceSpec(lag_m=10.0)
 
 
-class ComparisonLongState(NamedTuple):
+class C2PathFollowingState(NamedTuple):
     """State of the law; all arrays share the leading shape of the trials.
 
     Attributes:
@@ -93,10 +91,10 @@ class ComparisonLongState(NamedTuple):
 
     pace: Pace
     desired: Array
-    guidance: LongGuidanceState
+    guidance: ReferenceState
 
 
-class ComparisonLongLaw:
+class C2PathFollowingLaw:
     r"""Sliding tracking of the path with a potential about obstacles; no walls, no anti-windup.
 
     .. math:: u = \dot p_d + u_s(p_l - p_d) + u_o(p_l)
@@ -105,26 +103,26 @@ class ComparisonLongLaw:
     back where it should lead around.
     """
 
-    def __init__(self, params: ComparisonLongParams, limits: LimitsSpec, offset: float) -> None:
+    def __init__(self, params: C2PathFollowingParams, limits: LimitsSpec, offset: float) -> None:
         """Bind the law to its parameters, to the drive's limits and to l [m]."""
         self.params, self.limits, self.offset = params, limits, offset
 
-    def start(self, pose: Array, twist: Array, s: float = 0.0) -> ComparisonLongState:
+    def start(self, pose: Array, twist: Array, s: float = 0.0) -> C2PathFollowingState:
         """Return the state at the beginning of a path, or ``s`` [m] into it; ``pose`` has shape (..., 3)."""
         tip = offset_point(pose, self.offset)
         at = Pace(np.full(pose.shape[:-1], s), np.zeros(pose.shape[:-1]))
         velocity = point_velocity(twist, pose[..., 2], self.offset)
-        return ComparisonLongState(at, tip, long_guidance_start(tip, velocity))
+        return C2PathFollowingState(at, tip, reference_start(tip, velocity))
 
     def step(
         self,
-        state: ComparisonLongState,
+        state: C2PathFollowingState,
         path: Path,
         pose: Array,
         wall: SideWall,
         obstacles: Obstacles,
         dt: float,
-    ) -> tuple[Array, ComparisonLongState]:
+    ) -> tuple[Array, C2PathFollowingState]:
         """Advance by ``dt`` [s] and return (v, w) within the drive's speed limits, shape (..., 2).
 
         Args:
@@ -143,5 +141,5 @@ class ComparisonLongLaw:
         wish = twist_for(velocity, pose[..., 2], self.offset)
         most = np.array([self.limits.v_max_mps, self.limits.w_max_radps])
         command: Array = np.minimum(np.maximum(wish, -most), most)
-        tracked = long_guidance_start(desired.point, desired.velocity)
-        return command, ComparisonLongState(pace, desired.point, tracked)
+        tracked = reference_start(desired.point, desired.velocity)
+        return command, C2PathFollowingState(pace, desired.point, tracked)

@@ -5,33 +5,31 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_control.kinematics.offset_point import offset_point, point_velocity
 from msrr_control.path_following.path import Pace, PaceSpec, Path, pace_step
 from msrr_control.path_following.reference import (
-    LongGuidanceGains,
-    LongGuidanceState,
+    ReferenceGains,
+    ReferenceState,
     SideWall,
-    long_guidance_start,
-    long_guidance_step,
+    reference_start,
+    reference_step,
 )
 from msrr_control.path_following.tracking import (
-    LongTrackingGains,
-    LongTrackingState,
     Obstacles,
-    long_tracking_start,
-    long_tracking_step,
+    TrackingGains,
+    TrackingState,
+    tracking_start,
+    tracking_step,
 )
 from msrr_control.path_following.walls import WallSpec
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Spec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-Array = NDArray[np.float64]
 
-
-class LongRangeParams(Spec):
-    """Parameters of :class:`LongRangeLaw`; the three switches are ablations.
+class C1PathFollowingParams(Spec):
+    """Parameters of :class:`C1PathFollowingLaw`; the three switches are ablations.
 
     Attributes:
         guidance: Upper layer (eqs. 8 to 13).
@@ -43,8 +41,8 @@ class LongRangeParams(Spec):
         spring: Use the virtual spring.
     """
 
-    guidance: LongGuidanceGains = LongGuidanceGains()
-    tracking: LongTrackingGains = LongTrackingGains()
+    guidance: ReferenceGains = ReferenceGains()
+    tracking: TrackingGains = TrackingGains()
     walls: WallSpec = WallSpec()
     pace: PaceSpec = PaceSpec()
     envelope: bool = True
@@ -52,7 +50,7 @@ class LongRangeParams(Spec):
     spring: bool = True
 
 
-class LongRangeState(NamedTuple):
+class C1PathFollowingState(NamedTuple):
     """State of the law; all arrays share the leading shape of the trials.
 
     Attributes:
@@ -64,18 +62,18 @@ class LongRangeState(NamedTuple):
 
     pace: Pace
     desired: Array
-    guidance: LongGuidanceState
-    tracking: LongTrackingState
+    guidance: ReferenceState
+    tracking: TrackingState
 
 
-class LongRangeLaw:
+class C1PathFollowingLaw:
     """The long-distance law C1 (Zheng et al., eqs. 8 to 20) in its corrected form."""
 
-    def __init__(self, params: LongRangeParams, limits: LimitsSpec, offset: float) -> None:
+    def __init__(self, params: C1PathFollowingParams, limits: LimitsSpec, offset: float) -> None:
         """Bind the law to its parameters, to the drive's limits and to l [m]."""
         self.params, self.limits, self.offset = params, limits, offset
 
-    def start(self, pose: Array, twist: Array, s: float = 0.0) -> LongRangeState:
+    def start(self, pose: Array, twist: Array, s: float = 0.0) -> C1PathFollowingState:
         """Return the state at the beginning of a path, or ``s`` [m] into it.
 
         Args:
@@ -85,22 +83,22 @@ class LongRangeLaw:
         """
         tip = offset_point(pose, self.offset)
         velocity = point_velocity(twist, pose[..., 2], self.offset)
-        return LongRangeState(
+        return C1PathFollowingState(
             pace=Pace(np.full(pose.shape[:-1], s), np.zeros(pose.shape[:-1])),
             desired=tip,
-            guidance=long_guidance_start(tip, velocity),
-            tracking=long_tracking_start(twist, self.limits),
+            guidance=reference_start(tip, velocity),
+            tracking=tracking_start(twist, self.limits),
         )
 
     def step(
         self,
-        state: LongRangeState,
+        state: C1PathFollowingState,
         path: Path,
         pose: Array,
         wall: SideWall,
         obstacles: Obstacles,
         dt: float,
-    ) -> tuple[Array, LongRangeState]:
+    ) -> tuple[Array, C1PathFollowingState]:
         """Advance by ``dt`` [s] and return (v, w) within the drive's speed limits, shape (..., 2).
 
         Args:
@@ -114,7 +112,7 @@ class LongRangeLaw:
         params = self.params
         tip = offset_point(pose, self.offset)
         pace, desired = pace_step(state.pace, path, tip, params.pace, dt)
-        guidance = long_guidance_step(
+        guidance = reference_step(
             state.guidance,
             desired,
             wall,
@@ -123,7 +121,7 @@ class LongRangeLaw:
             envelope=params.envelope,
             anti_windup=params.anti_windup,
         )
-        command, tracking = long_tracking_step(
+        command, tracking = tracking_step(
             state.tracking,
             guidance,
             pose,
@@ -135,4 +133,4 @@ class LongRangeLaw:
             anti_windup=params.anti_windup,
             spring=params.spring,
         )
-        return command, LongRangeState(pace, desired.point, guidance, tracking)
+        return command, C1PathFollowingState(pace, desired.point, guidance, tracking)

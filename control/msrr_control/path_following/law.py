@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from typing import Protocol, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from msrr_control.path_following.path import Pace, Path
 from msrr_control.path_following.reference import SideWall
 from msrr_control.path_following.tracking import Obstacles
+from msrr_scenes.arrays import Array
 
-Array = NDArray[np.float64]
 
-
-class LongState(Protocol):
+class PathFollowingState(Protocol):
     """State of a law: whatever it needs, and at least these."""
 
     @property
@@ -28,10 +24,10 @@ class LongState(Protocol):
         ...
 
 
-State = TypeVar("State", bound=LongState)
+State = TypeVar("State", bound=PathFollowingState)
 
 
-class LongLaw(Protocol[State]):
+class PathFollowingLaw(Protocol[State]):
     """A long-distance law with explicit state. It keeps nothing between calls."""
 
     def start(self, pose: Array, twist: Array, s: float = 0.0) -> State:

@@ -9,13 +9,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from msrr_control.kinematics.elementwise import at_least, at_most, cos, join, limit, number, sin, split, sqrt
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Positive, Spec
-
-Array = NDArray[np.float64]
 
 
 class PathPoint(NamedTuple):

@@ -13,12 +13,11 @@ from msrr_control.feedback.envelope import EnvelopeGains, enveloped_acceleration
 from msrr_control.kinematics.elementwise import Number, join, limit, number, split, tanh, where
 from msrr_control.kinematics.offset_point import rotated
 from msrr_control.path_following.path import Desired
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Positive, Spec
 
-Array = NDArray[np.float64]
 
-
-class LongGuidanceGains(Spec):
+class ReferenceGains(Spec):
     """Gains of the upper layer.
 
     Attributes:
@@ -36,7 +35,7 @@ class LongGuidanceGains(Spec):
     envelope: EnvelopeGains = EnvelopeGains()
 
     @model_validator(mode="after")
-    def _consistent(self) -> LongGuidanceGains:
+    def _consistent(self) -> ReferenceGains:
         if self.envelope.gamma >= self.u_max_mps2:
             raise ValueError(
                 f"envelope.gamma = {self.envelope.gamma:g} m/s2 has to be less than u_max_mps2 = "
@@ -64,7 +63,7 @@ class SideWall(NamedTuple):
     normal: Array
 
 
-class LongGuidanceState(NamedTuple):
+class ReferenceState(NamedTuple):
     """phi1 [m], phi2 [m/s] and the auxiliary state, each of shape (..., 2)."""
 
     position: Array
@@ -72,21 +71,21 @@ class LongGuidanceState(NamedTuple):
     lam: Array
 
 
-def long_guidance_start(tip: Array, velocity: Array) -> LongGuidanceState:
+def reference_start(tip: Array, velocity: Array) -> ReferenceState:
     """Start at the measured controlled point and its velocity, each of shape (..., 2)."""
-    return LongGuidanceState(np.array(tip), np.array(velocity), np.zeros_like(tip))
+    return ReferenceState(np.array(tip), np.array(velocity), np.zeros_like(tip))
 
 
-def long_guidance_step(
-    state: LongGuidanceState,
+def reference_step(
+    state: ReferenceState,
     desired: Desired,
     wall: SideWall,
-    gains: LongGuidanceGains,
+    gains: ReferenceGains,
     dt: float,
     *,
     envelope: bool = True,
     anti_windup: bool = True,
-) -> LongGuidanceState:
+) -> ReferenceState:
     r"""Advance the reference by ``dt``.
 
     .. math:: z_1 = \phi_1 - p_d,\quad z_2 = \phi_2 - (\dot p_d - c_1 z_1) - \gamma_\phi\tanh\lambda_\phi
@@ -125,7 +124,7 @@ def long_guidance_step(
         acceleration = [limit(u, -most, most) for u in wish]
     if anti_windup:
         lam = [auxiliary_step(lam[i], acceleration[i] - wish[i], gains.windup, dt) for i in axes]
-    return LongGuidanceState(
+    return ReferenceState(
         join(*(position[i] + dt * velocity[i] + 0.5 * dt * dt * acceleration[i] for i in axes)),
         join(*(velocity[i] + dt * acceleration[i] for i in axes)),
         join(*lam),
@@ -139,7 +138,7 @@ def _wish(
     desired: Number,
     rate: Number,
     acceleration: Number,
-    gains: LongGuidanceGains,
+    gains: ReferenceGains,
 ) -> Number:
     """Return u_r along one axis."""
     k, gamma = gains.windup.k_mps, gains.windup.gamma_m
@@ -151,7 +150,7 @@ def _wish(
 
 
 def _kept_out(
-    wish: list[Any], position: list[Any], velocity: list[Any], wall: SideWall, gains: LongGuidanceGains
+    wish: list[Any], position: list[Any], velocity: list[Any], wall: SideWall, gains: ReferenceGains
 ) -> list[Any]:
     """Saturate in the frame of the wall, whose first axis is its normal (eq. 9, a lower wall)."""
     most, normal = gains.u_max_mps2, number(wall.normal)

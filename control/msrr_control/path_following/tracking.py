@@ -25,11 +25,10 @@ from msrr_control.kinematics.elementwise import (
     tanh,
 )
 from msrr_control.kinematics.offset_point import rotated
-from msrr_control.path_following.reference import LongGuidanceState
+from msrr_control.path_following.reference import ReferenceState
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Positive, Spec
 from msrr_scenes.specs.vehicle import LimitsSpec
-
-Array = NDArray[np.float64]
 
 #: Keeps tan below its pole; the force there is 1 to all digits.
 _BELOW_ONE = 1.0 - 1e-6
@@ -62,7 +61,7 @@ class SpringGains(Spec):
         return self
 
 
-class LongTrackingGains(Spec):
+class TrackingGains(Spec):
     """Gains of the lower layer.
 
     Attributes:
@@ -76,7 +75,7 @@ class LongTrackingGains(Spec):
     spring: SpringGains = SpringGains()
 
     @model_validator(mode="after")
-    def _windup_below_loop(self) -> LongTrackingGains:
+    def _windup_below_loop(self) -> TrackingGains:
         if self.windup.bandwidth >= self.k_l_per_s:
             raise ValueError(
                 f"windup.k_mps / windup.gamma_m = {self.windup.bandwidth:.3g} 1/s has to stay below k_l_per_s"
@@ -97,7 +96,7 @@ class Obstacles(NamedTuple):
     present: NDArray[np.bool_]
 
 
-class LongTrackingState(NamedTuple):
+class TrackingState(NamedTuple):
     """Auxiliary states of the tracking and of the spring, and (v_s, w_s); each of shape (..., 2)."""
 
     lam: Array
@@ -138,26 +137,26 @@ def spring_force(tip: Array, obstacles: Obstacles, gains: SpringGains) -> Array:
     return join(force_x, force_y)
 
 
-def long_tracking_start(twist: Array, limits: LimitsSpec) -> LongTrackingState:
+def tracking_start(twist: Array, limits: LimitsSpec) -> TrackingState:
     """Start from the measured (v, w), shape (..., 2)."""
     nothing = np.zeros_like(twist)
     most = np.array([limits.v_max_mps, limits.w_max_radps])
-    return LongTrackingState(nothing, nothing, np.minimum(np.maximum(twist, -most), most))
+    return TrackingState(nothing, nothing, np.minimum(np.maximum(twist, -most), most))
 
 
-def long_tracking_step(
-    state: LongTrackingState,
-    reference: LongGuidanceState,
+def tracking_step(
+    state: TrackingState,
+    reference: ReferenceState,
     pose: Array,
     obstacles: Obstacles,
-    gains: LongTrackingGains,
+    gains: TrackingGains,
     limits: LimitsSpec,
     offset: float,
     dt: float,
     *,
     anti_windup: bool = True,
     spring: bool = True,
-) -> tuple[Array, LongTrackingState]:
+) -> tuple[Array, TrackingState]:
     r"""Advance the tracking by ``dt`` and return the command.
 
     .. math:: e = p_l - \phi_1 - \gamma\tanh\lambda,\quad
@@ -200,7 +199,7 @@ def long_tracking_step(
         excess = rotated(limited_v - v, offset * (limited_w - w), yaw)
         lam = [auxiliary_step(lam[i], excess[i], gains.windup, dt) for i in axes]
     command = join(limit(v, -most_v, most_v), limit(w, -most_w, most_w))
-    return command, LongTrackingState(join(*lam), join(*lam_s), join(limited_v, limited_w))
+    return command, TrackingState(join(*lam), join(*lam_s), join(limited_v, limited_w))
 
 
 def _wish(
@@ -209,7 +208,7 @@ def _wish(
     pace: Number,
     lam: Number,
     lam_s: Number,
-    gains: LongTrackingGains,
+    gains: TrackingGains,
     anti_windup: bool,
     spring: bool,
 ) -> Number:

@@ -11,10 +11,9 @@ from pydantic import model_validator
 from msrr_control.kinematics.elementwise import cos, join, number, sin, split, where
 from msrr_control.path_following.path import Path, PathPoint
 from msrr_control.path_following.reference import SideWall
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
-
-Array = NDArray[np.float64]
 
 
 class PassageError(MsrrError):

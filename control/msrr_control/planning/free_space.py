@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from msrr_scenes.arrays import Array
 
 #: What a path may come nearer than it should; it makes up for rounding where a path touches a circle [m].
 _SLACK = 1e-3
@@ -31,7 +31,7 @@ class Disc(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class FreeSpace:
     """Where the controlled point may be.
 
     Attributes:
@@ -48,7 +48,7 @@ class Ground:
         object.__setattr__(self, "_centres", np.array([(d.x, d.y) for d in self.discs]).reshape(-1, 2))
         object.__setattr__(self, "_radii", np.array([d.radius for d in self.discs]))
 
-    def left_from(self, x: float, y: float) -> Ground:
+    def left_from(self, x: float, y: float) -> FreeSpace:
         """Return the ground for a unit that stands at (x, y) already, be it forbidden.
 
         Discs and bounds give way as far as it takes to stand there, not further.
@@ -59,7 +59,7 @@ class Ground:
             d._replace(radius=min(d.radius, max(float(np.hypot(d.x - x, d.y - y)) - _SLACK, _SLACK)))
             for d in self.discs
         )
-        return Ground(box, discs)
+        return FreeSpace(box, discs)
 
     def allows(self, points: Array) -> bool:
         """Say whether all of the points, shape (N, 2) [m], may be driven over."""

@@ -6,18 +6,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_control.path_following.reference import SideWall
 from msrr_control.path_following.tracking import Obstacles
 from msrr_control.path_following.walls import Encounter, WallSpec, side_wall
-from msrr_control.planning.free_space import Disc, Ground
+from msrr_control.planning.free_space import Disc, FreeSpace
 from msrr_control.planning.route import Route, Surroundings
 from msrr_control.planning.route_planner import RoutePlanner
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ObstacleEstimate
-
-Array = NDArray[np.float64]
 
 NO_WALL = SideWall(np.array(False), np.zeros(2), np.array(0.0))
 
@@ -30,7 +28,7 @@ class _Met(NamedTuple):
     side: float | None
 
 
-class RouteWatch:
+class RouteMonitor:
     """What is known about one route while it is under way."""
 
     def __init__(
@@ -105,7 +103,7 @@ class RouteWatch:
     def _in_the_way(self, unit: Disc, around: Surroundings, s: float) -> bool:
         stations, points = self.route.path.sample(0.04)
         free = (-math.inf, math.inf, -math.inf, math.inf)
-        ground = Ground(free, (self._planner.unit_disc(unit),)).left_from(around.X_WU.x, around.X_WU.y)
+        ground = FreeSpace(free, (self._planner.unit_disc(unit),)).left_from(around.X_WU.x, around.X_WU.y)
         return ground.hit(points[stations >= s]) is not None
 
     def wall(self, around: Surroundings, tip: Array, s: float) -> tuple[SideWall, str | None]:

@@ -7,17 +7,15 @@ from collections.abc import Iterator
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_control.path_following.path import PaceSpec, Path
 from msrr_control.path_following.walls import Encounter, PassageError, WallSpec, encounter
-from msrr_control.planning.free_space import Disc, Ground
+from msrr_control.planning.free_space import Disc, FreeSpace
 from msrr_control.planning.route import Route, RouteSpec, Surroundings
 from msrr_control.planning.tangents import Goal, shortest_way
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ObstacleEstimate
-
-Array = NDArray[np.float64]
 
 
 class RoutePlanner:
@@ -132,8 +130,8 @@ class RoutePlanner:
         others = [self.obstacle_disc(o) for o in around.obstacles if o.name != name]
         return self._ground(around, [*map(self.unit_disc, around.units), *others]).allows(lane)
 
-    def _ground(self, around: Surroundings, discs: list[Disc]) -> Ground:
-        return Ground(self._box, tuple(discs)).left_from(around.X_WU.x, around.X_WU.y)
+    def _ground(self, around: Surroundings, discs: list[Disc]) -> FreeSpace:
+        return FreeSpace(self._box, tuple(discs)).left_from(around.X_WU.x, around.X_WU.y)
 
     def _arcs(self, around: Surroundings) -> Iterator[Route]:
         """Yield routes of one circle and the lead-in, obstacles being left to walls."""
@@ -178,7 +176,7 @@ class RoutePlanner:
         start = [around.X_WU.x, around.X_WU.y, X_WL.yaw - curvature * length]
         return Path(np.array(start), np.array([curvature, 0.0]), np.array([length, lead_in]))
 
-    def _obstructed(self, around: Surroundings, margin: float) -> Ground:
+    def _obstructed(self, around: Surroundings, margin: float) -> FreeSpace:
         units = [self.unit_disc(u) for u in around.units]
         return self._ground(around, units + [self.obstacle_disc(o, margin) for o in around.obstacles])
 
@@ -234,5 +232,5 @@ def blocking(around: Surroundings, planner: RoutePlanner) -> str:
     end = planner.handover(around.X_WD).translation[None]
     discs = [planner.unit_disc(u) for u in around.units]
     discs += [planner.obstacle_disc(o) for o in around.obstacles]
-    hit = Ground((-math.inf, math.inf, -math.inf, math.inf), tuple(discs)).hit(end)
+    hit = FreeSpace((-math.inf, math.inf, -math.inf, math.inf), tuple(discs)).hit(end)
     return "" if hit is None else f"; {hit.name} stands on the place in front of the port"

@@ -7,12 +7,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_control.path_following.path import Path
-from msrr_control.planning.free_space import Ground
-
-Array = NDArray[np.float64]
+from msrr_control.planning.free_space import FreeSpace
 
 _TURN = 2.0 * math.pi
 
@@ -56,7 +53,7 @@ class _Line(NamedTuple):
     length: float
 
 
-def shortest_way(ground: Ground, start: tuple[float, float], goal: Goal) -> Path | None:
+def shortest_way(ground: FreeSpace, start: tuple[float, float], goal: Goal) -> Path | None:
     """Return the shortest way around the discs of ``ground``, None if there is none.
 
     It begins at ``start`` in whatever direction suits it and consists of lines and of arcs around discs. With
@@ -77,7 +74,7 @@ def shortest_way(ground: Ground, start: tuple[float, float], goal: Goal) -> Path
     return None if chain is None else _as_path(start, circles, chain, goal)
 
 
-def _touching_lines(ground: Ground, circles: list[_Circle], ends: range) -> list[_Line]:
+def _touching_lines(ground: FreeSpace, circles: list[_Circle], ends: range) -> list[_Line]:
     found: list[_Line] = []
     for i, a in enumerate(circles):
         if i in ends:
@@ -102,7 +99,7 @@ def _touching_lines(ground: Ground, circles: list[_Circle], ends: range) -> list
 
 
 def _search(
-    ground: Ground, circles: list[_Circle], lines: list[_Line], ends: range, goal: Goal
+    ground: FreeSpace, circles: list[_Circle], lines: list[_Line], ends: range, goal: Goal
 ) -> list[_Line] | None:
     """Dijkstra's algorithm over lines; an arc joins two of them."""
     leaving: dict[int, list[int]] = {}
@@ -154,7 +151,7 @@ def _arc(circle: _Circle, arrive: float, leave: float) -> float:
     return 0.0 if angle > _TURN - 1e-9 else angle
 
 
-def _arc_is_free(ground: Ground, circle: _Circle, line: _Line, angle: float) -> bool:
+def _arc_is_free(ground: FreeSpace, circle: _Circle, line: _Line, angle: float) -> bool:
     count = 2 + int(circle.radius * angle / 0.03)
     headings = line.heading + circle.turn * np.linspace(0.0, angle, count)
     reach = circle.turn * circle.radius

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from msrr_scenes.messages import Phase, Setback, seconds
+from msrr_scenes.messages import FailureReason, Phase, seconds
 
 
 @dataclass(frozen=True, slots=True)
-class Move:
+class Transition:
     """A change of phase and why.
 
     Attributes:
@@ -21,11 +21,11 @@ class Move:
 
     to: Phase
     reason: str
-    setback: Setback | None = None
+    setback: FailureReason | None = None
     reassemble: bool = False
 
 
-class Held:
+class HoldTimer:
     """How long a condition has held without a break."""
 
     def __init__(self) -> None:
@@ -42,7 +42,7 @@ class Held:
         return seconds(now_ns - self._since_ns)
 
 
-class Visit:
+class StateMemory:
     """The memory of one stay in a phase.
 
     Attributes:
@@ -59,8 +59,8 @@ class Visit:
         """Begin a stay."""
         self.since_ns = since_ns
         self.turned = 0.0
-        self.unseen, self.switches, self.arrived = Held(), Held(), Held()
-        self.opened, self.overlooked = Held(), Held()
+        self.unseen, self.switches, self.arrived = HoldTimer(), HoldTimer(), HoldTimer()
+        self.opened, self.overlooked = HoldTimer(), HoldTimer()
         self._best, self._best_ns = math.inf, since_ns
         self._frames, self._last_frame_ns = 0, since_ns
 

@@ -6,18 +6,18 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from msrr_scenes.messages import (
+    ArenaEstimate,
+    FailureReason,
     LockFeedback,
     LosObservation,
     PoseEstimate,
     SeatSwitches,
-    Setback,
-    Situation,
     Twist,
 )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Senses:
+class Observation:
     """All that is known at one control instant; estimates and own sensors only.
 
     Attributes:
@@ -37,7 +37,7 @@ class Senses:
     switches: SeatSwitches | None = None
     lock: LockFeedback | None = None
     twist: Twist = field(default_factory=Twist)
-    situation: Situation | None = None
+    situation: ArenaEstimate | None = None
     looked_around_ns: int | None = None
 
 
@@ -45,7 +45,7 @@ class Senses:
 class GiveUp:
     """The long-distance phase ends here, with the unit at rest."""
 
-    setback: Setback
+    setback: FailureReason
     reason: str
 
 
@@ -56,6 +56,6 @@ class Assembler(Protocol):
         """Begin again from wherever the unit stands: the hand-over failed there."""
         ...
 
-    def step(self, senses: Senses) -> Twist | GiveUp | None:
+    def step(self, senses: Observation) -> Twist | GiveUp | None:
         """Return the command, or None once the unit stands where the hand-over can begin."""
         ...

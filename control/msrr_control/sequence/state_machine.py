@@ -20,8 +20,8 @@ import math
 
 from msrr_control.docking.controller import Controller
 from msrr_control.docking.law import DockSetup
-from msrr_control.sequence.memory import Move, Visit
-from msrr_control.sequence.observation import Assembler, GiveUp, Senses
+from msrr_control.sequence.memory import StateMemory, Transition
+from msrr_control.sequence.observation import Assembler, GiveUp, Observation
 from msrr_control.sequence.port_view import PortView
 from msrr_control.sequence.states import STILL, DockingPhases
 from msrr_control.sequence.tuning import PhaseTuning
@@ -73,7 +73,7 @@ class PhaseMachine:
             Phase.FAILED: self._rest,
         }
         self._phase, self._reason, self._attempt = Phase.ASSEMBLE, "start", 1
-        self._visit: Visit | None = None
+        self._visit: StateMemory | None = None
         self._undocking = False
         self._reassemble = False  # the hand-over failed: the next attempt begins with the long-distance phase
 
@@ -104,7 +104,7 @@ class PhaseMachine:
         self._undocking = True
         self._phase, self._reason, self._visit = Phase.RETREAT, "undock", None
 
-    def step(self, senses: Senses) -> Action:
+    def step(self, senses: Observation) -> Action:
         """Decide at one control instant.
 
         Args:
@@ -121,7 +121,7 @@ class PhaseMachine:
         twist = STILL
         for _ in Phase:  # a phase that has nothing to do is passed in the same instant; none comes twice
             if self._visit is None:
-                self._visit = Visit(senses.now_ns)
+                self._visit = StateMemory(senses.now_ns)
                 self._enter(senses)
             decision = self._phases[self._phase](senses, view, self._visit)
             if isinstance(decision, Twist):
@@ -142,30 +142,30 @@ class PhaseMachine:
 
     # The phases that begin and end a docking step.
 
-    def _assemble(self, senses: Senses, view: PortView | None, visit: Visit) -> Twist | Move:
+    def _assemble(self, senses: Observation, view: PortView | None, visit: StateMemory) -> Twist | Transition:
         """Bring the unit in front of the port; passed at once if it starts there."""
         if self._assembler is None:
-            return Move(Phase.HAND_OVER, "starts in front of the port")
+            return Transition(Phase.HAND_OVER, "starts in front of the port")
         decision = self._assembler.step(senses)
         if decision is None:
-            return Move(Phase.HAND_OVER, "assembled in front of the port")
+            return Transition(Phase.HAND_OVER, "assembled in front of the port")
         if isinstance(decision, GiveUp):
-            return Move(Phase.FAILED, decision.reason, decision.setback)
+            return Transition(Phase.FAILED, decision.reason, decision.setback)
         return decision
 
-    def _retreat(self, senses: Senses, view: PortView | None, visit: Visit) -> Twist | Move:
+    def _retreat(self, senses: Observation, view: PortView | None, visit: StateMemory) -> Twist | Transition:
         """Open the lock, back out, and try again or give up."""
         twist = self._docking.back_out(senses, visit)
         return twist if twist is not None else self._after_retreat(self._docking.gap)
 
-    def _rest(self, senses: Senses, view: PortView | None, visit: Visit) -> Twist | Move:
+    def _rest(self, senses: Observation, view: PortView | None, visit: StateMemory) -> Twist | Transition:
         return STILL
 
     # What they share.
 
-    def _after_retreat(self, gap: float) -> Move:
+    def _after_retreat(self, gap: float) -> Transition:
         if self._undocking:
-            return Move(Phase.DONE, f"undocked, {gap:.3f} m away")
+            return Transition(Phase.DONE, f"undocked, {gap:.3f} m away")
         if self._attempt < self._spec.attempts:
             self._attempt += 1
             again = f"attempt {self._attempt} from {gap:.3f} m: {self.belief.reason}"
@@ -173,13 +173,13 @@ class PhaseMachine:
                 self._reassemble = False
                 self._docking.forget_gap()
                 self._assembler.reset(self.belief.reason)
-                return Move(Phase.ASSEMBLE, again)
-            return Move(Phase.HAND_OVER, again)
-        return Move(
+                return Transition(Phase.ASSEMBLE, again)
+            return Transition(Phase.HAND_OVER, again)
+        return Transition(
             Phase.FAILED, f"gave up after {self._attempt} attempts: {self.belief.reason}", self.belief.setback
         )
 
-    def _change(self, move: Move) -> None:
+    def _change(self, move: Transition) -> None:
         """Take up another phase and say what that means."""
         self._phase, self._reason, self._visit = move.to, move.reason, None
         self._reassemble = self._reassemble or move.reassemble
@@ -191,7 +191,7 @@ class PhaseMachine:
         elif move.setback is not None:
             self.belief = Belief(Conviction.UNDECIDED, move.setback, move.reason)
 
-    def _enter(self, senses: Senses) -> None:
+    def _enter(self, senses: Observation) -> None:
         if self._phase is Phase.DOCK:
             self._docking.begin_approach(senses)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from msrr_control.planning.free_space import Disc, Ground
+from msrr_control.planning.free_space import Disc, FreeSpace
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.staging.parameters import AssemblyParams
 from msrr_control.staging.setup import AssemblySetup
@@ -64,7 +64,7 @@ def _check_end(
         )
     for disc in _standing(scene, step, setup, placed, moved):
         room = disc.radius + setup.half_width - loose
-        shut = Ground((-math.inf, math.inf, -math.inf, math.inf), (disc._replace(radius=room),))
+        shut = FreeSpace((-math.inf, math.inf, -math.inf, math.inf), (disc._replace(radius=room),))
         if room > 0.0 and shut.hit(end.translation[None]) is not None:
             raise SceneError(
                 f"plan.{i}: {disc.name} stands on the place in front of {step.to}, ({end.x:.2f}, "

@@ -6,8 +6,8 @@ import math
 
 from pydantic import Field
 
-from msrr_control.path_following.baseline import ComparisonLongParams
-from msrr_control.path_following.c1 import LongRangeParams
+from msrr_control.path_following.baseline import C2PathFollowingParams
+from msrr_control.path_following.c1 import C1PathFollowingParams
 from msrr_control.path_following.walls import WallSpec
 from msrr_control.planning.route import RouteSpec
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
@@ -67,7 +67,7 @@ class WatchSpec(Spec):
         return math.radians(self.askew_deg)
 
 
-class AssemblyParams(LongRangeParams):
+class AssemblyParams(C1PathFollowingParams):
     """Parameters of the assembler ``c1``: those of its law, its paths and its patience.
 
     Attributes:
@@ -83,7 +83,7 @@ class AssemblyParams(LongRangeParams):
     turn_per_s: Positive = 2.5
 
 
-class ComparisonAssemblyParams(ComparisonLongParams):
+class C2AssemblyParams(C2PathFollowingParams):
     """Parameters of the assembler ``c2``: those of its law, its paths and its patience.
 
     Attributes:

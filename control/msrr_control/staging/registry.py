@@ -6,12 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 from msrr_control.parameters import read_params
-from msrr_control.path_following.baseline import ComparisonLongLaw
-from msrr_control.path_following.c1 import LongRangeLaw
+from msrr_control.path_following.baseline import C2PathFollowingLaw
+from msrr_control.path_following.c1 import C1PathFollowingLaw
 from msrr_control.sequence.observation import Assembler
-from msrr_control.staging.parameters import AssemblyParams, ComparisonAssemblyParams
+from msrr_control.staging.parameters import AssemblyParams, C2AssemblyParams
 from msrr_control.staging.setup import AssemblySetup
-from msrr_control.staging.state_machine import LongRangeAssembler
+from msrr_control.staging.state_machine import LongDistanceAssembler
 from msrr_scenes.errors import SceneError
 from msrr_scenes.registry import build
 from msrr_scenes.specs.spec import Choice
@@ -20,13 +20,15 @@ from msrr_scenes.specs.spec import Choice
 def c1(setup: AssemblySetup, **params: Any) -> Assembler:
     """Build the paper's long-distance phase C1."""
     chosen = read_params("c1", AssemblyParams, params)
-    return LongRangeAssembler(chosen, setup, LongRangeLaw(chosen, setup.limits, setup.offset))
+    return LongDistanceAssembler(chosen, setup, C1PathFollowingLaw(chosen, setup.limits, setup.offset))
 
 
 def c2(setup: AssemblySetup, **params: Any) -> Assembler:
     """Build the long-distance phase of the paper's comparison C2."""
-    chosen = read_params("c2", ComparisonAssemblyParams, params)
-    return LongRangeAssembler(chosen.paths(), setup, ComparisonLongLaw(chosen, setup.limits, setup.offset))
+    chosen = read_params("c2", C2AssemblyParams, params)
+    return LongDistanceAssembler(
+        chosen.paths(), setup, C2PathFollowingLaw(chosen, setup.limits, setup.offset)
+    )
 
 
 ASSEMBLERS: dict[str, Callable[..., Assembler]] = {"c1": c1, "c2": c2}

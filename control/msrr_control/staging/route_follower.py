@@ -6,27 +6,25 @@ import math
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_control.kinematics.offset_point import offset_point
-from msrr_control.path_following.law import LongLaw, LongState
-from msrr_control.path_following.reference import LongGuidanceState
+from msrr_control.path_following.law import PathFollowingLaw, PathFollowingState
+from msrr_control.path_following.reference import ReferenceState
 from msrr_control.planning.route import Route, Surroundings
-from msrr_control.planning.route_monitor import RouteWatch, as_obstacles
+from msrr_control.planning.route_monitor import RouteMonitor, as_obstacles
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.staging.parameters import AssemblyParams
 from msrr_control.staging.setup import AssemblySetup
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import AssemblyProgress, Twist, seconds
 
-Array = NDArray[np.float64]
 
-
-class TrackedState(LongState, Protocol):
+class TrackedState(PathFollowingState, Protocol):
     """State of a law that tells what it lets the controlled point go to besides."""
 
     @property
-    def guidance(self) -> LongGuidanceState:
+    def guidance(self) -> ReferenceState:
         """The reference that is tracked."""
         ...
 
@@ -38,11 +36,15 @@ class RouteFollower(Generic[State]):
     """One route after the other, and the law's state on the present one."""
 
     def __init__(
-        self, law: LongLaw[State], planner: RoutePlanner, params: AssemblyParams, setup: AssemblySetup
+        self,
+        law: PathFollowingLaw[State],
+        planner: RoutePlanner,
+        params: AssemblyParams,
+        setup: AssemblySetup,
     ) -> None:
         """Begin without a route."""
         self._law, self._planner, self._params, self._setup = law, planner, params, setup
-        self._run: RouteWatch | None = None
+        self._run: RouteMonitor | None = None
         self._state: State | None = None
         self._furthest = (0.0, 0)  # arc length that counts as progress, and when it was reached
         self._avoiding: str | None = None
@@ -50,7 +52,7 @@ class RouteFollower(Generic[State]):
     def take(self, route: Route, around: Surroundings) -> None:
         """Take up a route that was planned in these surroundings; the unit does not move along it yet."""
         self._state = None
-        self._run = RouteWatch(route, self._planner, around, self._params.walls, self._setup.half_width)
+        self._run = RouteMonitor(route, self._planner, around, self._params.walls, self._setup.half_width)
 
     def drop(self) -> None:
         """Give up the route."""
@@ -145,7 +147,7 @@ class RouteFollower(Generic[State]):
             reason=reason,
         )
 
-    def _watched(self) -> RouteWatch:
+    def _watched(self) -> RouteMonitor:
         if self._run is None:
             raise RuntimeError("nothing to follow: no route was taken up")
         return self._run

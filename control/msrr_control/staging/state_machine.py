@@ -8,7 +8,7 @@
                  +-------------- BRAKE <---+  (stopped, something new on the path, a stage reached, not there)
 
 The unit knows what global localisation tells it and nothing else. Each stage is one method: it returns a
-twist to stay, a :class:`_Move` to another stage, or why the unit gives up.
+twist to stay, a :class:`_Transition` to another stage, or why the unit gives up.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ import math
 from enum import Enum
 from typing import Generic, NamedTuple
 
-from msrr_control.path_following.law import LongLaw
+from msrr_control.path_following.law import PathFollowingLaw
 from msrr_control.planning.free_space import Disc
 from msrr_control.planning.route import Surroundings
 from msrr_control.planning.route_planner import RoutePlanner, blocking
-from msrr_control.sequence.observation import GiveUp, Senses
+from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.staging.parameters import AssemblyParams
 from msrr_control.staging.route_follower import RouteFollower, State
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import wrap_angle
-from msrr_scenes.messages import AssemblyPath, AssemblyProgress, Setback, Situation, Twist, seconds
+from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
 
 _STILL = Twist()
 
@@ -48,14 +48,14 @@ class Stage(Enum):
     SETTLE = "settle"
 
 
-class _Move(NamedTuple):
+class _Transition(NamedTuple):
     """A change of stage and why; to None when the unit is there."""
 
     to: Stage | None
     reason: str
 
 
-class LongRangeAssembler(Generic[State]):
+class LongDistanceAssembler(Generic[State]):
     """Leads the unit in front of the port by a long-distance law.
 
     Attributes:
@@ -63,7 +63,7 @@ class LongRangeAssembler(Generic[State]):
         path: The path it follows or followed last, None before the first.
     """
 
-    def __init__(self, params: AssemblyParams, setup: AssemblySetup, law: LongLaw[State]) -> None:
+    def __init__(self, params: AssemblyParams, setup: AssemblySetup, law: PathFollowingLaw[State]) -> None:
         """Begin before anything is known.
 
         Args:
@@ -107,9 +107,9 @@ class LongRangeAssembler(Generic[State]):
         """Begin again from wherever the unit stands: the hand-over failed there."""
         self._paths, self._caution, self._came_back = 0, 0, True
         self._unseen_ns = self._then_ns = None
-        self._change(_Move(Stage.LOCALISE, reason))
+        self._change(_Transition(Stage.LOCALISE, reason))
 
-    def step(self, senses: Senses) -> Twist | GiveUp | None:
+    def step(self, senses: Observation) -> Twist | GiveUp | None:
         """Return the command, None once the unit stands where the hand-over can begin, or why it gives up."""
         now = senses.now_ns
         if self._then_ns is not None and now > self._then_ns:
@@ -119,7 +119,7 @@ class LongRangeAssembler(Generic[State]):
         self._report(senses)
         return decision
 
-    def _decide(self, senses: Senses) -> Twist | GiveUp | None:
+    def _decide(self, senses: Observation) -> Twist | GiveUp | None:
         situation, now = senses.situation, senses.now_ns
         if situation is None or seconds(now - situation.last_seen_ns) > self._watch.stale_s:
             return self._wait_to_be_seen(now)
@@ -132,7 +132,7 @@ class LongRangeAssembler(Generic[State]):
             if self._since_ns is None:
                 self._since_ns = now
             decision = self._stages[self._stage](senses, around)
-            if not isinstance(decision, _Move):
+            if not isinstance(decision, _Transition):
                 return decision
             if decision.to is None:
                 self._reason = decision.reason
@@ -148,28 +148,28 @@ class LongRangeAssembler(Generic[State]):
             self._unseen_ns = now
         waited = seconds(now - self._unseen_ns)
         if waited > self._watch.lost_s:
-            return GiveUp(Setback.NOT_LOCALISED, f"not localised for {waited:.1f} s")
+            return GiveUp(FailureReason.NOT_LOCALISED, f"not localised for {waited:.1f} s")
         turns = self._stage is Stage.LOCALISE and waited > self._watch.spin_after_s
         return Twist(0.0, self._watch.spin_radps) if turns else _STILL
 
-    def _localise(self, senses: Senses, around: Surroundings) -> Twist | GiveUp | _Move:
+    def _localise(self, senses: Observation, around: Surroundings) -> Twist | GiveUp | _Transition:
         """Passed as soon as unit and target are known; so is the rest if the unit stands there already."""
         if not self._came_back and self._is_there(around):
-            return _Move(None, "stands in front of the port")
-        return _Move(Stage.BRAKE, f"localised: {self._reason}")
+            return _Transition(None, "stands in front of the port")
+        return _Transition(Stage.BRAKE, f"localised: {self._reason}")
 
-    def _brake(self, senses: Senses, around: Surroundings) -> Twist | GiveUp | _Move:
+    def _brake(self, senses: Observation, around: Surroundings) -> Twist | GiveUp | _Transition:
         """Come to rest."""
         v, w = abs(senses.twist.v), abs(senses.twist.w)
         if (v < _STANDS_MPS and w < _STANDS_RADPS) or self._lasted(senses.now_ns) > _BRAKE_S:
-            return _Move(Stage.PLAN, self._reason)
+            return _Transition(Stage.PLAN, self._reason)
         return _STILL
 
-    def _plan(self, senses: Senses, around: Surroundings) -> Twist | GiveUp | _Move:
+    def _plan(self, senses: Observation, around: Surroundings) -> Twist | GiveUp | _Transition:
         """Choose a path; wait for one if there is none."""
         watch, now = self._watch, senses.now_ns
         if self._paths >= watch.paths:
-            return GiveUp(Setback.BLOCKED, f"not there after {self._paths} paths: {self._reason}")
+            return GiveUp(FailureReason.BLOCKED, f"not there after {self._paths} paths: {self._reason}")
         if self._looked_ns is not None and seconds(now - self._looked_ns) < watch.retry_s:
             return _STILL
         self._looked_ns = now
@@ -179,32 +179,34 @@ class LongRangeAssembler(Generic[State]):
             if waited < watch.patience_s:
                 return _STILL
             where = blocking(around, self._planner)
-            return GiveUp(Setback.BLOCKED, f"no way to the port in {waited:.1f} s{where}; {self._reason}")
+            return GiveUp(
+                FailureReason.BLOCKED, f"no way to the port in {waited:.1f} s{where}; {self._reason}"
+            )
         self._paths += 1
         self._follower.take(route, around)
         _, points = route.path.sample(0.05)
         number = 1 if self.path is None else self.path.number + 1
         shown = tuple((float(x), float(y)) for x, y in points)
         self.path = AssemblyPath(now, number, route.shape, shown, self._reason)
-        return _Move(Stage.TURN, f"{route.shape} of {float(route.path.length):.2f} m: {self._reason}")
+        return _Transition(Stage.TURN, f"{route.shape} of {float(route.path.length):.2f} m: {self._reason}")
 
-    def _turn(self, senses: Senses, around: Surroundings) -> Twist | GiveUp | _Move:
+    def _turn(self, senses: Observation, around: Surroundings) -> Twist | GiveUp | _Transition:
         """Turn on the spot to where the path begins."""
         follower, watch = self._follower, self._watch
         trouble = follower.trouble(around)
         if trouble is not None:
-            return _Move(Stage.BRAKE, trouble)
+            return _Transition(Stage.BRAKE, trouble)
         off = wrap_angle(float(follower.route.path.start[2]) - around.X_WU.yaw)
         began = self._lasted(senses.now_ns) > 0.0
         if abs(off) <= (watch.aligned if began else watch.askew) and abs(senses.twist.w) < 0.15:
-            return _Move(Stage.DRIVE, self._reason)
+            return _Transition(Stage.DRIVE, self._reason)
         if self._lasted(senses.now_ns) > _TURN_S:
             self._caution += 1
-            return _Move(Stage.BRAKE, "could not turn on the spot")
+            return _Transition(Stage.BRAKE, "could not turn on the spot")
         most = min(0.7 * self._setup.limits.w_max_radps, 1.0)
         return Twist(0.0, min(max(self.params.turn_per_s * off, -most), most))
 
-    def _drive(self, senses: Senses, around: Surroundings) -> Twist | GiveUp | _Move:
+    def _drive(self, senses: Observation, around: Surroundings) -> Twist | GiveUp | _Transition:
         """Follow the path."""
         follower, watch, now = self._follower, self._watch, senses.now_ns
         if not follower.moves:
@@ -212,18 +214,20 @@ class LongRangeAssembler(Generic[State]):
         s = follower.s
         trouble = follower.trouble(around)
         if trouble is not None:
-            return _Move(Stage.BRAKE, trouble)
+            return _Transition(Stage.BRAKE, trouble)
         twist = follower.step(around, s, self._dt)
         idle = follower.without_progress(s, now)
         left = float(follower.route.path.length) - s
         if left < 2e-3:
-            return _Move(Stage.SETTLE, self._reason)
+            return _Transition(Stage.SETTLE, self._reason)
         if idle > watch.stuck_s:
             self._caution += 1
-            return _Move(Stage.BRAKE, f"no progress for {watch.stuck_s:.1f} s, {left:.2f} m before the end")
+            return _Transition(
+                Stage.BRAKE, f"no progress for {watch.stuck_s:.1f} s, {left:.2f} m before the end"
+            )
         return twist
 
-    def _settle(self, senses: Senses, around: Surroundings) -> Twist | GiveUp | _Move:
+    def _settle(self, senses: Observation, around: Surroundings) -> Twist | GiveUp | _Transition:
         """Come to rest at the end of the path, and say whether that is the place."""
         follower = self._follower
         if follower.moves:
@@ -232,10 +236,10 @@ class LongRangeAssembler(Generic[State]):
             if not rests and self._lasted(senses.now_ns) < self._watch.settle_s:
                 return follower.step(around, math.inf, self._dt)
         if not follower.route.final:
-            return _Move(Stage.BRAKE, "turn on the spot before the port")
+            return _Transition(Stage.BRAKE, "turn on the spot before the port")
         if self._is_there(around):
-            return _Move(None, "in front of the port")
-        return _Move(Stage.BRAKE, "not where the path should end")
+            return _Transition(None, "in front of the port")
+        return _Transition(Stage.BRAKE, "not where the path should end")
 
     # What they share.
 
@@ -245,7 +249,7 @@ class LongRangeAssembler(Generic[State]):
         near = math.hypot(x - end.x, y - end.y) <= self._watch.there_m
         return near and abs(wrap_angle(around.X_WU.yaw - end.yaw)) <= math.radians(self._watch.there_deg)
 
-    def _change(self, move: _Move) -> None:
+    def _change(self, move: _Transition) -> None:
         if move.to is None:
             raise RuntimeError("there is no stage after the last")
         self._stage, self._reason, self._since_ns = move.to, move.reason, None
@@ -257,7 +261,7 @@ class LongRangeAssembler(Generic[State]):
     def _lasted(self, now: int) -> float:
         return 0.0 if self._since_ns is None else seconds(now - self._since_ns)
 
-    def _surroundings(self, situation: Situation) -> Surroundings:
+    def _surroundings(self, situation: ArenaEstimate) -> Surroundings:
         radius = self._setup.unit_radius
         units = tuple(
             Disc(unit.name, unit.X_WB.x, unit.X_WB.y, radius[unit.name])
@@ -267,7 +271,7 @@ class LongRangeAssembler(Generic[State]):
             situation.own.X_WB, situation.target.X_WB @ self._setup.X_TD, units, situation.obstacles
         )
 
-    def _report(self, senses: Senses) -> None:
+    def _report(self, senses: Observation) -> None:
         if senses.situation is None:
             self.progress = None
             return

@@ -15,9 +15,9 @@ from msrr_control.docking.law import DockingLaw, DockSetup, Sensed
 from msrr_control.feedback.visibility_cone import edge_angles
 from msrr_control.kinematics.offset_point import offset_point
 from msrr_control.kinematics.unicycle import drive, moved_on, roll, slipped
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec, Spread
 
-Array = NDArray[np.float64]
 State = TypeVar("State")
 
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_control.path_following.path import Path
+from msrr_scenes.arrays import Array
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: Deviation [m] below which an obstacle counts as recovered from.

@@ -12,20 +12,20 @@ from pydantic import Field
 
 from msrr_control.kinematics.offset_point import offset_point
 from msrr_control.kinematics.unicycle import drive, moved_on, roll, slipped
-from msrr_control.path_following.law import LongLaw, State
+from msrr_control.path_following.law import PathFollowingLaw, State
 from msrr_control.path_following.path import Path
 from msrr_control.path_following.tracking import Obstacles
 from msrr_control.path_following.walls import WallSpec, encounter, side_wall
 from msrr_control.studies import metrics
 from msrr_control.studies.docking_study import Disturbance
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-Array = NDArray[np.float64]
 Span = tuple[float, float]
 
 
-class LongStartSet(Spec):
+class PathFollowingStartSet(Spec):
     """A set of circular paths, starts and obstacles; everything is uniform.
 
     Attributes:
@@ -54,7 +54,7 @@ class LongStartSet(Spec):
 
 
 @dataclass(frozen=True, eq=False)
-class LongStudyResult:
+class PathFollowingStudyResult:
     """Truth of every step of every trial.
 
     Attributes:
@@ -123,7 +123,7 @@ class LongStudyResult:
         return nearest
 
 
-def draw_paths(starts: LongStartSet, trials: int, rng: np.random.Generator) -> tuple[Path, Array]:
+def draw_paths(starts: PathFollowingStartSet, trials: int, rng: np.random.Generator) -> tuple[Path, Array]:
     """Draw paths that start in the origin along x, and the middle of an obstacle on each, (trials, 2) [m]."""
     radius = rng.uniform(*starts.radius_m, trials)
     sweep = np.radians(rng.uniform(*starts.sweep_deg, trials))
@@ -140,12 +140,12 @@ def draw_paths(starts: LongStartSet, trials: int, rng: np.random.Generator) -> t
     return path, at.point + beside[:, None] * across
 
 
-def run_long_study(
-    law: LongLaw[State],
+def run_path_following_study(
+    law: PathFollowingLaw[State],
     limits: LimitsSpec,
     rng: np.random.Generator,
     trials: int = 200,
-    starts: LongStartSet | None = None,
+    starts: PathFollowingStartSet | None = None,
     disturbance: Disturbance | None = None,
     *,
     walls: WallSpec | None = None,
@@ -154,7 +154,7 @@ def run_long_study(
     offset: float = 0.10,
     rate_hz: float = 50.0,
     observer: Callable[[State], None] | None = None,
-) -> LongStudyResult:
+) -> PathFollowingStudyResult:
     """Simulate unicycles behind the nested limits of eq. 3 on circular paths past obstacles, all at once.
 
     Args:
@@ -172,7 +172,7 @@ def run_long_study(
         rate_hz: Control rate.
         observer: Is shown the law's state of every step.
     """
-    starts = starts if starts is not None else LongStartSet()
+    starts = starts if starts is not None else PathFollowingStartSet()
     wrong = disturbance if disturbance is not None else Disturbance()
     walls = walls if walls is not None else WallSpec()
     dt = 1.0 / rate_hz
@@ -210,7 +210,7 @@ def run_long_study(
         twist = drive(twist, commands[k], limits, dt)
         counted = roll(counted, twist, dt)
         pose = roll(pose, slipped(twist, grips, wrong.track_m), dt)
-    return LongStudyResult(
+    return PathFollowingStudyResult(
         time=dt * np.arange(steps, dtype=np.float64),
         pose=poses,
         tip=offset_point(poses, offset),

@@ -8,14 +8,14 @@ import numpy as np
 
 from msrr_bullet.render.raster.faces import faces_of
 from msrr_bullet.render.raster.kernels.records import CELLS, REGION_BITS, SMOOTH, TEXTURED, Geometry, Textures
-from msrr_bullet.render.raster.look import Look
+from msrr_bullet.render.raster.look import VisualShape
 from msrr_bullet.render.raster.texture import Texture
 from msrr_scenes.errors import GeometryError
 
 _MOST_FACES = 1 << (31 - REGION_BITS)
 
 
-def assemble(looks: Sequence[Look]) -> tuple[Geometry, Textures]:
+def assemble(looks: Sequence[VisualShape]) -> tuple[Geometry, Textures]:
     """Return all faces in their movers' frames, and the textures they show.
 
     Raises:

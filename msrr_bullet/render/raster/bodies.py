@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import pybullet
 
-from msrr_bullet.render.raster.kernels.records import Array
-from msrr_bullet.render.raster.look import Look
+from msrr_bullet.render.raster.look import VisualShape
 from msrr_bullet.render.raster.mesh import Mesh, box, capsule, cylinder, sphere
 from msrr_bullet.render.raster.mesh_file import MeshPart, read_mesh
 from msrr_bullet.render.raster.texture import Texture, read_texture
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
 
@@ -51,8 +51,8 @@ class Bodies:
         self.loaded = loaded_bodies(client)
         self._bases: list[int] = []
         self._links: list[tuple[int, list[int]]] = []
-        self.looks: list[Look] = []
-        pending: dict[tuple[int, int], list[Look]] = {}
+        self.looks: list[VisualShape] = []
+        pending: dict[tuple[int, int], list[VisualShape]] = {}
         for body in self.loaded:
             for (root, X_MG), shape in _shapes(client, body):
                 pending.setdefault((body, root), []).extend(_looks(shape, X_MG))
@@ -124,7 +124,7 @@ def _link_pose(client: int, body: int, link: int, of_mover: bool = True) -> SE3:
     return SE3.from_quaternion_xyzw(state[4], state[5])
 
 
-def _looks(shape: Shape, X_MG: SE3) -> Iterator[Look]:
+def _looks(shape: Shape, X_MG: SE3) -> Iterator[VisualShape]:
     """Yield what is to be drawn of one entry of getVisualShapeData (numbered by mover later)."""
     body, link, kind, size, filename, _, _, rgba, texture_id = shape
     if rgba[3] == 0.0 or kind == pybullet.GEOM_PLANE:
@@ -138,7 +138,7 @@ def _looks(shape: Shape, X_MG: SE3) -> Iterator[Look]:
             )
         for part in read_mesh(Path(filename.decode())):
             mesh = part.mesh.scaled(np.array(size))
-            yield Look(0, X_MG, mesh, grey, _texture(part, textured=texture_id >= 0, where=where))
+            yield VisualShape(0, X_MG, mesh, grey, _texture(part, textured=texture_id >= 0, where=where))
         return
     primitive = _primitive(kind, size)
     if primitive is None:
@@ -146,7 +146,7 @@ def _looks(shape: Shape, X_MG: SE3) -> Iterator[Look]:
             f"body {body}, link {link}: the raster renderer draws boxes, spheres, cylinders, capsules and "
             f"mesh files, not PyBullet's shape type {kind}"
         )
-    yield Look(0, X_MG, primitive, grey, None)
+    yield VisualShape(0, X_MG, primitive, grey, None)
 
 
 def _texture(part: MeshPart, textured: bool, where: str) -> Texture | None:

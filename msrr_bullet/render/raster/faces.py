@@ -13,7 +13,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_bullet.render.raster.mesh import Array, Indices, Mesh
+from msrr_bullet.render.raster.mesh import Indices, Mesh
+from msrr_scenes.arrays import Array
 
 #: Triangles are coplanar when their unit normals differ by less, and their offsets by less than this times
 #: the mesh's size.

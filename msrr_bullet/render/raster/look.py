@@ -10,7 +10,7 @@ from msrr_scenes.geometry.se3 import SE3
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class VisualShape:
     """One visible shape.
 
     Attributes:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from msrr_scenes.arrays import Array
+
 Indices = NDArray[np.int64]
 
 #: Largest gap between the chords of a round body and its circle [m].

@@ -9,9 +9,10 @@ import numpy as np
 from msrr_bullet.render.raster.assembly import assemble
 from msrr_bullet.render.raster.kernels.pattern import CELL_SAMPLES, SAMPLES, rooks
 from msrr_bullet.render.raster.kernels.pipeline import draw
-from msrr_bullet.render.raster.kernels.records import Array, Ground, Light, View
+from msrr_bullet.render.raster.kernels.records import Ground, Light, View
 from msrr_bullet.render.raster.kernels.workspace import Workspace
-from msrr_bullet.render.raster.look import Look
+from msrr_bullet.render.raster.look import VisualShape
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
@@ -27,7 +28,7 @@ LIGHT = Light(_TOWARDS_LIGHT / np.linalg.norm(_TOWARDS_LIGHT), ambient=0.6, diff
 class PictureMaker:
     """Draws a fixed set of shapes on moving frames."""
 
-    def __init__(self, looks: Sequence[Look], movers: int) -> None:
+    def __init__(self, looks: Sequence[VisualShape], movers: int) -> None:
         """Prepare the shapes.
 
         Args:

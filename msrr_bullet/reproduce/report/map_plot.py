@@ -17,8 +17,6 @@ from msrr_bullet.studies.gain_delay import LAWS
 from msrr_bullet.studies.measures import measure
 from msrr_bullet.studies.model import GainDelayMap
 
-Array = NDArray[np.float64]
-
 #: Who docks, by (C1, C2): name, colour and hatch.
 _WHO: dict[tuple[bool, bool], tuple[str, str, str]] = {
     (True, True): ("both dock", "#f7f7f2", ""),

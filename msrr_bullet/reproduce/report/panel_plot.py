@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
-from numpy.typing import NDArray
 
 from msrr_bullet.reproduce.report.style import (
     FAINT,
@@ -21,8 +20,7 @@ from msrr_bullet.reproduce.report.style import (
 )
 from msrr_bullet.studies.measures import SETTLED_M, measure
 from msrr_bullet.studies.model import Panels, Series
-
-Array = NDArray[np.float64]
+from msrr_scenes.arrays import Array
 
 #: Up to three curves of one panel: the controller's colour, black and grey, and a line style each.
 _STYLES = ("-", "--", ":")

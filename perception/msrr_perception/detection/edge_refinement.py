@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_perception.kernels import edges
-from msrr_scenes.messages import Array, Pixels
+from msrr_scenes.arrays import Array
+from msrr_scenes.messages import Pixels
 
 #: How often the lines are drawn anew from the corners that the last ones gave. Where the cross sections lie
 #: follows from the guess; the second time they lie where they should, and it hardly matters who guessed.

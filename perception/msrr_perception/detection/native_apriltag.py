@@ -15,8 +15,9 @@ from functools import lru_cache
 import numpy as np
 from pupil_apriltags import bindings
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.messages import Array, Pixels
+from msrr_scenes.messages import Pixels
 
 
 class DetectorError(MsrrError):

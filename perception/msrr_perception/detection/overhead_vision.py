@@ -11,9 +11,10 @@ from msrr_perception.detection.detector import Detector, PupilDetector
 from msrr_perception.detection.windows import ExpectedTag, WindowPolicy, fitting_window, merged_windows
 from msrr_perception.pose.global_pose import FlatTag, pose_jacobian
 from msrr_perception.pose.overhead_model import OverheadModel
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.messages import NS_PER_S, Array, Detections, Exposure, Fetch, GlobalPose, TagDetection
+from msrr_scenes.messages import NS_PER_S, Detections, Exposure, Fetch, GlobalPose, TagDetection
 
 #: What suits the overhead camera of the design.
 OVERHEAD_POLICY = WindowPolicy(quiet_zone=0.15)

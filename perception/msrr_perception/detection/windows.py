@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from msrr_perception.kernels.project import expect, extent
 from msrr_perception.pose.tag_camera import pose_vector
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.messages import Array, PoseEstimate
+from msrr_scenes.messages import PoseEstimate
 
 _TILE = 4
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Array, GlobalPose, seconds
+from msrr_scenes.messages import GlobalPose, seconds
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,11 +20,11 @@ from msrr_perception.kernels.fit import gate_distances
 from msrr_perception.pose.corner_fit import Corners, fit_corners
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise, consistent_pose, gather_corners
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     NS_PER_S,
-    Array,
     Detections,
     PoseEstimate,
     PoseMeasurement,

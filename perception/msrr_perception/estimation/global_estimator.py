@@ -17,18 +17,18 @@ from scipy.stats import chi2
 from msrr_perception.estimation.body_filter import StandingBody, StandingNoise
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     NS_PER_S,
-    Array,
+    ArenaEstimate,
     Detections,
     Exposure,
     GlobalPose,
     ObstacleEstimate,
     PoseEstimate,
     PoseMeasurement,
-    Situation,
     WheelOdometry,
     seconds,
 )
@@ -136,7 +136,7 @@ class GlobalEstimator:
         found = {} if own is None else {self.model.own: self._own_pose(own)}
         return found | {name: self._pose(body, stamp_ns) for name, body in self._bodies.items()}
 
-    def situation(self, now_ns: int, by_sight: PoseEstimate | None = None) -> Situation | None:
+    def situation(self, now_ns: int, by_sight: PoseEstimate | None = None) -> ArenaEstimate | None:
         """Return what control gets; None until the docking unit and its target have been seen.
 
         Args:
@@ -160,7 +160,7 @@ class GlobalEstimator:
             own, last_seen_ns = self._own_pose(above), above.last_seen_ns
         else:
             return None
-        return Situation(
+        return ArenaEstimate(
             stamp_ns=own.stamp_ns,
             own=own,
             target=target,
@@ -219,7 +219,7 @@ def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstima
     return GlobalPose(name, by_sight.stamp_ns, X_WU, covariance)
 
 
-def X_DU(situation: Situation, X_TD: SE2) -> SE2:
+def X_DU(situation: ArenaEstimate, X_TD: SE2) -> SE2:
     """Return the docking unit in the dock frame D of the target port.
 
     Args:
@@ -229,7 +229,7 @@ def X_DU(situation: Situation, X_TD: SE2) -> SE2:
     return (situation.target.X_WB @ X_TD).inverse() @ situation.own.X_WB
 
 
-def relative_pose(situation: Situation, X_TD: SE2) -> PoseEstimate:
+def relative_pose(situation: ArenaEstimate, X_TD: SE2) -> PoseEstimate:
     """Return :func:`X_DU` with the covariance that both bodies' errors give it."""
     own, target = situation.own, situation.target
     X_WD = target.X_WB @ X_TD

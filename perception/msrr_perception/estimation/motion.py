@@ -11,8 +11,9 @@ import numpy as np
 from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
 from msrr_perception.kernels.drive import Drive, drive_along
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Array, seconds
+from msrr_scenes.messages import seconds
 from msrr_scenes.specs.sensors import OdometrySpec
 
 #: x, y, yaw of U in D; pitch and roll of the pair; relative radius errors of the left and right wheel.

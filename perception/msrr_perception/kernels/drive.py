@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msrr_perception.kernels.compiled import inlined, kernel
-from msrr_scenes.messages import Array
+from msrr_scenes.arrays import Array
 
 
 class Drive(NamedTuple):

@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from msrr_perception.kernels.compiled import kernel
-from msrr_scenes.messages import Array, Pixels
+from msrr_scenes.arrays import Array
+from msrr_scenes.messages import Pixels
 
 #: Cross sections per edge, and the share of the edge at both ends that is left out (corners are rounded).
 SECTIONS = 16

@@ -8,7 +8,7 @@ import numpy as np
 
 from msrr_perception.kernels.compiled import inlined, kernel
 from msrr_perception.kernels.project import Optics, project_into
-from msrr_scenes.messages import Array
+from msrr_scenes.arrays import Array
 
 _YAW = 2
 _MAX_DAMPING = 1e9

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msrr_perception.kernels.compiled import inlined, kernel
-from msrr_scenes.messages import Array
+from msrr_scenes.arrays import Array
 
 #: Points nearer to the image plane than this have no usable projection [m].
 NEAREST_M = 0.01

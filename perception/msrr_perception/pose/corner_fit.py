@@ -16,7 +16,7 @@ import numpy as np
 from msrr_perception.kernels.fit import fit
 from msrr_perception.pose.tag_camera import YAW
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.messages import Array
+from msrr_scenes.arrays import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

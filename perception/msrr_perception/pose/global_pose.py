@@ -9,12 +9,13 @@ from types import MappingProxyType
 
 import numpy as np
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
-from msrr_scenes.messages import Array, Detections, GlobalPose, TagDetection
+from msrr_scenes.messages import Detections, GlobalPose, TagDetection
 from msrr_scenes.specs.bodies import TAG_PLATE_M
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import OverheadCameraSpec

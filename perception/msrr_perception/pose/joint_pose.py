@@ -12,9 +12,10 @@ import numpy as np
 from msrr_perception.pose.corner_fit import CornerFit, Corners, deviation, fit_corners
 from msrr_perception.pose.tag_camera import YAW, pose_vector
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import Array, TagDetection
+from msrr_scenes.messages import TagDetection
 
 #: How far beyond its solutions and how finely a single tag's yaw is stepped, how firmly it is held [rad].
 _YAW_REACH = 0.5

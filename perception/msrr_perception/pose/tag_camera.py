@@ -11,9 +11,9 @@ import numpy as np
 from msrr_perception.kernels import project as kernels
 from msrr_perception.kernels.project import NEAREST_M
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import Array
 
 __all__ = ["NEAREST_M", "PITCH", "ROLL", "YAW", "X", "Y", "pose_vector", "project", "project_with_jacobian"]
 

@@ -10,11 +10,11 @@ from types import MappingProxyType
 import numpy as np
 
 from msrr_perception.kernels.project import Optics
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
-from msrr_scenes.messages import Array
 from msrr_scenes.specs.los_geometry import LosSpec
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se3 import SE3
-
-Array = NDArray[np.float64]
 
 #: Rotation from the optical frame C (z forward, x right, y down) to a body-style frame (x forward, y left,
 #: z up): the columns are C's axes in that frame.

@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-
-Array = NDArray[np.float64]
 
 
 def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:

@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se2 import SE2
@@ -17,8 +16,6 @@ from msrr_scenes.loading.problems import Problem
 from msrr_scenes.placement.placement import close_range_steps, nominal_units, target_in_cone
 from msrr_scenes.placement.start_regions import may_overlap, outline, region
 from msrr_scenes.specs.scene import Scene
-
-Array = NDArray[np.float64]
 
 
 def geometry_problems(scene: Scene) -> list[Problem]:

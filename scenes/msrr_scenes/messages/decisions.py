@@ -107,7 +107,7 @@ class Conviction(Enum):
     GAVE_UP = "gave_up"
 
 
-class Setback(Enum):
+class FailureReason(Enum):
     """Why an attempt ended, as far as the robot can tell."""
 
     NEVER_DETECTED = "never_detected"  # no measurement of the target in the whole step
@@ -132,5 +132,5 @@ class Belief:
     """
 
     conviction: Conviction = Conviction.UNDECIDED
-    setback: Setback | None = None
+    setback: FailureReason | None = None
     reason: str = ""

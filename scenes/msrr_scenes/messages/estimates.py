@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages.sensing import Array, GlobalPose
+from msrr_scenes.messages.sensing import GlobalPose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +74,7 @@ class ObstacleEstimate:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Situation:
+class ArenaEstimate:
     """What global localisation knows at one instant; everything in the world frame W.
 
     Attributes:

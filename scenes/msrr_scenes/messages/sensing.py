@@ -9,10 +9,10 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 
-Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
 #: Asks the camera for a window of the exposure at hand; returns mono8 pixels, shape (height, width).

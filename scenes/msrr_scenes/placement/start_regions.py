@@ -9,15 +9,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.placement.placement import FRONT, split_frame
 from msrr_scenes.specs.bodies import BoxSpec, ObstacleSpec
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
-
-Array = NDArray[np.float64]
 
 _MAX_TURN = math.radians(5.0)
 _CIRCLE = 48

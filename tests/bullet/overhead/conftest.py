@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from msrr_bullet.plant.kinematic_plant import UnicyclePlant
+from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.plant.plant import Plant
 from msrr_bullet.render.renderer import RenderContext, build_renderer
 from msrr_bullet.sensors.camera import Camera
@@ -19,7 +19,7 @@ from msrr_bullet.sensors.localisation_error import LocalisationError
 from msrr_bullet.sensors.schedule import Delayed, Periodic, duration_ns
 from msrr_bullet.sensors.wheel_encoders import WheelEncoders
 from msrr_bullet.simulation.bullet_plant import BulletPlant
-from msrr_bullet.simulation.tagged_bodies import TagDressing
+from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.detection.overhead_vision import OverheadVision
@@ -27,7 +27,7 @@ from msrr_perception.estimation.global_estimator import GlobalEstimator
 from msrr_perception.pose.global_pose import overhead_pose
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Detections, Situation, Twist
+from msrr_scenes.messages import ArenaEstimate, Detections, Twist
 from msrr_scenes.placement.placement import draw_placement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
@@ -74,7 +74,7 @@ class Arena:
     estimator: GlobalEstimator
     encoders: WheelEncoders
     error: LocalisationError
-    law: Callable[[float, Situation | None], Twist] = lambda t, known: Twist()
+    law: Callable[[float, ArenaEstimate | None], Twist] = lambda t, known: Twist()
     looks: list[Detections] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -89,7 +89,7 @@ class Arena:
         return 1e-9 * self.plant.now_ns()
 
     @property
-    def known(self) -> Situation | None:
+    def known(self) -> ArenaEstimate | None:
         return self.estimator.situation(self.plant.now_ns())
 
     def run(self, until_s: float, watch: Callable[[], None] = lambda: None) -> None:
@@ -138,14 +138,14 @@ def open_arena() -> Iterator[OpenArena]:
             )
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
             placement = draw_placement(scene, lambda name: stream(seed, name))
-            world = stack.enter_context(BulletWorld(scene, placement, dressing=TagDressing(scene, folder)))
+            world = stack.enter_context(BulletWorld(scene, placement, dressing=TagVisuals(scene, folder)))
             spec = scene.cameras.overhead
             assert spec is not None
             renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
             model = OverheadModel.from_scene(scene, scene.plan[0])
             return Arena(
                 scene,
-                BulletPlant(world) if plant == "bullet" else UnicyclePlant(scene, placement, world),
+                BulletPlant(world) if plant == "bullet" else KinematicPlant(scene, placement, world),
                 Camera(OVERHEAD, spec, renderer, lambda: overhead_pose(spec), seed),
                 OverheadVision(model, PupilDetector(), **vision),
                 GlobalEstimator(model, scene.odometry),

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
-from msrr_bullet.robot.collision_monitor import ClearanceGuard, GuardState
+from msrr_bullet.robot.collision_monitor import CollisionMonitor, MonitorState
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Situation, Twist
+from msrr_scenes.messages import ArenaEstimate, Twist
 
 #: A hair aside of the true pose: FCL fails where a face looks straight at a disc.
 ASIDE = SE2(2e-4, 3e-4, 2e-4)
@@ -23,10 +23,10 @@ def test_driven_at_a_post_at_full_speed_it_stops_before_it(
 ) -> None:
     X_start = SE2(X_WO.x, X_WO.y, course) @ SE2(-0.7, 0.05 * (seed - 2), 0.1)
     arena = open_arena(seed, plant="bullet", start=X_start)
-    guard, model = ClearanceGuard(arena.scene, arena.scene.plan[0]), ClearanceModel(arena.scene)
+    guard, model = CollisionMonitor(arena.scene, arena.scene.plan[0]), ClearanceModel(arena.scene)
     states, gaps = [], []
 
-    def hostile(t: float, known: Situation | None) -> Twist:
+    def hostile(t: float, known: ArenaEstimate | None) -> Twist:
         if known is None:
             return Twist()
         p = known.own.X_WB.inverse().act(X_WO.translation)
@@ -45,5 +45,5 @@ def test_driven_at_a_post_at_full_speed_it_stops_before_it(
     spec = arena.scene.control.guard
     assert spec.stop_m - 0.002 < min(gaps) < spec.slow_m
     assert min(gaps) > arena.scene.judge.min_clearance_m
-    assert states[0] is GuardState.FREE
-    assert states[-1] is not GuardState.FREE
+    assert states[0] is MonitorState.FREE
+    assert states[-1] is not MonitorState.FREE

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Detections, GlobalPose, ObstacleEstimate, Situation, Twist
+from msrr_scenes.messages import ArenaEstimate, Detections, GlobalPose, ObstacleEstimate, Twist
 
 FULL = 1280 * 960
 POST = {"shape": "cylinder", "radius_m": 0.06, "height_m": 0.2, "tag_id": 500}
 
 
-def curve(t: float, known: Situation | None) -> Twist:
+def curve(t: float, known: ArenaEstimate | None) -> Twist:
     return Twist(0.22, 0.5 * math.sin(t))
 
 

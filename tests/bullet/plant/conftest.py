@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from msrr_bullet.plant.kinematic_plant import UnicyclePlant
+from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.plant.plant import Plant
 from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.world import BulletWorld
@@ -86,7 +86,7 @@ def open_bench(kind: str, X_DP: SE2, port: str = "rear", **keys: Any) -> Iterato
         with BulletWorld(scene, placement) as world:
             yield Bench(scene, BulletPlant(world))
     else:
-        yield Bench(scene, UnicyclePlant(scene, placement))
+        yield Bench(scene, KinematicPlant(scene, placement))
 
 
 @pytest.fixture(scope="session")

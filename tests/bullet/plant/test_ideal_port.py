@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from msrr_bullet.plant.kinematic_plant import UnicyclePlant
+from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.plant.kinematic_port import Capture, face_half_width
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
@@ -132,7 +132,7 @@ def test_the_play_narrows_with_depth(bench, lateral_mm: float, yaw_deg: float) -
 def test_the_funnel_is_where_the_capture_says(two_units, before_port) -> None:
     """Half way down there is half the way from the mouth's room to the seat's."""
     scene = two_units()
-    plant = UnicyclePlant(
+    plant = KinematicPlant(
         scene, before_port(scene, SE2(-0.019, 0.02, 0.0)), capture=Capture(0.03, 0.2, 0.002)
     )
     plant.begin_dock(scene.plan[0])

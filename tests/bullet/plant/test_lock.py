@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from msrr_bullet.plant.lock_actuator import PULL_SLACK, Cam
+from msrr_bullet.plant.lock_actuator import PULL_SLACK, LockActuator
 from msrr_bullet.plant.plant import NoDockError
 from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.world import BulletWorld
@@ -223,7 +223,7 @@ def test_a_port_without_holes_cannot_be_docked_to(two_units, before_port):
 
 
 def test_the_cam_takes_its_time_and_starts_anew():
-    cam = Cam(0.5)
+    cam = LockActuator(0.5)
     assert not cam.step(1.0)
     cam.command(True)
     assert [cam.step(0.1) for _ in range(6)] == [False] * 4 + [True, False]

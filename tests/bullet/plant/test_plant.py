@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from msrr_bullet.plant.kinematic_plant import UnicyclePlant
+from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.plant.kinematic_port import Capture
 from msrr_bullet.plant.plant import Plant, tick_ns
 from msrr_bullet.simulation.world import BulletWorld
@@ -97,7 +97,7 @@ def test_time_is_counted_in_whole_ticks(bench, kind):
 
 def test_a_unicycle_moves_on_exact_arcs(two_units):
     scene = two_units(limits={"a_max_mps2": 1e6, "dw_max_radps2": 1e6, "kappa_per_s": 1e6})
-    plant = UnicyclePlant(scene, Placement({"a": SE2(0.1, 0.2, 0.3), "b": SE2(2, 2, 0)}, {}))
+    plant = KinematicPlant(scene, Placement({"a": SE2(0.1, 0.2, 0.3), "b": SE2(2, 2, 0)}, {}))
     plant.command("a", Twist(0.2, 0.7))
     for _ in range(480):
         plant.step()
@@ -127,7 +127,7 @@ def test_both_plants_drive_alike(bench):
 def test_a_world_follows_the_unicycles(two_units, before_port):
     scene = two_units()
     with BulletWorld(scene, before_port(scene, SE2(-0.3, 0.02, 0.1))) as world:
-        plant = UnicyclePlant(scene, before_port(scene, SE2(-0.3, 0.02, 0.1)), world)
+        plant = KinematicPlant(scene, before_port(scene, SE2(-0.3, 0.02, 0.1)), world)
         plant.command("a", Twist(0.2, 0.3))
         for _ in range(60):
             plant.step()
@@ -149,7 +149,7 @@ def test_a_locked_unicycle_follows_the_unit_it_is_locked_to(bench):
 def test_the_capture_of_an_ideal_port_is_what_it_is_told(two_units, before_port):
     scene = two_units()
     for capture, seats in ((Capture(0.02, 0.1, 0.001), True), (Capture(0.01, 0.1, 0.001), False)):
-        plant = UnicyclePlant(scene, before_port(scene, SE2(-0.03, 0.015, 0.0)), capture=capture)
+        plant = KinematicPlant(scene, before_port(scene, SE2(-0.03, 0.015, 0.0)), capture=capture)
         plant.begin_dock(scene.plan[0])
         plant.command("a", Twist(0.1, 0.0))
         for _ in range(240):

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.raster.kernels.compiled import inlined, kernel
-from msrr_bullet.render.raster.kernels.records import Array, Ground, GroundView, Pixels, Scratch, Texels, View
+from msrr_bullet.render.raster.kernels.records import Ground, GroundView, Pixels, Scratch, Texels, View
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 
 #: Blends per level of the pyramid.

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.render.raster.kernels.compiled import inlined, kernel
-from msrr_bullet.render.raster.kernels.records import Array, Indices
+from msrr_bullet.render.raster.kernels.records import Indices
+from msrr_scenes.arrays import Array
 
 
 @kernel

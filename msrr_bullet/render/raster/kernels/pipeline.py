@@ -6,7 +6,6 @@ from msrr_bullet.render.raster.kernels.compiled import inlined, kernel
 from msrr_bullet.render.raster.kernels.ground import view_ground
 from msrr_bullet.render.raster.kernels.projection import project
 from msrr_bullet.render.raster.kernels.records import (
-    Array,
     Geometry,
     Ground,
     Light,
@@ -19,6 +18,7 @@ from msrr_bullet.render.raster.kernels.records import (
 from msrr_bullet.render.raster.kernels.resolve import clear_samples, cover_samples, shade_open
 from msrr_bullet.render.raster.kernels.settle import settle
 from msrr_bullet.render.raster.kernels.visibility import clear, cover_corners
+from msrr_scenes.arrays import Array
 
 #: Rows of a window that are worked on at a time, so that what is written stays in the processor's cache.
 BAND = 64

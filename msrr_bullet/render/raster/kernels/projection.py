@@ -18,16 +18,8 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_bullet.render.raster.kernels.compiled import inlined, kernel
-from msrr_bullet.render.raster.kernels.records import (
-    SMOOTH,
-    TEXTURED,
-    Array,
-    Faces,
-    Geometry,
-    Indices,
-    Light,
-    View,
-)
+from msrr_bullet.render.raster.kernels.records import SMOOTH, TEXTURED, Faces, Geometry, Indices, Light, View
+from msrr_scenes.arrays import Array
 
 
 @inlined

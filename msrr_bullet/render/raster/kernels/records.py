@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from msrr_scenes.arrays import Array
+
 Short = NDArray[np.float32]
 Indices = NDArray[np.int64]
 Identities = NDArray[np.int32]

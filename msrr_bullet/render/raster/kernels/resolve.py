@@ -22,7 +22,6 @@ from msrr_bullet.render.raster.kernels.records import (
     SMOOTH,
     TEXTURED,
     WALL,
-    Array,
     Faces,
     Ground,
     GroundView,
@@ -35,6 +34,7 @@ from msrr_bullet.render.raster.kernels.records import (
 )
 from msrr_bullet.render.raster.kernels.settle import mean_of_cells, quantised
 from msrr_bullet.render.raster.kernels.visibility import cell_at
+from msrr_scenes.arrays import Array
 
 #: Identities count up from here, so that in a key they are not negative.
 _LEAST = WALL

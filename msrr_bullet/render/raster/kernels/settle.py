@@ -14,7 +14,6 @@ from msrr_bullet.render.raster.kernels.records import (
     REGION_BITS,
     SMOOTH,
     TEXTURED,
-    Array,
     Corners,
     Faces,
     Ground,
@@ -29,6 +28,7 @@ from msrr_bullet.render.raster.kernels.records import (
     View,
 )
 from msrr_bullet.render.raster.kernels.visibility import cell_at
+from msrr_scenes.arrays import Array
 
 _REGION_MASK = (1 << REGION_BITS) - 1
 

@@ -23,7 +23,6 @@ from msrr_bullet.render.raster.kernels.records import (
     FLOOR,
     REGION_BITS,
     WALL,
-    Array,
     Corners,
     Faces,
     Identities,
@@ -31,6 +30,7 @@ from msrr_bullet.render.raster.kernels.records import (
     Short,
     View,
 )
+from msrr_scenes.arrays import Array
 
 
 @inlined

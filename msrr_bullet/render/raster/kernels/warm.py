@@ -10,7 +10,7 @@ import numpy as np
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.raster.kernels.compiled import compiler
 from msrr_bullet.render.raster.kernels.ground import ground_of
-from msrr_bullet.render.raster.look import Look
+from msrr_bullet.render.raster.look import VisualShape
 from msrr_bullet.render.raster.mesh import box
 from msrr_bullet.render.raster.picture_maker import PictureMaker
 from msrr_scenes.geometry.pinhole import PinholeCamera
@@ -33,7 +33,7 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
             f"{compiler.folder}"
         )
     plain = Floor((np.zeros((1, 1), dtype=np.float32),), period=1.0, wall=0.0)
-    maker = PictureMaker([Look(0, SE3(), box(np.ones(3)), grey=1.0)], movers=1)
+    maker = PictureMaker([VisualShape(0, SE3(), box(np.ones(3)), grey=1.0)], movers=1)
     camera = PinholeCamera(8, 8, 8.0)
     pose = np.array([[0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0]])
     maker.picture(camera, SE3(), camera.frame, pose, ground_of(plain))
