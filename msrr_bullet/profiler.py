@@ -1,6 +1,6 @@
-"""Where a trial's wall-clock time goes, by named stage.
+"""The wall-clock time of a trial by named stage.
 
-The figures go to the bench and nowhere else: nothing in a trial may depend on them.
+Only the bench reads the figures. Nothing in a trial may depend on them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Protocol
 
 
 class Profiler(Protocol):
-    """Hands out the context manager that times a stage: ``with clock("physics"): ...``."""
+    """A source of context managers that measure the time of a stage: ``with profiler("physics"): ...``."""
 
     def __call__(self, stage: str) -> AbstractContextManager[object]:
         """Return the context manager of ``stage``."""
@@ -75,23 +75,23 @@ class StageProfiler:
 class _Stage:
     """Context manager of one stage; entered any number of times."""
 
-    __slots__ = ("_clock", "spent_ns")
+    __slots__ = ("_profiler", "spent_ns")
 
-    def __init__(self, clock: StageProfiler) -> None:
-        self._clock = clock
+    def __init__(self, profiler: StageProfiler) -> None:
+        self._profiler = profiler
         self.spent_ns = 0
 
     def __enter__(self) -> None:
-        self._clock._enter(self)
+        self._profiler._enter(self)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._clock._exit()
+        self._profiler._exit()
 
 
 class NullProfiler:
-    """A clock that times nothing: what a trial carries unless somebody wants to know."""
+    """A profiler that measures nothing, the default of a trial."""
 
     def __call__(self, stage: str) -> NullProfiler:
         """Return a context manager that does nothing."""

@@ -14,8 +14,8 @@ from msrr_bullet.profiler import Profiler
 from msrr_bullet.timeline.camera_views import docking_views
 from msrr_bullet.timeline.log_snapshots import snapshots
 from msrr_bullet.timeline.snapshot import Viewer
-from msrr_bullet.trial.progress import Progress
 from msrr_bullet.trial.result import TrialResult, package_versions
+from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.scene import Scene
@@ -36,7 +36,7 @@ def run_trial(
     out: Path | None = None,
     viewer: Viewer | None = None,
     observer: Callable[[Progress], None] | None = None,
-    clock: Profiler | None = None,
+    profiler: Profiler | None = None,
 ) -> TrialResult:
     """Run one trial.
 
@@ -45,9 +45,9 @@ def run_trial(
         seed: Together with the scene and the installed versions it determines every bit of the log.
         out: Run folder to leave ``trial.mcap``, ``result.json``, ``replay.html`` and ``picture.png`` in; None
             keeps nothing but the returned result. What is there already is overwritten.
-        viewer: Shown the trial while it runs, such as a :class:`msrr_bullet.viewer.live.LiveViewer`.
-        observer: Told the progress at every control instant.
-        clock: Told which stage of the loop is running.
+        viewer: Gets a snapshot at every control instant; :class:`~msrr_bullet.viewer.live.LiveViewer` is one.
+        observer: Called with the progress at every control instant.
+        profiler: Measures the time of each stage of the loop.
 
     Returns:
         The verdict. A docking that fails is a result, not an error.
@@ -61,7 +61,7 @@ def run_trial(
             _make(out)
             header = LogHeader.of(scene, seed, package_versions())
             recorder = stack.enter_context(McapRecorder(out / LOG_NAME, header))
-        trial = Trial(scene, seed, recorder=recorder, viewer=viewer, observer=observer, clock=clock)
+        trial = Trial(scene, seed, recorder=recorder, viewer=viewer, observer=observer, profiler=profiler)
         result = trial.run()
     if out is not None:
         _derive(out, result)

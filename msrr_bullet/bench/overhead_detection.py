@@ -92,8 +92,8 @@ def _views(
     for number in range(arrangements):
         placement = _placement(scene, rng)
         with tempfile.TemporaryDirectory(prefix="msrr-") as folder:
-            dressing = TagVisuals(scene, Path(folder))
-            with BulletWorld(scene, placement, dressing=dressing) as world:
+            tags = TagVisuals(scene, Path(folder))
+            with BulletWorld(scene, placement, tags=tags) as world:
                 renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
                 camera = Camera(OVERHEAD, spec, renderer, lambda: model.X_WC, seed + number)
                 yield from _drive(scene, world, camera, model, placement, exposures, rng)

@@ -56,6 +56,6 @@ def facing_units(X_DU: SE2) -> Iterator[tuple[Scene, BulletWorld]]:
     X_WD = scene.units["b"].pose.nominal @ scene.geometry("b").dock_frame("rear")
     placement = Placement({"b": scene.units["b"].pose.nominal, "a": X_WD @ X_DU}, {})
     with tempfile.TemporaryDirectory(prefix="msrr-") as folder:
-        dressing = TagVisuals(scene, Path(folder))
-        with BulletWorld(scene, placement, dressing=dressing) as world:
+        tags = TagVisuals(scene, Path(folder))
+        with BulletWorld(scene, placement, tags=tags) as world:
             yield scene, world

@@ -175,7 +175,7 @@ def bench_table(report: BenchReport) -> Table:
 
 def _timed(scene: Scene, seed: int) -> _Timing:
     clock = StageProfiler()
-    result = run_trial(scene, seed, clock=clock)
+    result = run_trial(scene, seed, profiler=clock)
     if result.duration_s <= 0.0:
         raise BenchError(f"{scene.name}, seed {seed}: ended at once, {result.outcome.value}")
     per_s = 1e-6 / result.duration_s

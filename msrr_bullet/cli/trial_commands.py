@@ -44,7 +44,7 @@ def dock(
     loaded = load_scene(scene, parse_overrides(overrides))
     folder = out if out is not None else Path("runs") / f"{loaded.name}-{seed}-{scene_hash(loaded)[:6]}"
     from msrr_bullet.pybullet_client import load_simulator
-    from msrr_bullet.trial.progress import Progress
+    from msrr_bullet.trial.telemetry import Progress
 
     load_simulator()
     from msrr_bullet.render.prepare import prepare_renderers

@@ -9,40 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
-from msrr_bullet.collision.convex_distance import ROUNDING, PartPair, PlacedPart, Point
+from msrr_bullet.collision.clearance import Clearance, Pair
+from msrr_bullet.collision.convex_distance import ROUNDING, PartPair, PlacedPart
 from msrr_bullet.collision.footprint import Part, obstacle_parts, unit_parts
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.specs.scene import Scene
-
-Pair = frozenset[str]
-
-
-@dataclass(frozen=True, slots=True)
-class Clearance:
-    """The distance between two bodies.
-
-    Attributes:
-        distance: [m]; 0 or less where they touch: minus the way that would part the deepest pair of parts.
-        body_a: Name of one body.
-        body_b: Name of the other.
-        point_a: The nearest point of ``body_a`` in W [m]; in an overlap, its deepest one.
-        point_b: The nearest point of ``body_b`` in W [m].
-    """
-
-    distance: float
-    body_a: str
-    body_b: str
-    point_a: Point
-    point_b: Point
-
-    @property
-    def pair(self) -> Pair:
-        """The two names, in no order."""
-        return frozenset((self.body_a, self.body_b))
 
 
 class _Body:

@@ -20,11 +20,10 @@ from typing import NamedTuple
 import fcl
 import numpy as np
 
+from msrr_bullet.collision.clearance import Point
 from msrr_bullet.collision.footprint import Part
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-
-Point = tuple[float, float]
 
 #: Half the height of every spindle [m]. Any value serves: the distance does not depend on it.
 SPINDLE_HEIGHT = 1.0

@@ -15,7 +15,7 @@ from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Exposure, Pixels
 
 if TYPE_CHECKING:
-    from msrr_bullet.collision import clearance_model as clearance
+    from msrr_bullet.collision import clearance
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,11 +7,12 @@ that it does.
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from msrr_bullet.plant.kinematic_port import Capture, KinematicPort
 from msrr_bullet.plant.limited_drive import LimitedDrive, wheel_speeds
 from msrr_bullet.plant.lock_actuator import PullResult
 from msrr_bullet.plant.plant import NoDockError, tick_ns
-from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import MsrrError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -21,6 +22,22 @@ from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 
+class Scenery(Protocol):
+    """The bodies that cameras see, such as a PyBullet world that is never stepped."""
+
+    def place(self, name: str, X_WU: SE2, wheels: tuple[float, float]) -> None:
+        """Put a unit on the floor at ``X_WU`` with these wheel angles (left, right) [rad]."""
+        ...
+
+    def reveal(self, now_s: float) -> None:
+        """Put up the obstacles that have appeared by ``now_s`` [s]."""
+        ...
+
+    def close(self) -> None:
+        """Give back what the bodies own; a second call does nothing."""
+        ...
+
+
 class KinematicPlant:
     """A plant of ideal unicycles behind the drive limits of Zheng et al., eq. 3."""
 
@@ -28,7 +45,7 @@ class KinematicPlant:
         self,
         scene: Scene,
         placement: Placement,
-        world: BulletWorld | None = None,
+        world: Scenery | None = None,
         *,
         capture: Capture | None = None,
     ) -> None:
@@ -37,7 +54,7 @@ class KinematicPlant:
         Args:
             scene: A checked scene.
             placement: Where the units stand at the start.
-            world: A world whose bodies follow the units, for the cameras to see; it is never stepped.
+            world: Bodies that follow the units, for the cameras to see; None when no camera looks.
             capture: The idealised funnel; None takes that of the shipped unit.
         """
         self.tick = 0

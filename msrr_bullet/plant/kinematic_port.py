@@ -8,13 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from msrr_bullet.plant.lock_actuator import CAM_REACH, PULL_SLACK, SWITCH_TRAVEL, LockActuator, PullResult
-from msrr_bullet.simulation.port_plug import PLUG_LENGTH
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.messages import LockPosition
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.vehicle import LockSpec
+
+#: How far a plug reaches up from the bottom of the hole [m]: well over what a switch or the cam forgives.
+PLUG_LENGTH = 0.010
 
 #: What counts as being at the mouth [m]: far more than rounding, far less than a tick's motion.
 _ROUNDING = 1e-9

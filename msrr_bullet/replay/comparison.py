@@ -12,7 +12,7 @@ from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_of
 from msrr_bullet.log.reader import Log, LogRecord
 from msrr_bullet.log.records import CameraWindow, StepStart
-from msrr_bullet.replay.recorded_robot import Robot
+from msrr_bullet.robot.interface import Robot
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import (

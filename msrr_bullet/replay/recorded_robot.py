@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
 
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
 from msrr_bullet.log.records import StepStart
+from msrr_bullet.robot.interface import Robot
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import (
     Action,
@@ -24,66 +25,27 @@ from msrr_scenes.messages import (
 )
 
 
-class Robot(Protocol):
-    """What a trial and a replay see of :class:`msrr_bullet.robot.autonomy.Autonomy`."""
-
-    def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
-        """Look at an exposure through ``fetch``."""
-        ...
-
-    def receive(self, message: SensorMessage) -> None:
-        """Take in a message that has arrived."""
-        ...
-
-    def step(self, now_ns: int) -> Action:
-        """Decide."""
-        ...
-
-    @property
-    def estimate(self) -> PoseEstimate | None:
-        """Belief on which the last decision was taken."""
-        ...
-
-    @property
-    def los(self) -> LosObservation | None:
-        """Line of sight on which the last decision was taken."""
-        ...
-
-    @property
-    def belief(self) -> Belief:
-        """Verdict on the step as of the last decision."""
-        ...
-
-    @property
-    def situation(self) -> ArenaEstimate | None:
-        """What global localisation knew when the last decision was taken."""
-        ...
-
-    @property
-    def assembly(self) -> AssemblyProgress | None:
-        """What the long-distance phase did; None when it is not at work."""
-        ...
-
-    @property
-    def path(self) -> AssemblyPath | None:
-        """The path that the long-distance phase follows."""
-        ...
-
-    def wants(self, camera: str) -> bool:
-        """Say whether the robot has a use for the frames of ``camera`` now."""
-        ...
-
-
 class RecordedRobot:
-    """A robot whose every input and output goes to the log; apart from that, the same robot."""
+    """A robot all of whose inputs and outputs are recorded."""
 
-    def __init__(self, robot: Robot, unit: str, recorder: Recorder, index: int, start_ns: int) -> None:
-        """Tap ``robot``, which docks ``unit`` in step ``index`` of the plan, from ``start_ns`` on."""
+    def __init__(
+        self, robot: Robot, unit: str, recorder: Recorder, index: int, now_ns: Callable[[], int]
+    ) -> None:
+        """Record the beginning of a step of the plan, and from now on everything that the robot does.
+
+        Args:
+            robot: The robot.
+            unit: The unit that docks.
+            recorder: Gets the messages.
+            index: Index of the step in the plan.
+            now_ns: Returns the simulated time, at which messages arrive.
+        """
         self._robot = robot
         self._unit = unit
         self._recorder = recorder
+        self._now_ns = now_ns
         self._path: AssemblyPath | None = None
-        recorder.write(topics.STEPS, start_ns, StepStart(start_ns, index, unit))
+        recorder.write(topics.STEPS, now_ns(), StepStart(now_ns(), index, unit))
 
     @property
     def estimate(self) -> PoseEstimate | None:
@@ -130,9 +92,9 @@ class RecordedRobot:
 
         return self._robot.expose(exposure, recorded)
 
-    def receive(self, now_ns: int, message: SensorMessage) -> None:
+    def receive(self, message: SensorMessage) -> None:
         """Record a message as it arrives."""
-        self._recorder.write(topics.sensor(self._unit, message), now_ns, message)
+        self._recorder.write(topics.sensor(self._unit, message), self._now_ns(), message)
         self._robot.receive(message)
 
     def step(self, now_ns: int) -> Action:

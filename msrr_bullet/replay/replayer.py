@@ -20,7 +20,7 @@ from types import ModuleType
 
 from msrr_bullet.log.reader import read_log
 from msrr_bullet.replay.comparison import Comparison, ReplayError, ReplayReport, RobotFactory
-from msrr_bullet.replay.recorded_robot import Robot
+from msrr_bullet.robot.interface import Robot
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene

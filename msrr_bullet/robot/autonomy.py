@@ -72,13 +72,13 @@ class Autonomy:
     looks at where the scene puts anybody.
     """
 
-    def __init__(self, scene: Scene, step: DockStep, clock: Profiler | None = None) -> None:
+    def __init__(self, scene: Scene, step: DockStep, profiler: Profiler | None = None) -> None:
         """Set up the robot for one step.
 
         Args:
             scene: What its makers know.
             step: What it is to do.
-            clock: Is told when the guard is at work; nothing else comes of it.
+            profiler: Measures the time of the collision monitor.
 
         Raises:
             UnknownNameError: Detector, estimator or controller that nobody answers to.
@@ -105,7 +105,7 @@ class Autonomy:
         controller = build_controller(scene.control.docking, setup)
         self._phases = PhaseMachine(scene.docking, setup, controller, self._assembler)
         self._guard = CollisionMonitor(scene, step) if self._above else None
-        self._clock = clock or NullProfiler()
+        self._profiler = profiler or NullProfiler()
         self._onboard = target.camera_name
         self._wheel_radius, self._track = target.wheel_radius, target.track
         self._readings: tuple[WheelOdometry, WheelOdometry] | None = None
@@ -207,14 +207,14 @@ class Autonomy:
                 part.reset()
         if self._above is not None and action.phase is Phase.RETREAT and before is not Phase.RETREAT:
             self._above.search_next()  # something may have come up behind the unit since the last look
-        return self._guarded(action)
+        return self._limit_by_clearance(action)
 
-    def _guarded(self, action: Action) -> Action:
+    def _limit_by_clearance(self, action: Action) -> Action:
         """Let the clearance guard have the last word on the command."""
         if self._guard is None:
             return action
         docking = action.phase not in _GLOBAL
-        with self._clock("guard"):
+        with self._profiler("guard"):
             decision = self._guard.limit(action.twist, self.situation, action.stamp_ns, docking)
         return action if decision.twist is action.twist else replace(action, twist=decision.twist)
 

@@ -10,7 +10,8 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
-from msrr_bullet.collision.clearance_model import Clearance, ClearanceModel
+from msrr_bullet.collision.clearance import Clearance
+from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.robot.stopping_trajectory import StoppingTrajectory, Surroundings
 from msrr_scenes.messages import ArenaEstimate, Twist
 from msrr_scenes.specs.plan import DockStep

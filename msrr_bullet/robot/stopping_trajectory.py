@@ -6,7 +6,8 @@ import math
 from collections import deque
 from collections.abc import Iterator, Mapping
 
-from msrr_bullet.collision.clearance_model import Clearance, ClearanceModel
+from msrr_bullet.collision.clearance import Clearance
+from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_control.kinematics.drive_limits import follower, nested_limit
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle

@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from msrr_bullet.render.renderer import Renderer
+from msrr_bullet.sensors.frame_dropout import FrameDropout
 from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import Exposure, Pixels, seconds
+from msrr_scenes.messages import Exposure, Pixels
 from msrr_scenes.random_streams import stream, stream_key
-from msrr_scenes.specs.faults import CameraBlackout, Fault
+from msrr_scenes.specs.faults import Fault
 from msrr_scenes.specs.sensors import CameraSpec
 
 
@@ -65,11 +66,11 @@ class Camera:
 
         Args:
             name: ``overhead`` or ``<unit>/onboard``.
-            spec: Optics, noise, blur, dropout.
-            renderer: Gives the noise-free pixels.
-            pose: Gives the true ``X_WC`` at the instant of exposure.
-            seed: The trial's seed; noise and dropout have streams of their own.
-            faults: The scene's faults; blackouts of this camera are obeyed.
+            spec: Optics, noise, blur and dropout of the camera.
+            renderer: Renders the noise-free pixels.
+            pose: Returns the true ``X_WC`` at the instant of exposure.
+            seed: Seed of the trial; noise and dropout have streams of their own.
+            faults: Faults of the scene; blackouts of other cameras are ignored.
         """
         self.name = name
         self.spec = spec
@@ -79,8 +80,8 @@ class Camera:
         self._pose = pose
         key = stream_key(seed, f"camera/{name}/noise")
         self._sensor = ImageNoise(key, spec.blur_px, spec.noise_grey, spec.shot_grey)
-        self._dropout = stream(seed, f"camera/{name}/dropout")
-        self._blackouts = [f for f in faults if isinstance(f, CameraBlackout) and f.camera == name]
+        rng = stream(seed, f"camera/{name}/dropout")
+        self._dropout = FrameDropout(name, spec.dropout, rng, faults)
         self._exposure: Exposure | None = None
         self._X_WC = SE3()
         self._read_out: list[tuple[Window, Pixels]] = []
@@ -88,15 +89,12 @@ class Camera:
     def expose(self, stamp_ns: int) -> Exposure | None:
         """Take the frame that is due at ``stamp_ns``; None when it is lost on its way to the computer.
 
-        Lost frames are counted too, so that a frame's number does not depend on the fate of those before it.
+        Lost frames are numbered too, so that the number of a frame does not depend on earlier losses.
         """
-        frame = self.stats.exposures
+        frame, lost = self._dropout.next_frame(stamp_ns)
         self.stats.exposures += 1
         self._read_out = []
-        # Drawn for every frame, so that a blackout leaves later frames' luck as it was.
-        dropped = self._dropout.random() < self.spec.dropout
-        dark = any(f.from_s <= seconds(stamp_ns) < f.to_s for f in self._blackouts)
-        if dropped or dark:
+        if lost:
             self.stats.lost += 1
             self._exposure = None
             return None

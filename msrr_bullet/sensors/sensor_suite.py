@@ -1,17 +1,18 @@
-"""The docking unit's hardware as simulated: its sensors with their rates, latencies and faults.
+"""The sensors of a docking unit with their rates, latencies and faults.
 
-Together with the eyes this is the one place where truth is turned into what a robot may know.
+Sensors, encoders and switches are the only places where truth turns into what a robot may know.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
+from msrr_bullet.plant.plant import Plant
 from msrr_bullet.profiler import Profiler
-from msrr_bullet.sensors.camera_sensors import CameraSensor, Reader
+from msrr_bullet.robot.interface import Robot
+from msrr_bullet.sensors.camera_sensors import CameraSensor
 from msrr_bullet.sensors.schedule import Delayed, Periodic, duration_ns
-from msrr_bullet.trial.environment import Stage
+from msrr_bullet.sensors.wheel_encoders import WheelEncoders
 from msrr_scenes.messages import (
     Detections,
     LockFeedback,
@@ -22,87 +23,96 @@ from msrr_scenes.messages import (
 )
 from msrr_scenes.specs.faults import SeatSwitchStuck
 from msrr_scenes.specs.plan import DockStep
-
-
-class Observer(Reader, Protocol):
-    """The robot, as far as its sensors are concerned."""
-
-    def wants(self, camera: str) -> bool:
-        """Say whether the robot has a use for the frames of ``camera`` now."""
-        ...
-
-    def receive(self, now_ns: int, message: SensorMessage) -> None:
-        """Take in a message that has arrived."""
-        ...
+from msrr_scenes.specs.scene import Scene
 
 
 class _MountedCamera:
-    """An eye with its clockwork: when it looks, and how long what it saw is under way."""
+    """A camera together with its frame timer and its latency queue."""
 
-    def __init__(self, eye: CameraSensor, now_ns: int) -> None:
-        self.eye = eye
-        self._frames = Periodic(eye.spec.rate_hz, now_ns)
-        self._latency_ns = duration_ns(eye.spec.latency_ms * 1e-3)
-        self._under_way: Delayed[SensorMessage] = Delayed()
+    def __init__(self, sensor: CameraSensor, now_ns: int) -> None:
+        self.sensor = sensor
+        self._frames = Periodic(sensor.spec.rate_hz, now_ns)
+        self._latency_ns = duration_ns(sensor.spec.latency_ms * 1e-3)
+        self._queue: Delayed[SensorMessage] = Delayed()
 
-    def tick(self, now_ns: int, robot: Observer) -> list[SensorMessage]:
-        """Look if a frame is due that somebody wants; return what has arrived."""
-        if self._frames.due(now_ns) and robot.wants(self.eye.name):
-            for message in self.eye.look(now_ns, robot):
-                self._under_way.send(now_ns + self._latency_ns, message)
-        return self._under_way.arrived(now_ns)
+    def tick(self, now_ns: int, robot: Robot) -> list[SensorMessage]:
+        """Capture a frame if one is due and the robot wants it; return the messages that have arrived."""
+        if self._frames.due(now_ns) and robot.wants(self.sensor.name):
+            for message in self.sensor.capture(now_ns, robot):
+                self._queue.send(now_ns + self._latency_ns, message)
+        return self._queue.arrived(now_ns)
 
 
 class SensorSuite:
-    """All sensors of one docking unit."""
+    """All sensors of one docking unit.
 
-    def __init__(self, stage: Stage, step: DockStep, eyes: Sequence[CameraSensor], clock: Profiler) -> None:
-        """Wire up the sensors of ``step.unit``; all of them start now."""
-        now_ns = stage.plant.now_ns()
+    Attributes:
+        ever_detected: Whether any measurement of the target has arrived.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        step: DockStep,
+        plant: Plant,
+        encoders: WheelEncoders,
+        cameras: Sequence[CameraSensor],
+        profiler: Profiler,
+    ) -> None:
+        """Start all sensors of ``step.unit`` now.
+
+        Args:
+            scene: Rates, faults and the tags of the target.
+            step: The step of the plan.
+            plant: Source of the true wheel angles, switches and lock positions.
+            encoders: Wheel encoders of the unit.
+            cameras: Cameras that the unit may read.
+            profiler: Measures the time of the odometry and of perception.
+        """
+        now_ns = plant.now_ns()
         self._unit = step.unit
-        self._plant = stage.plant
-        self._eyes = [_MountedCamera(eye, now_ns) for eye in eyes]
+        self._plant = plant
+        self._encoders = encoders
+        self._encoder_timer = Periodic(scene.odometry.rate_hz, now_ns)
+        self._cameras = [_MountedCamera(camera, now_ns) for camera in cameras]
         self._onboard = f"{step.unit}/onboard"
-        self._targets_tags = frozenset(stage.scene.tag_ids(step.target_unit).values())
-        self._encoders = stage.encoders[step.unit]
-        self._clock = clock
-        self._stuck: bool | None = None
-        for fault in stage.scene.faults:
+        self._target_tags = frozenset(scene.tag_ids(step.target_unit).values())
+        self._profiler = profiler
+        self._stuck_at: bool | None = None
+        for fault in scene.faults:
             if isinstance(fault, SeatSwitchStuck) and fault.unit == step.target_unit:
-                self._stuck = fault.value == "closed"
-        self._readings = Periodic(stage.scene.odometry.rate_hz, now_ns)
-        self._seat: tuple[bool, bool] | None = None
-        self._cam: LockPosition | None = None
+                self._stuck_at = fault.value == "closed"
+        self._last_switches: tuple[bool, bool] | None = None
+        self._last_lock_position: LockPosition | None = None
         self.ever_detected = False
 
-    def tick(self, now_ns: int, robot: Observer) -> None:
-        """Take what is due at this tick and hand over what has arrived."""
-        if self._readings.due(now_ns):
-            with self._clock("odometry"):
-                reading = self._encoders.read(self._plant.wheel_angles(self._unit), now_ns)
-                robot.receive(now_ns, reading)
-            # Switches and cam speak when they change; asked as often as the encoders.
+    def tick(self, now_ns: int, robot: Robot) -> None:
+        """Measure what is due at this tick and hand over what has arrived."""
+        if self._encoder_timer.due(now_ns):
+            with self._profiler("odometry"):
+                robot.receive(self._encoders.read(self._plant.wheel_angles(self._unit), now_ns))
+            # Switches and lock report changes only; they are polled as often as the encoders.
             self._report_mechanism(now_ns, robot)
-        for mounted in self._eyes:
-            for message in mounted.tick(now_ns, robot):
+        for camera in self._cameras:
+            for message in camera.tick(now_ns, robot):
                 self.ever_detected |= self._shows_target(message)
-                with self._clock("perception"):
-                    robot.receive(now_ns, message)
+                with self._profiler("perception"):
+                    robot.receive(message)
 
     def _shows_target(self, message: SensorMessage) -> bool:
         if isinstance(message, Detections):
-            seen = {tag.tag_id for tag in message.tags}
-            return message.exposure.camera == self._onboard and not self._targets_tags.isdisjoint(seen)
+            detected = {tag.tag_id for tag in message.tags}
+            return message.exposure.camera == self._onboard and not self._target_tags.isdisjoint(detected)
         return isinstance(message, PoseMeasurement)
 
-    def _report_mechanism(self, now_ns: int, robot: Observer) -> None:
-        seat = self._plant.switches(self._unit)
-        if self._stuck is not None:
-            seat = (self._stuck, self._stuck)
-        if seat != self._seat:
-            self._seat = seat
-            robot.receive(now_ns, SeatSwitches(self._unit, now_ns, *seat))
-        cam = self._plant.lock_position(self._unit)
-        if cam is not self._cam:
-            self._cam = cam
-            robot.receive(now_ns, LockFeedback(self._unit, now_ns, cam))
+    def _report_mechanism(self, now_ns: int, robot: Robot) -> None:
+        switches = self._plant.switches(self._unit)
+        if self._stuck_at is not None:
+            switches = (self._stuck_at, self._stuck_at)
+        if switches != self._last_switches:
+            self._last_switches = switches
+            robot.receive(SeatSwitches(self._unit, now_ns, *switches))
+        position = self._plant.lock_position(self._unit)
+        if position is not self._last_lock_position:
+            self._last_lock_position = position
+            robot.receive(LockFeedback(self._unit, now_ns, position))

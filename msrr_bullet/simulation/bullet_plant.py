@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from msrr_bullet.plant.limited_drive import LimitedDrive, WheelMotors
+from msrr_bullet.plant.limited_drive import LimitedDrive
 from msrr_bullet.plant.lock_actuator import PullResult
 from msrr_bullet.plant.plant import NoDockError, tick_ns
 from msrr_bullet.simulation.pin_lock import PinLock
-from msrr_bullet.simulation.port_plug import Plug
+from msrr_bullet.simulation.port_plug import PortPlug
+from msrr_bullet.simulation.wheel_motors import WheelMotors
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
@@ -31,7 +32,7 @@ class BulletPlant:
         }
         self._locks: dict[str, PinLock] = {}
         self._parting: list[PinLock] = []
-        self._plugs: dict[tuple[str, str], Plug] = {}
+        self._plugs: dict[tuple[str, str], PortPlug] = {}
 
     def now_ns(self) -> int:
         """Return the time of the present tick."""
@@ -118,7 +119,7 @@ class BulletPlant:
         """Stop up the holes of a passive port, or clear them."""
         key = (unit, port)
         if present and key not in self._plugs:
-            self._plugs[key] = Plug(self.world, unit, port)
+            self._plugs[key] = PortPlug(self.world, unit, port)
         elif not present and key in self._plugs:
             self._plugs.pop(key).remove()
 

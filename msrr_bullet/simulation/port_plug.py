@@ -1,24 +1,23 @@
-"""Something that sits in a port's holes and keeps the pins out (the fault ``port_plugged``)."""
+"""Bodies in the holes of a port that keep the pins out (the fault ``port_plugged``)."""
 
 from __future__ import annotations
 
 import numpy as np
 import pybullet
 
+from msrr_bullet.plant.kinematic_port import PLUG_LENGTH
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
 
-#: How far a plug reaches up from the bottom of the hole [m]: well over what a switch or the cam forgives.
-PLUG_LENGTH = 0.010
 PLUG_RGBA = (0.2, 0.2, 0.2, 1.0)
 
 
-class Plug:
+class PortPlug:
     """Two small fixed bodies at the bottom of the holes of one passive port."""
 
     def __init__(self, world: BulletWorld, unit: str, port: str) -> None:
-        """Stop up the holes where the unit stands now; the unit itself does not feel its plug."""
+        """Put the bodies where the unit stands now; the unit itself does not collide with them."""
         self._client = world.client
         owner = world.unit(unit)
         holes = [s for s in owner.geometry.solids if s.link.startswith(f"port_{port}_hole_")]
@@ -48,6 +47,6 @@ class Plug:
             self.bodies.append(body)
 
     def remove(self) -> None:
-        """Clear the holes."""
+        """Remove the bodies."""
         while self.bodies:
             pybullet.removeBody(self.bodies.pop(), physicsClientId=self._client)

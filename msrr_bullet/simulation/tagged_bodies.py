@@ -1,4 +1,4 @@
-"""Dresses a scene's units and obstacles in their tags, in a folder of the trial's own."""
+"""The tags on the units and obstacles of a scene, as visual shapes in a folder that belongs to the trial."""
 
 from __future__ import annotations
 
@@ -27,10 +27,13 @@ def obstacle_tag_pose(height_m: float) -> SE3:
 
 
 class TagVisuals:
-    """A :class:`msrr_bullet.simulation.dressing.Dressing`; ``folder`` has to outlive the world."""
+    """Adds tags to the visual shapes of units and obstacles.
+
+    The folder holds the meshes and textures; it has to exist for as long as the world.
+    """
 
     def __init__(self, scene: Scene, folder: Path) -> None:
-        """Take the tags of ``scene``; units with the fault ``marker_hidden`` get blank plates."""
+        """Use the tags of ``scene``; units with the fault ``marker_hidden`` get blank plates."""
         self._scene = scene
         self._folder = folder
         self._hidden = {f.unit for f in scene.faults if isinstance(f, MarkerHidden)}
@@ -39,12 +42,12 @@ class TagVisuals:
         """Return a copy of the unit's URDF that carries quads for its tags."""
         return build_unit_urdf(self._scene, unit, self._folder, self._hidden)
 
-    def dress_unit(self, client: int, body: int, unit: str) -> None:
+    def add_to_unit(self, client: int, body: int, unit: str) -> None:
         """Put the textures on the quads of a body loaded from :meth:`unit_urdf`."""
         apply_textures(client, body, self._scene, unit, self._folder)
 
-    def dress_obstacle(self, client: int, obstacle: str, X_WO: SE2) -> None:
-        """Lay the obstacle's tag on its lid."""
+    def add_to_obstacle(self, client: int, obstacle: str, X_WO: SE2) -> None:
+        """Lay the tag of an obstacle that stands at ``X_WO`` on its lid."""
         spec = self._scene.obstacles[obstacle]
         if spec.tag_id is not None:
             X_WT = SE3.from_se2(X_WO) @ obstacle_tag_pose(spec.height_m)

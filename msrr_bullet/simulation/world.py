@@ -14,7 +14,7 @@ from types import TracebackType
 import numpy as np
 import pybullet
 
-from msrr_bullet.simulation.dressing import Dressing
+from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody, load_unit
 from msrr_scenes.errors import MsrrError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
@@ -47,17 +47,17 @@ class BulletWorld:
         obstacles: Body id of every obstacle that stands in the world at this time, by name.
     """
 
-    def __init__(self, scene: Scene, placement: Placement, *, dressing: Dressing | None = None) -> None:
+    def __init__(self, scene: Scene, placement: Placement, *, tags: TagVisuals | None = None) -> None:
         """Build the world.
 
         Args:
             scene: A checked scene.
             placement: Where units and obstacles stand at the start.
-            dressing: Puts tags on units and obstacles; None leaves the plates blank.
+            tags: Adds the tags of units and obstacles to their visual shapes; None leaves the plates blank.
         """
         self.scene = scene
         self._placement = placement
-        self._dressing = dressing
+        self._tags = tags
         self.units: dict[str, UnitBody] = {}
         self.obstacles: dict[str, int] = {}
         self._planar: dict[str, SE2] = {}
@@ -218,11 +218,11 @@ class BulletWorld:
         return floor
 
     def _add_unit(self, name: str, X_WU: SE2) -> None:
-        copy = self._dressing.unit_urdf(name) if self._dressing else None
+        copy = self._tags.unit_urdf(name) if self._tags else None
         unit = self.units[name] = load_unit(self.client, self.scene.geometry(name), copy)
         self.place(name, X_WU, (0.0, 0.0))
-        if self._dressing:
-            self._dressing.dress_unit(self.client, unit.body, name)
+        if self._tags:
+            self._tags.add_to_unit(self.client, unit.body, name)
 
     def _add_obstacle(self, name: str) -> int:
         spec = self.scene.obstacles[name]
@@ -253,6 +253,6 @@ class BulletWorld:
             physicsClientId=self.client,
         )
         pybullet.changeDynamics(body, ROOT, lateralFriction=OBSTACLE_FRICTION, physicsClientId=self.client)
-        if self._dressing and spec.tag_id is not None:
-            self._dressing.dress_obstacle(self.client, name, X_WB)
+        if self._tags and spec.tag_id is not None:
+            self._tags.add_to_obstacle(self.client, name, X_WB)
         return body

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msrr_bullet.collision.clearance_model import Clearance
+from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.log import topics
 from msrr_bullet.log.reader import Log
 from msrr_bullet.log.records import JUDGE, Event, StartPoses, StepStart, TruePose

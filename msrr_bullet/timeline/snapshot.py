@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from msrr_bullet.collision.clearance_model import Clearance
+from msrr_bullet.collision.clearance import Clearance
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     ArenaEstimate,

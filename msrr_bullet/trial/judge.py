@@ -1,4 +1,4 @@
-"""The judge: what was physically true in a trial. It reads the plant; nothing it knows reaches a robot."""
+"""The judge of a trial, which reads the truth of the simulation. Nothing that it knows reaches a robot."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from msrr_bullet.collision.clearance_model import Clearance, Pair
-from msrr_bullet.trial.environment import Stage
+from msrr_bullet.collision.clearance import Clearance, Pair
+from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.simulation.simulation import Simulation
+from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.result import Contact, PlanarPose, Seating
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, FailureReason, Phase, PoseEstimate, seconds
@@ -69,15 +71,32 @@ class PortPose:
 
 
 class Judge:
-    """Watches one step of the plan, tick by tick, and gives the verdict."""
+    """Watches the truth of one step of the plan and gives the verdict.
 
-    def __init__(self, stage: Stage, step: DockStep) -> None:
-        """Judge ``step`` of the plan by what happens on ``stage``."""
-        scene = stage.scene
-        self._stage = stage
+    Attributes:
+        X_TD: Dock frame of the target port in the frame of the target unit.
+        contact: First pin contact of the present attempt; None before it.
+        min_clearance: Smallest distance so far between bodies that were not docking [m].
+    """
+
+    def __init__(
+        self, simulation: Simulation, clearance: ClearanceModel, locked: LockedPairs, step: DockStep
+    ) -> None:
+        """Begin to judge a step.
+
+        Args:
+            simulation: The truth.
+            clearance: Clearance model with the shapes of all bodies.
+            locked: Pairs that earlier steps locked together: they may touch, and their locks have to hold.
+            step: The step of the plan.
+        """
+        scene = simulation.scene
+        self._simulation = simulation
+        self._clearance = clearance
+        self._locked = locked
         self._scene = scene
         self._step = step
-        self._plant = stage.plant
+        self._plant = simulation.plant
         self._X_UP = scene.geometry(step.unit).port(step.port)
         self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._pair: Pair = frozenset({step.unit, step.target_unit})
@@ -176,21 +195,21 @@ class Judge:
         Returns:
             The verdict that ends the trial, if any, and the smallest clearance of any pair.
         """
-        if not self._stage.locks_hold():
+        if not self._locked.hold(self._plant):
             return Outcome.LOCK_FAILED, None
         docking = action.phase in _DOCKING or self._together
-        poses = self._stage.poses()
+        poses = self._simulation.poses()
         X_WD = poses[self._step.target_unit] @ self.X_TD
         at = self._port_pose(X_WD.inverse() @ poses[self._step.unit])
         self._gap = at.gap
-        model, bonds = self._stage.clearance, self._stage.bonds
+        model, locked_pairs = self._clearance, self._locked.pairs
         # Units that were locked together by an earlier step are one body.
-        first = nearest = model.minimum(poses, bonds)
+        first = nearest = model.minimum(poses, locked_pairs)
         self._together = action.phase in _DOCKING or (self._together and not self._parted(poses))
         if nearest is not None and docking and nearest.pair == self._pair:
             if nearest.distance <= 0.0 and not at.in_zone:
                 return Outcome.COLLISION, nearest
-            nearest = model.minimum(poses, {*bonds, self._pair})
+            nearest = model.minimum(poses, {*locked_pairs, self._pair})
         # All other pairs are at least as far apart: what holds of this one holds of them.
         if nearest is not None:
             if nearest.distance <= 0.0:
@@ -208,7 +227,7 @@ class Judge:
 
     def _parted(self, poses: Mapping[str, SE2]) -> bool:
         unit, target = self._step.unit, self._step.target_unit
-        between = self._stage.clearance.nearest(unit, poses[unit], {target: poses[target]})
+        between = self._clearance.nearest(unit, poses[unit], {target: poses[target]})
         return between is None or between.distance >= max(self._scene.judge.min_clearance_m, PARTED_M)
 
     def verdict_docked(self, seating: Seating | None, engaged: bool, pull_passed: bool) -> Outcome:

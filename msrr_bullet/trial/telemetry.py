@@ -1,31 +1,25 @@
-"""Tells a trial as it happens: truth and events to the log, snapshots to a viewer, progress to a person."""
+"""The outputs of a running trial: truth and events for the log, snapshots for a viewer, progress."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from dataclasses import dataclass
 
-import numpy as np
-
-from msrr_bullet.collision.clearance_model import Clearance
+from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
 from msrr_bullet.log.records import JUDGE, Event, Level, StartPoses, TruePose
 from msrr_bullet.log.records import Clearance as ClearanceRecord
+from msrr_bullet.robot.interface import Robot
+from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.timeline.snapshot import Snapshot, Viewer
-from msrr_bullet.trial.environment import Stage
+from msrr_bullet.trial.environment import Environment
 from msrr_bullet.trial.judge import Judge
-from msrr_bullet.trial.progress import Progress
 from msrr_perception.estimation.global_estimator import X_DU
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
-    ArenaEstimate,
-    AssemblyPath,
-    AssemblyProgress,
-    LosObservation,
     Phase,
-    PoseEstimate,
     seconds,
 )
 from msrr_scenes.outcome import Outcome
@@ -33,37 +27,35 @@ from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.plan import DockStep
 
 
-class Believer(Protocol):
-    """What is told of the robot."""
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """The state of a running trial at one control instant, for progress displays.
 
-    @property
-    def estimate(self) -> PoseEstimate | None:
-        """Belief on which the last decision was taken."""
-        ...
+    Attributes:
+        time_s: Simulated time.
+        phase: Phase of the robot.
+        attempt: Counted from 1.
+        step: Index in the plan, from 0.
+        believed: Estimate X_DU in the dock frame of the target; None while there is none.
+        true: True X_DU; None when the step has no target yet.
+        reason: Reason for which the phase was entered.
+    """
 
-    @property
-    def situation(self) -> ArenaEstimate | None:
-        """What global localisation knew when the last decision was taken."""
-        ...
-
-    @property
-    def los(self) -> LosObservation | None:
-        """Line of sight on which the last decision was taken."""
-        ...
-
-    @property
-    def assembly(self) -> AssemblyProgress | None:
-        """What the long-distance phase did; None when it is not at work."""
-        ...
-
-    @property
-    def path(self) -> AssemblyPath | None:
-        """The path that the long-distance phase follows."""
-        ...
+    time_s: float
+    phase: Phase
+    attempt: int
+    step: int = 0
+    believed: SE2 | None = None
+    true: SE2 | None = None
+    reason: str = ""
 
 
 class Telemetry:
-    """Everything a trial says to the outside; nothing it does reaches the robot."""
+    """Everything that a trial reports. Nothing of it reaches the robot.
+
+    Attributes:
+        recorder: Gets every message.
+    """
 
     def __init__(
         self,
@@ -71,36 +63,48 @@ class Telemetry:
         viewer: Viewer | None = None,
         observer: Callable[[Progress], None] | None = None,
     ) -> None:
-        """Tell the log, a viewer if there is one, and an observer if there is one."""
+        """Report to a log, to a viewer if there is one, and to an observer if there is one."""
         self.recorder = recorder
         self._viewer = viewer
         self._observer = observer
-        self._told: Action | None = None
+        self._last_action: Action | None = None
 
     def begin(self, placement: Placement) -> None:
-        """Record where everything was set down."""
+        """Record the start poses of all bodies."""
         poses = {**placement.units, **placement.obstacles}
         self.recorder.write(topics.STARTS, 0, StartPoses(placement.redraws, poses))
 
-    def instant(
+    def report(
         self,
-        stage: Stage,
+        environment: Environment,
         index: int,
-        step: DockStep,
         judge: Judge,
-        robot: Believer,
+        robot: Robot,
         action: Action,
         nearest: Clearance | None,
     ) -> None:
-        """Tell one control instant, after the decision."""
-        poses = stage.poses()
-        for unit in stage.scene.units:
+        """Report one control instant, after the decision.
+
+        Args:
+            environment: The environment of the trial.
+            index: Index of the step in the plan.
+            judge: The judge of the step.
+            robot: The robot after its decision.
+            action: The decision.
+            nearest: True clearance of the pair that is nearest to each other; None if there is no pair.
+        """
+        simulation = environment.simulation
+        step = simulation.scene.plan[index]
+        poses = simulation.poses()
+        for unit in simulation.scene.units:
             true = TruePose(unit, action.stamp_ns, poses[unit])
             self.recorder.write(topics.true_pose(unit), action.stamp_ns, true)
         if nearest is not None:
-            self._record_clearance(action.stamp_ns, nearest, nearest.pair in stage.bonds)
-        before, self._told = self._told, action
-        if before is None or (before.phase, before.attempt) != (action.phase, action.attempt):
+            exempt = nearest.pair in environment.locked.pairs
+            record = ClearanceRecord.of(action.stamp_ns, nearest, exempt)
+            self.recorder.write(topics.CLEARANCE, action.stamp_ns, record)
+        last, self._last_action = self._last_action, action
+        if last is None or (last.phase, last.attempt) != (action.phase, action.attempt):
             text = f"attempt {action.attempt}: {action.phase.value}: {action.reason}"
             self.event(action.stamp_ns, step.unit, text)
         believed = robot.estimate.X_DU if robot.estimate else None
@@ -112,48 +116,41 @@ class Telemetry:
                 Progress(now_s, action.phase, action.attempt, index, believed, judge.X_DU(), action.reason)
             )
         if self._viewer is not None:
-            self._viewer.update(
-                self._snapshot(stage, step, poses, judge.X_WD(), believed, robot, action, nearest)
-            )
+            estimate = judge.X_WD() @ believed if believed else None
+            self._viewer.update(_snapshot(simulation, step, poses, estimate, robot, action, nearest))
 
     def verdict(self, stamp_ns: int, outcome: Outcome) -> None:
-        """Tell how a step ended."""
+        """Record the verdict on a step."""
         level = Level.INFO if outcome is Outcome.DOCKED else Level.WARNING
         self.event(stamp_ns, JUDGE, outcome.value, level)
 
     def event(self, stamp_ns: int, source: str, text: str, level: Level = Level.INFO) -> None:
-        """Record something worth a line."""
+        """Record an event: one line of text from ``source``."""
         self.recorder.write(topics.EVENTS, stamp_ns, Event(stamp_ns, source, text, level))
 
-    def _record_clearance(self, stamp_ns: int, nearest: Clearance, exempt: bool) -> None:
-        points = np.array([nearest.point_a, nearest.point_b])
-        record = ClearanceRecord(stamp_ns, (nearest.body_a, nearest.body_b), nearest.distance, points, exempt)
-        self.recorder.write(topics.CLEARANCE, stamp_ns, record)
 
-    @staticmethod
-    def _snapshot(
-        stage: Stage,
-        step: DockStep,
-        poses: dict[str, SE2],
-        X_WD: SE2,
-        believed: SE2 | None,
-        robot: Believer,
-        action: Action,
-        nearest: Clearance | None,
-    ) -> Snapshot:
-        return Snapshot(
-            stamp_ns=action.stamp_ns,
-            units={unit: poses[unit] for unit in stage.scene.units},
-            obstacles={name: X for name, X in poses.items() if name in stage.scene.obstacles},
-            step=step,
-            estimate=X_WD @ believed if believed else None,
-            phase=action.phase,
-            attempt=action.attempt,
-            los=robot.los,
-            clearance=nearest,
-            twist=action.twist,
-            reason=action.reason,
-            situation=robot.situation,
-            assembly=robot.assembly,
-            path=robot.path,
-        )
+def _snapshot(
+    simulation: Simulation,
+    step: DockStep,
+    poses: dict[str, SE2],
+    estimate: SE2 | None,
+    robot: Robot,
+    action: Action,
+    nearest: Clearance | None,
+) -> Snapshot:
+    return Snapshot(
+        stamp_ns=action.stamp_ns,
+        units={unit: poses[unit] for unit in simulation.scene.units},
+        obstacles={name: X for name, X in poses.items() if name in simulation.scene.obstacles},
+        step=step,
+        estimate=estimate,
+        phase=action.phase,
+        attempt=action.attempt,
+        los=robot.los,
+        clearance=nearest,
+        twist=action.twist,
+        reason=action.reason,
+        situation=robot.situation,
+        assembly=robot.assembly,
+        path=robot.path,
+    )

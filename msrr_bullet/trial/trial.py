@@ -9,10 +9,9 @@ from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.trial import result
 from msrr_bullet.trial.docking_step import DockingStep, StepResult
-from msrr_bullet.trial.environment import open_stage
-from msrr_bullet.trial.progress import Progress
+from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.result import TrialResult
-from msrr_bullet.trial.telemetry import Telemetry
+from msrr_bullet.trial.telemetry import Progress, Telemetry
 from msrr_control.staging.feasibility import check_assembly
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.messages import Conviction, seconds
@@ -38,17 +37,17 @@ class Trial:
         recorder: Recorder | None = None,
         viewer: Viewer | None = None,
         observer: Callable[[Progress], None] | None = None,
-        clock: Profiler | None = None,
+        profiler: Profiler | None = None,
     ) -> None:
         """Prepare a trial.
 
         Args:
-            scene: What to run.
-            seed: Together with the scene it determines every bit of the log.
+            scene: The scene.
+            seed: Seed of all random streams; scene and seed determine every bit of the log.
             recorder: Gets every message.
-            viewer: Is shown the trial while it runs.
-            observer: Is told the progress at every control instant.
-            clock: Is told which stage is running.
+            viewer: Gets a snapshot at every control instant.
+            observer: Called with the progress at every control instant.
+            profiler: Measures the time of each stage of the loop.
 
         Raises:
             SceneError: The long-distance phase cannot work in this scene.
@@ -56,22 +55,21 @@ class Trial:
         check_assembly(scene)
         self.scene = scene
         self.seed = seed
-        self._narrator = Telemetry(recorder or NullRecorder(), viewer, observer)
-        self._clock = clock or NullProfiler()
+        self._telemetry = Telemetry(recorder or NullRecorder(), viewer, observer)
+        self._profiler = profiler or NullProfiler()
 
     def run(self) -> TrialResult:
         """Run the trial to its end and return the verdict."""
         placement = draw_placement(self.scene, lambda name: stream(self.seed, name))
-        self._narrator.begin(placement)
+        self._telemetry.begin(placement)
         ends: list[StepResult] = []
-        with open_stage(self.scene, self.seed, placement) as stage:
+        with open_environment(self.scene, self.seed, placement) as environment:
             for index, step in enumerate(self.scene.plan):
-                end = DockingStep(stage, index, self._narrator, self._clock).run()
+                end = DockingStep(environment, index, self._telemetry, self._profiler).run()
                 ends.append(end)
                 if end.outcome is not Outcome.DOCKED:
                     break
-                stage.bonds.add(frozenset({step.unit, step.target_unit}))
-                stage.locked.append(step.unit)
+                environment.locked.add(step)
         return self._result(ends, placement.redraws)
 
     def _result(self, ends: list[StepResult], redraws: int) -> TrialResult:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from msrr_bullet.collision.clearance_model import Clearance, ClearanceModel
+from msrr_bullet.collision.clearance import Clearance
+from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.collision.footprint import Part, obstacle_parts, simplify, unit_parts
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.geometry.assets import find_urdf

@@ -16,8 +16,8 @@ from msrr_bullet.log import CameraWindow, Log, MemoryRecorder, StartPoses, StepS
 from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_of
 from msrr_bullet.run import RunFolderError, run_trial
-from msrr_bullet.trial.progress import Progress
 from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.messages import Phase, WheelOdometry
 from msrr_scenes.outcome import Outcome

@@ -54,7 +54,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     scene = load_scene("close_range")
     folder: Path = tmp_path_factory.mktemp("plates")
     placement = draw_placement(scene, lambda name: stream(0, name))
-    with BulletWorld(scene, placement, dressing=TagVisuals(scene, folder)) as world:
+    with BulletWorld(scene, placement, tags=TagVisuals(scene, folder)) as world:
         spec = scene.cameras.onboard
         renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
         X_UC = optical_pose(scene.geometry("a").frame("camera"))

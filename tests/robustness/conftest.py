@@ -138,7 +138,7 @@ def _render(gaps: tuple[float, float], count: int) -> Gallery:
     views = []
     with (
         tempfile.TemporaryDirectory() as folder,
-        BulletWorld(scene, placement, dressing=TagVisuals(scene, Path(folder))) as world,
+        BulletWorld(scene, placement, tags=TagVisuals(scene, Path(folder))) as world,
     ):
         renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
         X_WD = world.pose(step.target_unit) @ scene.geometry(step.target_unit).dock_frame(step.target_port)

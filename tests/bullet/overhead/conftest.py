@@ -138,7 +138,7 @@ def open_arena() -> Iterator[OpenArena]:
             )
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
             placement = draw_placement(scene, lambda name: stream(seed, name))
-            world = stack.enter_context(BulletWorld(scene, placement, dressing=TagVisuals(scene, folder)))
+            world = stack.enter_context(BulletWorld(scene, placement, tags=TagVisuals(scene, folder)))
             spec = scene.cameras.overhead
             assert spec is not None
             renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))

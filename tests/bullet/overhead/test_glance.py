@@ -12,7 +12,7 @@ import pytest
 from msrr_bullet.replay.replayer import replay
 from msrr_bullet.robot.overhead_localizer import GLANCE_HALF_M
 from msrr_bullet.run import run_trial
-from msrr_bullet.trial.progress import Progress
+from msrr_bullet.trial.telemetry import Progress
 from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Phase

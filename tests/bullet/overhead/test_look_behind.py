@@ -11,8 +11,8 @@ import pytest
 
 from msrr_bullet.run import run_trial
 from msrr_bullet.sensors.camera_sensors import ParametricOverheadCamera
-from msrr_bullet.trial.progress import Progress
 from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.telemetry import Progress
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene

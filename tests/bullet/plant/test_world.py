@@ -6,6 +6,7 @@ import numpy as np
 import pybullet
 import pytest
 
+from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import GRAVITY_MPS2, BulletWorld
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
@@ -139,25 +140,20 @@ def test_the_client_is_given_back_when_building_fails(two_units, tmp_path):
     broken = tmp_path / "broken.urdf"
     broken.write_text(read_unit.__module__)
 
-    class Dressing:
+    class BrokenTags(TagVisuals):
         def unit_urdf(self, unit):
             return broken
 
-        def dress_unit(self, client, body, unit):
-            raise AssertionError
-
-        def dress_obstacle(self, client, obstacle, X_WO):
-            raise AssertionError
-
     open_before = sum(pybullet.isConnected(i) for i in range(64))
     with pytest.raises(Exception, match="cannot load this URDF"):
-        BulletWorld(scene, PLACEMENT, dressing=Dressing())
+        BulletWorld(scene, PLACEMENT, tags=BrokenTags(scene, tmp_path))
     assert sum(pybullet.isConnected(i) for i in range(64)) == open_before
 
 
 PROGRAM = """
 import hashlib, struct, sys
 from msrr_bullet.simulation.bullet_plant import BulletPlant
+from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement

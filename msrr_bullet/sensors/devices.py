@@ -1,0 +1,126 @@
+"""The devices of all units in one trial: cameras, wheel encoders and command links."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from msrr_bullet.profiler import Profiler
+from msrr_bullet.render.renderer import RenderContext, build_renderer
+from msrr_bullet.sensors.camera import Camera
+from msrr_bullet.sensors.camera_sensors import CameraSensor, RenderedCameraSensor
+from msrr_bullet.sensors.command_link import CommandLink
+from msrr_bullet.sensors.frame_dropout import FrameDropout
+from msrr_bullet.sensors.localisation_error import LocalisationError
+from msrr_bullet.sensors.parametric_cameras import ParametricOnboardCamera, ParametricOverheadCamera
+from msrr_bullet.sensors.wheel_encoders import WheelEncoders
+from msrr_bullet.simulation.camera_mount import camera_pose
+from msrr_bullet.simulation.simulation import Simulation
+from msrr_perception.pose.global_pose import overhead_pose
+from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_scenes.geometry.pinhole import optical_pose
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.sensors import CameraSpec
+
+
+class Devices:
+    """The devices that exist from the beginning of a trial to its end.
+
+    Every step of the plan finds the devices as the steps before it left them, so that encoders go on
+    counting, frames are numbered through and no sequence of random numbers begins again.
+
+    Attributes:
+        encoders: Wheel encoders by unit.
+        links: Command links by unit.
+    """
+
+    def __init__(self, simulation: Simulation, seed: int) -> None:
+        """Build encoders and links of all units; cameras are built when a step first needs them."""
+        scene = simulation.scene
+        self._simulation = simulation
+        self._seed = seed
+        self.encoders = {
+            unit: WheelEncoders(unit, scene.odometry, stream(seed, f"unit/{unit}/odometry"))
+            for unit in scene.units
+        }
+        self.links = {
+            unit: CommandLink(scene.link, stream(seed, f"unit/{unit}/link")) for unit in scene.units
+        }
+        self._cameras: dict[str, Camera] = {}
+        self._dropouts: dict[str, FrameDropout] = {}
+        self._generators: dict[str, np.random.Generator] = {}
+        self._localisation: LocalisationError | None = None
+
+    def cameras(self, step: DockStep, X_DU: Callable[[], SE2], profiler: Profiler) -> list[CameraSensor]:
+        """Return the cameras of a step of the plan: the overhead camera, if there is one, and the onboard.
+
+        Args:
+            step: The step.
+            X_DU: Returns the true pose of the docking unit in the dock frame.
+            profiler: Measures the time of rendering and of perception.
+        """
+        parametric = self._simulation.scene.perception == "parametric"
+        onboard = self._parametric_onboard(step, X_DU) if parametric else self._onboard(step, profiler)
+        if self._simulation.scene.cameras.overhead is None:
+            return [onboard]
+        return [self._parametric_overhead() if parametric else self._overhead(step, profiler), onboard]
+
+    def _onboard(self, step: DockStep, profiler: Profiler) -> CameraSensor:
+        scene, plant, unit = self._simulation.scene, self._simulation.plant, step.unit
+        X_UC = optical_pose(camera_pose(scene, unit))
+        camera = self._camera(f"{unit}/onboard", scene.cameras.onboard, lambda: plant.pose3(unit) @ X_UC)
+        return RenderedCameraSensor(camera, profiler)
+
+    def _overhead(self, step: DockStep, profiler: Profiler) -> CameraSensor:
+        scene = self._simulation.scene
+        spec = scene.cameras.overhead
+        assert spec is not None, "asked for only when the scene has one"
+        X_WC = overhead_pose(spec)
+        camera = self._camera(OVERHEAD, spec, lambda: X_WC)
+        if spec.localisation == type(spec.localisation)():
+            return RenderedCameraSensor(camera, profiler)
+        error = self._localisation = self._localisation or LocalisationError(spec.localisation, self._seed)
+        model = OverheadModel.from_scene(scene, step)
+        return RenderedCameraSensor(camera, profiler, lambda detections: error.apply(detections, model))
+
+    def _parametric_onboard(self, step: DockStep, X_DU: Callable[[], SE2]) -> CameraSensor:
+        name, spec = f"{step.unit}/onboard", self._simulation.scene.cameras.onboard
+        return ParametricOnboardCamera(
+            self._simulation.scene, step, X_DU, self._errors(name), self._dropout(name, spec)
+        )
+
+    def _parametric_overhead(self) -> CameraSensor:
+        spec = self._simulation.scene.cameras.overhead
+        assert spec is not None, "asked for only when the scene has one"
+        return ParametricOverheadCamera(
+            self._simulation.scene,
+            spec,
+            self._simulation.poses,
+            self._errors(OVERHEAD),
+            self._dropout(OVERHEAD, spec),
+        )
+
+    def _camera(self, name: str, spec: CameraSpec, pose: Callable[[], SE3]) -> Camera:
+        if name not in self._cameras:
+            world = self._simulation.world
+            assert world is not None, "a simulation with images has a world"
+            renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
+            self._cameras[name] = Camera(
+                name, spec, renderer, pose, self._seed, self._simulation.scene.faults
+            )
+        return self._cameras[name]
+
+    def _errors(self, camera: str) -> np.random.Generator:
+        """Return the generator of a parametric camera's errors; all steps share its sequence."""
+        name = f"camera/{camera}/parametric"
+        return self._generators.setdefault(name, stream(self._seed, name))
+
+    def _dropout(self, camera: str, spec: CameraSpec) -> FrameDropout:
+        if camera not in self._dropouts:
+            rng = stream(self._seed, f"camera/{camera}/dropout")
+            self._dropouts[camera] = FrameDropout(camera, spec.dropout, rng, self._simulation.scene.faults)
+        return self._dropouts[camera]

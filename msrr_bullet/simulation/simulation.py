@@ -1,0 +1,65 @@
+"""The simulated world of one trial: the plant that moves the units, and the bodies that the cameras see."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from msrr_bullet.plant.kinematic_plant import KinematicPlant
+from msrr_bullet.plant.plant import Plant
+from msrr_bullet.simulation.bullet_plant import BulletPlant
+from msrr_bullet.simulation.tagged_bodies import TagVisuals
+from msrr_bullet.simulation.world import BulletWorld
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import seconds
+from msrr_scenes.placement.placement import Placement
+from msrr_scenes.specs.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """The truth of a running trial.
+
+    Attributes:
+        scene: The scene.
+        placement: Start poses of all bodies.
+        plant: The plant that moves the units.
+        world: The PyBullet world; None when neither the plant nor a camera needs one.
+    """
+
+    scene: Scene
+    placement: Placement
+    plant: Plant
+    world: BulletWorld | None
+
+    def poses(self) -> dict[str, SE2]:
+        """Return the true ``X_WB`` of every unit and of every obstacle that stands in the world now."""
+        now_s = seconds(self.plant.now_ns())
+        poses = {unit: self.plant.pose(unit) for unit in self.scene.units}
+        for name, X_WB in self.placement.obstacles.items():
+            if self.scene.obstacles[name].appears_at_s <= now_s:
+                poses[name] = X_WB
+        return poses
+
+
+@contextmanager
+def open_simulation(scene: Scene, placement: Placement) -> Iterator[Simulation]:
+    """Build the plant of a scene and, where it is needed, the PyBullet world; close them at the end."""
+    with ExitStack() as stack:
+        world = None
+        if scene.plant == "bullet" or scene.perception == "images":
+            tags = None
+            if scene.perception == "images":
+                folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="msrr-"))
+                tags = TagVisuals(scene, Path(folder))
+            world = stack.enter_context(BulletWorld(scene, placement, tags=tags))
+        plant: Plant
+        if scene.plant == "bullet":
+            assert world is not None
+            plant = BulletPlant(world)
+        else:
+            plant = KinematicPlant(scene, placement, world)
+        yield Simulation(scene, placement, plant, world)

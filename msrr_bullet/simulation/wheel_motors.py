@@ -1,0 +1,52 @@
+"""The wheel motors of a unit in PyBullet."""
+
+from __future__ import annotations
+
+import pybullet
+
+from msrr_bullet.plant.limited_drive import wheel_speeds
+from msrr_bullet.simulation.unit_body import UnitBody
+from msrr_scenes.messages import Twist
+from msrr_scenes.specs.vehicle import WheelMotorSpec
+
+#: Below these speeds a drive counts as standing: the nested limits let it creep towards zero for ever.
+STANDSTILL_MPS = 1e-4
+STANDSTILL_RADPS = 1e-3
+
+
+class WheelMotors:
+    """The two velocity-controlled wheel motors of a unit, with limited torque."""
+
+    def __init__(self, client: int, unit: UnitBody, spec: WheelMotorSpec) -> None:
+        """Take over the wheels of ``unit``; they brake until told otherwise."""
+        self._client = client
+        self._unit = unit
+        self._torque = spec.torque_nm
+        self._holding = spec.holding_torque_nm
+        self._last_target: tuple[tuple[float, float], float] | None = None
+        self.drive(Twist())
+
+    def drive(self, twist: Twist) -> None:
+        """Turn the wheels for ``twist``, with no more than the motors' torque [N m]."""
+        # A drive that has come to rest is held by its gear, which is stronger than its motor.
+        stands = abs(twist.v) < STANDSTILL_MPS and abs(twist.w) < STANDSTILL_RADPS
+        self._control(wheel_speeds(twist, self._unit.geometry), self._holding if stands else self._torque)
+
+    def release(self) -> None:
+        """Let the wheels roll freely."""
+        self._control((0.0, 0.0), 0.0)
+
+    def _control(self, speeds: tuple[float, float], torque: float) -> None:
+        if (speeds, torque) == self._last_target:
+            return  # the engine keeps a motor's target until it gets another
+        self._last_target = (speeds, torque)
+        for joint, speed in zip(self._unit.wheels, speeds, strict=True):
+            pybullet.setJointMotorControl2(
+                self._unit.body,
+                joint,
+                pybullet.VELOCITY_CONTROL,
+                targetVelocity=speed,
+                velocityGain=1.0,
+                force=torque,
+                physicsClientId=self._client,
+            )
