@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
-from msrr_bullet.trial.environment import Stage
+from msrr_bullet.simulation.simulation import Simulation
+from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.judge import Judge
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, FailureReason, Phase
@@ -33,23 +35,36 @@ def scene() -> Scene:
     )
 
 
-def stage(scene: Scene, model: ClearanceModel, units: dict[str, SE2], post: SE2) -> Stage:
+@dataclass
+class Crowd:
+    """The truth that a judge is shown."""
+
+    simulation: Simulation
+    clearance: ClearanceModel
+    locked: LockedPairs = field(default_factory=LockedPairs)
+
+    def judge(self) -> Judge:
+        step = self.simulation.scene.plan[0]
+        return Judge(self.simulation, self.clearance, self.locked, step)
+
+
+def crowd(scene: Scene, model: ClearanceModel, units: dict[str, SE2], post: SE2) -> Crowd:
     placement = Placement(units, {"post": post})
-    return Stage(scene, 0, KinematicPlant(scene, placement), None, placement, model, {}, {})
+    return Crowd(Simulation(scene, placement, KinematicPlant(scene, placement), None), model)
 
 
-def plain_reading(judge: Judge, at: Stage, docking: bool) -> tuple[Outcome | None, float | None]:
+def plain_reading(judge: Judge, at: Crowd, docking: bool) -> tuple[Outcome | None, float | None]:
     """Return the verdict and the smallest clearance that counts, from every pair in turn."""
     authorised = docking and judge.port_pose().in_zone
     counted = None
-    for clearance in at.clearance.query(at.poses(), at.bonds):
+    for clearance in at.clearance.query(at.simulation.poses(), at.locked.pairs):
         own = clearance.pair == PAIR
         if clearance.distance <= 0.0 and not (own and authorised):
             return Outcome.COLLISION, counted
         if own and docking:
             continue
         counted = clearance.distance if counted is None else min(counted, clearance.distance)
-        if clearance.distance < at.scene.judge.min_clearance_m:
+        if clearance.distance < at.simulation.scene.judge.min_clearance_m:
             return Outcome.CLEARANCE_VIOLATED, counted
     return None, counted
 
@@ -57,7 +72,7 @@ def plain_reading(judge: Judge, at: Stage, docking: bool) -> tuple[Outcome | Non
 def test_the_verdict_is_that_of_a_plain_reading_of_all_pairs(scene: Scene) -> None:
     """600 crowds: before the port or not, docking or not, two of them locked together or not."""
     rng = stream(0, "test_judge/crowds")
-    model, step = ClearanceModel(scene), scene.plan[0]
+    model = ClearanceModel(scene)
     seat = scene.geometry("b").dock_frame("rear") @ SE2(-scene.geometry("a").control_offset("front"))
     seen = set()
     for i in range(600):
@@ -65,37 +80,37 @@ def test_the_verdict_is_that_of_a_plain_reading_of_all_pairs(scene: Scene) -> No
         units = {name: SE2(*rng.uniform([-0.6, -0.6, -3.0], [0.6, 0.6, 3.0])) for name in "abc"} | {"b": X_WB}
         if i % 2:
             units["a"] = X_WB @ seat @ SE2(*rng.uniform([-0.04, -0.02, -0.2], [0.0, 0.02, 0.2]))
-        at = stage(scene, model, units, SE2(*rng.uniform([-0.6, -0.6, 0.0], [0.6, 0.6, 0.0])))
+        at = crowd(scene, model, units, SE2(*rng.uniform([-0.6, -0.6, 0.0], [0.6, 0.6, 0.0])))
         if i % 3 == 0:
-            at.bonds.add(frozenset("bc"))
-        judge, docking = Judge(at, step), bool(i % 5)
+            at.locked.pairs.add(frozenset("bc"))
+        judge, docking = at.judge(), bool(i % 5)
         phase = Phase.DOCK if docking else Phase.HAND_OVER
         expected, counted = plain_reading(judge, at, docking)
         verdict, nearest = judge.safety(Action(0, phase, 1))
         assert verdict is expected
         if verdict is None:
             assert judge.min_clearance == counted
-            assert nearest == at.clearance.query(at.poses(), at.bonds)[0]
+            assert nearest == at.clearance.query(at.simulation.poses(), at.locked.pairs)[0]
         seen.add((verdict, judge.port_pose().in_zone))
     assert {v for v, _ in seen} == {None, Outcome.COLLISION, Outcome.CLEARANCE_VIOLATED}
     assert (None, True) in seen  # docked, and nothing else near
 
 
 def test_an_empty_arena_has_no_clearance(scene: Scene) -> None:
-    at = stage(scene, ClearanceModel(scene), {name: SE2(x, 0.0) for x, name in enumerate("abc")}, SE2(0, 2))
+    at = crowd(scene, ClearanceModel(scene), {name: SE2(x, 0.0) for x, name in enumerate("abc")}, SE2(0, 2))
     everything = {frozenset(p) for p in ("ab", "bc", "ac")} | {frozenset((u, "post")) for u in "abc"}
-    at.bonds |= everything
-    judge = Judge(at, scene.plan[0])
+    at.locked.pairs |= everything
+    judge = at.judge()
     assert judge.safety(Action(0, Phase.HAND_OVER, 1)) == (None, None)
     assert judge.min_clearance is None
 
 
-def beside(scene: Scene, x: float, y: float = 0.0, yaw: float = 0.0) -> Stage:
+def beside(scene: Scene, x: float, y: float = 0.0, yaw: float = 0.0) -> Crowd:
     """Unit a with its port at (x, y, yaw) in the dock frame of b.rear; c and the post far away."""
     X_WD = SE2(0.1, -0.2, 0.5) @ scene.geometry("b").dock_frame("rear")
     X_WA = X_WD @ SE2(x, y, yaw) @ scene.geometry("a").port("front").inverse()
     units = {"a": X_WA, "b": SE2(0.1, -0.2, 0.5), "c": SE2(1.0, 1.0, 0.0)}
-    return stage(scene, ClearanceModel(scene), units, SE2(-1.0, 1.0, 0.0))
+    return crowd(scene, ClearanceModel(scene), units, SE2(-1.0, 1.0, 0.0))
 
 
 def sat(judge: Judge, ticks: int = 200) -> Judge:
@@ -119,8 +134,8 @@ def sat(judge: Judge, ticks: int = 200) -> Judge:
 )
 def test_seated_is_in_the_seat(scene: Scene, x: float, y: float, yaw_deg: float, seated: bool) -> None:
     at = beside(scene, x, y, math.radians(yaw_deg))
-    at.plant.begin_dock(scene.plan[0])
-    judge = sat(Judge(at, scene.plan[0]))
+    at.simulation.plant.begin_dock(scene.plan[0])
+    judge = sat(at.judge())
     seating = judge.seating()
     assert (seating is not None and seating.seated) is seated
     # Whoever gives up there makes a mistake, or not.
@@ -130,8 +145,8 @@ def test_seated_is_in_the_seat(scene: Scene, x: float, y: float, yaw_deg: float,
 
 def test_a_new_attempt_is_judged_anew(scene: Scene) -> None:
     at = beside(scene, 0.0)
-    at.plant.begin_dock(scene.plan[0])
-    judge = sat(Judge(at, scene.plan[0]))
+    at.simulation.plant.begin_dock(scene.plan[0])
+    judge = sat(at.judge())
     assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is Outcome.FALSE_ABORT
     judge.tick(10**9, 2, None)
     assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is not Outcome.FALSE_ABORT
@@ -140,20 +155,20 @@ def test_a_new_attempt_is_judged_anew(scene: Scene) -> None:
 @pytest.mark.parametrize("phase", [Phase.FAILED, Phase.HAND_OVER, Phase.ASSEMBLE])
 def test_a_pair_that_tried_to_dock_may_stay_close_until_it_has_parted(scene: Scene, phase: Phase) -> None:
     near, far = beside(scene, -0.03), beside(scene, -0.10)
-    judge = Judge(near, scene.plan[0])
-    assert near.clearance.minimum(near.poses()).distance < scene.judge.min_clearance_m
+    judge = near.judge()
+    assert near.clearance.minimum(near.simulation.poses()).distance < scene.judge.min_clearance_m
     assert judge.safety(Action(0, phase, 1))[0] is Outcome.CLEARANCE_VIOLATED, "it never docked"
-    judge = Judge(near, scene.plan[0])
+    judge = near.judge()
     for step in (Phase.DOCK, Phase.RETREAT, phase, phase):
         assert judge.safety(Action(0, step, 1))[0] is None
-    judge._stage = far
+    judge._simulation = far.simulation
     assert judge.safety(Action(0, phase, 1))[0] is None
-    judge._stage = near
+    judge._simulation = near.simulation
     assert judge.safety(Action(0, phase, 1))[0] is Outcome.CLEARANCE_VIOLATED, "it had parted"
 
 
 def test_a_unit_over_the_edge_has_left_the_arena(scene: Scene) -> None:
-    arena, step = scene.arena, scene.plan[0]
+    arena = scene.arena
     model = ClearanceModel(scene)
     for x, y, left in (
         (arena.x_m[1] - 0.01, 0.0, False),
@@ -164,16 +179,15 @@ def test_a_unit_over_the_edge_has_left_the_arena(scene: Scene) -> None:
         (0.0, arena.y_m[0] - 0.01, True),
     ):
         units = {"a": SE2(x, y, 0.3), "b": SE2(0.0, 1.0, 0.0), "c": SE2(0.0, -1.0, 0.0)}
-        verdict, _ = Judge(stage(scene, model, units, SE2(1.0, 1.0, 0.0)), step).safety(
-            Action(0, Phase.DOCK, 1)
-        )
+        judge = crowd(scene, model, units, SE2(1.0, 1.0, 0.0)).judge()
+        verdict, _ = judge.safety(Action(0, Phase.DOCK, 1))
         assert (verdict is Outcome.LEFT_ARENA) is left, (x, y)
 
 
 def test_docked_needs_the_seat_and_the_lock(scene: Scene) -> None:
     seated, outside = beside(scene, 0.0), beside(scene, -0.3)
-    judge = Judge(seated, scene.plan[0])
-    here, nowhere = judge.seating(), Judge(outside, scene.plan[0]).seating()
+    judge = seated.judge()
+    here, nowhere = judge.seating(), outside.judge().seating()
     assert nowhere is None
     assert judge.verdict_docked(here, engaged=True, pull_passed=True) is Outcome.DOCKED
     assert judge.verdict_docked(here, engaged=True, pull_passed=False) is Outcome.LOCK_FAILED

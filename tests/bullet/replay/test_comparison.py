@@ -102,9 +102,11 @@ def trial(path: Path, finish: bool = True, wrap: Callable[[Robot], Robot] = lamb
     """Two steps of a made-up trial of 1 s, with detections under way for 40 ms."""
     rng = np.random.default_rng(5)
     recorder = McapRecorder(path / "trial.mcap", LogHeader.of(SCENE, 5, {}), flush_every_s=0.25)
+    now = 0
     for index, step in enumerate(SCENE.plan):
-        start = index * 1_000_000_000
-        robot = RecordedRobot(wrap(HashRobot(SCENE, step)), step.unit, recorder, index, start)
+        start = now = index * 1_000_000_000
+        recorded = wrap(HashRobot(SCENE, step))
+        robot = RecordedRobot(recorded, step.unit, recorder, index, lambda: now)  # noqa: B023 - the clock
         under_way: list[tuple[int, Detections]] = []
         for tick in range(100):
             now = start + tick * 10_000_000
@@ -112,13 +114,13 @@ def trial(path: Path, finish: bool = True, wrap: Callable[[Robot], Robot] = lamb
             def fetch(window: Window) -> Pixels:
                 return rng.integers(0, 256, (window.height, window.width), dtype=np.uint8)
 
-            robot.receive(now, WheelOdometry(step.unit, now, *map(float, rng.normal(size=2))))
+            robot.receive(WheelOdometry(step.unit, now, *map(float, rng.normal(size=2))))
             if tick % 4 == 0:
                 found = robot.expose(Exposure(f"{step.unit}/onboard", tick // 4, now), fetch)
                 if found is not None:
                     under_way.append((now + 40_000_000, found))
             while under_way and under_way[0][0] <= now:
-                robot.receive(now, under_way.pop(0)[1])
+                robot.receive(under_way.pop(0)[1])
             if tick % 2 == 0:
                 robot.step(now)
                 recorder.write(topics.true_pose("a"), now, TruePose("a", now, SE2(*rng.normal(size=3))))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from msrr_bullet.profiler import NullProfiler
-from msrr_bullet.sensors.camera_sensors import ParametricOnboardCamera, RenderedCameraSensor, camera_pose
-from msrr_bullet.trial.environment import open_stage
+from msrr_bullet.simulation.camera_mount import camera_pose
+from msrr_bullet.trial.environment import open_environment
 from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, Fetch, PoseMeasurement
@@ -53,8 +53,9 @@ class _Reader:
 def _seen(yaw_deg: float) -> dict[int, np.ndarray]:
     """Corners of the tags in the rendered frame, by tag, each of shape (4, 2) [px]."""
     scene = _scene(yaw_deg)
-    with open_stage(scene, 3, draw_placement(scene, lambda name: stream(3, name))) as stage:
-        (found,) = RenderedCameraSensor.onboard(stage, scene.plan[0], NullProfiler()).look(0, _Reader(scene))
+    with open_environment(scene, 3, draw_placement(scene, lambda name: stream(3, name))) as environment:
+        (onboard,) = environment.devices.cameras(scene.plan[0], SE2, NullProfiler())
+        (found,) = onboard.capture(0, _Reader(scene))
     assert isinstance(found, Detections)
     return {tag.tag_id: tag.corners for tag in found.tags}
 
@@ -95,9 +96,10 @@ def test_the_model_of_the_camera_is_askew_the_same_way(yaw_deg: float) -> None:
     for yaw in (0.0, yaw_deg):
         exact = {"sigma_xy_m": 0.0, "sigma_yaw_deg": 0.0, "sigma_bearing_deg": 0.0}
         scene = _scene(yaw, perception="parametric", parametric=exact)
-        with open_stage(scene, 3, draw_placement(scene, lambda name: stream(3, name))) as stage:
-            eye = ParametricOnboardCamera(stage, scene.plan[0], lambda: SE2(-0.5, 0.02, 0.05))
-            (found,) = eye.look(0, _Reader(scene))
+        with open_environment(scene, 3, draw_placement(scene, lambda name: stream(3, name))) as environment:
+            cameras = environment.devices.cameras
+            (onboard,) = cameras(scene.plan[0], lambda: SE2(-0.5, 0.02, 0.05), NullProfiler())
+            (found,) = onboard.capture(0, _Reader(scene))
         assert isinstance(found, PoseMeasurement)
         left, right = found.edge_bearings
         assert left is not None

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from msrr_bullet.run import run_trial
-from msrr_bullet.sensors.camera_sensors import ParametricOverheadCamera
+from msrr_bullet.sensors.parametric_cameras import ParametricOverheadCamera
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress
 from msrr_scenes.messages import Phase
@@ -87,13 +87,13 @@ def test_the_overhead_camera_hardly_looks_while_the_unit_docks_and_does_while_it
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     looks: list[float] = []
-    look = ParametricOverheadCamera.look
+    look = ParametricOverheadCamera.capture
 
     def noted(self: ParametricOverheadCamera, now_ns: int, robot: Any) -> Any:
         looks.append(1e-9 * now_ns)
         return look(self, now_ns, robot)
 
-    monkeypatch.setattr(ParametricOverheadCamera, "look", noted)
+    monkeypatch.setattr(ParametricOverheadCamera, "capture", noted)
     trial = Watched(plugged(None, **BLIND))
     trial.run()
     docking, retreat = trial.of(Phase.DOCK), trial.of(Phase.RETREAT)

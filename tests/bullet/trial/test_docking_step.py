@@ -10,14 +10,9 @@ import pytest
 
 from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.run import run_trial
-from msrr_bullet.sensors.camera_sensors import (
-    ParametricOnboardCamera,
-    ParametricOverheadCamera,
-    RenderedCameraSensor,
-)
 from msrr_bullet.sweep.summary import summarise
 from msrr_bullet.trial.docking_step import DockingStep
-from msrr_bullet.trial.environment import open_stage
+from msrr_bullet.trial.environment import open_environment
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
@@ -52,11 +47,11 @@ def test_the_noise_of_a_step_is_not_that_of_the_step_before(shipped: Load) -> No
     """A camera goes on counting its frames; else a second docking would meet the noise of the first again."""
     scene = shipped("three_units")
     keeper = Keeper()
-    with open_stage(scene, 0, draw_placement(scene, lambda name: stream(0, name))) as stage:
+    with open_environment(scene, 0, draw_placement(scene, lambda name: stream(0, name))) as environment:
         for step in scene.plan:
-            eye = RenderedCameraSensor.overhead(stage, step, NullProfiler())
+            overhead, _ = environment.devices.cameras(step, lambda: SEEN, NullProfiler())
             for _ in range(3):
-                eye.look(stage.plant.now_ns(), keeper)
+                overhead.capture(environment.simulation.plant.now_ns(), keeper)
     assert keeper.frames == list(range(6))
     for i in range(6):
         for j in range(i):
@@ -66,14 +61,11 @@ def test_the_noise_of_a_step_is_not_that_of_the_step_before(shipped: Load) -> No
 @pytest.mark.parametrize("camera", ["overhead", "onboard"])
 def test_modelled_cameras_go_on_too(shipped: Load, camera: str) -> None:
     scene = shipped("three_units", IDEAL)
-    with open_stage(scene, 0, draw_placement(scene, lambda name: stream(0, name))) as stage:
-        first, again = (
-            ParametricOverheadCamera(stage)
-            if camera == "overhead"
-            else ParametricOnboardCamera(stage, scene.plan[0], lambda: SEEN)
-            for _ in range(2)
-        )
-        drawn = [eye.look(0, Keeper()) for eye in (first, again)]
+    with open_environment(scene, 0, draw_placement(scene, lambda name: stream(0, name))) as environment:
+        drawn = []
+        for _ in range(2):
+            cameras = environment.devices.cameras(scene.plan[0], lambda: SEEN, NullProfiler())
+            drawn.append(cameras[0 if camera == "overhead" else 1].capture(0, Keeper()))
     assert drawn[0]
     assert drawn[1]
     if camera == "overhead":
@@ -87,10 +79,10 @@ def test_a_lock_that_opens_later_undoes_the_plan(shipped: Load, monkeypatch: pyt
     """The first pair parts when the second step begins, and nothing else goes wrong."""
     begin = DockingStep.__init__
 
-    def sabotaged(self, stage, index, *rest) -> None:
-        begin(self, stage, index, *rest)
+    def sabotaged(self, environment, index, *rest) -> None:
+        begin(self, environment, index, *rest)
         if index == 1:
-            stage.plant.set_lock("a", False)
+            environment.simulation.plant.set_lock("a", False)
 
     monkeypatch.setattr(DockingStep, "__init__", sabotaged)
     result = run_trial(shipped("three_units", IDEAL), 1)
