@@ -25,7 +25,7 @@ class CameraChoice(Enum):
 
 def replay(run: Run) -> None:
     """Run perception and control again from a log alone, without the simulator, and compare."""
-    from msrr_bullet.replay.replayer import replay_isolated
+    from msrr_bullet.replay import replay_isolated
 
     report = replay_isolated(run)
     console = Console()

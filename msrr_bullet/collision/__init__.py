@@ -1,1 +1,14 @@
-"""msrr_bullet.collision."""
+"""Footprints of units and obstacles, and exact distances between them, measured with FCL."""
+
+from msrr_bullet.collision.clearance import Clearance, Pair
+from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.collision.footprint import Part, obstacle_parts, unit_parts
+
+__all__ = [
+    "Clearance",
+    "ClearanceModel",
+    "Pair",
+    "Part",
+    "obstacle_parts",
+    "unit_parts",
+]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from msrr_bullet.plant.kinematic_port import Capture, KinematicPort
+from msrr_bullet.plant.kinematic_port import CaptureRange, KinematicPort
 from msrr_bullet.plant.limited_drive import LimitedDrive, wheel_speeds
 from msrr_bullet.plant.lock_actuator import PullResult
 from msrr_bullet.plant.plant import NoDockError, tick_ns
@@ -47,7 +47,7 @@ class KinematicPlant:
         placement: Placement,
         world: Scenery | None = None,
         *,
-        capture: Capture | None = None,
+        capture: CaptureRange | None = None,
     ) -> None:
         """Place the units.
 
@@ -60,7 +60,7 @@ class KinematicPlant:
         self.tick = 0
         self._scene = scene
         self._world = world
-        self._capture = capture or Capture()
+        self._capture = capture or CaptureRange()
         self._poses = {name: placement.units[name] for name in scene.units}
         self._wheels = dict.fromkeys(scene.units, (0.0, 0.0))
         self._wishes = dict.fromkeys(scene.units, Twist())

@@ -29,7 +29,7 @@ _FACE_DEPTH = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Capture:
+class CaptureRange:
     """The idealised funnel.
 
     The defaults are what the shipped unit does in PyBullet: drawn in from up to 13 mm and 8 degrees off, and
@@ -86,7 +86,7 @@ class KinematicPort:
         geometry: UnitGeometry,
         target: UnitGeometry,
         spec: LockSpec,
-        capture: Capture,
+        capture: CaptureRange,
         X_TU: SE2,
     ) -> None:
         """Start open.

@@ -1,1 +1,13 @@
-"""msrr_bullet.robot."""
+"""The programs that run on board of a docking unit. They import nothing of the simulator."""
+
+from msrr_bullet.robot.autonomy import Autonomy
+from msrr_bullet.robot.collision_monitor import CollisionMonitor, MonitorDecision, MonitorState
+from msrr_bullet.robot.interface import Robot
+
+__all__ = [
+    "Autonomy",
+    "CollisionMonitor",
+    "MonitorDecision",
+    "MonitorState",
+    "Robot",
+]

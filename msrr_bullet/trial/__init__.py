@@ -1,1 +1,1 @@
-"""msrr_bullet.trial."""
+"""A trial: the loop over physics, sensors and robot, and the verdict of the judge."""

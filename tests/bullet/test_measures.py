@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from msrr_bullet.plant.kinematic_port import Capture
+from msrr_bullet.plant.kinematic_port import CaptureRange
 from msrr_bullet.reproduce.bullet_part import meets
 from msrr_bullet.reproduce.measured_trial import MeasuredTrial
 from msrr_bullet.reproduce.report.two_quantiles import two_quantiles
@@ -87,8 +87,8 @@ def test_every_measure_is_shown_in_its_unit(what) -> None:
 
 
 def test_the_capture_is_that_of_the_mechanism() -> None:
-    assert Capture().lateral_m == CAPTURE_M
-    assert Capture().yaw_rad == pytest.approx(math.radians(CAPTURE_DEG))
+    assert CaptureRange().lateral_m == CAPTURE_M
+    assert CaptureRange().yaw_rad == pytest.approx(math.radians(CAPTURE_DEG))
     assert SETTLED_M == 0.015  # the paper's 15 mm
     # At the face: just within and just beyond each of the two, and one that never got there.
     at = [(0.0129, 0.0), (-0.0131, 0.0), (0.0, 7.9), (0.0, -8.1), (0.0, 0.0)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
-from msrr_bullet.plant.kinematic_port import Capture, face_half_width
+from msrr_bullet.plant.kinematic_port import CaptureRange, face_half_width
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
 from msrr_scenes.random_streams import stream
@@ -110,7 +110,7 @@ def test_pins_in_the_funnel_at_first_are_held_there(bench) -> None:
 @pytest.mark.parametrize(("lateral_mm", "yaw_deg"), [(12.0, 0.0), (-12.0, 7.0), (2.0, -7.5)])
 def test_the_play_narrows_with_depth(bench, lateral_mm: float, yaw_deg: float) -> None:
     """In a straight line from the mouth to the bottom: 13 to 1.5 mm, and 8 deg to none."""
-    capture = Capture()
+    capture = CaptureRange()
     deepest, rooms = math.inf, []
     with bench("unicycle", SE2(-0.019, lateral_mm / 1e3, math.radians(yaw_deg))) as b:
         b.plant.command("a", Twist(0.05, 0.0))
@@ -133,7 +133,7 @@ def test_the_funnel_is_where_the_capture_says(two_units, before_port) -> None:
     """Half way down there is half the way from the mouth's room to the seat's."""
     scene = two_units()
     plant = KinematicPlant(
-        scene, before_port(scene, SE2(-0.019, 0.02, 0.0)), capture=Capture(0.03, 0.2, 0.002)
+        scene, before_port(scene, SE2(-0.019, 0.02, 0.0)), capture=CaptureRange(0.03, 0.2, 0.002)
     )
     plant.begin_dock(scene.plan[0])
     plant.command("a", Twist(0.05, 0.0))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
-from msrr_bullet.plant.kinematic_port import Capture
+from msrr_bullet.plant.kinematic_port import CaptureRange
 from msrr_bullet.plant.plant import Plant, tick_ns
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
@@ -148,7 +148,7 @@ def test_a_locked_unicycle_follows_the_unit_it_is_locked_to(bench):
 
 def test_the_capture_of_an_ideal_port_is_what_it_is_told(two_units, before_port):
     scene = two_units()
-    for capture, seats in ((Capture(0.02, 0.1, 0.001), True), (Capture(0.01, 0.1, 0.001), False)):
+    for capture, seats in ((CaptureRange(0.02, 0.1, 0.001), True), (CaptureRange(0.01, 0.1, 0.001), False)):
         plant = KinematicPlant(scene, before_port(scene, SE2(-0.03, 0.015, 0.0)), capture=capture)
         plant.begin_dock(scene.plan[0])
         plant.command("a", Twist(0.1, 0.0))

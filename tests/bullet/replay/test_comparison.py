@@ -13,9 +13,9 @@ import pytest
 
 from msrr_bullet.log import LogError, LogHeader, McapRecorder, read_log, topics
 from msrr_bullet.log.records import TruePose
+from msrr_bullet.replay import replay, replay_isolated
 from msrr_bullet.replay.comparison import ReplayError, ReplayReport
 from msrr_bullet.replay.recorded_robot import RecordedRobot, Robot
-from msrr_bullet.replay.replayer import replay, replay_isolated
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
@@ -260,7 +260,7 @@ def test_the_barrier_stops_the_simulator_at_any_depth(tmp_path: Path) -> None:
     (tmp_path / "sly.py").write_text("def peek():\n    import pybullet\n")
     code = """
 import sys
-from msrr_bullet.replay.replayer import SimulatorBarrier
+from msrr_bullet.replay.isolation import SimulatorBarrier
 assert not [m for m in sys.modules if m.startswith("pybullet")], "importing replay imports the simulator"
 SimulatorBarrier.install()
 import sly
@@ -280,7 +280,7 @@ for attempt in (sly.peek, *(lambda name=name: importlib.import_module(name) for 
     assert done.returncode == 0, done.stderr
     code = """
 import pybullet
-from msrr_bullet.replay.replayer import SimulatorBarrier
+from msrr_bullet.replay.isolation import SimulatorBarrier
 SimulatorBarrier.install()
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -19,7 +19,7 @@ from msrr_bullet.log import (
 )
 from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_of
-from msrr_bullet.replay.replayer import replay, replay_isolated
+from msrr_bullet.replay import replay, replay_isolated
 from msrr_bullet.run import run_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial

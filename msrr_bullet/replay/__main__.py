@@ -1,0 +1,18 @@
+"""Replays a run without the simulator and writes the report as JSON; see :func:`replay_isolated`."""
+
+import sys
+from pathlib import Path
+
+from msrr_bullet.replay.isolation import SimulatorBarrier
+from msrr_scenes.errors import MsrrError
+
+try:
+    SimulatorBarrier.install()
+    from msrr_bullet.replay.replayer import replay
+
+    report = replay(Path(sys.argv[1]))
+except MsrrError as error:
+    sys.stderr.write(f"{error}\n")
+    sys.exit(2)
+sys.stdout.write(report.model_dump_json())
+sys.exit(0 if report.identical else 1)

@@ -1,0 +1,60 @@
+"""A replay in a process of its own that cannot import the simulator."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+from types import ModuleType
+
+from msrr_bullet.replay.comparison import ReplayError, ReplayReport
+
+#: Packages of the simulator.
+SIMULATOR = ("pybullet", "pybullet_data", "pybullet_utils", "pybullet_envs")
+
+
+def replay_isolated(run: Path) -> ReplayReport:
+    """Replay a run in a new process that cannot import the simulator.
+
+    Raises:
+        ReplayError: The replay could not be made; the message gives the reason.
+    """
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    finished = subprocess.run(
+        [sys.executable, "-m", "msrr_bullet.replay", str(run)],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
+    )
+    if finished.returncode not in (0, 1) or not finished.stdout:
+        raise ReplayError(f"{run}: the replay broke off: {finished.stderr.strip()}")
+    return ReplayReport.model_validate_json(finished.stdout)
+
+
+class SimulatorBarrier(MetaPathFinder):
+    """An import hook that refuses to import the simulator, at any depth."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Raise ImportError for the packages of the simulator; leave the others to the usual finders."""
+        if fullname.partition(".")[0] in SIMULATOR:
+            raise ImportError(f"{fullname} is not available in a replay, which runs without the simulator")
+        return None
+
+    @classmethod
+    def install(cls) -> None:
+        """Install the hook in this process until the process ends.
+
+        Raises:
+            ReplayError: A package of the simulator has been imported already.
+        """
+        imported = [name for name in SIMULATOR if name in sys.modules]
+        if imported:
+            raise ReplayError(f"{', '.join(imported)} was imported before the replay began")
+        sys.meta_path.insert(0, cls())
