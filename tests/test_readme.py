@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import importlib
 import re
 import shlex
 import subprocess
@@ -113,6 +115,30 @@ def test_a_command_exists_with_these_options(command: Piece) -> None:
         for word in (w.strip("[]") for w in words):
             if word.startswith("--"):
                 assert word.partition("=")[0] in options, f"{command}: msrr {name} has no option {word}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_every_name_of_ours_on_a_page_exists(page: Path) -> None:
+    """Dotted names of modules, classes and functions, such as ``msrr_bullet.run.run_trial``."""
+    for name in sorted(set(re.findall(r"`~?(msrr_[a-z]+(?:\.\w+)+)", page.read_text()))):
+        assert _exists(name), f"{page.name} names {name}"
+
+
+def _exists(name: str) -> bool:
+    for split in range(name.count(".") + 1):
+        module, *attributes = name.rsplit(".", split)
+        try:
+            found = importlib.import_module(module)
+        except ModuleNotFoundError:
+            continue
+        return functools.reduce(lambda part, a: getattr(part, a, None), attributes, found) is not None
+    return False
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_every_link_between_pages_leads_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
+        assert (page.parent / target).exists(), f"{page.name} links to {target}"
 
 
 def test_the_own_controller_is_an_example_of_forty_lines() -> None:
