@@ -173,3 +173,11 @@ def test_recording_changes_nothing_in_the_trial(tmp_path: Path) -> None:
 def test_every_message_of_a_trial_survives_another_round(log: Log) -> None:
     for record in log.records():
         assert to_bytes(format_of(record.message).encode(record.message, record.topic)) == record.data
+
+
+@pytest.mark.parametrize("scene", ["two_units", "close_range"])
+def test_a_log_of_an_earlier_version_can_be_replayed(scene: str) -> None:
+    """The first 0.4 s of a trial without pixels and of one with, written by version 0.1.0."""
+    report = replay_isolated(Path(__file__).parent / "data" / f"{scene}_0_1_0.mcap")
+    assert report.identical
+    assert report.windows > 0 or scene == "two_units"
