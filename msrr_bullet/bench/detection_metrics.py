@@ -1,4 +1,4 @@
-"""Counts what readers of camera frames find, against what is there, exposure by exposure."""
+"""Metrics of tag detection: what different settings find in the same exposures, compared with truth."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, TagDetection
 
-#: A detection with a corner farther than this from the tag's own is none of that tag [px].
+#: Largest distance between a detected corner and the exact one; beyond it the detection counts as false [px].
 LARGEST_ERROR_PX = 3.0
 
-#: A tag whose shortest edge is longer counts as large: 2 px for each of its 8 modules [px].
+#: Shortest edge of a tag that counts as large: 2 px for each of its 8 modules [px].
 LARGE_EDGE_PX = 16.0
 
-#: Edge of a tag with its white border over that of its black square: 10 modules over 8.
+#: Edge of a tag with its white border over the edge of its black square: 10 modules over 8.
 _WITH_BORDER = 1.25
 
 P = TypeVar("P")
@@ -31,32 +31,32 @@ P_contra = TypeVar("P_contra", contravariant=True)
 
 
 class Reader(Protocol[P_contra]):
-    """Chooses windows of an exposure and reads the tags in them, as the robot's vision does."""
+    """Vision that chooses windows of an exposure and detects the tags in them, as the robot's does."""
 
     def reset(self) -> None:
         """Forget what earlier exposures showed."""
         ...
 
     def look(self, exposure: Exposure, prediction: P_contra, fetch: Fetch, /) -> Detections:
-        """Read one exposure."""
+        """Return the tags found in one exposure."""
         ...
 
 
-class WatchedDetector:
-    """A detector, and the windows that it was given.
+class RecordingDetector:
+    """A detector that records the windows that it is given.
 
     Attributes:
-        windows: Since they were cleared last.
+        windows: Windows since the list was cleared.
     """
 
     def __init__(self, detector: Detector, windows: list[Window] | None = None) -> None:
-        """Watch ``detector``; its windows are added to ``windows`` if they are given."""
+        """Record the windows of ``detector`` in ``windows``, or in a new list."""
         self.windows: list[Window] = [] if windows is None else windows
         self._detector = detector
 
-    def for_large_tags(self) -> WatchedDetector:
-        """Return what reads large tags in the detector's place, watched together with it."""
-        return WatchedDetector(for_large_tags(self._detector), self.windows)
+    def for_large_tags(self) -> RecordingDetector:
+        """Return the detector for large tags, which records in the same list."""
+        return RecordingDetector(for_large_tags(self._detector), self.windows)
 
     def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
         """Return the tags of one window; see :meth:`Detector.detect`."""
@@ -65,15 +65,15 @@ class WatchedDetector:
 
 
 @dataclass(frozen=True, eq=False)
-class Contestant(Generic[P_contra]):
-    """A reader, and the detector whose finds it delivers; what it only searches with is another one."""
+class Candidate(Generic[P_contra]):
+    """A reader with certain settings, and the detector whose windows count (the search may have another)."""
 
     reader: Reader[P_contra]
-    detector: WatchedDetector
+    detector: RecordingDetector
 
 
-class WholeFrame:
-    """Reads every exposure's full frame, whatever is expected of it."""
+class FullFrameReader:
+    """Reads the full frame of every exposure, whatever the prediction."""
 
     def __init__(self, detector: Detector, frame: Window) -> None:
         """Read ``frame`` with ``detector``."""
@@ -81,25 +81,26 @@ class WholeFrame:
         self._frame = frame
 
     def reset(self) -> None:
-        """Forget nothing: there is no memory."""
+        """Do nothing, because nothing is remembered."""
 
     def look(self, exposure: Exposure, prediction: object, fetch: Fetch, /) -> Detections:
-        """Read one exposure."""
+        """Return the tags found in the full frame."""
         return Detections(exposure, self._detector.detect(fetch(self._frame), self._frame), (self._frame,))
 
 
 @dataclass(frozen=True, eq=False)
-class View(Generic[P]):
+class LabelledExposure(Generic[P]):
     """One exposure whose truth is known.
 
     Attributes:
         exposure: Camera, number and time.
-        fetch: Gives the pixels of a window.
-        prediction: What the robot's estimator would predict for this instant, with its errors.
+        fetch: Function that returns the pixels of a window.
+        prediction: Prediction of the robot's estimator for this instant, with errors.
         corners: Tag -> exact corners, shape (4, 2) [px], of every tag that may be seen.
-        in_view: Those wholly in the frame and large enough to be read.
-        pose_errors: Gives the errors (distance [m], angle [rad]) of the poses that detections lead to.
-        first: Nothing was seen before; readers are reset.
+        in_view: Tags that lie wholly in the frame and are large enough to be read.
+        pose_errors: Function that returns the errors (distance [m], angle [rad]) of the poses computed from
+            detections.
+        first: Whether readers are reset before this exposure.
     """
 
     exposure: Exposure
@@ -112,24 +113,24 @@ class View(Generic[P]):
 
 
 class DetectionRow(BaseModel):
-    """What one reader made of all views.
+    """Results of one candidate over all exposures.
 
     Attributes:
-        settings: Which settings it had.
-        exposures: Frames looked at.
+        settings: Label of the settings.
+        exposures: Number of exposures.
         recall: Share of the tags looked for that were found, with its Wilson interval. A tag in view counts
             as looked for when a window that was read holds it with its white border.
         tags: Tags found per exposure.
         rms_px: Root mean square error of a corner coordinate [px]; None when nothing was found.
-        rms_large_px: The same of tags of :data:`LARGE_EDGE_PX` and more.
-        bias_px: Its mean, in x and in y [px].
-        bias_large_px: The same of the large ones.
-        false: Detections of tags that are not there or not where they were found.
-        distance_mm: Error of the poses' positions [mm].
-        yaw_deg: Error of their headings [deg].
+        rms_large_px: Root mean square error for tags of :data:`LARGE_EDGE_PX` and more.
+        bias_px: Mean corner error in x and in y [px].
+        bias_large_px: Mean corner error for tags of :data:`LARGE_EDGE_PX` and more.
+        false: Detections of tags that do not exist or lie elsewhere.
+        distance_mm: Position errors of the poses [mm].
+        yaw_deg: Heading errors of the poses [deg].
         poseless: Exposures without a pose.
-        pixels: Read per exposure.
-        ms: Processor time per exposure, pixels not counted [ms].
+        pixels: Pixels read per exposure.
+        ms: Processor time per exposure without that for the pixels [ms].
     """
 
     model_config = ConfigDict(frozen=True)
@@ -151,8 +152,8 @@ class DetectionRow(BaseModel):
 
 
 @dataclass
-class _Tally:
-    """Sums over the exposures of one reader."""
+class _Totals:
+    """Sums over the exposures of one candidate."""
 
     exposures: int = 0
     looked_for: int = 0
@@ -165,23 +166,23 @@ class _Tally:
     large: list[Array] = field(default_factory=list)
     poses: list[tuple[float, float]] = field(default_factory=list)
 
-    def add(self, view: View[P], found: Detections, read: Sequence[Window]) -> None:
-        """Compare what was found in the windows ``read`` with truth."""
+    def add(self, view: LabelledExposure[P], found: Detections, windows: Sequence[Window]) -> None:
+        """Compare what was found in ``windows`` with truth."""
         self.exposures += 1
         self.pixels += sum(w.area for w in found.windows)
-        right = set()
+        correct = set()
         for tag in found.tags:
             exact = view.corners.get(tag.tag_id)
             if exact is None or np.linalg.norm(tag.corners - exact, axis=1).max() > LARGEST_ERROR_PX:
                 self.false += 1
                 continue
-            right.add(tag.tag_id)
+            correct.add(tag.tag_id)
             self.corners.append(tag.corners - exact)
             if shortest_edge(exact) >= LARGE_EDGE_PX:
                 self.large.append(tag.corners - exact)
-        looked_for = {t for t in view.in_view if _holds(read, view.corners[t])}
+        looked_for = {t for t in view.in_view if _read_with_border(windows, view.corners[t])}
         self.looked_for += len(looked_for)
-        self.found += len(looked_for & right)
+        self.found += len(looked_for & correct)
         errors = view.pose_errors(found)
         self.poses += errors
         self.poseless += not errors
@@ -207,38 +208,39 @@ class _Tally:
         )
 
 
-def compare(
-    contestants: Mapping[str, Contestant[P]], views: Iterable[View[P]], rng: np.random.Generator
+def evaluate(
+    candidates: Mapping[str, Candidate[P]], views: Iterable[LabelledExposure[P]], rng: np.random.Generator
 ) -> tuple[DetectionRow, ...]:
-    """Let all contestants read the same exposures and return a row for each.
+    """Let all candidates read the same exposures and return a row for each.
 
-    Pixels are the same for all: a window equals the crop of the full frame, so that they are taken from the
-    latter. Time is processor time of the thread, without that for pixels; each contestant sees the first
-    exposure once before it counts, to load what is loaded once.
+    All candidates get the same pixels: a window equals the crop of the full frame. Time is processor time of
+    the thread without that for the pixels; each candidate reads the first exposure once before it is timed,
+    to load what is loaded once.
 
     Args:
-        contestants: By label.
+        candidates: Label -> candidate.
         views: Exposures with their truth.
-        rng: Shuffles the contestants anew for each exposure, so that none finds the caches warmer.
+        rng: Generator that shuffles the candidates for each exposure, so that none finds the caches warmer.
     """
-    tallies = {label: _Tally() for label in contestants}
-    labels = list(contestants)
+    totals = {label: _Totals() for label in candidates}
+    labels = list(candidates)
     for number, view in enumerate(views):
         if number == 0:
-            for contestant in contestants.values():
-                contestant.reader.look(view.exposure, view.prediction, view.fetch)
+            for candidate in candidates.values():
+                candidate.reader.look(view.exposure, view.prediction, view.fetch)
         for i in rng.permutation(len(labels)):
-            contestant, tally = contestants[labels[i]], tallies[labels[i]]
+            candidate, total = candidates[labels[i]], totals[labels[i]]
             if view.first:
-                contestant.reader.reset()
-            contestant.detector.windows.clear()
-            found, spent_ns = _timed_look(contestant.reader, view)
-            tally.spent_ns += spent_ns
-            tally.add(view, found, contestant.detector.windows)
-    return tuple(tally.row(label) for label, tally in tallies.items())
+                candidate.reader.reset()
+            candidate.detector.windows.clear()
+            found, spent_ns = _read_timed(candidate.reader, view)
+            total.spent_ns += spent_ns
+            total.add(view, found, candidate.detector.windows)
+    return tuple(total.row(label) for label, total in totals.items())
 
 
-def _timed_look(reader: Reader[P], view: View[P]) -> tuple[Detections, int]:
+def _read_timed(reader: Reader[P], view: LabelledExposure[P]) -> tuple[Detections, int]:
+    """Return the tags found in an exposure and the processor time without that for the pixels [ns]."""
     for_pixels = 0
 
     def fetch(window: Window) -> Pixels:
@@ -254,7 +256,7 @@ def _timed_look(reader: Reader[P], view: View[P]) -> tuple[Detections, int]:
 
 
 def shortest_edge(corners: Array) -> float:
-    """Return the length of the shortest edge of a tag, corners (4, 2) [px]."""
+    """Return the shortest edge of a tag [px] from its corners, shape (4, 2) [px]."""
     return float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).min())
 
 
@@ -269,11 +271,14 @@ def _mean(errors: Sequence[Array]) -> tuple[float, float] | None:
     return x, y
 
 
-def _holds(windows: Iterable[Window], corners: Array) -> bool:
-    """Say whether one of the windows holds a tag and the white module around it."""
+def encloses(window: Window, points: Array) -> bool:
+    """Say whether all points, shape (N, 2) [px], lie in a window."""
+    low, high = [window.x - 0.5, window.y - 0.5], [window.x_end - 0.5, window.y_end - 0.5]
+    return bool((points >= low).all() and (points <= high).all())
+
+
+def _read_with_border(windows: Iterable[Window], corners: Array) -> bool:
+    """Say whether one of the windows encloses a tag and the white module around it."""
     middle = corners.mean(axis=0)
-    low, high = (f(middle + (corners - middle) * _WITH_BORDER, axis=0) for f in (np.min, np.max))
-    return any(
-        w.x - 0.5 <= low[0] and w.y - 0.5 <= low[1] and high[0] <= w.x_end - 0.5 and high[1] <= w.y_end - 0.5
-        for w in windows
-    )
+    border = middle + (corners - middle) * _WITH_BORDER
+    return any(encloses(window, border) for window in windows)

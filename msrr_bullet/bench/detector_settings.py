@@ -1,4 +1,4 @@
-"""The settings that are compared: the library's, ours, and ours with one thing changed at a time."""
+"""The settings that are compared: those of the library, ours, and ours with one setting changed at a time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from msrr_bullet.bench.detection_metrics import Contestant, WatchedDetector, WholeFrame
+from msrr_bullet.bench.detection_metrics import Candidate, FullFrameReader, RecordingDetector
 from msrr_bullet.robot.autonomy import FULL_LOOK_EVERY
 from msrr_perception.detection.detector import Detector, PupilDetector
 from msrr_perception.detection.onboard_vision import OnboardVision
@@ -21,20 +21,20 @@ from msrr_scenes.messages import GlobalPose, Pixels, PoseEstimate, TagDetection
 #: Label of the settings that a trial runs with.
 OURS = "ours"
 
-#: Label of the library's own settings, which know nothing of windows.
+#: Label of the library's default settings, which read full frames.
 LIBRARY = "library's defaults"
 
-#: What pupil-apriltags does when it is told nothing.
+#: Defaults of pupil-apriltags.
 LIBRARY_CONTRAST = 5
 LIBRARY_SHARPENING = 0.25
 LIBRARY_DECIMATION = 2.0
 
-#: Any number of pixels is fewer.
+#: Area that no window exceeds [px].
 _ANY_AREA = sys.maxsize
 
 
 def library_detector() -> Detector:
-    """Return the detector as the library sets it up, its corners as they come."""
+    """Return the detector with the library's defaults and without our refinement of the corners."""
     return PupilDetector(
         quad_decimate=LIBRARY_DECIMATION,
         decode_sharpening=LIBRARY_SHARPENING,
@@ -45,7 +45,7 @@ def library_detector() -> Detector:
     )
 
 
-#: What is changed of our detector, by label.
+#: Our detector with one setting changed, by label.
 _DETECTORS: Mapping[str, Callable[[], Detector]] = MappingProxyType(
     {
         "library detector": library_detector,
@@ -57,7 +57,7 @@ _DETECTORS: Mapping[str, Callable[[], Detector]] = MappingProxyType(
     }
 )
 
-#: What is changed of our windows on board, by label.
+#: Our windows on board with one setting changed, by label.
 _POLICIES: Mapping[str, WindowPolicy] = MappingProxyType(
     {
         "one window": replace(DEFAULT_POLICY, merge_px=_ANY_AREA),
@@ -68,29 +68,29 @@ _POLICIES: Mapping[str, WindowPolicy] = MappingProxyType(
 )
 
 
-def onboard_contestants(target: TargetModel) -> dict[str, Contestant[PoseEstimate]]:
-    """Return who reads the docking unit's camera, by label."""
+def onboard_candidates(target: TargetModel) -> dict[str, Candidate[PoseEstimate]]:
+    """Return the candidates for the docking unit's camera, by label."""
 
     def windows(
         detector: Detector, policy: WindowPolicy = DEFAULT_POLICY, full_every: int = FULL_LOOK_EVERY
-    ) -> Contestant[PoseEstimate]:
-        watched = WatchedDetector(detector)
-        return Contestant(OnboardVision(target, watched, policy, full_every=full_every), watched)
+    ) -> Candidate[PoseEstimate]:
+        recording = RecordingDetector(detector)
+        return Candidate(OnboardVision(target, recording, policy, full_every=full_every), recording)
 
-    contestants: dict[str, Contestant[PoseEstimate]] = {
-        LIBRARY: whole_frames(library_detector(), target.camera.frame),
+    candidates: dict[str, Candidate[PoseEstimate]] = {
+        LIBRARY: full_frames(library_detector(), target.camera.frame),
         OURS: windows(PupilDetector()),
         **{f"... {label}": windows(build()) for label, build in _DETECTORS.items()},
     }
-    contestants["... no decimation"] = windows(_OneResolution(PupilDetector()))
-    contestants["... full frames"] = windows(PupilDetector(), full_every=1)
+    candidates["... no decimation"] = windows(_OneResolution(PupilDetector()))
+    candidates["... full frames"] = windows(PupilDetector(), full_every=1)
     for label, policy in _POLICIES.items():
-        contestants[f"... {label}"] = windows(PupilDetector(), policy)
-    return contestants
+        candidates[f"... {label}"] = windows(PupilDetector(), policy)
+    return candidates
 
 
-def overhead_contestants(model: OverheadModel) -> dict[str, Contestant[Mapping[str, GlobalPose]]]:
-    """Return who reads the overhead camera, by label."""
+def overhead_candidates(model: OverheadModel) -> dict[str, Candidate[Mapping[str, GlobalPose]]]:
+    """Return the candidates for the overhead camera, by label."""
     frame = model.camera.frame
 
     def windows(
@@ -98,32 +98,32 @@ def overhead_contestants(model: OverheadModel) -> dict[str, Contestant[Mapping[s
         searcher: Detector | None = None,
         policy: WindowPolicy = OVERHEAD_POLICY,
         period_s: float = 1.0,
-    ) -> Contestant[Mapping[str, GlobalPose]]:
-        watched = WatchedDetector(detector or PupilDetector())
-        vision = OverheadVision(model, watched, searcher, policy, search_period_s=period_s)
-        return Contestant(vision, watched)
+    ) -> Candidate[Mapping[str, GlobalPose]]:
+        recording = RecordingDetector(detector or PupilDetector())
+        vision = OverheadVision(model, recording, searcher, policy, search_period_s=period_s)
+        return Candidate(vision, recording)
 
     return {
-        LIBRARY: whole_frames(library_detector(), frame),
+        LIBRARY: full_frames(library_detector(), frame),
         OURS: windows(),
         **{f"... {label}": windows(build()) for label, build in _DETECTORS.items()},
         "... one window": windows(policy=replace(OVERHEAD_POLICY, merge_px=_ANY_AREA)),
         "... fine search": windows(searcher=PupilDetector()),
         "... constant search": windows(period_s=1e-3),
-        "... full frames": whole_frames(PupilDetector(), frame),
-        "search alone": whole_frames(default_search_detector(), frame),
+        "... full frames": full_frames(PupilDetector(), frame),
+        "search alone": full_frames(default_search_detector(), frame),
     }
 
 
-def whole_frames(detector: Detector, frame: Window) -> Contestant[object]:
-    """Return a contestant that reads full frames."""
-    watched = WatchedDetector(detector)
-    return Contestant(WholeFrame(watched, frame), watched)
+def full_frames(detector: Detector, frame: Window) -> Candidate[object]:
+    """Return a candidate that reads full frames."""
+    recording = RecordingDetector(detector)
+    return Candidate(FullFrameReader(recording, frame), recording)
 
 
 @dataclass(frozen=True)
 class _OneResolution:
-    """A detector that has no quicker way with large tags."""
+    """A detector that reads large tags at full resolution, too."""
 
     detector: Detector
 

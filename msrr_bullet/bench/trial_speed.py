@@ -1,8 +1,8 @@
-"""How fast a trial runs, where its time goes, and what the obvious way to write the loop would take.
+"""The report of ``msrr bench SCENE``: the speed of a trial, stage by stage, and that of a naive loop.
 
-The naive loop is the same trial - scene, seed, robot, pixels of the same quality - without the three things
-that make perception cheap here: it reads full frames only, detects tags in all of them, and lets the renderer
-draw the floor as a mesh.
+The naive loop is the same trial (scene, seed, robot, image quality) without the three things that make
+perception cheap here: it reads full frames only, detects tags in all of them, and the renderer draws the
+floor as a mesh.
 """
 
 from __future__ import annotations
@@ -23,40 +23,40 @@ from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 from msrr_scenes.specs.spec import Choice
 
-#: Stage of the loop that is the simulator's own work; all others sense, decide and judge.
+#: Stage of the loop in which the simulator works; in all others the trial senses, decides and judges.
 _PHYSICS = "physics"
 
-#: Stage of the robot's decisions: estimator query, laws and phase machine, without the guard.
+#: Stage of the robot's decisions: estimator query, laws and phase machine, without the collision monitor.
 _CONTROL = "control"
 
-#: What is left of the loop when its named stages are taken away.
+#: Name for the time of the loop that belongs to no stage.
 _REST = "rest"
 
 
 class BenchError(MsrrError):
-    """A scene that cannot be measured in this way."""
+    """A scene whose speed cannot be measured."""
 
 
-class BenchReport(BaseModel):
+class TrialSpeed(BaseModel):
     """Speed and memory of one trial, log and viewer off, set-up of the world not counted.
 
     Attributes:
         scene: Name of the scene.
-        seed: Its seed.
+        seed: Seed of the trial.
         outcome: How the trial ended.
         duration_s: Simulated time.
         real_time_factor: Simulated time over wall-clock time of the loop.
         naive_ratio: Wall-clock time that the naive loop takes per simulated second, over that of the trial.
-        naive_ratio_one_sample: The same with a naive loop that does without anti-aliasing, whose corners are
-            worse.
-        naive_outcome: How the naive trial ended; it sees other windows, so that it may differ.
+        naive_ratio_one_sample: That ratio for a naive loop without anti-aliasing, whose corners are worse.
+        naive_outcome: How the naive trial ended; it sees other windows, so it may end differently.
         physics_ms_per_s: Wall-clock time of the physics per simulated second.
-        other_ms_per_s: All the rest of the loop.
-        stages_ms_per_s: All of the loop by stage.
-        control_step_ms: One control step: estimator query, laws and phase machine, without the guard [ms].
-        start_up_s: What the first trial of a process takes longer than the next ones.
-        peak_mb: Largest memory of the process so far, before the naive loop began [10^6 bytes].
-        versions: Packages that ran it.
+        other_ms_per_s: Wall-clock time of the rest of the loop per simulated second.
+        stages_ms_per_s: Wall-clock time of each stage of the loop per simulated second.
+        control_step_ms: Time of one control step: estimator query, laws and phase machine, without the
+            collision monitor [ms].
+        start_up_s: Time that the first trial of a process takes longer than the next ones.
+        peak_mb: Largest memory of the process before the naive loop began [10^6 bytes].
+        versions: Versions of the packages.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -84,19 +84,19 @@ class BenchReport(BaseModel):
 
 @dataclass(frozen=True)
 class _Timing:
-    """One trial with its time; all times per simulated second."""
+    """One trial and its wall-clock times [ms] per simulated second."""
 
     result: TrialResult
     ms_per_s: float
     stages_ms_per_s: dict[str, float]
 
 
-def naive(scene: Scene, samples: int | None = None) -> Scene:
-    """Return the scene of the naive loop: whole frames, the floor a mesh.
+def naive_loop(scene: Scene, samples: int | None = None) -> Scene:
+    """Return the scene of the naive loop, with full frames and a floor mesh.
 
     Args:
-        scene: What to run.
-        samples: Sub-pixel samples of its cameras; None keeps the scene's.
+        scene: Scene of the trial.
+        samples: Samples per pixel edge of the cameras; None keeps the scene's.
     """
 
     def plain(camera: CameraSpec) -> dict[str, object]:
@@ -117,26 +117,26 @@ def naive(scene: Scene, samples: int | None = None) -> Scene:
     return scene.model_copy(update={"cameras": slow})
 
 
-def bench(scene: Scene, seed: int = 0) -> BenchReport:
+def measure_trial_speed(scene: Scene, seed: int = 0) -> TrialSpeed:
     """Measure one trial, then the naive loop of the same trial, one after the other in this process.
 
-    The trial is run twice and the second run counts. What the first takes longer (to load compiled code, to
-    work out the faces of the meshes) comes once in a process, however many trials it runs, and is told apart.
+    The trial is run twice and the second run counts. The additional time of the first (to load compiled code,
+    to compute the faces of the meshes) is spent once in a process and reported separately.
 
-    Memory is that of the process from its start, so that the figure is the trial's own in a new process only.
+    Memory is that of the process from its start, so it is the trial's own only in a new process.
 
     Raises:
         BenchError: The scene's perception uses no images.
     """
     if scene.perception != "images":
         raise BenchError(f"{scene.name}: nothing to measure, perception is {scene.perception!r}, not images")
-    first = _timed(scene, seed)
-    trial = _timed(scene, seed)
+    first = _run_timed(scene, seed)
+    trial = _run_timed(scene, seed)
     peak = _peak_mb()
-    slow = _timed(naive(scene), seed)
-    coarse = _timed(naive(scene, samples=1), seed) if scene.cameras.onboard.samples > 1 else slow
+    slow = _run_timed(naive_loop(scene), seed)
+    coarse = _run_timed(naive_loop(scene, samples=1), seed) if scene.cameras.onboard.samples > 1 else slow
     physics = trial.stages_ms_per_s.get(_PHYSICS, 0.0)
-    return BenchReport(
+    return TrialSpeed(
         scene=scene.name,
         seed=seed,
         outcome=trial.result.outcome,
@@ -155,8 +155,8 @@ def bench(scene: Scene, seed: int = 0) -> BenchReport:
     )
 
 
-def bench_table(report: BenchReport) -> Table:
-    """Return the report as a table for people."""
+def trial_speed_table(report: TrialSpeed) -> Table:
+    """Return the report as a table for a terminal."""
     title = f"{report.scene}, seed {report.seed}: {report.duration_s:.1f} s"
     table = Table(title=title, title_justify="left")
     table.add_column("")
@@ -173,15 +173,15 @@ def bench_table(report: BenchReport) -> Table:
     return table
 
 
-def _timed(scene: Scene, seed: int) -> _Timing:
-    clock = StageProfiler()
-    result = run_trial(scene, seed, profiler=clock)
+def _run_timed(scene: Scene, seed: int) -> _Timing:
+    profiler = StageProfiler()
+    result = run_trial(scene, seed, profiler=profiler)
     if result.duration_s <= 0.0:
         raise BenchError(f"{scene.name}, seed {seed}: ended at once, {result.outcome.value}")
     per_s = 1e-6 / result.duration_s
-    stages = {name: ns * per_s for name, ns in clock.spent_ns.items()}
-    stages[_REST] = (clock.span_ns - clock.total_ns) * per_s
-    return _Timing(result, clock.span_ns * per_s, stages)
+    stages = {name: ns * per_s for name, ns in profiler.spent_ns.items()}
+    stages[_REST] = (profiler.span_ns - profiler.total_ns) * per_s
+    return _Timing(result, profiler.span_ns * per_s, stages)
 
 
 def _peak_mb() -> float:

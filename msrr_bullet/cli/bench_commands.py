@@ -54,24 +54,23 @@ def _scene(name: str, overrides: dict[str, str]) -> _Bench:
     scene = load_scene(name, overrides)
 
     def run(tell: Callable[[str], None]) -> tuple[_Report, Iterable[Table]]:
-        from msrr_bullet.bench.trial_speed import bench as run_bench
-        from msrr_bullet.bench.trial_speed import bench_table
+        from msrr_bullet.bench.trial_speed import measure_trial_speed, trial_speed_table
 
-        report = run_bench(scene)
-        return report, (bench_table(report),)
+        report = measure_trial_speed(scene)
+        return report, (trial_speed_table(report),)
 
     return run
 
 
 def _cameras(tell: Callable[[str], None]) -> tuple[_Report, Iterable[Table]]:
-    from msrr_bullet.bench.cameras import bench_cameras, camera_tables
+    from msrr_bullet.bench.renderer_benchmark import benchmark_renderers, renderer_tables
 
-    report = bench_cameras(observer=tell)
-    return report, camera_tables(report)
+    report = benchmark_renderers(observer=tell)
+    return report, renderer_tables(report)
 
 
 def _detection(tell: Callable[[str], None]) -> tuple[_Report, Iterable[Table]]:
-    from msrr_bullet.bench.detection import bench_detection, detection_tables
+    from msrr_bullet.bench.detection_benchmark import benchmark_detection, detection_tables
 
-    report = bench_detection(observer=tell)
+    report = benchmark_detection(observer=tell)
     return report, detection_tables(report)

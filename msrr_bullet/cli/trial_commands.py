@@ -47,7 +47,7 @@ def dock(
     from msrr_bullet.trial.telemetry import Progress
 
     load_simulator()
-    from msrr_bullet.render.prepare import prepare_renderers
+    from msrr_bullet.render import prepare_renderers
     from msrr_bullet.run import run_trial
 
     console = Console()
@@ -123,7 +123,7 @@ def sweep(
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     from msrr_bullet.cli.console_report import sweep_table
-    from msrr_bullet.render.prepare import prepare_renderers
+    from msrr_bullet.render import prepare_renderers
     from msrr_bullet.sweep.summary import TrialFailure
     from msrr_bullet.sweep.sweep import sweep as run_sweep
 

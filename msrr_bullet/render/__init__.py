@@ -1,1 +1,10 @@
-"""Renderers: noise-free pixels of a window of a camera's image, from the state of the simulated world."""
+"""Renderers: the noise-free pixels of any window of a camera's image, from the simulated world as it stands.
+
+A renderer of your own is a class with the method of :class:`Renderer`, built from a :class:`RenderContext`; a
+scene names it by its import path.
+"""
+
+from msrr_bullet.render.renderer import RenderContext, Renderer
+from msrr_bullet.render.renderer_registry import RENDERERS, build_renderer, prepare_renderers
+
+__all__ = ["RENDERERS", "RenderContext", "Renderer", "build_renderer", "prepare_renderers"]

@@ -1,8 +1,8 @@
-"""The background: a textured floor to the horizon and a plain wall above it, without any mesh.
+"""The background of a picture: a textured floor to the horizon and a plain wall above it, without a mesh.
 
 A floor is a plane, so its image is one homography of its texture. Seen at a grazing angle a pixel covers many
-texels; the texture is therefore kept as a pyramid, each pixel takes the two levels next to its footprint, and
-each level is warped only over the rows where it counts.
+texels; the texture is therefore a pyramid, each pixel blends the two levels next to its footprint, and each
+level is warped only over the rows where it counts.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ class Floor:
     """The plane z = 0 of the world with a periodic texture, and the wall above its horizon.
 
     Attributes:
-        levels: Texture pyramid, finest first, each level half the size of the one before [grey levels]; the
-            row grows with world y and the column with world x.
+        levels: Texture pyramid, finest first, each level half the size of the one before [grey levels]; rows
+            run along world y and columns along world x.
         period: Edge of the square that the texture covers before it repeats [m].
         wall: Grey level above the horizon.
     """
@@ -46,7 +46,7 @@ class Floor:
         out = np.full((window.height, window.width), self.wall, dtype=np.float32)
         if X_WC.p[2] <= 0.0:
             return out
-        # Metres on the floor, homogeneous, of a pixel; the third row is minus the ray's descent t.
+        # Homogeneous point of the floor [m] that a pixel shows; the third row is minus the ray's descent t.
         r, p = X_WC.R, X_WC.p
         G = np.stack([p[0] * r[2] - p[2] * r[0], p[1] * r[2] - p[2] * r[1], r[2]])
         G = G @ np.linalg.inv(camera.matrix())
@@ -69,7 +69,7 @@ class Floor:
         return out
 
     def _floor(self, camera: PinholeCamera, X_WC: SE3, G: Array, window: Window, t: Image) -> Image:
-        """Blend the pyramid's levels by each pixel's footprint; ``t`` is the rays' descent."""
+        """Return the floor in ``window``; ``t`` is the descent of its rays, shape (height, width)."""
         # Footprint of a pixel [texels]: h / (f t) across the view, and 1 + k / t times that along it.
         texels = self.levels[0].shape[0] / self.period
         scale = texels * float(X_WC.p[2]) / camera.focal
@@ -109,10 +109,7 @@ class Floor:
 
 
 def texture_pyramid(texture: Image) -> tuple[Image, ...]:
-    """Return a square texture and its box-filtered halves down to one texel.
-
-    The texture's edge is a power of two.
-    """
+    """Return a square texture, whose edge is a power of two, and its box-filtered halves to one texel."""
     levels = [texture.astype(np.float32)]
     while levels[-1].shape[0] > 1:
         a = levels[-1]
@@ -130,12 +127,12 @@ def concrete_floor(
         mean: Mean grey level.
         contrast: Standard deviation of the mottling [grey levels].
         wall: Grey level above the horizon.
-        period: The texture repeats after this [m]; joints run every quarter of it.
+        period: Distance after which the texture repeats [m]; joints run every quarter of it.
         texels: Edge of the texture, a power of two.
     """
     rng = np.random.Generator(np.random.PCG64(0xF100))
     frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(texels), np.fft.rfftfreq(texels), indexing="ij"))
-    # Amplitude falls with frequency, as natural surfaces' does, from patches of decimetres to grains.
+    # As on natural surfaces the amplitude falls with the frequency, from patches of decimetres to grains.
     spectrum = np.fft.rfft2(rng.standard_normal((texels, texels))) / (frequency + 8.0 / texels) ** 1.2
     spectrum[0, 0] = 0.0
     mottle = np.fft.irfft2(spectrum, s=(texels, texels))

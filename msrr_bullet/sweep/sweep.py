@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from msrr_bullet.pybullet_client import load_simulator
-from msrr_bullet.render.prepare import prepare_renderers
+from msrr_bullet.render import prepare_renderers
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.summary import SweepSummary, TrialFailure, summarise
 from msrr_bullet.sweep.trial_store import TrialStore

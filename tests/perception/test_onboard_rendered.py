@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.render.renderer import RenderContext, build_renderer
+from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from msrr_bullet.render.renderer import RenderContext, build_renderer
+from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld

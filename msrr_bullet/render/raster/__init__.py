@@ -1,9 +1,4 @@
-"""The raster renderer: a rasteriser of our own for any triangle mesh; see ``docs/renderer.md``.
+"""A rasteriser of textured triangle meshes with exact visibility; ``docs/renderer.md`` describes it.
 
-Importing it imports numba, which costs time and memory; a scene that names another renderer does neither.
+Its modules import numba, which costs time and memory; a scene that names another renderer does not load them.
 """
-
-from msrr_bullet.render.raster.kernels.warm import warm
-from msrr_bullet.render.raster.renderer import RasterRenderer
-
-__all__ = ["RasterRenderer", "warm"]

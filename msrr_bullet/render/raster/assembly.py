@@ -1,27 +1,48 @@
-"""From looks to the flat arrays that the kernels work on."""
+"""Visible shapes on moving frames, and the flat arrays that the kernels make pictures of them from."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from msrr_bullet.render.raster.faces import faces_of
 from msrr_bullet.render.raster.kernels.records import CELLS, REGION_BITS, SMOOTH, TEXTURED, Geometry, Textures
-from msrr_bullet.render.raster.look import VisualShape
+from msrr_bullet.render.raster.mesh import Mesh
 from msrr_bullet.render.raster.texture import Texture
 from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.se3 import SE3
 
 _MOST_FACES = 1 << (31 - REGION_BITS)
 
 
-def assemble(looks: Sequence[VisualShape]) -> tuple[Geometry, Textures]:
-    """Return all faces in their movers' frames, and the textures they show.
+@dataclass(frozen=True, eq=False)
+class VisualShape:
+    """A visible shape on a moving frame.
+
+    Attributes:
+        frame: Number of the moving frame M that carries the shape.
+        X_MG: Pose of the mesh's own frame G in M.
+        mesh: Triangles [m].
+        grey: Reflectance, 0 to 1.
+        texture: Texture that multiplies ``grey``, or None.
+    """
+
+    frame: int
+    X_MG: SE3
+    mesh: Mesh
+    grey: float
+    texture: Texture | None = None
+
+
+def assemble(shapes: Sequence[VisualShape]) -> tuple[Geometry, Textures]:
+    """Return all faces in their moving frames, and the textures that they show.
 
     Raises:
-        GeometryError: More faces than identities.
+        GeometryError: There are more faces than identities.
     """
-    all_faces = [faces_of(look.mesh) for look in looks]
+    all_faces = [faces_of(shape.mesh) for shape in shapes]
     vertex_start, face_start, corner_start, smooth_start, surface_start = (
         np.cumsum([0, *counts], dtype=np.int64)
         for counts in (
@@ -34,16 +55,17 @@ def assemble(looks: Sequence[VisualShape]) -> tuple[Geometry, Textures]:
     )
     if face_start[-1] >= _MOST_FACES:
         raise GeometryError(f"{face_start[-1]} faces are more than the raster renderer can tell apart")
-    textures: list[Texture] = []
-    number = np.array([_number(look.texture, textures) for look in looks], dtype=np.int64)
+    textures = list(dict.fromkeys(shape.texture for shape in shapes if shape.texture is not None))
+    numbers = {texture: number for number, texture in enumerate(textures)}
+    number = np.array([numbers[s.texture] if s.texture else -1 for s in shapes], dtype=np.int64)
     packed = _packed(textures)
-    # Shape of each vertex, face, corner and smooth face, and where each shape lies.
+    # Number of the shape of each vertex, face, corner and smooth face.
     of_vertex, of_face, of_corner, of_smooth = (
-        np.repeat(np.arange(len(looks)), np.diff(start))
+        np.repeat(np.arange(len(shapes)), np.diff(start))
         for start in (vertex_start, face_start, corner_start, smooth_start)
     )
-    R = _stacked([look.X_MG.R for look in looks], (3, 3))
-    p = _stacked([look.X_MG.p for look in looks], (3,))
+    R = np.array([shape.X_MG.R for shape in shapes]).reshape(-1, 3, 3)
+    p = np.array([shape.X_MG.p for shape in shapes]).reshape(-1, 3)
     vertices = np.einsum("nij,nj->ni", R[of_vertex], _joined([f.vertices for f in all_faces], (3,)))
     vertices += p[of_vertex]
     smooth = _joined([f.smooth for f in all_faces], (), np.bool_)
@@ -53,10 +75,10 @@ def assemble(looks: Sequence[VisualShape]) -> tuple[Geometry, Textures]:
     weights = _joined([f.weights for f in all_faces], (2, 4))[smooth]
     smooth_row = np.full(len(smooth), -1, dtype=np.int64)
     smooth_row[smooth] = np.arange(int(smooth.sum()))
-    grey = np.array([255.0 * look.grey for look in looks])
-    kinds = np.array([_kind(look.texture) for look in looks], dtype=np.int64)
+    grey = np.array([255.0 * shape.grey for shape in shapes])
+    kinds = np.array([_kind(shape.texture) for shape in shapes], dtype=np.int64)
     geometry = Geometry(
-        shape_mover=np.array([look.mover for look in looks], dtype=np.int64),
+        shape_frame=np.array([shape.frame for shape in shapes], dtype=np.int64),
         shape_ball=_balls(vertices, vertex_start),
         shape_vertex=vertex_start,
         shape_face=face_start,
@@ -82,16 +104,12 @@ def assemble(looks: Sequence[VisualShape]) -> tuple[Geometry, Textures]:
 
 
 def _joined(parts: Sequence[np.ndarray], row: tuple[int, ...], kind: type = np.float64) -> np.ndarray:
-    """Return arrays of rows of one shape as one array; of none, an empty one."""
+    """Return arrays of rows of the shape ``row`` as one array, which is empty if there are none."""
     return np.concatenate([np.empty((0, *row), dtype=kind), *parts])
 
 
-def _stacked(parts: Sequence[np.ndarray], row: tuple[int, ...]) -> np.ndarray:
-    return np.array(parts, dtype=np.float64).reshape(-1, *row)
-
-
 def _balls(vertices: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Return centre and radius of a ball about each shape, shape (S, 4); every shape has vertices."""
+    """Return centre and radius of a ball around each visual shape, shape (S, 4); each one has vertices."""
     if len(start) == 1:
         return np.empty((0, 4))
     first = start[:-1]
@@ -103,7 +121,7 @@ def _balls(vertices: np.ndarray, start: np.ndarray) -> np.ndarray:
 
 
 def _cells(numbers: np.ndarray, textures: list[Texture], packed: Textures) -> np.ndarray:
-    """Return each face's bitmap as :class:`Geometry` has it, shape (F, 4)."""
+    """Return the bitmap of each face for :attr:`Geometry.cells`, shape (F, 4)."""
     regions = np.cumsum([0, *(len(t.region_grey) if t.regions is not None else 0 for t in textures)])
     first = packed.first_level
     table = np.stack(
@@ -121,8 +139,8 @@ def _turned(functions: np.ndarray, R: np.ndarray, p: np.ndarray, sign: float) ->
     Args:
         functions: Shape (N, ..., 4).
         R: Rotation of each G in M, shape (N, 3, 3).
-        p: Its origin, shape (N, 3) [m].
-        sign: Of what is added to the last entry.
+        p: Origin of each G in M, shape (N, 3) [m].
+        sign: Sign of what is added to the last entry.
     """
     out = np.empty_like(functions)
     out[..., :3] = np.einsum("nij,n...j->n...i", R, functions[..., :3])
@@ -136,17 +154,8 @@ def _kind(texture: Texture | None) -> int:
     return TEXTURED | (CELLS if texture.regions is not None else 0)
 
 
-def _number(texture: Texture | None, known: list[Texture]) -> int:
-    if texture is None:
-        return -1
-    for number, other in enumerate(known):
-        if other is texture:
-            return number
-    known.append(texture)
-    return len(known) - 1
-
-
 def _packed(textures: list[Texture]) -> Textures:
+    """Return textures as flat arrays."""
     levels = [level for texture in textures for level in texture.levels]
     counts = np.array([len(texture.levels) for texture in textures], dtype=np.int64)
     sizes = np.array([level.size for level in levels], dtype=np.int64)
@@ -156,18 +165,15 @@ def _packed(textures: list[Texture]) -> Textures:
         level_start=np.cumsum(sizes) - sizes,
         level_rows=np.array([level.shape[0] for level in levels], dtype=np.int64),
         level_columns=np.array([level.shape[1] for level in levels], dtype=np.int64),
-        texels=_flat([level for t in textures for level in t.levels], np.float32),
-        regions=_flat(
+        texels=_joined([level.ravel() for level in levels], (), np.float32),
+        regions=_joined(
             [
-                t.regions if t.regions is not None else np.zeros(level.shape)
+                (np.zeros(level.shape, dtype=np.int64) if t.regions is None else t.regions).ravel()
                 for t in textures
                 for level in t.levels
             ],
+            (),
             np.int64,
         ),
-        region_grey=_flat([t.region_grey for t in textures if t.regions is not None], np.float32),
+        region_grey=_joined([t.region_grey for t in textures if t.regions is not None], (), np.float32),
     )
-
-
-def _flat(parts: list[np.ndarray], kind: type) -> np.ndarray:
-    return np.concatenate([np.empty(0), *(part.reshape(-1) for part in parts)]).astype(kind)

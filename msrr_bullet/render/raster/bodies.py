@@ -1,7 +1,7 @@
-"""What PyBullet knows of its bodies' looks and poses, as arrays for the kernels.
+"""Visual shapes and poses of the bodies that are loaded in a PyBullet client.
 
-Shapes are read once. Links that cannot move against each other share a *mover*, a frame whose pose is read at
-each exposure: a body's base, and each link behind a joint that is not fixed.
+Shapes are read once. Links that cannot move against each other share a moving frame M, whose pose is read for
+each picture: the base of a body, or a link behind a joint that is not fixed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pybullet
 
-from msrr_bullet.render.raster.look import VisualShape
+from msrr_bullet.render.raster.assembly import VisualShape
 from msrr_bullet.render.raster.mesh import Mesh, box, capsule, cylinder, sphere
 from msrr_bullet.render.raster.mesh_file import MeshPart, read_mesh
 from msrr_bullet.render.raster.texture import Texture, read_texture
@@ -23,22 +23,23 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
 
-#: Weights of red, green and blue in a grey level (ITU-R BT.601), as OpenCV has them.
+#: Weights of red, green and blue in a grey level (ITU-R BT.601), the same as in OpenCV.
 _LUMA = np.array([0.299, 0.587, 0.114])
 
 #: An entry of PyBullet's getVisualShapeData.
-Shape = tuple[Any, ...]
+ShapeData = tuple[Any, ...]
 
-#: Link index by which PyBullet names a body's base.
+#: PyBullet's link index of the base of a body.
 _BASE = -1
 
 
-class Bodies:
-    """The bodies of a PyBullet client as they are loaded now.
+class LoadedBodies:
+    """The bodies that were loaded in a PyBullet client at one instant.
 
     Attributes:
-        looks: All visible shapes.
-        loaded: Ids of the bodies it was built from.
+        ids: Unique ids of the bodies.
+        shapes: All visible shapes, each on a moving frame.
+        frame_count: Number of moving frames.
     """
 
     def __init__(self, client: int) -> None:
@@ -48,90 +49,91 @@ class Bodies:
             GeometryError: A body has a visual shape that cannot be drawn.
         """
         self._client = client
-        self.loaded = loaded_bodies(client)
-        self._bases: list[int] = []
-        self._links: list[tuple[int, list[int]]] = []
-        self.looks: list[VisualShape] = []
-        pending: dict[tuple[int, int], list[VisualShape]] = {}
-        for body in self.loaded:
-            for (root, X_MG), shape in _shapes(client, body):
-                pending.setdefault((body, root), []).extend(_looks(shape, X_MG))
-        bases = [key for key in pending if key[1] == _BASE]
-        links = sorted(key for key in pending if key[1] != _BASE)
-        for number, key in enumerate(bases + links):
-            self.looks += [replace(look, mover=number) for look in pending[key]]
+        self.ids = body_ids(client)
+        shapes: dict[tuple[int, int], list[VisualShape]] = {}
+        for body in self.ids:
+            for (root, X_MG), entry in _entries(client, body):
+                shapes.setdefault((body, root), []).extend(_visual_shapes(entry, X_MG))
+        bases = [key for key in shapes if key[1] == _BASE]
+        links = sorted(key for key in shapes if key[1] != _BASE)
+        self.shapes = [
+            replace(shape, frame=number) for number, key in enumerate(bases + links) for shape in shapes[key]
+        ]
+        self.frame_count = len(shapes)
         self._bases = [body for body, _ in bases]
+        self._links: dict[int, list[int]] = {}
         for body, link in links:
-            if not self._links or self._links[-1][0] != body:
-                self._links.append((body, []))
-            self._links[-1][1].append(link)
-        self.movers = len(pending)
+            self._links.setdefault(body, []).append(link)
 
     def poses(self) -> Array:
-        """Return position and quaternion xyzw of every mover in W as it stands, shape (M, 7)."""
+        """Return position [m] and quaternion xyzw of each moving frame in W at this instant, shape (M, 7)."""
         client = self._client
         rows = []
         for body in self._bases:
             position, quaternion = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
             rows.append(position + quaternion)
-        for body, links in self._links:
+        for body, links in self._links.items():
             states = pybullet.getLinkStates(body, links, computeForwardKinematics=1, physicsClientId=client)
             rows += [state[4] + state[5] for state in states]
         return np.array(rows, dtype=np.float64).reshape(-1, 7)
 
 
-def loaded_bodies(client: int) -> tuple[int, ...]:
-    """Return the ids of the bodies in a client."""
+def body_ids(client: int) -> tuple[int, ...]:
+    """Return the unique ids of the bodies that are loaded in a client."""
     count = pybullet.getNumBodies(physicsClientId=client)
     return tuple(pybullet.getBodyUniqueId(i, physicsClientId=client) for i in range(count))
 
 
-def _shapes(client: int, body: int) -> Iterator[tuple[tuple[int, SE3], Shape]]:
-    """Yield each visual shape of a body with the link that its mover is named after and its pose there."""
-    shapes = pybullet.getVisualShapeData(
+def _entries(client: int, body: int) -> Iterator[tuple[tuple[int, SE3], ShapeData]]:
+    """Yield each visual shape of a body with the link of its moving frame M and the shape's pose in M."""
+    entries = pybullet.getVisualShapeData(
         body, flags=pybullet.VISUAL_SHAPE_DATA_TEXTURE_UNIQUE_IDS, physicsClientId=client
     )
     roots: dict[int, tuple[int, SE3]] = {}
-    for shape in shapes:
-        link = shape[1]
+    for entry in entries:
+        link = entry[1]
         if link not in roots:
-            roots[link] = _mover_of(client, body, link)
+            roots[link] = _rigid_root(client, body, link)
         root, X_ML = roots[link]
-        yield (root, X_ML @ SE3.from_quaternion_xyzw(shape[5], shape[6])), shape
+        yield (root, X_ML @ SE3.from_quaternion_xyzw(entry[5], entry[6])), entry
 
 
-def _mover_of(client: int, body: int, link: int) -> tuple[int, SE3]:
-    """Return the link that a link is rigidly joined to, nearest to the base, and the link's pose there."""
+def _rigid_root(client: int, body: int, link: int) -> tuple[int, SE3]:
+    """Return the link nearest to the base that is rigidly joined to ``link``, and the pose of ``link``."""
     root = link
     while root != _BASE:
         joint = pybullet.getJointInfo(body, root, physicsClientId=client)
         if joint[2] != pybullet.JOINT_FIXED:
             break
         root = joint[16]
-    return root, _link_pose(client, body, root).inverse() @ _link_pose(client, body, link, of_mover=False)
+    X_WL = _link_pose(client, body, link)
+    if root != _BASE:
+        return root, _link_pose(client, body, root).inverse() @ X_WL
+    return root, _base_pose(client, body).inverse() @ X_WL
 
 
-def _link_pose(client: int, body: int, link: int, of_mover: bool = True) -> SE3:
-    """Return a link's frame in W; for the base, as a mover, the inertial frame: PyBullet's base pose."""
+def _base_pose(client: int, body: int) -> SE3:
+    """Return what PyBullet calls the pose of the base: its inertial frame in W."""
+    return SE3.from_quaternion_xyzw(*pybullet.getBasePositionAndOrientation(body, physicsClientId=client))
+
+
+def _link_pose(client: int, body: int, link: int) -> SE3:
+    """Return the frame of a link, as the URDF has it, in W."""
     if link == _BASE:
-        base = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
-        X_WI = SE3.from_quaternion_xyzw(*base)
-        if of_mover:
-            return X_WI
         info = pybullet.getDynamicsInfo(body, _BASE, physicsClientId=client)
-        return X_WI @ SE3.from_quaternion_xyzw(info[3], info[4]).inverse()
+        return _base_pose(client, body) @ SE3.from_quaternion_xyzw(info[3], info[4]).inverse()
     state = pybullet.getLinkState(body, link, computeForwardKinematics=1, physicsClientId=client)
     return SE3.from_quaternion_xyzw(state[4], state[5])
 
 
-def _looks(shape: Shape, X_MG: SE3) -> Iterator[VisualShape]:
-    """Yield what is to be drawn of one entry of getVisualShapeData (numbered by mover later)."""
-    body, link, kind, size, filename, _, _, rgba, texture_id = shape
+def _visual_shapes(entry: ShapeData, X_MG: SE3) -> Iterator[VisualShape]:
+    """Yield what is drawn of one entry of getVisualShapeData, on moving frame 0 for the time being."""
+    body, link, kind, size, filename, _, _, rgba, texture_id = entry
     if rgba[3] == 0.0 or kind == pybullet.GEOM_PLANE:
-        return  # invisible; or an endless plane, which TinyRenderer does not draw either: the floor is given
+        return  # invisible; or an endless plane, for which the floor is drawn
     grey = float(_LUMA @ rgba[:3])
+    where = f"body {body}, link {link}"
     if kind == pybullet.GEOM_MESH:
-        where = f"body {body}, link {link}"
         if not filename:
             raise GeometryError(
                 f"{where}: the raster renderer draws meshes from files; this one was given by its vertices"
@@ -143,16 +145,20 @@ def _looks(shape: Shape, X_MG: SE3) -> Iterator[VisualShape]:
     primitive = _primitive(kind, size)
     if primitive is None:
         raise GeometryError(
-            f"body {body}, link {link}: the raster renderer draws boxes, spheres, cylinders, capsules and "
-            f"mesh files, not PyBullet's shape type {kind}"
+            f"{where}: the raster renderer draws boxes, spheres, cylinders, capsules and mesh files, not "
+            f"PyBullet's shape type {kind}"
         )
-    yield VisualShape(0, X_MG, primitive, grey, None)
+    yield VisualShape(0, X_MG, primitive, grey)
 
 
 def _texture(part: MeshPart, textured: bool, where: str) -> Texture | None:
-    """Return the picture on a part of a mesh.
+    """Return the texture of a part of a mesh, or None.
 
-    PyBullet says that a mesh is ``textured`` by its own materials, and is silent about textures put on later.
+    Args:
+        part: Part of a mesh file.
+        textured: Whether PyBullet reports a texture of the mesh's own materials. It reports no textures that
+            were put on later.
+        where: Name of body and link for error messages.
     """
     if part.mesh.uv is None or (part.from_material and not textured):
         return None
@@ -160,7 +166,7 @@ def _texture(part: MeshPart, textured: bool, where: str) -> Texture | None:
         return None
     if part.texture is None:
         raise GeometryError(
-            f"{where}: PyBullet does not tell which file a texture came from; put the picture beside the "
+            f"{where}: PyBullet does not tell which file a texture came from; put the image beside the "
             "mesh under the mesh's name, or name it in the mesh's material file"
         )
     return read_texture(part.texture)
@@ -168,7 +174,7 @@ def _texture(part: MeshPart, textured: bool, where: str) -> Texture | None:
 
 @lru_cache(maxsize=512)
 def _primitive(kind: int, size: tuple[float, float, float]) -> Mesh | None:
-    """Return the mesh of a primitive shape, None for a kind that is none; units and trials are alike."""
+    """Return the mesh of a primitive shape, or None if ``kind`` is none; units and trials share meshes."""
     if kind == pybullet.GEOM_BOX:
         return box(np.array(size))
     if kind == pybullet.GEOM_SPHERE:

@@ -1,8 +1,8 @@
-"""From triangles to faces: convex planar polygons, the unit of visibility.
+"""Faces of a mesh: convex planar polygons, the unit of visibility.
 
-A pixel whose corners all show one face needs no further samples, so the fewer edges without meaning the
-better: triangles that lie in one plane and together are convex become one face (the six sides of a box, the
-caps of a cylinder, a tag's quad).
+A pixel whose corners all show one face needs no further samples, so every edge costs. Triangles that lie in
+one plane and together are convex therefore become one face: a side of a box, the cap of a cylinder, the quad
+of a tag.
 """
 
 from __future__ import annotations
@@ -12,15 +12,18 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from msrr_bullet.render.raster.mesh import Indices, Mesh
+from msrr_bullet.render.raster.kernels.records import Indices
+from msrr_bullet.render.raster.mesh import Mesh
 from msrr_scenes.arrays import Array
 
-#: Triangles are coplanar when their unit normals differ by less, and their offsets by less than this times
-#: the mesh's size.
+#: Triangles are coplanar when their unit normals differ by less than this number, and their offsets by less
+#: than the number times the mesh's size.
 _COPLANAR = 1e-7
 
-#: A corner's normal that is this close to the triangle's own makes the triangle flat.
+#: A triangle is flat when the normals at its corners are this close to its own.
 _FLAT = 1e-3
 
 #: The largest polygon; the cost of a row grows with the number of edges.
@@ -28,7 +31,7 @@ _MOST_CORNERS = 128
 
 
 @dataclass(frozen=True, eq=False)
-class Faces:
+class MeshFaces:
     """Convex planar polygons of one mesh. An affine function is (gx, gy, gz, g0): ``g . p + g0``.
 
     Attributes:
@@ -37,12 +40,13 @@ class Faces:
         corners: Vertex indices, counter-clockwise from outside.
         planes: Unit normal and offset, ``n . p = d``, shape (F, 4).
         smooth: Faces whose shading normals change over them, shape (F,).
-        corner_normals: Those normals at three of the corners, shape (F, 3, 3).
+        corner_normals: Shading normals at three of the corners, shape (F, 3, 3).
         weights: Affine functions that weigh the second and the third of these corners, shape (F, 2, 4).
         uv: Affine functions of the texture coordinates, shape (F, 2, 4); zero without texture.
         surface: Number of the round surface that a face is part of, from 0 up, or -1; shape (F,). Across an
             edge within a surface the shading goes on without a crease.
-        across: Face of the same surface across the edge that ends at each corner, or -1; like ``corners``.
+        across: Face of the same surface across the edge that ends at each corner, or -1; shape of
+            ``corners``.
     """
 
     vertices: Array
@@ -57,19 +61,19 @@ class Faces:
     across: Indices
 
 
-def faces_of(mesh: Mesh) -> Faces:
-    """Return the faces of a mesh; triangles without area are dropped.
+def faces_of(mesh: Mesh) -> MeshFaces:
+    """Return the faces of a mesh without the triangles that have no area.
 
-    Units are alike, and so are trials: what was worked out for a mesh serves the next one with equal arrays.
+    The faces of meshes with equal arrays are computed once: units are alike, and so are trials.
     """
     optional = (None if a is None else a.tobytes() for a in (mesh.normals, mesh.uv))
     return _faces(mesh.vertices.tobytes(), mesh.triangles.tobytes(), *optional)
 
 
 @lru_cache(maxsize=1024)
-def _faces(vertices: bytes, triangles: bytes, normals: bytes | None, uv: bytes | None) -> Faces:
+def _faces(vertices: bytes, triangles: bytes, normals: bytes | None, uv: bytes | None) -> MeshFaces:
     """Return the faces of the mesh whose arrays have these bytes."""
-    return _work_out(
+    return _compute_faces(
         Mesh(
             np.frombuffer(vertices, np.float64).reshape(-1, 3),
             np.frombuffer(triangles, np.int64).reshape(-1, 3),
@@ -79,7 +83,7 @@ def _faces(vertices: bytes, triangles: bytes, normals: bytes | None, uv: bytes |
     )
 
 
-def _work_out(mesh: Mesh) -> Faces:
+def _compute_faces(mesh: Mesh) -> MeshFaces:
     vertices, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
     triangles = index.reshape(-1)[mesh.triangles]
     p = vertices[triangles]  # (T, 3, 3)
@@ -110,7 +114,7 @@ def _work_out(mesh: Mesh) -> Faces:
     of = np.array([t for t, _ in polygons], dtype=np.int64)
     start = np.cumsum([0, *(len(corners) for _, corners in polygons)])
     surface = _surfaces(triangles, normals, smooth)[of]
-    return Faces(
+    return MeshFaces(
         vertices,
         start.astype(np.int64),
         np.array([v for _, corners in polygons for v in corners], dtype=np.int64),
@@ -147,7 +151,7 @@ def _maps(values: Array, weights: Array) -> Array:
 def _coplanar_groups(
     triangles: Indices, normal: Array, offset: Array, maps: Array, extent: float
 ) -> list[list[int]]:
-    """Return sets of triangles joined by edges, in one plane, that carry on each other's affine maps."""
+    """Return sets of triangles joined by edges that lie in one plane and have the same affine maps."""
     t, other = _neighbours(triangles)[:, :, 0].T
     joined = (
         (np.abs(normal[t] - normal[other]).max(axis=1) < _COPLANAR)
@@ -163,7 +167,7 @@ def _coplanar_groups(
 
 
 def _surfaces(triangles: Indices, normals: Array, smooth: NDArray[np.bool_]) -> Indices:
-    """Return the round surface of each triangle, or -1: neighbours whose normals agree along their edge."""
+    """Return the round surface of each triangle, or -1. In it, neighbours' normals agree along their edge."""
     pairs = _neighbours(triangles)
     (t, i), (other, j) = pairs[:, 0].T, pairs[:, 1].T
     # An edge runs from corner i to i + 1 of one triangle and from j to j + 1 of the other, backwards.
@@ -202,23 +206,13 @@ def _neighbours(triangles: Indices) -> Indices:
 
 
 def _components(count: int, a: Indices, b: Indices) -> Indices:
-    """Return the number of the connected part that each of ``count`` things belongs to."""
-    root = list(range(count))
-
-    def top(i: int) -> int:
-        while root[i] != i:
-            root[i] = root[root[i]]
-            i = root[i]
-        return i
-
-    for i, j in zip(a.tolist(), b.tolist(), strict=True):
-        low, high = sorted((top(i), top(j)))
-        root[high] = low
-    return np.unique([top(i) for i in range(count)], return_inverse=True)[1].astype(np.int64)
+    """Return the number of the connected component that each of ``count`` triangles belongs to."""
+    graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Return the cross products of two sets of vectors, (N, 3); numpy's own is slow on few."""
+    """Return the cross products of two sets of vectors, (N, 3); np.cross takes longer for small sets."""
     return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
 
 

@@ -7,18 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msrr_bullet.render.raster.kernels.records import Indices
 from msrr_scenes.arrays import Array
-
-Indices = NDArray[np.int64]
 
 #: Largest gap between the chords of a round body and its circle [m].
 _SAG = 1e-4
 
 
 def segments(radius: float) -> int:
-    """Return how many chords draw a circle: a multiple of 4, so that the body is as wide as it should be."""
+    """Return the number of chords for a circle [m]: a multiple of 4, so that the body keeps its width."""
     quarter = 0.5 * math.pi / math.acos(max(1.0 - _SAG / radius, 0.9))
     return 4 * min(math.ceil(0.5 * quarter), 32)
 
@@ -41,7 +39,7 @@ class Mesh:
     uv: Array | None = None
 
     def scaled(self, scale: Array) -> Mesh:
-        """Return the mesh stretched by ``scale``, shape (3,); a mirrored one keeps its outside outside."""
+        """Return the mesh stretched by ``scale``, shape (3,); a mirrored mesh still faces outwards."""
         triangles, normals, uv = self.triangles, self.normals, self.uv
         if normals is not None:
             normals = normals / scale
@@ -83,7 +81,13 @@ def capsule(radius: float, length: float) -> Mesh:
 
 
 def _revolved(profile: list[tuple[float, float]], slopes: Any, capped: bool = False) -> Mesh:
-    """Turn a profile of (radius, z), lowest first, about z; the normal rises by ``slopes`` [rad]."""
+    """Return the solid of revolution about z of a profile of (radius, z) [m], lowest point first.
+
+    Args:
+        profile: Points of the profile.
+        slopes: Elevation of the shading normal at each point [rad].
+        capped: Whether flat discs close the ends.
+    """
     n = segments(max(radius for radius, _ in profile))
     profile = [(radius if radius > 1e-12 else 0.0, z) for radius, z in profile]  # a pole is one point
     turns = np.arange(n) * (2.0 * math.pi / n)

@@ -12,8 +12,8 @@ import numpy as np
 from msrr_bullet.render.raster.mesh import Mesh
 from msrr_scenes.errors import GeometryError
 
-#: Pictures that are looked for beside a mesh, under the mesh's own name.
-_PICTURES = (".png", ".jpg", ".bmp")
+#: Endings of the image that is looked for beside a mesh, under the mesh's own name.
+_IMAGES = (".png", ".jpg", ".bmp")
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,9 +21,9 @@ class MeshPart:
     """The triangles of a mesh file that share a texture.
 
     Attributes:
-        mesh: In the file's own units.
-        texture: Picture file, or None.
-        from_material: The file names its materials, so that PyBullet knows about the texture.
+        mesh: Triangles in the file's own units.
+        texture: Image file, or None.
+        from_material: Whether the file names its materials, so that PyBullet knows about the texture.
     """
 
     mesh: Mesh
@@ -34,12 +34,11 @@ class MeshPart:
 def read_mesh(path: Path) -> tuple[MeshPart, ...]:
     """Read a mesh file.
 
-    A texture comes from the mesh's material library. A mesh without one wears the picture beside it that
-    bears its name (``plate.obj``, ``plate.png``): PyBullet does not tell what a texture that was put on
-    later looks like.
+    A texture comes from the mesh's material library. A mesh without one has the image of the same name beside
+    it (``plate.obj``, ``plate.png``): PyBullet does not tell what a texture that was put on later looks like.
 
     Raises:
-        GeometryError: The file is missing, is malformed, or has a format that is not known here.
+        GeometryError: The file is missing, is malformed, or has a format that cannot be read.
     """
     try:
         stamp = path.stat()
@@ -64,7 +63,7 @@ def _read_obj(path: Path) -> tuple[MeshPart, ...]:
     rows: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
     width = {"v": 3, "vt": 2, "vn": 3}
     corners: dict[str, list[tuple[int, int, int]]] = {}
-    pictures: dict[str, Path] = {}
+    images: dict[str, Path] = {}
     material, library = "", False
     for words in _lines(path):
         key = words[0]
@@ -79,10 +78,10 @@ def _read_obj(path: Path) -> tuple[MeshPart, ...]:
             material = " ".join(words[1:])
         elif key == "mtllib":
             library = True
-            pictures.update(_material_pictures(path.parent / " ".join(words[1:])))
+            images.update(_material_images(path.parent / " ".join(words[1:])))
     if not corners:
         raise ValueError("no faces")
-    beside = next((p for s in _PICTURES if (p := path.with_suffix(s)).is_file()), None)
+    beside = next((p for s in _IMAGES if (p := path.with_suffix(s)).is_file()), None)
     vertices, uv, normals = (np.array(rows[k]).reshape(-1, width[k]) for k in ("v", "vt", "vn"))
     parts = []
     for name, listed in corners.items():
@@ -93,7 +92,7 @@ def _read_obj(path: Path) -> tuple[MeshPart, ...]:
             _unit(normals[_checked(index[..., 2], len(normals))]) if index[..., 2].min() >= 0 else None,
             uv[_checked(index[..., 1], len(uv))] if index[..., 1].min() >= 0 else None,
         )
-        parts.append(MeshPart(mesh, pictures.get(name) if library else beside, library))
+        parts.append(MeshPart(mesh, images.get(name) if library else beside, library))
     return tuple(parts)
 
 
@@ -126,17 +125,17 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.where(length > 0.0, length, 1.0)
 
 
-def _material_pictures(path: Path) -> dict[str, Path]:
-    """Return the diffuse picture of each material; a file that is missing has none, as in PyBullet."""
-    pictures: dict[str, Path] = {}
+def _material_images(path: Path) -> dict[str, Path]:
+    """Return the diffuse image of each material, as far as its file exists (as in PyBullet)."""
+    images: dict[str, Path] = {}
     name = ""
     if path.is_file():
         for words in _lines(path):
             if words[0] == "newmtl":
                 name = " ".join(words[1:])
-            elif words[0] == "map_Kd" and (picture := path.parent / words[-1]).is_file():
-                pictures[name] = picture
-    return pictures
+            elif words[0] == "map_Kd" and (image := path.parent / words[-1]).is_file():
+                images[name] = image
+    return images
 
 
 def _read_stl(path: Path) -> tuple[MeshPart, ...]:

@@ -1,4 +1,4 @@
-"""Textures: bitmaps of a few cells, looked up exactly, and pictures, filtered through a pyramid."""
+"""Textures: bitmaps of a few cells, which are looked up exactly, and images, which a pyramid filters."""
 
 from __future__ import annotations
 
@@ -8,34 +8,31 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from msrr_bullet.render.raster.kernels.records import Floats, Indices
 from msrr_scenes.errors import GeometryError
+from msrr_scenes.messages import Pixels
 
-Pixels = NDArray[np.uint8]
-Grey = NDArray[np.float32]
-Indices = NDArray[np.int64]
-
-#: A picture that is made of so few equal squares along its edge (a tag: 10) is kept as cells.
-MOST_CELLS = 32
+#: An image that consists of so few equal squares along its edge (a tag: 10) is kept as cells.
+_MOST_CELLS = 32
 
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A picture in grey, as reflectance from 0 to 1.
+    """A grey image, as reflectance from 0 to 1.
 
     Attributes:
-        levels: Finest first, each half the size of the one before; cells have one level.
-        regions: None: the texels are samples of a smooth picture that repeats. Otherwise each texel is a cell
-            of uniform grey with sharp borders, and this array of the same shape numbers the rectangles of
+        levels: Pyramid, finest first, each level half the size of the one before; cells have one level.
+        regions: None if the texels are samples of a smooth image that repeats. Otherwise each texel is a cell
+            of uniform grey with sharp borders, and this array of the texels' shape numbers the rectangles of
             equal cells, row by row.
     """
 
-    levels: tuple[Grey, ...]
+    levels: tuple[Floats, ...]
     regions: Indices | None
 
     @property
-    def region_grey(self) -> Grey:
+    def region_grey(self) -> Floats:
         """Reflectance of each region."""
         assert self.regions is not None
         _, first = np.unique(self.regions, return_index=True)
@@ -43,10 +40,10 @@ class Texture:
 
 
 def read_texture(path: Path) -> Texture:
-    """Read a picture file.
+    """Read an image file.
 
     Raises:
-        GeometryError: The file is missing or no picture.
+        GeometryError: The file is missing or no image.
     """
     try:
         stamp = path.stat()
@@ -59,25 +56,25 @@ def read_texture(path: Path) -> Texture:
 def _read(path: Path, mtime_ns: int, size: int) -> Texture:
     texture = _decoded(path.read_bytes())
     if texture is None:
-        raise GeometryError(f"{path}: not a picture that OpenCV can read")
+        raise GeometryError(f"{path}: not an image that OpenCV can read")
     return texture
 
 
 @lru_cache(maxsize=256)
 def _decoded(content: bytes) -> Texture | None:
-    """Return the texture in a picture file; every trial writes the same tags to files of its own."""
+    """Return the texture in an image file; the trials of a process write the same tags to different files."""
     raw = np.frombuffer(content, dtype=np.uint8)
-    picture = cv2.imdecode(raw, cv2.IMREAD_GRAYSCALE) if raw.size else None
-    return None if picture is None else texture_of(np.asarray(picture, dtype=np.uint8))
+    image = cv2.imdecode(raw, cv2.IMREAD_GRAYSCALE) if raw.size else None
+    return None if image is None else texture_of(np.asarray(image, dtype=np.uint8))
 
 
-def texture_of(picture: Pixels) -> Texture:
-    """Return the texture of a mono8 picture, shape (height, width), upper row first."""
-    cells = _cells(picture)
-    if max(cells.shape) <= MOST_CELLS:
+def texture_of(image: Pixels) -> Texture:
+    """Return the texture of a mono8 image, shape (height, width), upper row first."""
+    cells = _cells(image)
+    if max(cells.shape) <= _MOST_CELLS:
         return Texture(((cells / np.float32(255.0)).astype(np.float32),), rectangles(cells))
-    edge = [2 ** int(np.ceil(np.log2(n))) for n in picture.shape]
-    fine = cv2.resize(picture.astype(np.float32), (edge[1], edge[0]), interpolation=cv2.INTER_AREA)
+    edge = [2 ** int(np.ceil(np.log2(n))) for n in image.shape]
+    fine = cv2.resize(image.astype(np.float32), (edge[1], edge[0]), interpolation=cv2.INTER_AREA)
     levels = [(fine / np.float32(255.0)).astype(np.float32)]
     while max(levels[-1].shape) > 1:
         a = levels[-1]
@@ -87,9 +84,9 @@ def texture_of(picture: Pixels) -> Texture:
     return Texture(tuple(levels), None)
 
 
-def _cells(picture: Pixels) -> Pixels:
-    """Return the smallest picture from which ``picture`` follows by repeating each pixel in a square."""
-    out = picture
+def _cells(image: Pixels) -> Pixels:
+    """Return the smallest image from which ``image`` follows when each pixel is repeated in a rectangle."""
+    out = image
     for axis in (0, 1):
         n = out.shape[axis]
         change = np.flatnonzero(np.diff(out.astype(np.int16), axis=axis).any(axis=1 - axis)) + 1
@@ -99,9 +96,10 @@ def _cells(picture: Pixels) -> Pixels:
 
 
 def rectangles(cells: Pixels) -> Indices:
-    """Number rectangles of equal cells: as wide as possible from each cell not yet in one, then as high.
+    """Return the number of the rectangle of equal cells that each cell belongs to, shape of ``cells``.
 
-    Rectangles are convex, so that they settle pixels like faces do; the fewer the better.
+    From each cell not yet in one, a rectangle is as wide as possible, then as high. Rectangles are convex
+    like faces, so that a pixel whose corners lie in one shows nothing else; the fewer the better.
     """
     rows, columns = cells.shape
     out = np.full(cells.shape, -1, dtype=np.int64)

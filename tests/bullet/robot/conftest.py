@@ -13,7 +13,7 @@ import pytest
 
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.plant.plant import Plant
-from msrr_bullet.render.renderer import RenderContext, build_renderer
+from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.sensors.localisation_error import LocalisationError
 from msrr_bullet.sensors.schedule import Delayed, Periodic, duration_ns

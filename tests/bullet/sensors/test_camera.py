@@ -11,7 +11,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from msrr_bullet.render.renderer import RenderContext, build_renderer
+from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.sensors.camera import Camera, CameraError
 from msrr_bullet.simulation.tag_plates import apply_textures, build_unit_urdf
 from msrr_perception.detection.detector import PupilDetector

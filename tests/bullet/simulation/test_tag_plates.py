@@ -13,7 +13,7 @@ import pytest
 
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.renderer import RenderContext
-from msrr_bullet.render.tiny import TinyRenderer
+from msrr_bullet.render.tiny_renderer import TinyRenderer
 from msrr_bullet.simulation.tag_plates import (
     PLATE_RATIO,
     apply_textures,

@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
-from msrr_bullet.render.raster.kernels.compiled import inlined, kernel
-from msrr_bullet.render.raster.kernels.ground import view_ground
+from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.floor import project_floor
+from msrr_bullet.render.raster.kernels.mixed_pixels import clear_samples, cover_samples, shade_mixed_pixels
 from msrr_bullet.render.raster.kernels.projection import project
 from msrr_bullet.render.raster.kernels.records import (
+    Floats,
+    FloorTexture,
     Geometry,
-    Ground,
     Light,
-    Pixels,
-    Short,
     Textures,
     View,
-    Work,
+    Workspace,
 )
-from msrr_bullet.render.raster.kernels.resolve import clear_samples, cover_samples, shade_open
-from msrr_bullet.render.raster.kernels.settle import settle
-from msrr_bullet.render.raster.kernels.visibility import clear, cover_corners
+from msrr_bullet.render.raster.kernels.simple_pixels import shade_simple_pixels
+from msrr_bullet.render.raster.kernels.visibility import clear_corners, cover_corners
 from msrr_scenes.arrays import Array
+from msrr_scenes.messages import Pixels
 
 #: Rows of a window that are worked on at a time, so that what is written stays in the processor's cache.
 BAND = 64
 
 
 @inlined
-def place_movers(poses: Array, R_WC: Array, p_WC: Array, R_CM: Array, p_CM: Array, R_WM: Array) -> None:
-    """Turn the movers' poses in W (position, quaternion xyzw) into rotations and poses seen from C."""
+def place_frames(poses: Array, R_WC: Array, p_WC: Array, R_CM: Array, p_CM: Array, R_WM: Array) -> None:
+    """Compute rotations in W, and poses seen from C, of the moving frames.
+
+    ``poses`` holds position and quaternion xyzw of each frame in W, shape (M, 7).
+    """
     for m in range(len(poses)):
         x, y, z, w = poses[m, 3], poses[m, 4], poses[m, 5], poses[m, 6]
         k = 2.0 / (x * x + y * y + z * z + w * w)
@@ -53,34 +56,34 @@ def draw(
     light: Light,
     geometry: Geometry,
     textures: Textures,
-    ground: Ground,
-    pattern: Short,
-    cell_pattern: Short,
-    work: Work,
+    floor_texture: FloorTexture,
+    positions: Floats,
+    cell_positions: Floats,
+    work: Workspace,
     out: Pixels,
 ) -> None:
     """Draw a window.
 
     Args:
         view: Camera and window.
-        poses: Position and quaternion xyzw of the movers in W, shape (M, 7).
-        R_WC: Rotation of the camera in the world, shape (3, 3).
-        p_WC: Its place, shape (3,) [m].
-        light: Of the scene.
+        poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
+        R_WC: Rotation of the camera in W, shape (3, 3).
+        p_WC: Position of the camera in W, shape (3,) [m].
+        light: Light of the scene.
         geometry: All faces.
-        textures: What they wear.
-        ground: The floor's texture.
-        pattern: Places of the samples in a pixel in which faces meet.
-        cell_pattern: Places of the samples where cells of one bitmap meet.
-        work: Memory.
-        out: The pixels, shape (height, width).
+        textures: Textures of the faces.
+        floor_texture: Texture of the floor.
+        positions: Positions of the samples in a pixel in which faces meet, shape (2, SAMPLES).
+        cell_positions: Positions of the samples where cells of one bitmap meet, shape (2, CELL_SAMPLES).
+        work: Memory for windows of this width.
+        out: Pixels that are written, shape (height, width).
     """
-    place_movers(poses, R_WC, p_WC, work.R_CM, work.p_CM, work.R_WM)
-    ground_view = view_ground(ground, view.focal, view.middle_x, view.middle_y, R_WC, p_WC)
+    place_frames(poses, R_WC, p_WC, work.R_CM, work.p_CM, work.R_WM)
+    floor_view = project_floor(floor_texture, view, R_WC, p_WC)
     # The inverse depth of the plane z = 0 is the ray's descent over the camera's height.
-    floor = ground_view.forms[2] / max(p_WC[2], 1e-9)
-    faces = work.faces
-    count = project(view, light, geometry, work.R_CM, work.p_CM, work.R_WM, work.seen, faces)
+    floor = floor_view.forms[2] / max(p_WC[2], 1e-9)
+    faces, corners, samples = work.faces, work.corners, work.samples
+    count = project(view, light, geometry, work.R_CM, work.p_CM, work.R_WM, work.projected, faces)
     for top in range(0, view.height, BAND):
         band = View(
             view.focal,
@@ -93,20 +96,22 @@ def draw(
             view.near,
         )
         rows = out[top : top + BAND]
-        clear(band, floor, work.corners)
-        cover_corners(band, faces, count, textures.regions, work.corners, work.scratch.place)
-        settle(
+        clear_corners(band, floor, corners)
+        cover_corners(band, faces, count, textures.regions, corners, work.row.texel)
+        shade_simple_pixels(
             band,
             faces,
             textures,
-            ground,
-            ground_view,
-            work.corners,
-            work.scratch,
-            cell_pattern,
-            work.samples,
+            floor_texture,
+            floor_view,
+            corners,
+            work.row,
+            cell_positions,
+            samples,
             rows,
         )
-        clear_samples(band, floor, pattern, work.samples)
-        cover_samples(band, faces, count, pattern, work.samples)
-        shade_open(band, faces, textures, ground, ground_view, pattern, cell_pattern, work.samples, rows)
+        clear_samples(band, floor, positions, samples)
+        cover_samples(band, faces, count, positions, samples)
+        shade_mixed_pixels(
+            band, faces, textures, floor_texture, floor_view, positions, cell_positions, samples, rows
+        )

@@ -17,8 +17,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiled import inlined, kernel
-from msrr_bullet.render.raster.kernels.records import SMOOTH, TEXTURED, Faces, Geometry, Indices, Light, View
+from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.records import (
+    SMOOTH,
+    TEXTURED,
+    Geometry,
+    Indices,
+    Light,
+    ProjectedFaces,
+    View,
+)
 from msrr_scenes.arrays import Array
 
 
@@ -31,7 +39,7 @@ def form(view: View, x: float, y: float, z: float) -> tuple[float, float, float]
 
 @inlined
 def in_view(view: View, x: float, y: float, z: float, radius: float) -> bool:
-    """Say whether a ball, seen from C, may touch the window; a hair too generous, never too strict."""
+    """Say whether a ball at (x, y, z) in C may touch the window; in doubt, it may."""
     slack = radius + 1e-6
     if z + slack < view.near:
         return False
@@ -55,27 +63,27 @@ def project(
     R_CM: Array,
     p_CM: Array,
     R_WM: Array,
-    seen: Array,
-    out: Faces,
+    projected: Array,
+    out: ProjectedFaces,
 ) -> int:
-    """Fill ``out`` with the faces that may be seen in the window; return how many.
+    """Fill ``out`` with the faces that may be seen in the window; return their number.
 
     Args:
         view: Camera and window.
         light: Light of the scene.
-        geometry: Faces in their movers' frames.
-        R_CM: Rotations of the movers seen from the camera, shape (M, 3, 3).
-        p_CM: Their origins seen from the camera, shape (M, 3) [m].
-        R_WM: Their rotations in the world, shape (M, 3, 3).
-        seen: Memory for the vertices in C and in the image, shape (V, 5).
-        out: Filled; large enough for all faces.
+        geometry: All faces, in their moving frames.
+        R_CM: Rotations of the moving frames seen from the camera, shape (M, 3, 3).
+        p_CM: Origins of the moving frames seen from the camera, shape (M, 3) [m].
+        R_WM: Rotations of the moving frames in the world, shape (M, 3, 3).
+        projected: Memory for the vertices in C and in the image, shape (V, 5).
+        out: Memory for all faces.
     """
     count, edge = 0, 0
     out.edge_start[0] = 0
-    shapes, depths = np.empty(len(geometry.shape_mover), np.int64), np.empty(len(geometry.shape_mover))
+    shapes, depths = np.empty(len(geometry.shape_frame), np.int64), np.empty(len(geometry.shape_frame))
     found = 0
-    for s in range(len(geometry.shape_mover)):
-        R, t = R_CM[geometry.shape_mover[s]], p_CM[geometry.shape_mover[s]]
+    for s in range(len(geometry.shape_frame)):
+        R, t = R_CM[geometry.shape_frame[s]], p_CM[geometry.shape_frame[s]]
         bx, by, bz = geometry.shape_ball[s, 0], geometry.shape_ball[s, 1], geometry.shape_ball[s, 2]
         x = R[0, 0] * bx + R[0, 1] * by + R[0, 2] * bz + t[0]
         y = R[1, 0] * bx + R[1, 1] * by + R[1, 2] * bz + t[1]
@@ -87,16 +95,16 @@ def project(
     # window: equal depths stay in the order of the bodies.
     for k in np.argsort(depths[:found], kind="mergesort"):
         s = shapes[k]
-        m = geometry.shape_mover[s]
+        m = geometry.shape_frame[s]
         R, t = R_CM[m], p_CM[m]
         for i in range(geometry.shape_vertex[s], geometry.shape_vertex[s + 1]):
             px, py, pz = geometry.vertices[i]
             for k in range(3):
-                seen[i, k] = R[k, 0] * px + R[k, 1] * py + R[k, 2] * pz + t[k]
-            if seen[i, 2] >= view.near:
-                scale = view.focal / seen[i, 2]
-                seen[i, 3] = seen[i, 0] * scale + view.middle_x
-                seen[i, 4] = seen[i, 1] * scale + view.middle_y
+                projected[i, k] = R[k, 0] * px + R[k, 1] * py + R[k, 2] * pz + t[k]
+            if projected[i, 2] >= view.near:
+                scale = view.focal / projected[i, 2]
+                projected[i, 3] = projected[i, 0] * scale + view.middle_x
+                projected[i, 4] = projected[i, 1] * scale + view.middle_y
         # The camera and the light in M.
         ox = -(R[0, 0] * t[0] + R[1, 0] * t[1] + R[2, 0] * t[2])
         oy = -(R[0, 1] * t[0] + R[1, 1] * t[1] + R[2, 1] * t[2])
@@ -111,7 +119,7 @@ def project(
             if height <= 0.0:  # seen from behind
                 continue
             first, end = geometry.corner_start[face], geometry.corner_start[face + 1]
-            if not bounds(view, geometry.corners, first, end, seen, out, count):
+            if not bounds(view, geometry.corners, first, end, projected, out, count):
                 continue
             for i in range(first, end):
                 other = geometry.across[i]
@@ -122,7 +130,7 @@ def project(
                     + geometry.planes[other, 2] * oz
                     > geometry.planes[other, 3]
                 )
-            edge = edge_forms(view, geometry.corners, first, end, seen, out, edge)
+            edge = edge_forms(view, geometry.corners, first, end, projected, out, edge)
             wx = -(R[0, 0] * nx + R[0, 1] * ny + R[0, 2] * nz) / height
             wy = -(R[1, 0] * nx + R[1, 1] * ny + R[1, 2] * nz) / height
             wz = -(R[2, 0] * nx + R[2, 1] * ny + R[2, 2] * nz) / height
@@ -167,7 +175,7 @@ def project(
 
 @inlined
 def intensity(light: Light, normal: Array, lx: float, ly: float, lz: float) -> float:
-    """Return the brightness of a surface with ``normal``; (lx, ly, lz) points to the light, both in M."""
+    """Return the brightness of a surface from its normal and the direction (lx, ly, lz) to the light in M."""
     return light.ambient + light.diffuse * max(0.0, normal[0] * lx + normal[1] * ly + normal[2] * lz)
 
 
@@ -185,7 +193,7 @@ def affine_form(
     wz: float,
     out: Array,
 ) -> None:
-    """Write the form of ``(g . p + g0) / z`` on a face; p in M, (wx, wy, wz) the face's 1 / z over rays."""
+    """Write the form of ``(g . p + g0) / z`` on a face, p in M, whose 1 / z along a ray r is ``w . r``."""
     x = R[0, 0] * gx + R[0, 1] * gy + R[0, 2] * gz
     y = R[1, 0] * gx + R[1, 1] * gy + R[1, 2] * gz
     z = R[2, 0] * gx + R[2, 1] * gy + R[2, 2] * gz
@@ -194,15 +202,17 @@ def affine_form(
 
 
 @inlined
-def bounds(view: View, corners: Indices, first: int, end: int, seen: Array, out: Faces, count: int) -> bool:
-    """Bound the part of a face beyond the near plane; say whether that may touch the window."""
+def bounds(
+    view: View, corners: Indices, first: int, end: int, projected: Array, out: ProjectedFaces, count: int
+) -> bool:
+    """Write the bounds of a face's part beyond the near plane; say whether that may touch the window."""
     u0, u1, v0, v1 = np.inf, -np.inf, np.inf, -np.inf
     nearest_z, cut = np.inf, False
     k = corners[end - 1]
-    ax, ay, az = seen[k, 0], seen[k, 1], seen[k, 2]
+    ax, ay, az = projected[k, 0], projected[k, 1], projected[k, 2]
     for i in range(first, end):
         k = corners[i]
-        bx, by, bz = seen[k, 0], seen[k, 1], seen[k, 2]
+        bx, by, bz = projected[k, 0], projected[k, 1], projected[k, 2]
         if (az < view.near) != (bz < view.near):  # the edge crosses the near plane
             part = (view.near - az) / (bz - az)
             u = view.focal * (ax + part * (bx - ax)) / view.near + view.middle_x
@@ -210,7 +220,7 @@ def bounds(view: View, corners: Indices, first: int, end: int, seen: Array, out:
             u0, u1, v0, v1 = min(u0, u), max(u1, u), min(v0, v), max(v1, v)
             cut = True
         if bz >= view.near:
-            u, v = seen[k, 3], seen[k, 4]
+            u, v = projected[k, 3], projected[k, 4]
             u0, u1, v0, v1 = min(u0, u), max(u1, u), min(v0, v), max(v1, v)
             nearest_z = min(nearest_z, bz)
         ax, ay, az = bx, by, bz
@@ -224,20 +234,22 @@ def bounds(view: View, corners: Indices, first: int, end: int, seen: Array, out:
 
 @inlined
 def write_edge(edges: Array, row: int, a: float, b: float, c: float) -> None:
-    """Write an edge's form. The quotients are the same for an edge and its reverse, bit for bit."""
+    """Write the form of an edge. The quotients are the same for an edge and its reverse, bit for bit."""
     edges[row, 0], edges[row, 1], edges[row, 2] = a, b, c
     edges[row, 3] = -b / a if a != 0.0 else 0.0
     edges[row, 4] = -c / a if a != 0.0 else 0.0
 
 
 @inlined
-def edge_forms(view: View, corners: Indices, first: int, end: int, seen: Array, out: Faces, edge: int) -> int:
+def edge_forms(
+    view: View, corners: Indices, first: int, end: int, projected: Array, out: ProjectedFaces, edge: int
+) -> int:
     """Write the forms of a face's edges from row ``edge`` on; return the row after the last."""
     k = corners[end - 1]
-    ax, ay, az = seen[k, 0], seen[k, 1], seen[k, 2]
+    ax, ay, az = projected[k, 0], projected[k, 1], projected[k, 2]
     for i in range(first, end):
         k = corners[i]
-        bx, by, bz = seen[k, 0], seen[k, 1], seen[k, 2]
+        bx, by, bz = projected[k, 0], projected[k, 1], projected[k, 2]
         a, b, c = form(view, by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax)
         write_edge(out.edges, edge, a, b, c)
         edge += 1

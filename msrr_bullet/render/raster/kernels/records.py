@@ -1,7 +1,7 @@
-"""What the kernels hand each other: arrays by name, and what their rows mean.
+"""Named arrays that the kernels hand to each other.
 
-A form (a, b, c) is ``a u + b v + c`` at (u, v) of the image, pixels counted from their edges. W is the world,
-C the camera, M a mover: a frame on which shapes are fixed.
+A form (a, b, c) is the function ``a u + b v + c`` of the image point (u, v), where pixel i spans [i, i + 1].
+W is the world, C the camera, M a moving frame: a frame on which shapes are fixed.
 """
 
 from __future__ import annotations
@@ -12,39 +12,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_scenes.arrays import Array
+from msrr_scenes.messages import Pixels
 
-Short = NDArray[np.float32]
+Floats = NDArray[np.float32]
 Indices = NDArray[np.int64]
 Identities = NDArray[np.int32]
-Pixels = NDArray[np.uint8]
 Texels = NDArray[np.uint32]
 
-#: What the grey of a face follows: bits of ``kind``. None: it is the same all over.
+#: Bits of ``kind``: what the grey level of a face depends on. Without any bit it is constant.
 SMOOTH, TEXTURED, CELLS = 1, 2, 4
 
-#: What is seen at a place: ``face << REGION_BITS | region``, or one of these.
+#: Identity of what is seen at a point: ``face << REGION_BITS | region``, or one of these two.
 FLOOR, WALL = -1, -2
 REGION_BITS = 10
 
 
 class Geometry(NamedTuple):
-    """All faces of the world in the frames of the movers M that carry them.
+    """All faces of the world in the moving frames that carry them.
 
-    Shapes (S) belong to movers, faces (F) and vertices (V) to shapes, in order.
+    Every shape (S) belongs to a moving frame, every face (F) and vertex (V) to a shape, in that order.
     """
 
-    shape_mover: Indices  # (S,)
-    shape_ball: Array  # (S, 4) centre and radius in M [m]
-    shape_vertex: Indices  # (S + 1,)
-    shape_face: Indices  # (S + 1,)
+    shape_frame: Indices  # (S,)
+    shape_ball: Array  # (S, 4) centre and radius of a ball around the shape, in M [m]
+    shape_vertex: Indices  # (S + 1,) first vertex
+    shape_face: Indices  # (S + 1,) first face
     vertices: Array  # (V, 3) in M [m]
-    corner_start: Indices  # (F + 1,)
+    corner_start: Indices  # (F + 1,) first corner
     corners: Indices  # vertex of each corner
     across: Indices  # face of the same round surface across the edge that ends at the corner, or -1
     planes: Array  # (F, 4) outward normal and offset in M
     grey: Array  # (F,) reflectance times 255
     kind: Indices  # (F,)
-    smooth: Indices  # (F,) row in the next two, where SMOOTH
+    smooth: Indices  # (F,) row in the next two arrays, where SMOOTH
     corner_normals: Array  # (., 3, 3)
     weights: Array  # (., 2, 4)
     uv: Array  # (F, 2, 4) where TEXTURED
@@ -54,29 +54,29 @@ class Geometry(NamedTuple):
 
 
 class Textures(NamedTuple):
-    """All textures, level by level; reflectance 0 to 1."""
+    """All textures, level by level, as reflectances from 0 to 1."""
 
     first_level: Indices  # (T,) of each texture
     level_count: Indices  # (T,)
-    level_start: Indices  # (L,) in texels
+    level_start: Indices  # (L,) first texel
     level_rows: Indices  # (L,)
     level_columns: Indices  # (L,)
-    texels: Short  # all levels, row by row
-    regions: Indices  # of each texel, where the texture has cells: where to find its region's reflectance
-    region_grey: Short
+    texels: Floats  # all levels, row by row
+    regions: Indices  # region of each texel of a texture with cells
+    region_grey: Floats  # reflectance of each region
 
 
 class View(NamedTuple):
-    """Camera and window: f, W / 2, H / 2, window x, y, width, height, near."""
+    """The intrinsics of the camera, the window that is drawn, and the near plane."""
 
-    focal: float
-    middle_x: float
-    middle_y: float
-    x: int
+    focal: float  # [px]
+    middle_x: float  # half the frame's width [px]
+    middle_y: float  # half the frame's height [px]
+    x: int  # the window, in pixels of the frame
     y: int
     width: int
     height: int
-    near: float
+    near: float  # [m]
 
 
 class Light(NamedTuple):
@@ -87,31 +87,30 @@ class Light(NamedTuple):
     diffuse: float
 
 
-class Ground(NamedTuple):
-    """A floor as the kernels see it."""
+class FloorTexture(NamedTuple):
+    """The texture of the floor, filtered to a series of footprints, and the wall behind it."""
 
-    texels: Texels  # all blends, finest first, row by row
+    texels: Texels  # all blends, finest first, row by row; the neighbours' greys in the higher bytes
     start: Indices  # (B,) first texel of each blend
-    bits: Indices  # (B,) binary logarithm of its edge
-    mean: float
+    bits: Indices  # (B,) binary logarithm of each blend's edge
     wall: float
     per_metre: float  # finest texels per metre
 
 
-class GroundView(NamedTuple):
-    """A floor seen from a camera.
+class FloorView(NamedTuple):
+    """The floor as seen from a camera.
 
-    With t the descent of a pixel's ray, x / t and y / t are the point of the floor in finest texels.
+    With t the descent of a pixel's ray, (x / t, y / t) is the point of the floor in finest texels.
     """
 
-    forms: Array  # (3, 3) forms of x, y and t over the image
+    forms: Array  # (3, 3) forms of x, y and t
     scale: float  # footprint across a ray that falls plumb [texels]
     lean: float  # sine of the angle between optical axis and plumb line
     stride: int  # pixels of a row that share one blend, aligned to the frame
 
 
-class Faces(NamedTuple):
-    """The faces in view."""
+class ProjectedFaces(NamedTuple):
+    """The faces that may be seen in the window."""
 
     inverse_depth: Array  # (N, 3) form of 1 / z [1/m]
     nearest: Array  # (N,) largest 1 / z on the face
@@ -129,39 +128,39 @@ class Faces(NamedTuple):
 
 
 class Corners(NamedTuple):
-    """The corners of the window's pixels, (height + 1, width + 1), and what lies between them."""
+    """The corners of the band's pixels, shape (height + 1, width + 1), and what lies between them."""
 
-    depth: Short  # 1 / z of the nearest face [1/m]
+    depth: Floats  # 1 / z of the nearest face [1/m]
     identity: Identities
-    sliver: Short  # (height, width) largest 1 / z of a face that has an edge in the pixel, or 0
+    edge_depth: Floats  # (height, width) largest 1 / z of a face that has an edge in the pixel, or 0
 
 
-class Scratch(NamedTuple):
+class RowBuffers(NamedTuple):
     """Memory for one row of pixels."""
 
     flags: Pixels  # a multiple of 8 of them, which are looked at together
-    place: Identities  # of texels
-    x: Short
-    y: Short
+    texel: Identities  # index of a texel
+    x: Floats  # offset from that texel
+    y: Floats
 
 
 class Samples(NamedTuple):
-    """The open pixels (P) of a band of rows, and their samples (S)."""
+    """The mixed pixels (P) of a band of rows, and their samples (S)."""
 
-    start: Indices  # (height + 1,) first open pixel of each row
+    start: Indices  # (height + 1,) first mixed pixel of each row
     column: Identities  # (P,) from the window's left
     key: Indices  # (P, S) depth and identity of the nearest face in one number
     farthest: Indices  # (P,) smallest of ``key``
 
 
-class Work(NamedTuple):
-    """Memory of a frame; see :mod:`msrr_bullet.render.raster.kernels.workspace`."""
+class Workspace(NamedTuple):
+    """Memory of a frame."""
 
-    R_CM: Array  # (M, 3, 3) movers seen from the camera
+    R_CM: Array  # (M, 3, 3) moving frames seen from the camera
     p_CM: Array  # (M, 3)
     R_WM: Array  # (M, 3, 3)
-    seen: Array  # (V, 5) vertices in C, and in the image
-    faces: Faces
+    projected: Array  # (V, 5) vertices in C [m], and in the image [px]
+    faces: ProjectedFaces
     corners: Corners
-    scratch: Scratch
+    row: RowBuffers
     samples: Samples

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from msrr_bullet.bench.detection_metrics import DetectionRow, View, compare
-from msrr_bullet.bench.detector_settings import overhead_contestants
-from msrr_bullet.bench.onboard_detection import inside, with_sensor
-from msrr_bullet.render.renderer import RenderContext, build_renderer
+from msrr_bullet.bench.detection_metrics import DetectionRow, LabelledExposure, encloses, evaluate
+from msrr_bullet.bench.detector_settings import overhead_candidates
+from msrr_bullet.bench.onboard_views import with_sensor
+from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
@@ -31,20 +31,20 @@ from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 
-#: The scene that is looked at.
-SCENE = "two_obstacles"
+#: Name of the scene.
+_SCENE = "two_obstacles"
 
-#: Exposures of one arrangement; the search has a period of ten of them.
+#: Exposures of one arrangement; the search for new bodies reads one in ten.
 EXPOSURES = 20
 
-#: The driving unit's greatest turn from one exposure to the next, and its way [rad, m].
-_TURN, _WAY_M = 0.05, 0.015
+#: Largest turn [rad] of the driving unit from one exposure to the next, and its path [m].
+_TURN, _STEP_M = 0.05, 0.015
 
 #: Standard deviations of the predictions, as the estimator has them in this scene [m, rad].
 _SIGMA = np.array([0.3e-3, 0.3e-3, math.radians(0.12)])
 
 
-def overhead_rows(
+def measure_overhead(
     arrangements: int,
     seed: int,
     *,
@@ -55,20 +55,20 @@ def overhead_rows(
     """Compare all settings on the overhead camera.
 
     Args:
-        arrangements: Of units and obstacles.
-        seed: Of the arrangements, the noise, and the predictions' errors.
-        noise_grey: In the place of the scene's read noise [grey levels].
-        blur_px: In the place of the scene's lens blur [px].
-        exposures: Of each arrangement, while the docking unit drives.
+        arrangements: Number of arrangements of units and obstacles.
+        seed: Seed of the arrangements, the noise, and the errors of the predictions.
+        noise_grey: Read noise instead of the scene's [grey levels].
+        blur_px: Lens blur instead of the scene's [px].
+        exposures: Exposures of each arrangement, while the docking unit drives.
     """
-    scene, spec, model = _arena()
+    scene, spec, model = _load()
     views = _views(scene, model, with_sensor(spec, noise_grey, blur_px), arrangements, exposures, seed)
-    return compare(overhead_contestants(model), views, stream(seed, "bench/detection/order"))
+    return evaluate(overhead_candidates(model), views, stream(seed, "bench/detection/order"))
 
 
-def module_px() -> tuple[float, float]:
-    """Return the edge of a module of the smallest and of the largest tag below the camera [px]."""
-    _, _, model = _arena()
+def module_sizes() -> tuple[float, float]:
+    """Return the edge of a module [px] of the smallest and of the largest tag in the image."""
+    _, _, model = _load()
     above = float(model.X_WC.p[2])
     edges = [
         model.camera.focal * float(np.linalg.norm(tag.corners_B[1] - tag.corners_B[0])) / (above - tag.height)
@@ -77,17 +77,17 @@ def module_px() -> tuple[float, float]:
     return min(edges) / 8.0, max(edges) / 8.0
 
 
-def _arena() -> tuple[Scene, CameraSpec, OverheadModel]:
-    scene = load_scene(SCENE)
+def _load() -> tuple[Scene, CameraSpec, OverheadModel]:
+    scene = load_scene(_SCENE)
     spec = scene.cameras.overhead
     if spec is None:
-        raise SceneError(f"{SCENE}: has no overhead camera")
+        raise SceneError(f"{_SCENE}: has no overhead camera")
     return scene, spec, OverheadModel.from_scene(scene, scene.plan[0])
 
 
 def _views(
     scene: Scene, model: OverheadModel, spec: CameraSpec, arrangements: int, exposures: int, seed: int
-) -> Iterator[View[Mapping[str, GlobalPose]]]:
+) -> Iterator[LabelledExposure[Mapping[str, GlobalPose]]]:
     rng = stream(seed, "bench/detection/overhead")
     for number in range(arrangements):
         placement = _placement(scene, rng)
@@ -100,7 +100,7 @@ def _views(
 
 
 def _placement(scene: Scene, rng: np.random.Generator) -> Placement:
-    """Draw a start of the scene and turn its units to any heading."""
+    """Draw a start of the scene with random headings of the units."""
     drawn = draw_placement(scene, lambda _: rng)
     units = {u: SE2(X.x, X.y, float(rng.uniform(-math.pi, math.pi))) for u, X in drawn.units.items()}
     return Placement(units, drawn.obstacles)
@@ -114,30 +114,30 @@ def _drive(
     placement: Placement,
     exposures: int,
     rng: np.random.Generator,
-) -> Iterator[View[Mapping[str, GlobalPose]]]:
-    """Let the docking unit drive an arc while the camera exposes."""
+) -> Iterator[LabelledExposure[Mapping[str, GlobalPose]]]:
+    """Yield exposures while the docking unit drives an arc."""
     poses = {**placement.units, **placement.obstacles}
-    move = SE2(_WAY_M, 0.0, _TURN * float(rng.uniform(-1.0, 1.0)))
+    motion = SE2(_STEP_M, 0.0, _TURN * float(rng.uniform(-1.0, 1.0)))
     localizer = model.localizer(corner_sigma_px=0.2)
     for number in range(exposures):
         world.place(model.own, poses[model.own], (0.0, 0.0))
         exposure = camera.expose(number * NS_PER_S // 10)
         assert exposure is not None, "this camera loses no frames"
-        flat = {i: localizer.pixels(tag, poses[tag.name]) for i, tag in model.tags.items()}
-        yield View(
+        top = {i: localizer.pixels(tag, poses[tag.name]) for i, tag in model.tags.items()}
+        yield LabelledExposure(
             exposure=exposure,
             fetch=camera.fetch,
             prediction={name: _prediction(name, X, exposure.stamp_ns, rng) for name, X in poses.items()},
-            corners={**_upright(scene, model, poses), **flat},
-            in_view=frozenset(i for i, pixels in flat.items() if inside(camera.pinhole, pixels)),
+            corners={**_upright(scene, model, poses), **top},
+            in_view=frozenset(i for i, pixels in top.items() if encloses(camera.pinhole.frame, pixels)),
             pose_errors=partial(_pose_errors, localizer, dict(poses)),
             first=number == 0,
         )
-        poses[model.own] = poses[model.own] @ move
+        poses[model.own] = poses[model.own] @ motion
 
 
 def _upright(scene: Scene, model: OverheadModel, poses: Mapping[str, SE2]) -> dict[int, Array]:
-    """Return the exact corners [px] of the units' other tags; the masts' are sometimes read at a slant."""
+    """Return the exact corners [px] of the units' upright tags; those on masts are sometimes read."""
     corners = {}
     for unit, geometry in ((unit, scene.geometry(unit)) for unit in scene.units):
         X_CU = model.X_WC.inverse() @ SE3.from_se2(poses[unit])

@@ -1,13 +1,12 @@
-"""Where the samples of a pixel lie."""
+"""Positions of the samples in a pixel."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Short = NDArray[np.float32]
+from msrr_bullet.render.raster.kernels.records import Floats
 
-#: Samples with depth of a pixel in which faces meet, and samples of a pixel in which cells of one bitmap
+#: Samples with depth of a pixel in which faces meet, and samples of a pixel in which cells of one texture
 #: meet, which are cheap and decide how well a tag is located. Constants of the compiled code: loops over
 #: them become vector code.
 SAMPLES = 16
@@ -26,11 +25,11 @@ _ROWS = {
 }
 
 
-def rooks(samples: int) -> Short:
-    """Return an N-rooks pattern, shape (2, samples): x and y in the unit square, all different.
+def sample_positions(count: int) -> Floats:
+    """Return an N-rooks pattern, shape (2, count): x and y in the unit square, no two of them equal.
 
     Args:
-        samples: :data:`SAMPLES` or :data:`CELL_SAMPLES`.
+        count: :data:`SAMPLES` or :data:`CELL_SAMPLES`.
     """
-    places = np.stack([np.arange(samples) + 0.5, np.array(_ROWS[samples]) + 0.5]) / samples
-    return places.astype(np.float32)
+    positions = np.stack([np.arange(count) + 0.5, np.array(_ROWS[count]) + 0.5]) / count
+    return positions.astype(np.float32)

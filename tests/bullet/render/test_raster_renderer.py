@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,56 +17,26 @@ import pybullet
 import pybullet_data
 import pytest
 
-from msrr_bullet.bench.clutter import add_clutter, random_view
-from msrr_bullet.bench.renderer_benchmark import corner_rows, pixel_row
-from msrr_bullet.bench.renderer_scenes import facing_units
+from msrr_bullet.bench.renderer_benchmark import compare_pixels, measure_corners
+from msrr_bullet.bench.renderer_scenes import add_clutter, facing_units, random_view
+from msrr_bullet.render import RenderContext, Renderer
 from msrr_bullet.render.floor import Floor, concrete_floor
-from msrr_bullet.render.raster import RasterRenderer
-from msrr_bullet.render.raster.kernels import warm
-from msrr_bullet.render.renderer import RenderContext, Renderer, build_renderer
-from msrr_bullet.render.tiny import TinyRenderer
-from msrr_bullet.simulation.tag_plates import load_tag_plate, write_plate
+from msrr_bullet.render.raster_renderer import RasterRenderer
+from msrr_bullet.render.tiny_renderer import TinyRenderer
+from msrr_bullet.simulation.tag_plates import load_tag_plate
 from msrr_perception.detection.detector import PupilDetector
-from msrr_scenes.errors import GeometryError, SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
-from msrr_scenes.specs.spec import Choice
 
 CAMERA = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
 SMALL = PinholeCamera.from_hfov(320, 240, math.radians(75.0))
 X_OVERHEAD = SE3(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 2.0]))
 
-
-def plain(grey: float) -> Floor:
-    return Floor((np.full((1, 1), grey, dtype=np.float32),), 1.0, grey)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _compiled() -> None:
-    warm()
-
-
-@pytest.fixture
-def client() -> Iterator[int]:
-    client = pybullet.connect(pybullet.DIRECT)
-    pybullet.setAdditionalSearchPath(pybullet_data.getDataPath(), physicsClientId=client)
-    yield client
-    pybullet.disconnect(client)
-
-
-def add_box(size: list[float], X_WB: SE3, grey: float = 1.0) -> int:
-    shape = pybullet.createVisualShape(
-        pybullet.GEOM_BOX, halfExtents=[0.5 * a for a in size], rgbaColor=[grey, grey, grey, 1.0]
-    )
-    body: int = pybullet.createMultiBody(0.0, baseVisualShapeIndex=shape)
-    place(body, X_WB)
-    return body
-
-
-def place(body: int, X_WB: SE3) -> None:
-    pybullet.resetBasePositionAndOrientation(body, X_WB.p.tolist(), X_WB.quaternion_xyzw().tolist())
+AddBox = Callable[..., int]
+Place = Callable[[int, SE3], None]
+PlainFloor = Callable[[float], Floor]
 
 
 def against_tiny(client: int, camera: PinholeCamera, X_WC: SE3, samples: int = 4) -> tuple[Pixels, Pixels]:
@@ -75,32 +45,31 @@ def against_tiny(client: int, camera: PinholeCamera, X_WC: SE3, samples: int = 4
     return raster, TinyRenderer(context).render(camera, X_WC, camera.frame)
 
 
-# --- the picture -------------------------------------------------------------------------------------------
-
-
 def test_no_pixel_of_random_clutter_is_off() -> None:
     """Boxes that pierce each other, tags, near-plane crossings, any roll, against 8 x 8 samples per pixel."""
-    row = pixel_row(range(5))
+    row = compare_pixels(range(5))
     assert row.off == 0, row
     assert row.mean < 1.0, row  # TinyRenderer rounds every sample down: half a grey level
 
 
 @pytest.mark.nightly
 def test_no_pixel_of_forty_scenes_of_clutter_is_off() -> None:
-    row = pixel_row(range(40))
+    row = compare_pixels(range(40))
     assert row.off == 0, row
 
 
 def test_corners_lie_where_the_pinhole_model_says() -> None:
     """Over 80 views with any roll: RMS 0.017 px, so the mean of 320 corners scatters by 0.001 px."""
-    rows = {row.renderer: row for row in corner_rows(80, seed=3)}
+    rows = {row.renderer: row for row in measure_corners(80, seed=3)}
     raster = rows["raster"]
     assert raster.found == 80
     assert max(abs(b) for b in raster.bias_px) < 0.02, raster
     assert raster.rms_px <= rows["tiny 4x"].rms_px, (raster, rows["tiny 4x"])
 
 
-def test_the_same_tags_are_found_behind_a_passing_occluder(client: int, tmp_path: Path) -> None:
+def test_the_same_tags_are_found_behind_a_passing_occluder(
+    client: int, tmp_path: Path, add_box: AddBox, place: Place
+) -> None:
     load_tag_plate(client, tmp_path, 7, 0.06, SE3.from_xyz_rpy([-0.05, 0.0, 1.5], [math.pi, 0.0, 0.0]))
     load_tag_plate(client, tmp_path, 8, 0.06, SE3.from_xyz_rpy([0.05, 0.02, 1.5], [math.pi, 0.0, 0.3]))
     bar = add_box([0.012, 0.2, 0.01], SE3(), 0.5)
@@ -118,12 +87,14 @@ def test_the_same_tags_are_found_behind_a_passing_occluder(client: int, tmp_path
 
 
 @pytest.mark.parametrize("width_px", [0.1, 0.45, 0.9])
-def test_a_wire_thinner_than_a_pixel_is_as_bright_as_it_is_thick(client: int, width_px: float) -> None:
+def test_a_wire_thinner_than_a_pixel_is_as_bright_as_it_is_thick(
+    client: int, width_px: float, add_box: AddBox, place: Place, plain_floor: PlainFloor
+) -> None:
     """Whatever its direction: what falls between the corners of pixels is not lost."""
     distance, length = 0.5, 0.2
     thickness = width_px * distance / CAMERA.focal
     wire = add_box([length, thickness, 1e-5], SE3(), grey=1.0)
-    renderer = RasterRenderer(RenderContext(client, floor=plain(0.0)))
+    renderer = RasterRenderer(RenderContext(client, floor=plain_floor(0.0)))
     area = length * thickness * (CAMERA.focal / distance) ** 2
     shares = []
     for angle in np.linspace(0.0, math.pi, 25):
@@ -140,7 +111,7 @@ def image_grey_of_a_level_face() -> float:
     return 255.0 * (0.6 + 0.4 * 0.86 / float(np.linalg.norm([-0.45, 0.25, 0.86])))
 
 
-def test_specks_smaller_than_a_pixel_are_not_lost(client: int) -> None:
+def test_specks_smaller_than_a_pixel_are_not_lost(client: int, add_box: AddBox, place: Place) -> None:
     """A plate of 0.4 px, anywhere within a pixel, on a wall that fills the view.
 
     300 places; one picture scatters by about 40 %, the mean by 2.5 %: odds of a false alarm below 1e-4.
@@ -161,7 +132,7 @@ def test_specks_smaller_than_a_pixel_are_not_lost(client: int) -> None:
     assert np.mean(gains) == pytest.approx(0.16 * contrast, rel=0.1)
 
 
-def test_a_camera_inside_the_scene_sees_what_crosses_its_near_plane(client: int) -> None:
+def test_a_camera_inside_the_scene_sees_what_crosses_its_near_plane(client: int, add_box: AddBox) -> None:
     """A tunnel through which the camera looks: all four walls pass the image plane and go on behind it."""
     for side in range(4):
         wall = SE3.from_xyz_rpy([0.0, 0.0, 1.0], [side * math.pi / 2.0, 0.0, 0.0])
@@ -171,13 +142,10 @@ def test_a_camera_inside_the_scene_sees_what_crosses_its_near_plane(client: int)
     assert np.abs(raster.astype(int) - tiny).max() < 40
 
 
-# --- users' bodies -----------------------------------------------------------------------------------------
-
-
-def test_a_sphere_is_round_and_shaded_from_the_light(client: int) -> None:
+def test_a_sphere_is_round_and_shaded_from_the_light(client: int, plain_floor: PlainFloor) -> None:
     shape = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=0.1, rgbaColor=[1, 1, 1, 1])
     pybullet.createMultiBody(0.0, baseVisualShapeIndex=shape, basePosition=[0.1, -0.05, 1.2])
-    renderer = RasterRenderer(RenderContext(client, floor=plain(0.0)))
+    renderer = RasterRenderer(RenderContext(client, floor=plain_floor(0.0)))
     image = renderer.render(CAMERA, X_OVERHEAD, CAMERA.frame).astype(float)
     # Outline: the cone of rays that touch the sphere, cut by the image plane.
     u, v = np.meshgrid(np.arange(640), np.arange(480))
@@ -197,77 +165,6 @@ def test_a_sphere_is_round_and_shaded_from_the_light(client: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "urdf", ["duck_vhacd.urdf", "teddy_vhacd.urdf", "cube_small.urdf", "soccerball.urdf"]
-)
-def test_a_users_mesh_appears_as_tiny_shows_it(client: int, urdf: str) -> None:
-    """Concave bodies, with a texture, without, with normals of their own, standing anyhow."""
-    size = {"duck_vhacd.urdf": 2.0, "teddy_vhacd.urdf": 2.0, "cube_small.urdf": 3.0, "soccerball.urdf": 0.2}
-    body = pybullet.loadURDF(urdf, globalScaling=size[urdf], physicsClientId=client)
-    place(body, SE3.from_xyz_rpy([0.05, 0.0, 1.5], [0.7, 0.4, -0.5]))
-    raster, tiny = against_tiny(client, SMALL, X_OVERHEAD)
-    floor = RasterRenderer(RenderContext(pybullet.connect(pybullet.DIRECT)))
-    empty = floor.render(SMALL, X_OVERHEAD, SMALL.frame).astype(int)
-    pybullet.disconnect(floor._client)
-    seen = [np.abs(image.astype(int) - empty) > 8 for image in (raster, tiny)]
-    assert seen[1].sum() > 300, "the body is in view"
-    assert (seen[0] & seen[1]).sum() > 0.97 * (seen[0] | seen[1]).sum()
-    both = seen[0] & seen[1]
-    assert np.abs(raster.astype(int) - tiny)[both].mean() < 5.0
-
-
-def test_links_joints_and_offset_frames_stand_where_tiny_has_them(client: int) -> None:
-    """A robot with moved joints, visual offsets and inertial frames apart from the link frames."""
-    robot = pybullet.loadURDF("kuka_iiwa/model.urdf", [0.1, 0.0, 0.6], physicsClientId=client)
-    renderer = RasterRenderer(RenderContext(client))
-    X_WC = optical_pose(SE3.from_xyz_rpy([-1.4, 0.1, 1.2], [0.1, 0.0, 0.0]))
-    rng = np.random.default_rng(2)
-    for _ in range(2):
-        for joint in range(pybullet.getNumJoints(robot)):
-            pybullet.resetJointState(robot, joint, rng.uniform(-0.8, 0.8))
-        place(robot, SE3.from_xyz_rpy([0.1, 0.0, 0.6], rng.uniform(-0.3, 0.3, 3)))
-        raster = renderer.render(SMALL, X_WC, SMALL.frame).astype(int)
-        tiny = TinyRenderer(RenderContext(client, 2)).render(SMALL, X_WC, SMALL.frame).astype(int)
-        assert np.mean(np.abs(raster - tiny) > 40) < 2e-3
-
-
-def test_bodies_that_come_move_and_go_are_noticed(client: int) -> None:
-    renderer = RasterRenderer(RenderContext(client, floor=plain(0.0)))
-
-    def middle() -> float:
-        image = renderer.render(SMALL, X_OVERHEAD, SMALL.frame).astype(float)
-        return float((image.sum(axis=0) @ np.arange(320)) / image.sum()) if image.any() else math.nan
-
-    assert math.isnan(middle())
-    body = add_box([0.1, 0.1, 0.1], SE3(p=np.array([0.0, 0.0, 1.0])))
-    assert middle() == pytest.approx(159.5, abs=0.1)
-    place(body, SE3(p=np.array([0.3, 0.0, 1.0])))
-    assert middle() > 200.0
-    pybullet.removeBody(body)
-    assert math.isnan(middle())
-
-
-def test_what_cannot_be_drawn_is_said_and_not_left_out(client: int, tmp_path: Path) -> None:
-    shape = pybullet.createVisualShape(
-        pybullet.GEOM_MESH, vertices=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], indices=[0, 1, 2]
-    )
-    body = pybullet.createMultiBody(0.0, baseVisualShapeIndex=shape)
-    renderer = RasterRenderer(RenderContext(client))
-    with pytest.raises(GeometryError, match="meshes from files"):
-        renderer.render(SMALL, X_OVERHEAD, SMALL.frame)
-    pybullet.removeBody(body)
-    assert renderer.render(SMALL, X_OVERHEAD, SMALL.frame).shape == (240, 320)
-
-
-def test_it_is_chosen_by_name_and_takes_no_unknown_parameter(client: int) -> None:
-    assert isinstance(build_renderer(Choice(name="raster"), RenderContext(client)), RasterRenderer)
-    with pytest.raises(SceneError, match="raster"):
-        build_renderer(Choice(name="raster", params={"samples": "many"}), RenderContext(client))
-
-
-# --- the floor ---------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
     ("xyz", "rpy"),
     [
         ([0.3, -0.2, 0.155], [0.0, 0.0, 0.4]),
@@ -284,15 +181,12 @@ def test_the_floor_is_the_one_that_tiny_composites(client: int, xyz: list[float]
     assert difference.mean() < 0.6
 
 
-def test_the_floor_hides_what_lies_below_it(client: int) -> None:
+def test_the_floor_hides_what_lies_below_it(client: int, add_box: AddBox) -> None:
     add_box([0.4, 0.4, 0.1], SE3(p=np.array([0.0, 0.0, -0.1])))
     renderer = RasterRenderer(RenderContext(client))
     with_box = renderer.render(SMALL, X_OVERHEAD, SMALL.frame)
     pybullet.resetSimulation(physicsClientId=client)
     np.testing.assert_array_equal(with_box, renderer.render(SMALL, X_OVERHEAD, SMALL.frame))
-
-
-# --- the same bits -----------------------------------------------------------------------------------------
 
 
 def test_five_hundred_windows_are_crops_of_the_frame_bit_for_bit() -> None:
@@ -313,11 +207,11 @@ def test_five_hundred_windows_are_crops_of_the_frame_bit_for_bit() -> None:
 _PICTURE = f"""
 import hashlib, json, sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
-from msrr_bullet.render.raster.kernels import warm
-said = []
-warm(said.append)
-import test_raster
-print(json.dumps([test_raster.picture_hash(), said]))
+from msrr_bullet.render.raster.rasterizer import compile_kernels
+messages = []
+compile_kernels(messages.append)
+import test_raster_renderer
+print(json.dumps([test_raster_renderer.picture_hash(), messages]))
 """
 
 
@@ -354,21 +248,8 @@ def test_equal_hashes_cold_cached_and_in_other_processes(tmp_path: Path) -> None
             [sys.executable, "-c", _PICTURE], env=environment, capture_output=True, text=True, check=True
         )
         results.append(json.loads(done.stdout.splitlines()[-1]))
-    (cold, cold_said), (cached, cached_said) = results
-    assert len(cold_said) == 1
-    assert "ompiling" in cold_said[0]
-    assert cached_said == []
+    (cold, cold_messages), (cached, cached_messages) = results
+    assert len(cold_messages) == 1
+    assert "ompiling" in cold_messages[0]
+    assert cached_messages == []
     assert cold == cached == picture_hash()
-
-
-def test_a_plate_written_anew_is_read_anew(client: int, tmp_path: Path) -> None:
-    """Files are cached by name, time and size; two worlds of one process may write two tags to one name."""
-    for tag in (3, 4):
-        mesh, _ = write_plate(tmp_path, "plate", 0.1, tag)
-        os.utime(mesh, ns=(tag, tag))
-        shape = pybullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(mesh), rgbaColor=[1, 1, 1, 1])
-        body = pybullet.createMultiBody(0.0, baseVisualShapeIndex=shape)
-        place(body, SE3.from_xyz_rpy([0.0, 0.0, 1.5], [math.pi, 0.0, 0.0]))
-        image = RasterRenderer(RenderContext(client)).render(CAMERA, X_OVERHEAD, CAMERA.frame)
-        assert [t.tag_id for t in PupilDetector().detect(image, CAMERA.frame)] == [tag]
-        pybullet.removeBody(body)

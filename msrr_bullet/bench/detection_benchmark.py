@@ -1,4 +1,4 @@
-"""What the detection's settings are worth: the tables that ``msrr bench detection`` prints."""
+"""The report of ``msrr bench detection``: what each setting of the tag detection is worth."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from rich.markup import escape
 from rich.table import Table
 
 from msrr_bullet.bench.detection_metrics import LARGE_EDGE_PX, DetectionRow
-from msrr_bullet.bench.onboard_detection import DISTANCES_M, onboard_rows
-from msrr_bullet.bench.overhead_detection import EXPOSURES, module_px, overhead_rows
+from msrr_bullet.bench.onboard_views import DISTANCES_M, measure_onboard
+from msrr_bullet.bench.overhead_views import EXPOSURES, measure_overhead, module_sizes
 from msrr_bullet.trial.result import package_versions
 
-#: Read noise and blur of the harder case [grey levels, px].
+#: Read noise [grey levels] and blur [px] of the harder case.
 HARD_NOISE_GREY = 8.0
 HARD_BLUR_PX = 1.0
 
-#: Characters of a pose error.
-_SHORT = 5
+#: Width of a pose error in the tables [characters].
+_POSE_WIDTH = 5
 
 
 class DetectionCase(BaseModel):
     """All settings on the same pixels.
 
     Attributes:
-        title: What was looked at.
-        rows: One for each of the settings.
+        title: Camera and image quality.
+        rows: One row for each of the settings.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -36,23 +36,23 @@ class DetectionCase(BaseModel):
     rows: tuple[DetectionRow, ...]
 
     def row(self, settings: str) -> DetectionRow:
-        """Return the row of some settings.
+        """Return the row with the label ``settings``.
 
         Raises:
-            KeyError: There is none.
+            KeyError: There is no such row.
         """
         return {row.settings: row for row in self.rows}[settings]
 
 
-class DetectionBench(BaseModel):
-    """All that is measured of the detection, in one process.
+class DetectionBenchmark(BaseModel):
+    """All measurements of the detection, made in one process.
 
     Attributes:
-        onboard: The docking unit's camera, as scene ``close_range`` has it.
-        onboard_hard: The same with more noise and blur.
-        overhead: The overhead camera, as scene ``two_obstacles`` has it.
-        overhead_hard: The same with more noise and blur.
-        versions: Packages that ran it.
+        onboard: Docking unit's camera of scene ``close_range``.
+        onboard_hard: Docking unit's camera with more noise and blur.
+        overhead: Overhead camera of scene ``two_obstacles``.
+        overhead_hard: Overhead camera with more noise and blur.
+        versions: Versions of the packages.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -73,39 +73,39 @@ class DetectionBench(BaseModel):
         return self.model_dump_json(indent=2) + "\n"
 
 
-def bench_detection(
+def benchmark_detection(
     *,
     seed: int = 0,
     views: int = 20,
     arrangements: int = 4,
     exposures: int = EXPOSURES,
     observer: Callable[[str], None] = lambda _: None,
-) -> DetectionBench:
+) -> DetectionBenchmark:
     """Compare the settings.
 
     Args:
-        seed: Of all views.
-        views: From the docking unit's camera, for each stratum of distance.
-        arrangements: Below the overhead camera.
-        exposures: Of each arrangement.
-        observer: Is told what is measured next.
+        seed: Seed of all views.
+        views: Views from the docking unit's camera for each stratum of distance.
+        arrangements: Arrangements of bodies below the overhead camera.
+        exposures: Exposures of each arrangement.
+        observer: Called with the name of what is measured next.
     """
     near, far = DISTANCES_M[0], DISTANCES_M[-1]
-    small, large = module_px()
+    small, large = module_sizes()
     onboard = f"Onboard, {near:g} to {far:g} m"
     overhead = f"Overhead, {small:.1f} to {large:.1f} px a module"
     hard = f"noise {HARD_NOISE_GREY:g}, blur {HARD_BLUR_PX:g} px"
     observer(onboard)
-    plain = onboard_rows(views, seed)
+    plain = measure_onboard(views, seed)
     observer(f"{onboard}, {hard}")
-    harder = onboard_rows(views, seed, noise_grey=HARD_NOISE_GREY, blur_px=HARD_BLUR_PX)
+    harder = measure_onboard(views, seed, noise_grey=HARD_NOISE_GREY, blur_px=HARD_BLUR_PX)
     observer(overhead)
-    above = overhead_rows(arrangements, seed, exposures=exposures)
+    above = measure_overhead(arrangements, seed, exposures=exposures)
     observer(f"{overhead}, {hard}")
-    above_harder = overhead_rows(
+    above_harder = measure_overhead(
         arrangements, seed, noise_grey=HARD_NOISE_GREY, blur_px=HARD_BLUR_PX, exposures=exposures
     )
-    return DetectionBench(
+    return DetectionBenchmark(
         onboard=DetectionCase(title=f"{onboard}, as the scene has it", rows=plain),
         onboard_hard=DetectionCase(title=f"{onboard}, {hard}", rows=harder),
         overhead=DetectionCase(title=f"{overhead}, as the scene has it", rows=above),
@@ -114,12 +114,12 @@ def bench_detection(
     )
 
 
-def detection_tables(bench: DetectionBench) -> tuple[Table, ...]:
-    """Return the report as tables for people: of each case what is found, and how exact it is."""
-    return tuple(table for case in bench.cases for table in (_found(case), _exactness(case)))
+def detection_tables(report: DetectionBenchmark) -> tuple[Table, ...]:
+    """Return the report as tables for a terminal: for each case what is found, and how exact it is."""
+    return tuple(table for case in report.cases for table in (_recall_table(case), _accuracy_table(case)))
 
 
-def _found(case: DetectionCase) -> Table:
+def _recall_table(case: DetectionCase) -> Table:
     columns = "recall [%]", "95 % interval", "tags", "false", "no pose", "1000 px", "time [ms]"
     rows = [
         (
@@ -139,7 +139,7 @@ def _found(case: DetectionCase) -> Table:
     return table
 
 
-def _exactness(case: DetectionCase) -> Table:
+def _accuracy_table(case: DetectionCase) -> Table:
     columns = "corner RMS", "large tags", "mean x", "mean y [px]", "50 %", "95 % [mm]", "50 %", "95 % [deg]"
     rows = [
         (
@@ -152,13 +152,13 @@ def _exactness(case: DetectionCase) -> Table:
         )
         for row in case.rows
     ]
-    table = _table(f"{case.title}: exactness", columns, rows)
+    table = _table(f"{case.title}: accuracy", columns, rows)
     table.caption = f"large tags: every edge above {LARGE_EDGE_PX:g} px"
     return table
 
 
 def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    # Without frames, and with headings that give way to figures: it has to fit the 80 columns of a terminal.
+    # Without frames, and headings wrap to the width of the figures: a table has to fit 80 columns.
     table = Table(
         title=f"\n{title}",
         title_justify="left",
@@ -180,6 +180,6 @@ def _number(value: float | None, form: str) -> str:
 
 
 def _short(value: float | None) -> str:
-    """Return a number with as many decimals as five characters hold, three at most."""
+    """Return a number with as many decimals as :data:`_POSE_WIDTH` characters hold, three at most."""
     texts = ("-",) if value is None else tuple(f"{value:.{digits}f}" for digits in (3, 2, 1, 0))
-    return next((text for text in texts if len(text) <= _SHORT), texts[-1])
+    return next((text for text in texts if len(text) <= _POSE_WIDTH), texts[-1])

@@ -1,7 +1,9 @@
-"""Rendering with PyBullet's TinyRenderer: any window through an off-centre projection, supersampled."""
+"""PyBullet's TinyRenderer: any window through an off-centre projection, with several samples per pixel."""
 
 from __future__ import annotations
 
+import tempfile
+from pathlib import Path
 from typing import Literal
 
 import cv2
@@ -9,10 +11,10 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from msrr_bullet.render.floor_mesh import ensure_floor_mesh
+from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.renderer import RenderContext
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import SceneError
+from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
@@ -26,9 +28,15 @@ _NEAR, _FAR = 0.01, 60.0
 #: Depth that TinyRenderer leaves where no body was drawn, less its rounding.
 _BACKGROUND_DEPTH = 0.99999
 
+#: Half the edge of the floor mesh [m]. TinyRenderer walks over the pixels of a triangle, not over its metres.
+_FLOOR_REACH = 40.0
+
+#: User data that marks the floor mesh among the bodies of a client.
+_FLOOR_MARK = "msrr_floor_mesh"
+
 
 class TinyRenderer:
-    """PyBullet's CPU renderer. It pays per covered sample, so the floor is composited, not drawn.
+    """PyBullet's CPU renderer, whose time grows with the samples covered: the floor is composited, not drawn.
 
     TinyRenderer does not anti-alias. A pixel is the mean of ``samples**2`` renderings, each shifted by a
     fraction of a pixel such that all their columns and all their rows differ (a rotated grid). Nearly upright
@@ -37,13 +45,13 @@ class TinyRenderer:
     """
 
     def __init__(self, context: RenderContext, floor: Literal["composited", "mesh"] = "composited") -> None:
-        """Render the bodies of ``context.client``. Its infinite planes turn invisible.
+        """Draw the bodies of ``context.client`` and make its infinite planes invisible.
 
         Args:
-            context: Client, supersampling and floor.
-            floor: How the floor gets into the picture: by a homography of its texture behind the bodies, or
-                as a textured mesh that is added to the client, as simulators usually do (full frames
-                take 2 to 6 times as long).
+            context: Client, samples per pixel and floor.
+            floor: "composited" puts a homography of the floor's texture behind the bodies; "mesh" adds a
+                textured mesh to the client, as simulators usually do, to measure the difference and to check
+                one against the other (full frames take 2 to 6 times as long).
         """
         if floor not in ("composited", "mesh"):
             raise SceneError(f"the tiny renderer's floor is 'composited' or 'mesh', not {floor!r}")
@@ -51,9 +59,9 @@ class TinyRenderer:
         self._shifts = rotated_grid(context.samples)
         self._floor = context.floor
         self._composite = floor == "composited"
-        _conceal_planes(context.client)
+        _hide_planes(context.client)
         if floor == "mesh":
-            ensure_floor_mesh(context.client, context.floor)
+            _ensure_floor_mesh(context.client, context.floor)
 
     def render(self, camera: PinholeCamera, X_WC: SE3, window: Window) -> Pixels:
         """Return the mono8 pixels of ``window``, shape (height, width); see :class:`Renderer`."""
@@ -61,7 +69,7 @@ class TinyRenderer:
         bodies = np.zeros((window.height, window.width), dtype=np.float32)
         empty = np.zeros((window.height, window.width), dtype=np.float32)
         for shift in self._shifts:
-            grey, depth = self._shoot(view, window_projection(camera, window, shift), window)
+            grey, depth = self._sample(view, window_projection(camera, window, shift), window)
             background = depth >= _BACKGROUND_DEPTH
             grey[background] = 0
             bodies += grey
@@ -71,7 +79,7 @@ class TinyRenderer:
         bodies *= np.float32(1.0 / len(self._shifts))
         return np.rint(bodies, out=bodies).astype(np.uint8)
 
-    def _shoot(
+    def _sample(
         self, view: list[float], projection: Array, window: Window
     ) -> tuple[Pixels, NDArray[np.float32]]:
         """Return grey levels and depths, each of shape (height, width), one sample per pixel."""
@@ -95,14 +103,14 @@ class TinyRenderer:
         return np.asarray(cv2.cvtColor(rgba, cv2.COLOR_RGBA2GRAY), dtype=np.uint8), depth
 
     def _background(self, camera: PinholeCamera, X_WC: SE3, window: Window) -> NDArray[np.float32]:
-        """Return what is seen where no body is."""
+        """Return the grey levels where no body is, shape (height, width)."""
         if self._composite:
             return self._floor.image(camera, X_WC, window)
         return np.full((window.height, window.width), self._floor.wall, dtype=np.float32)
 
 
-def _conceal_planes(client: int) -> None:
-    """Make infinite planes invisible: TinyRenderer paints those, too, that are there for contact only."""
+def _hide_planes(client: int) -> None:
+    """Make infinite planes invisible; TinyRenderer would draw those that are there for contact only."""
     for index in range(pybullet.getNumBodies(physicsClientId=client)):
         body = pybullet.getBodyUniqueId(index, physicsClientId=client)
         for shape in pybullet.getVisualShapeData(body, physicsClientId=client):
@@ -110,10 +118,49 @@ def _conceal_planes(client: int) -> None:
                 pybullet.changeVisualShape(body, shape[1], rgbaColor=[0, 0, 0, 0], physicsClientId=client)
 
 
-def rotated_grid(samples: int) -> Array:
-    """Return ``samples**2`` places in a pixel, from its centre, shape (samples**2, 2) [px].
+def _ensure_floor_mesh(client: int, floor: Floor) -> None:
+    """Add the floor's mesh to the client unless it is there already.
 
-    A plain grid, sheared in both directions so that no two places share a column or a row.
+    The mesh has no collision shape and takes no part in the physics.
+    """
+    for index in range(pybullet.getNumBodies(physicsClientId=client)):
+        body = pybullet.getBodyUniqueId(index, physicsClientId=client)
+        if pybullet.getUserDataId(body, _FLOOR_MARK, physicsClientId=client) >= 0:
+            return
+    turns = _FLOOR_REACH / floor.period
+    square = [[-1, -1], [1, -1], [1, 1], [-1, 1]]
+    shape = pybullet.createVisualShape(
+        pybullet.GEOM_MESH,
+        vertices=[[_FLOOR_REACH * x, _FLOOR_REACH * y, 0.0] for x, y in square],
+        indices=[0, 1, 2, 0, 2, 3],
+        # Kept positive: TinyRenderer truncates where it should take the floor.
+        uvs=[[turns * (x + 1.0), turns * (y + 1.0)] for x, y in square],
+        normals=[[0.0, 0.0, 1.0]] * 4,
+        rgbaColor=[1, 1, 1, 1],
+        physicsClientId=client,
+    )
+    body = pybullet.createMultiBody(baseMass=0.0, baseVisualShapeIndex=shape, physicsClientId=client)
+    pybullet.changeVisualShape(body, -1, textureUniqueId=_load_texture(client, floor), physicsClientId=client)
+    pybullet.addUserData(body, _FLOOR_MARK, "1", physicsClientId=client)
+
+
+def _load_texture(client: int, floor: Floor) -> int:
+    # A texture's last row is at v = 0, where y is least.
+    texture = np.clip(np.rint(floor.levels[0][::-1]), 0, 255).astype(np.uint8)
+    encoded, data = cv2.imencode(".png", cv2.cvtColor(texture, cv2.COLOR_GRAY2BGR))
+    if not encoded:
+        raise MsrrError("OpenCV cannot write the floor's texture as PNG")
+    with tempfile.TemporaryDirectory(prefix="msrr_floor_") as folder:
+        path = Path(folder) / "floor.png"
+        path.write_bytes(data.tobytes())
+        handle: int = pybullet.loadTexture(str(path), physicsClientId=client)
+    return handle
+
+
+def rotated_grid(samples: int) -> Array:
+    """Return ``samples**2`` positions in a pixel, from its centre, shape (samples**2, 2) [px].
+
+    They form a plain grid, sheared in both directions so that no two positions share a column or a row.
     """
     i, j = (a.ravel() for a in np.meshgrid(np.arange(samples), np.arange(samples), indexing="ij"))
     columns = samples * i + j
@@ -122,15 +169,15 @@ def rotated_grid(samples: int) -> Array:
 
 
 def window_projection(camera: PinholeCamera, window: Window, shift: Array) -> Array:
-    """Return the OpenGL projection, shape (4, 4), by which TinyRenderer samples a window where it should.
+    """Return the OpenGL projection, shape (4, 4), by which TinyRenderer samples a window.
 
-    Where TinyRenderer takes its samples is not where one expects: column i at i, not at i + 1/2, and rows are
-    counted from below, so that its principal point is off by half a pixel. That is undone here.
+    TinyRenderer samples column i at i, not at i + 1/2, and counts rows from below, so that its principal
+    point is off by half a pixel. That is undone here.
 
     Args:
         camera: Intrinsics of the full frame.
-        window: The pixels wanted.
-        shift: Where in each pixel the sample is taken, from the pixel's centre, shape (2,) [px].
+        window: Pixels that are drawn.
+        shift: Position of the sample in each pixel, from its centre, shape (2,) [px].
     """
     w, h = window.width, window.height
     # The principal point in pixels from the window's first sample, then in NDC.

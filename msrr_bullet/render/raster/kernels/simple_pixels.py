@@ -1,13 +1,11 @@
-"""Settled pixels: those whose corners agree get the grey level of what they show, the others are listed."""
+"""Simple pixels, which show one thing only, get its grey level; the others, mixed ones, are listed."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiled import inlined, kernel
-from msrr_bullet.render.raster.kernels.ground import shade_floor
-from msrr_bullet.render.raster.kernels.pattern import CELL_SAMPLES
-from msrr_bullet.render.raster.kernels.picture import picture_at
+from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.floor import shade_floor
 from msrr_bullet.render.raster.kernels.records import (
     CELLS,
     FLOOR,
@@ -15,20 +13,24 @@ from msrr_bullet.render.raster.kernels.records import (
     SMOOTH,
     TEXTURED,
     Corners,
-    Faces,
-    Ground,
-    GroundView,
+    Floats,
+    FloorTexture,
+    FloorView,
     Identities,
     Indices,
-    Pixels,
+    ProjectedFaces,
+    RowBuffers,
     Samples,
-    Scratch,
-    Short,
     Textures,
     View,
 )
-from msrr_bullet.render.raster.kernels.visibility import cell_at
+from msrr_bullet.render.raster.kernels.textures import (
+    cell_index,
+    filtered_reflectance,
+    mean_cell_reflectance,
+)
 from msrr_scenes.arrays import Array
+from msrr_scenes.messages import Pixels
 
 _REGION_MASK = (1 << REGION_BITS) - 1
 
@@ -39,73 +41,39 @@ def quantised(grey: float) -> np.uint8:
     return np.uint8(min(max(grey, 0.0), 255.0) + 0.5)
 
 
-@inlined
-def mean_of_cells(
-    uv: Array,
-    cells: Indices,
-    inverse_depth: Array,
-    texels: Short,
-    f: int,
-    x: int,
-    y: int,
-    pattern: Short,
-    place: Identities,
-) -> float:
-    """Return the mean reflectance of face f's bitmap over a pixel that shows nothing else."""
-    sa, sb = np.float32(uv[f, 0, 0]), np.float32(uv[f, 0, 1])
-    ta, tb = np.float32(uv[f, 1, 0]), np.float32(uv[f, 1, 1])
-    wa, wb = np.float32(inverse_depth[f, 0]), np.float32(inverse_depth[f, 1])
-    s0 = np.float32(uv[f, 0, 0] * x + (uv[f, 0, 1] * y + uv[f, 0, 2]))
-    t0 = np.float32(uv[f, 1, 0] * x + (uv[f, 1, 1] * y + uv[f, 1, 2]))
-    w0 = np.float32(inverse_depth[f, 0] * x + (inverse_depth[f, 1] * y + inverse_depth[f, 2]))
-    start, rows, columns = np.int32(cells[f, 0]), np.int32(cells[f, 1]), np.int32(cells[f, 2])
-    for s in range(CELL_SAMPLES):
-        px, py = pattern[0, s], pattern[1, s]
-        z = np.float32(1.0) / (w0 + (wa * px + wb * py))
-        column = np.int32((s0 + (sa * px + sb * py)) * z * np.float32(columns))
-        row = np.int32((np.float32(1.0) - (t0 + (ta * px + tb * py)) * z) * np.float32(rows))
-        column = min(max(column, np.int32(0)), columns - np.int32(1))
-        row = min(max(row, np.int32(0)), rows - np.int32(1))
-        place[s] = start + row * columns + column
-    total = np.float32(0.0)
-    for s in range(CELL_SAMPLES):
-        total += texels[place[s]]
-    return float(total) / CELL_SAMPLES
-
-
 @kernel
-def settle(
+def shade_simple_pixels(
     view: View,
-    faces: Faces,
+    faces: ProjectedFaces,
     textures: Textures,
-    ground: Ground,
-    seen: GroundView,
+    floor_texture: FloorTexture,
+    floor_view: FloorView,
     corners: Corners,
-    scratch: Scratch,
-    cell_pattern: Short,
+    row_buffers: RowBuffers,
+    cell_positions: Floats,
     samples: Samples,
     out: Pixels,
 ) -> None:
-    """Write the settled pixels and list the open ones.
+    """Write the simple pixels and list the mixed ones.
 
-    A settled pixel shows at all four corners the same, so between two pixels that are not like that lies a
-    run of one identity. Two more kinds of pixels are settled: where all corners show one bitmap, it fills the
-    pixel, and is sampled without asking for depth; where they show one round surface, the pixel gets the mean
+    A pixel is simple if its four corners show the same and no edge may cross it, so such pixels come in runs
+    of one identity. Two more kinds of pixels are treated as simple: where all corners show one bitmap, it
+    fills the pixel, and is sampled without depth; where they show one round surface, the pixel gets the mean
     of what its corners show.
 
     Args:
         view: Camera and band of the window.
-        faces: In view.
-        textures: What they wear.
-        ground: The floor's texture.
-        seen: The floor seen from the camera.
-        corners: Of the band, all faces drawn.
-        scratch: Memory for one row.
-        cell_pattern: Places of the samples of cells in a pixel.
-        samples: Its lists of open pixels are filled.
-        out: The band's pixels.
+        faces: The faces in view.
+        textures: Textures of the faces.
+        floor_texture: Texture of the floor.
+        floor_view: The floor seen from the camera.
+        corners: Corners of the band's pixels, with all faces drawn.
+        row_buffers: Memory for one row.
+        cell_positions: Positions of the samples of cells in a pixel.
+        samples: Its lists of mixed pixels are filled.
+        out: Pixels of the band, shape (height, width).
     """
-    depth, identity, sliver = corners.depth, corners.identity, corners.sliver
+    depth, identity, edge_depth = corners.depth, corners.identity, corners.edge_depth
     kind, grey, cells, region_grey = faces.kind, faces.grey, faces.cells, textures.region_grey
     uv, inverse_depth, texels = faces.uv, faces.inverse_depth, textures.texels
     shade, surface = faces.shade, faces.surface
@@ -113,12 +81,12 @@ def settle(
     level_start, level_rows = textures.level_start, textures.level_rows
     level_columns = textures.level_columns
     start, column = samples.start, samples.column
-    flags, place = scratch.flags, scratch.place
+    flags, texel = row_buffers.flags, row_buffers.texel
     words = flags.view(np.uint64)
     count = 0
     for j in range(view.height):
         start[j] = count
-        flag_row(depth, identity, sliver, j, view.width, flags)
+        flag_row(depth, identity, edge_depth, j, view.width, flags)
         i = 0
         while i < view.width:
             first = i
@@ -131,13 +99,13 @@ def settle(
             if first < i:
                 name = identity[j, first]
                 f = name >> REGION_BITS
-                value = ground.wall
+                value = floor_texture.wall
                 if name >= 0 and kind[f] == 0:
                     value = grey[f]
                 elif name >= 0 and kind[f] == TEXTURED | CELLS:
                     value = grey[f] * region_grey[cells[f, 3] + (name & _REGION_MASK)]
                 elif name == FLOOR:
-                    shade_floor(view, ground, seen, scratch, out, j, first, i)
+                    shade_floor(view, floor_texture, floor_view, row_buffers, out, j, first, i)
                     continue
                 elif name >= 0 and kind[f] == SMOOTH:
                     v = view.y + j + 0.5
@@ -147,7 +115,7 @@ def settle(
                         u = view.x + k + 0.5
                         out[j, k] = quantised((a * u + b) / (c * u + d))
                     continue
-                elif name >= 0:  # a picture, or cells on something round
+                elif name >= 0:  # an image, or cells on something round
                     v = view.y + j + 0.5
                     for k in range(first, i):
                         u = view.x + k + 0.5
@@ -156,9 +124,9 @@ def settle(
                         if kind[f] & SMOOTH:
                             value = (shade[f, 0] * u + (shade[f, 1] * v + shade[f, 2])) / w
                         if kind[f] & CELLS:
-                            value *= texels[cell_at(uv, cells, f, u, v, w)]
+                            value *= texels[cell_index(uv, cells, f, u, v, w)]
                         else:
-                            value *= picture_at(
+                            value *= filtered_reflectance(
                                 inverse_depth,
                                 uv,
                                 texture,
@@ -180,7 +148,7 @@ def settle(
                 mean, f = -1.0, identity[j, i] >> REGION_BITS
                 if flags[i] == 1 and f >= 0:
                     if kind[f] == SMOOTH:
-                        mean = mean_of_surface(
+                        mean = mean_surface_grey(
                             view, inverse_depth, shade, surface, kind, depth, identity, j, i
                         )
                     elif kind[f] == TEXTURED | CELLS and (
@@ -190,8 +158,8 @@ def settle(
                         == identity[j + 1, i + 1] >> REGION_BITS
                     ):
                         x, y = view.x + i, view.y + j
-                        mean = grey[f] * mean_of_cells(
-                            uv, cells, inverse_depth, texels, f, x, y, cell_pattern, place
+                        mean = grey[f] * mean_cell_reflectance(
+                            uv, cells, inverse_depth, texels, f, x, y, cell_positions, texel
                         )
                 if mean >= 0.0:
                     out[j, i] = quantised(mean)
@@ -203,28 +171,30 @@ def settle(
 
 
 @kernel
-def flag_row(depth: Short, identity: Identities, sliver: Short, j: int, width: int, flags: Pixels) -> None:
-    """Flag the pixels of row ``j`` whose corners differ (1) and that something may cross between them (2)."""
+def flag_row(
+    depth: Floats, identity: Identities, edge_depth: Floats, j: int, width: int, flags: Pixels
+) -> None:
+    """Flag the pixels of row ``j`` whose corners differ (1) and that a nearer edge may cross (2)."""
     for i in range(width):
         name = identity[j, i]
         differs = (name ^ identity[j, i + 1]) | (name ^ identity[j + 1, i]) | (name ^ identity[j + 1, i + 1])
         least = min(min(depth[j, i], depth[j, i + 1]), min(depth[j + 1, i], depth[j + 1, i + 1]))
-        flags[i] = 2 * (sliver[j, i] > least) + (differs != 0)
+        flags[i] = 2 * (edge_depth[j, i] > least) + (differs != 0)
 
 
 @inlined
-def mean_of_surface(
+def mean_surface_grey(
     view: View,
     inverse_depth: Array,
     shade: Array,
     surface: Indices,
     kind: Indices,
-    depth: Short,
+    depth: Floats,
     identity: Identities,
     j: int,
     i: int,
 ) -> float:
-    """Return the mean grey of a pixel's corners if they lie on one unbroken round surface, else -1."""
+    """Return the mean grey level of a pixel's corners if they lie on one unbroken round surface, else -1."""
     f = identity[j, i] >> REGION_BITS
     a, b, c = inverse_depth[f, 0], inverse_depth[f, 1], inverse_depth[f, 2]
     total = 0.0

@@ -1,4 +1,4 @@
-"""The bench: its figures agree with each other, and its naive loop is what it says."""
+"""The speed of a trial: the figures agree with each other, and the naive loop does without the savings."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from msrr_bullet.bench.trial_speed import BenchError, bench, bench_table, naive
+from msrr_bullet.bench.trial_speed import BenchError, measure_trial_speed, naive_loop, trial_speed_table
 from msrr_bullet.log import CameraWindow, MemoryRecorder
 from msrr_bullet.profiler import StageProfiler
 from msrr_bullet.trial.trial import Trial
@@ -26,11 +26,11 @@ def scene() -> Scene:
 
 
 def test_the_naive_loop_reads_whole_frames_with_a_floor_mesh(scene: Scene) -> None:
-    slow = naive(scene)
+    slow = naive_loop(scene)
     onboard = slow.cameras.onboard
     assert onboard.renderer == Choice(name="tiny", params={"floor": "mesh"})
     assert onboard.samples == scene.cameras.onboard.samples
-    assert naive(load_scene("close_range"), samples=1).cameras.onboard.samples == 1
+    assert naive_loop(load_scene("close_range"), samples=1).cameras.onboard.samples == 1
     recorder = MemoryRecorder()
     Trial(slow.model_copy(update={"time_limit_s": 0.3}), 3, recorder=recorder).run()
     windows = [m.window for _, _, m in recorder.messages if isinstance(m, CameraWindow)]
@@ -46,7 +46,7 @@ def test_the_trial_itself_reads_less(scene: Scene) -> None:
 
 
 def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
-    report = bench(scene, seed=3)
+    report = measure_trial_speed(scene, seed=3)
     total = 1e3 / report.real_time_factor
     assert report.physics_ms_per_s + report.other_ms_per_s == pytest.approx(total)
     assert sum(report.stages_ms_per_s.values()) == pytest.approx(total)
@@ -59,7 +59,7 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
     assert report.naive_ratio > 1.0
     assert 30.0 < report.peak_mb < 4_000.0
     assert json.loads(report.to_json())["naive_ratio"] == report.naive_ratio
-    assert bench_table(report).row_count == len(report.stages_ms_per_s) + 6
+    assert trial_speed_table(report).row_count == len(report.stages_ms_per_s) + 6
 
 
 def test_the_guard_is_a_stage_of_its_own() -> None:
@@ -71,4 +71,4 @@ def test_the_guard_is_a_stage_of_its_own() -> None:
 
 def test_a_scene_without_images_cannot_be_measured(scene: Scene) -> None:
     with pytest.raises(BenchError, match="parametric"):
-        bench(scene.model_copy(update={"perception": "parametric"}))
+        measure_trial_speed(scene.model_copy(update={"perception": "parametric"}))

@@ -9,16 +9,21 @@ from itertools import pairwise
 
 import numpy as np
 
-from msrr_bullet.bench.detection_metrics import DetectionRow, View, compare, shortest_edge
-from msrr_bullet.bench.detector_settings import onboard_contestants
+from msrr_bullet.bench.detection_metrics import (
+    DetectionRow,
+    LabelledExposure,
+    encloses,
+    evaluate,
+    shortest_edge,
+)
+from msrr_bullet.bench.detector_settings import onboard_candidates
 from msrr_bullet.bench.renderer_scenes import facing_units
-from msrr_bullet.render.renderer import RenderContext, build_renderer
+from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, joint_pose
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
-from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import NS_PER_S, Detections, PoseEstimate
@@ -30,18 +35,18 @@ from msrr_scenes.specs.sensors import CameraSpec
 #: Bounds of the strata: distance between the two faces [m].
 DISTANCES_M = (0.12, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.2)
 
-#: How far aside a view may be, as a share of the distance, and how far askew [rad]; the cone cuts both.
-_ASIDE, _ASKEW = 0.4, math.radians(35.0)
+#: Largest lateral offset of a view as a share of the distance, and largest yaw [rad]; the cone limits both.
+_LATERAL_SHARE, _YAW = 0.4, math.radians(35.0)
 
 #: Standard deviations of the prediction for the next exposure, as the filter has them in ``close_range``:
-#: position per distance, at least so much [m], and heading [rad].
+#: position as a share of the distance, its least value [m], and heading [rad].
 _SIGMA_SHARE, _LEAST_SIGMA_M, _SIGMA_YAW = 1.2e-3, 0.2e-3, math.radians(0.1)
 
-#: A tag's black square is 8 modules wide; with less than a pixel for each nobody can read it [px].
+#: Least edge of a tag's black square that can be read: a pixel for each of its 8 modules [px].
 _LEAST_EDGE_PX = 8.0
 
 
-def onboard_rows(
+def measure_onboard(
     views: int,
     seed: int,
     *,
@@ -52,28 +57,28 @@ def onboard_rows(
     """Compare all settings on the docking unit's camera of scene ``close_range``.
 
     Args:
-        views: For each stratum of distance.
-        seed: Of the views, the noise, and the predictions' errors.
-        noise_grey: In the place of the scene's read noise [grey levels].
-        blur_px: In the place of the scene's lens blur [px].
-        distances_m: Bounds of the strata, between the two faces, ascending.
+        views: Views for each stratum of distance.
+        seed: Seed of the views, the noise, and the errors of the predictions.
+        noise_grey: Read noise instead of the scene's [grey levels].
+        blur_px: Lens blur instead of the scene's [px].
+        distances_m: Bounds of the strata, distances between the two faces, ascending.
     """
     with facing_units(SE2(-0.8, 0.0, 0.0)) as (scene, world):
         spec = with_sensor(scene.cameras.onboard, noise_grey, blur_px)
         target = TargetModel.from_scene(scene, scene.plan[0])
         rng = stream(seed, "bench/detection/onboard")
         poses = _poses(scene, views, distances_m, rng)
-        seen = _views(scene, world, target, spec, poses, seed, rng)
-        return compare(onboard_contestants(target), seen, stream(seed, "bench/detection/order"))
+        exposures = _exposures(scene, world, target, spec, poses, seed, rng)
+        return evaluate(onboard_candidates(target), exposures, stream(seed, "bench/detection/order"))
 
 
 def with_sensor(spec: CameraSpec, noise_grey: float | None, blur_px: float | None) -> CameraSpec:
-    """Return a camera that reads out whole frames, with other noise or blur if they are given."""
+    """Return a camera that reads out full frames, with other noise or blur if they are given."""
     changes = {"readout": "frames", "noise_grey": noise_grey, "blur_px": blur_px}
     return spec.model_copy(update={key: value for key, value in changes.items() if value is not None})
 
 
-def _views(
+def _exposures(
     scene: Scene,
     world: BulletWorld,
     target: TargetModel,
@@ -81,7 +86,7 @@ def _views(
     poses: Iterable[SE2],
     seed: int,
     rng: np.random.Generator,
-) -> Iterator[View[PoseEstimate]]:
+) -> Iterator[LabelledExposure[PoseEstimate]]:
     step = scene.plan[0]
     X_WD = world.pose(step.target_unit) @ scene.geometry(step.target_unit).dock_frame(step.target_port)
     renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
@@ -89,19 +94,23 @@ def _views(
     camera = Camera(target.camera_name, spec, renderer, lambda: X_WC, seed)
     for number, X_DU in enumerate(poses):
         world.place(step.unit, X_WD @ X_DU, (0.0, 0.0))
-        # Edges upright in the image share an aliasing error; floors and wheels are never that true.
+        # Edges exactly upright in the image share an aliasing error; real floors and wheels are less exact.
         roll, pitch = rng.normal(0.0, DEFAULT_CORNER_NOISE.tilt_sigma, 2)
         X_UtiltC = SE3.from_xyz_rpy([0.0, 0.0, 0.0], [roll, pitch, 0.0]) @ target.X_UC
         X_WC = SE3.from_se2(X_WD @ X_DU) @ X_UtiltC
         exposure = camera.expose(number * NS_PER_S // 25)
         assert exposure is not None, "this camera loses no frames"
         corners = _facing(target, SE3.from_se2(X_DU) @ X_UtiltC)
-        yield View(
+        yield LabelledExposure(
             exposure=exposure,
             fetch=camera.fetch,
             prediction=_prediction(X_DU, exposure.stamp_ns, -X_DU.x - target.front, rng),
             corners=corners,
-            in_view=frozenset(tag for tag, pixels in corners.items() if _readable(target, pixels)),
+            in_view=frozenset(
+                tag
+                for tag, pixels in corners.items()
+                if encloses(target.camera.frame, pixels) and shortest_edge(pixels) >= _LEAST_EDGE_PX
+            ),
             pose_errors=partial(_pose_errors, target, X_DU),
             first=True,
         )
@@ -114,8 +123,8 @@ def _poses(scene: Scene, views: int, distances_m: Sequence[float], rng: np.rando
     for near, far in pairwise(distances_m):
         missing = views
         while missing:
-            d, aside, askew = (float(a) for a in rng.uniform([near, -1.0, -1.0], [far, 1.0, 1.0]))
-            X_DU = SE2(-geometry.port(step.port).x - d, _ASIDE * d * aside, _ASKEW * askew)
+            d, lateral, yaw = (float(a) for a in rng.uniform([near, -1.0, -1.0], [far, 1.0, 1.0]))
+            X_DU = SE2(-geometry.port(step.port).x - d, _LATERAL_SHARE * d * lateral, _YAW * yaw)
             if target_in_cone(X_DU, geometry, scene.los):
                 missing -= 1
                 yield X_DU
@@ -137,16 +146,6 @@ def _facing(target: TargetModel, X_DC: SE3) -> dict[int, Array]:
         if p_C[:, 2].min() > 0.0 and float(into_tag @ p_C.mean(axis=0)) > 0.0:
             corners[tag] = target.camera.project(p_C)
     return corners
-
-
-def _readable(target: TargetModel, pixels: Array) -> bool:
-    return inside(target.camera, pixels) and shortest_edge(pixels) >= _LEAST_EDGE_PX
-
-
-def inside(camera: PinholeCamera, pixels: Array) -> bool:
-    """Say whether all pixels, shape (N, 2), lie in the frame."""
-    size = [camera.width - 0.5, camera.height - 0.5]
-    return bool((pixels >= -0.5).all() and (pixels <= size).all())
 
 
 def _pose_errors(target: TargetModel, X_DU: SE2, found: Detections) -> list[tuple[float, float]]:

@@ -1,6 +1,6 @@
-"""Resolve: open pixels, by sixteen samples with depth.
+"""Mixed pixels, in which faces meet, get the mean of sixteen samples with depth.
 
-The samples are an N-rooks pattern: each lies in a row and a column of its own, so that the upright and level
+The samples form an N-rooks pattern: each lies in a row and a column of its own, so that the upright and level
 edges of which docking scenes are made move through sixteen shades and not through four.
 
 Loops over the samples have a fixed length and touch short arrays of single precision: they become a few
@@ -11,10 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiled import inlined, kernel
-from msrr_bullet.render.raster.kernels.ground import floor_at
-from msrr_bullet.render.raster.kernels.pattern import CELL_SAMPLES, SAMPLES
-from msrr_bullet.render.raster.kernels.picture import picture_at
+from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.floor import floor_grey
 from msrr_bullet.render.raster.kernels.records import (
     CELLS,
     FLOOR,
@@ -22,19 +20,23 @@ from msrr_bullet.render.raster.kernels.records import (
     SMOOTH,
     TEXTURED,
     WALL,
-    Faces,
-    Ground,
-    GroundView,
-    Identities,
-    Pixels,
+    Floats,
+    FloorTexture,
+    FloorView,
+    ProjectedFaces,
     Samples,
-    Short,
     Textures,
     View,
 )
-from msrr_bullet.render.raster.kernels.settle import mean_of_cells, quantised
-from msrr_bullet.render.raster.kernels.visibility import cell_at
+from msrr_bullet.render.raster.kernels.sample_positions import CELL_SAMPLES, SAMPLES
+from msrr_bullet.render.raster.kernels.simple_pixels import quantised
+from msrr_bullet.render.raster.kernels.textures import (
+    cell_index,
+    filtered_reflectance,
+    mean_cell_reflectance,
+)
 from msrr_scenes.arrays import Array
+from msrr_scenes.messages import Pixels
 
 #: Identities count up from here, so that in a key they are not negative.
 _LEAST = WALL
@@ -47,7 +49,7 @@ _GREATEST = (1 << 63) - 1
 
 
 @inlined
-def key_of(w: np.float32, identity: np.int32 | int) -> np.int64:
+def sample_key(w: np.float32, identity: np.int32 | int) -> np.int64:
     """Return depth and identity as one number, greater for what is nearer.
 
     Read as whole numbers, the bits of floats >= 0 are in the order of the floats. At equal depth the greater
@@ -57,26 +59,26 @@ def key_of(w: np.float32, identity: np.int32 | int) -> np.int64:
 
 
 @kernel
-def clear_samples(view: View, floor: Array, pattern: Short, samples: Samples) -> None:
-    """Fill the samples of all open pixels with floor and wall."""
+def clear_samples(view: View, floor: Array, positions: Floats, samples: Samples) -> None:
+    """Fill the samples of all mixed pixels with wall and floor, whose 1 / z has the form ``floor``."""
     start, column, key, farthest = samples.start, samples.column, samples.key, samples.farthest
     rise = np.empty(SAMPLES, np.float32)
     for s in range(SAMPLES):
-        rise[s] = floor[0] * pattern[0, s] + floor[1] * pattern[1, s]
+        rise[s] = floor[0] * positions[0, s] + floor[1] * positions[1, s]
     for j in range(view.height):
         for p in range(start[j], start[j + 1]):
             corner = np.float32(floor[0] * (view.x + column[p]) + (floor[1] * (view.y + j) + floor[2]))
             least = _GREATEST
             for s in range(SAMPLES):
                 w = max(corner + rise[s], np.float32(0.0))
-                key[p, s] = key_of(w, FLOOR if w > np.float32(0.0) else WALL)
+                key[p, s] = sample_key(w, FLOOR if w > np.float32(0.0) else WALL)
                 least = min(least, key[p, s])
             farthest[p] = least
 
 
 @kernel
-def cover_samples(view: View, faces: Faces, count: int, pattern: Short, samples: Samples) -> None:
-    """Draw all faces on the samples of the open pixels."""
+def cover_samples(view: View, faces: ProjectedFaces, count: int, positions: Floats, samples: Samples) -> None:
+    """Draw all faces on the samples of the mixed pixels."""
     start, column, key, farthest = samples.start, samples.column, samples.key, samples.farthest
     inverse_depth, edge_start, edges, box = faces.inverse_depth, faces.edge_start, faces.edges, faces.box
     nearest = faces.nearest
@@ -93,17 +95,17 @@ def cover_samples(view: View, faces: Faces, count: int, pattern: Short, samples:
         name = np.int32(f << REGION_BITS)
         left, right = int(np.floor(box[f, 0])) - view.x, int(np.floor(box[f, 1])) - view.x
         for s in range(SAMPLES):
-            rise[s] = a * pattern[0, s] + b * pattern[1, s]
+            rise[s] = a * positions[0, s] + b * positions[1, s]
         for y in range(top, bottom + 1):
             p, stop = start[y - view.y], start[y - view.y + 1]
             if p == stop or column[p] > right or column[stop - 1] < left:
                 continue
-            p = first_from(column, p, stop, left)
+            p += np.searchsorted(column[p:stop], left)
             while p < stop and column[p] <= right:
                 x = view.x + column[p]
                 corner = a * x + (b * y + c)
                 bound = np.float32(max(min(corner + highest, nearest[f]), 0.0))
-                if key_of(bound, name) > farthest[p]:  # not behind every sample
+                if sample_key(bound, name) > farthest[p]:  # not behind every sample
                     crossed = 0
                     for e in range(first, end):
                         ea, eb = edges[e, 0], edges[e, 1]
@@ -115,58 +117,46 @@ def cover_samples(view: View, faces: Faces, count: int, pattern: Short, samples:
                             ea32, eb32, value32 = np.float32(ea), np.float32(eb), np.float32(value)
                             if crossed == 0:
                                 for s in range(SAMPLES):
-                                    reach[s] = value32 + (ea32 * pattern[0, s] + eb32 * pattern[1, s])
+                                    reach[s] = value32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
                             else:
                                 for s in range(SAMPLES):
-                                    inside = value32 + (ea32 * pattern[0, s] + eb32 * pattern[1, s])
+                                    inside = value32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
                                     reach[s] = min(reach[s], inside)
                             crossed += 1
                     corner32, least = np.float32(corner), _GREATEST
                     if crossed == 0:
                         for s in range(SAMPLES):
                             w = max(corner32 + rise[s], np.float32(0.0))
-                            key[p, s] = max(key[p, s], key_of(w, name))
+                            key[p, s] = max(key[p, s], sample_key(w, name))
                             least = min(least, key[p, s])
                         farthest[p] = least
                     elif crossed > 0:
                         for s in range(SAMPLES):
                             w = max(corner32 + rise[s], np.float32(0.0))
                             w = w if reach[s] >= np.float32(0.0) else np.float32(0.0)
-                            key[p, s] = max(key[p, s], key_of(w, name if w > np.float32(0.0) else WALL))
+                            key[p, s] = max(key[p, s], sample_key(w, name if w > np.float32(0.0) else WALL))
                             least = min(least, key[p, s])
                         farthest[p] = least
                 p += 1
 
 
-@inlined
-def first_from(columns: Identities, low: int, high: int, bound: int) -> int:
-    """Return the first index in low .. high whose column is at least ``bound`` (high if there is none)."""
-    while low < high:
-        middle = (low + high) // 2
-        if columns[middle] < bound:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
 @kernel
-def shade_open(
+def shade_mixed_pixels(
     view: View,
-    faces: Faces,
+    faces: ProjectedFaces,
     textures: Textures,
-    ground: Ground,
-    seen: GroundView,
-    pattern: Short,
-    cell_pattern: Short,
+    floor_texture: FloorTexture,
+    floor_view: FloorView,
+    positions: Floats,
+    cell_positions: Floats,
     samples: Samples,
     out: Pixels,
 ) -> None:
-    """Write the mean of the samples of every open pixel."""
+    """Write the mean of the samples of every mixed pixel."""
     start, column, key = samples.start, samples.column, samples.key
     kind, grey, cells, uv = faces.kind, faces.grey, faces.cells, faces.uv
     inverse_depth, shade, texels = faces.inverse_depth, faces.shade, textures.texels
-    place, identity = np.empty(CELL_SAMPLES, np.int32), np.empty(SAMPLES, np.int32)
+    texel, identity = np.empty(CELL_SAMPLES, np.int32), np.empty(SAMPLES, np.int32)
     texture, first_level, level_count = faces.texture, textures.first_level, textures.level_count
     level_start, level_rows = textures.level_start, textures.level_rows
     level_columns = textures.level_columns
@@ -181,12 +171,12 @@ def shade_open(
             f = identity[0] >> REGION_BITS
             total = 0.0
             if differs == 0 and f >= 0 and kind[f] == TEXTURED | CELLS:
-                total = grey[f] * mean_of_cells(
-                    uv, cells, inverse_depth, texels, f, x, y, cell_pattern, place
+                total = grey[f] * mean_cell_reflectance(
+                    uv, cells, inverse_depth, texels, f, x, y, cell_positions, texel
                 )
             else:
-                # Most samples show what the one before showed; ``steady``: it has the same grey all over.
-                last, steady, value, reflectance = np.int32(WALL), True, ground.wall, 0.0
+                # Most samples show what the one before showed; ``steady``: its grey level is constant.
+                last, steady, value, reflectance = np.int32(WALL), True, floor_texture.wall, 0.0
                 for s in range(SAMPLES):
                     name = identity[s]
                     f = name >> REGION_BITS
@@ -194,14 +184,14 @@ def shade_open(
                         last = name
                         steady = name < 0 or kind[f] == 0
                         if name == FLOOR:
-                            value = floor_at(ground, seen, x, y)
+                            value = floor_grey(floor_texture, floor_view, x, y)
                         elif name == WALL:
-                            value = ground.wall
+                            value = floor_texture.wall
                         elif steady:
                             value = grey[f]
                         elif kind[f] & TEXTURED and not kind[f] & CELLS:
                             # The filter is as wide as a pixel: one lookup serves all samples of a face.
-                            reflectance = picture_at(
+                            reflectance = filtered_reflectance(
                                 inverse_depth,
                                 uv,
                                 texture,
@@ -216,13 +206,13 @@ def shade_open(
                                 y + 0.5,
                             )
                     if not steady:
-                        u, v = x + pattern[0, s], y + pattern[1, s]
+                        u, v = x + positions[0, s], y + positions[1, s]
                         w = inverse_depth[f, 0] * u + (inverse_depth[f, 1] * v + inverse_depth[f, 2])
                         value = grey[f]
                         if kind[f] & SMOOTH:
                             value = (shade[f, 0] * u + (shade[f, 1] * v + shade[f, 2])) / w
                         if kind[f] & CELLS:
-                            value *= texels[cell_at(uv, cells, f, u, v, w)]
+                            value *= texels[cell_index(uv, cells, f, u, v, w)]
                         elif kind[f] & TEXTURED:
                             value *= reflectance
                     total += value

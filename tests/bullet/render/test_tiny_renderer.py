@@ -1,40 +1,29 @@
-"""Renderers: exact geometry, windows that are crops, a floor that lies still, no memory of earlier calls."""
+"""TinyRenderer: exact geometry, windows that are crops, a floor, no memory of earlier calls."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pybullet
 import pytest
 
-from msrr_bullet.render.floor import Floor, concrete_floor
-from msrr_bullet.render.renderer import RenderContext, build_renderer
-from msrr_bullet.render.tiny import TinyRenderer, rotated_grid
+from msrr_bullet.render import RenderContext, build_renderer
+from msrr_bullet.render.floor import Floor
+from msrr_bullet.render.tiny_renderer import TinyRenderer, rotated_grid
 from msrr_bullet.simulation.tag_plates import PLATE_RATIO, build_unit_urdf, write_plate
-from msrr_scenes.errors import SceneError, UnknownNameError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
-from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
-from msrr_scenes.messages import Pixels
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Choice
 
 CAMERA = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
 R_DOWN = np.diag([1.0, -1.0, -1.0])  # image right is world x, image down is world -y
 
-
-def plain(grey: float) -> Floor:
-    return Floor((np.full((1, 1), grey, dtype=np.float32),), 1.0, grey)
-
-
-@pytest.fixture
-def client() -> Iterator[int]:
-    client = pybullet.connect(pybullet.DIRECT)
-    yield client
-    pybullet.disconnect(client)
+PlainFloor = Callable[[float], Floor]
 
 
 @pytest.fixture
@@ -59,7 +48,7 @@ def centroid(polygon: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(("samples", "mean_px", "rms_px"), [(1, 0.012, 0.05), (2, 0.004, 0.012)])
 def test_pixels_lie_where_the_pinhole_model_says(
-    client: int, tmp_path: Path, samples: int, mean_px: float, rms_px: float
+    client: int, tmp_path: Path, samples: int, mean_px: float, rms_px: float, plain_floor: PlainFloor
 ) -> None:
     """The centroid of a bright plate against the exact one of its projection.
 
@@ -70,7 +59,7 @@ def test_pixels_lie_where_the_pinhole_model_says(
     mesh, _ = write_plate(tmp_path, "blank", 0.08, None)
     shape = pybullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(mesh), rgbaColor=[1, 1, 1, 1])
     body = pybullet.createMultiBody(0.0, baseVisualShapeIndex=shape)
-    renderer = TinyRenderer(RenderContext(client, samples, plain(0.0)))
+    renderer = TinyRenderer(RenderContext(client, samples, plain_floor(0.0)))
     rng = np.random.default_rng(1)
     errors = []
     for _ in range(60):
@@ -136,57 +125,18 @@ def test_the_light_of_an_earlier_picture_is_not_kept(client: int, unit: Scene) -
     np.testing.assert_array_equal(renderer.render(CAMERA, X_WC, CAMERA.frame), before)
 
 
-def test_a_unit_sees_nothing_of_itself_but_its_own_front(client: int, unit: Scene) -> None:
+def test_a_unit_sees_nothing_of_itself_but_its_own_front(
+    client: int, unit: Scene, plain_floor: PlainFloor
+) -> None:
     """The camera sits inside the mast's channel; only the front bar's upper edge reaches into its view."""
     camera = unit.cameras.onboard.pinhole
     X_UC = optical_pose(unit.geometry("a").frame("camera"))
-    image = TinyRenderer(RenderContext(client, 1, plain(255.0))).render(camera, X_UC, camera.frame)
+    image = TinyRenderer(RenderContext(client, 1, plain_floor(255.0))).render(camera, X_UC, camera.frame)
     own = image != 255
     highest = min(float(camera.project(X_UC.inverse().act([0.1, y, 0.105]))[1]) for y in (-0.08, 0.0, 0.08))
     rows = np.flatnonzero(own.any(axis=1))
     assert rows[0] == pytest.approx(highest, abs=1.0)
     assert own[rows[-1]].mean() > 0.5
-
-
-def floor_image(X_WC: SE3, window: Window = CAMERA.frame) -> np.ndarray:
-    return concrete_floor().image(CAMERA, X_WC, window)
-
-
-def test_horizon_is_level_with_the_camera(client: int) -> None:
-    floor = concrete_floor()
-    for pitch in (0.0, 0.1, -0.15):
-        image = floor_image(optical_pose(SE3.from_xyz_rpy([0.0, 0.0, 0.155], [0.0, pitch, 0.3])))
-        row = CAMERA.cy - CAMERA.focal * math.tan(pitch)
-        above, below = image[: math.floor(row) - 1], image[math.ceil(row) + 1 :]
-        np.testing.assert_array_equal(above, floor.wall)
-        assert abs(below.mean() - floor.levels[-1][0, 0]) < 3.0
-    upwards = floor_image(optical_pose(SE3.from_xyz_rpy([0.0, 0.0, 0.155], [0.0, -1.0, 0.0])))
-    np.testing.assert_array_equal(upwards, floor.wall)
-
-
-def test_floor_lies_still_under_a_moving_camera() -> None:
-    """Moved by whole pixels the image shifts by as many; turned by a quarter it turns."""
-    height = 1.5
-    step = height / CAMERA.focal
-    a = floor_image(SE3(R_DOWN, np.array([0.3, -0.2, height])))
-    b = floor_image(SE3(R_DOWN, np.array([0.3 + 7 * step, -0.2 - 4 * step, height])))
-    assert a[20:-20].std() > 1.0
-    np.testing.assert_allclose(b[:-4, :-7], a[4:, 7:], atol=0.6)  # OpenCV interpolates in 32nds of a texel
-    square = Window(80, 0, 480, 480)
-    turn = SE3(rotation_from_rpy(0.0, 0.0, math.pi / 2.0) @ R_DOWN, np.array([0.3, -0.2, height]))
-    north = floor_image(SE3(R_DOWN, np.array([0.3, -0.2, height])), square)
-    np.testing.assert_allclose(floor_image(turn, square), np.rot90(north, -1), atol=0.6)
-
-
-def test_floor_does_not_shimmer_towards_the_horizon() -> None:
-    """Texture that is finer than a pixel is averaged away, not sampled at random."""
-    image = floor_image(optical_pose(SE3.from_xyz_rpy([0.0, 0.0, 0.155], [0.0, 0.0, 0.3])))
-    rows = np.arange(243, 480)
-    roughness = np.abs(np.diff(image[243:], axis=1)).mean(axis=1)
-    far = roughness[rows < 260].mean()
-    near = roughness[rows > 380].mean()
-    assert far < 0.5
-    assert far < near + 0.2
 
 
 def test_composited_floor_is_the_floor_of_a_mesh(client: int) -> None:
@@ -212,32 +162,3 @@ def test_a_plane_for_contact_does_not_hide_the_floor(client: int, floor: str) ->
     pybullet.createMultiBody(0.0, plane, physicsClientId=client)
     after = build_renderer(choice, context).render(CAMERA, X_WC, CAMERA.frame)
     np.testing.assert_array_equal(after, before)
-
-
-def test_a_camera_under_the_floor_sees_no_floor() -> None:
-    image = floor_image(optical_pose(SE3.from_xyz_rpy([0.0, 0.0, -0.1], [0.0, -0.3, 0.0])))
-    np.testing.assert_array_equal(image, concrete_floor().wall)
-
-
-class Gradient:
-    """A user's own renderer."""
-
-    def __init__(self, context: RenderContext, start: int = 0) -> None:
-        self.context, self.start = context, start
-
-    def render(self, camera: PinholeCamera, X_WC: SE3, window: Window) -> Pixels:
-        row = np.arange(window.x, window.x_end) + self.start
-        return np.tile(row.astype(np.uint8), (window.height, 1))
-
-
-def test_renderers_come_by_name_or_import_path(client: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    context = RenderContext(client)
-    assert isinstance(build_renderer(Choice(name="tiny"), context), TinyRenderer)
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
-    own = build_renderer(Choice(name="test_render:Gradient", params={"start": 5}), context)
-    assert own.render(CAMERA, SE3(), Window(3, 0, 2, 1)).tolist() == [[8, 9]]
-    with pytest.raises(UnknownNameError, match="did you mean 'tiny'"):
-        build_renderer(Choice(name="tinny"), context)
-    for params in ({"floor": "parquet"}, {"colour": "red"}):
-        with pytest.raises(SceneError, match="tiny"):
-            build_renderer(Choice(name="tiny", params=params), context)

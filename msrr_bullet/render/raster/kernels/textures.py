@@ -1,0 +1,147 @@
+"""Textures on faces: filtered lookups in images, and exact lookups in the cells of bitmaps such as tags."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.records import Floats, Identities, Indices, View
+from msrr_bullet.render.raster.kernels.sample_positions import CELL_SAMPLES
+from msrr_scenes.arrays import Array
+
+
+@kernel
+def filtered_reflectance(
+    inverse_depth: Array,
+    uv: Array,
+    texture: Indices,
+    first_level: Indices,
+    level_count: Indices,
+    level_start: Indices,
+    level_rows: Indices,
+    level_columns: Indices,
+    texels: Floats,
+    f: int,
+    u: float,
+    v: float,
+) -> float:
+    """Return the reflectance of the image on face f at (u, v), filtered over about a pixel.
+
+    The arrays are those of :class:`ProjectedFaces` and :class:`Textures`, passed one by one because numba
+    counts references to the arrays of a tuple.
+    """
+    first, count = first_level[texture[f]], level_count[texture[f]]
+    rows, columns = level_rows[first], level_columns[first]
+    wu, wv = inverse_depth[f, 0], inverse_depth[f, 1]
+    z = 1.0 / (wu * u + (wv * v + inverse_depth[f, 2]))
+    s = (uv[f, 0, 0] * u + (uv[f, 0, 1] * v + uv[f, 0, 2])) * z
+    t = (uv[f, 1, 0] * u + (uv[f, 1, 1] * v + uv[f, 1, 2])) * z
+    # How far one pixel reaches over the image: derivatives of s = (s / z) / (1 / z).
+    su, sv = (uv[f, 0, 0] - s * wu) * z * columns, (uv[f, 0, 1] - s * wv) * z * columns
+    tu, tv = (uv[f, 1, 0] - t * wu) * z * rows, (uv[f, 1, 1] - t * wv) * z * rows
+    reach = np.sqrt(max(su * su + tu * tu, sv * sv + tv * tv))
+    level = min(max(np.log2(max(reach, 1e-9)), 0.0), count - 1.0)
+    fine = first + int(level)
+    coarse = min(fine + 1, first + count - 1)
+    below = bilinear_reflectance(texels, level_start[fine], level_rows[fine], level_columns[fine], s, 1.0 - t)
+    above = bilinear_reflectance(
+        texels, level_start[coarse], level_rows[coarse], level_columns[coarse], s, 1.0 - t
+    )
+    return below + (level - int(level)) * (above - below)
+
+
+@inlined
+def bilinear_reflectance(texels: Floats, start: int, rows: int, columns: int, s: float, t: float) -> float:
+    """Return a level's reflectance at column s and row t of the repeated image (1: its whole edge).
+
+    The numbers of rows and columns are powers of two.
+    """
+    x, y = s * columns - 0.5, t * rows - 0.5
+    fx, fy = np.floor(x), np.floor(y)
+    ax, ay = x - fx, y - fy
+    i0, j0 = int(fx) & (columns - 1), int(fy) & (rows - 1)
+    i1, j1 = (i0 + 1) & (columns - 1), (j0 + 1) & (rows - 1)
+    upper, lower = start + j0 * columns, start + j1 * columns
+    a = texels[upper + i0] + ax * (texels[upper + i1] - texels[upper + i0])
+    b = texels[lower + i0] + ax * (texels[lower + i1] - texels[lower + i0])
+    return a + ay * (b - a)
+
+
+@inlined
+def cell_index(uv: Array, cells: Indices, f: int, u: float, v: float, w: float) -> int:
+    """Return the index of the texel of face f's bitmap at (u, v), where 1 / z = w."""
+    rows, columns = cells[f, 1], cells[f, 2]
+    z = 1.0 / w
+    s = (uv[f, 0, 0] * u + (uv[f, 0, 1] * v + uv[f, 0, 2])) * z
+    t = (uv[f, 1, 0] * u + (uv[f, 1, 1] * v + uv[f, 1, 2])) * z
+    column = min(max(int(np.floor(s * columns)), 0), columns - 1)
+    row = min(max(int(np.floor((1.0 - t) * rows)), 0), rows - 1)
+    return cells[f, 0] + row * columns + column
+
+
+@inlined
+def write_cell_indices(
+    view: View,
+    uv: Array,
+    cells: Indices,
+    f: int,
+    a: float,
+    row: float,
+    k: int,
+    i0: int,
+    i1: int,
+    out: Identities,
+) -> None:
+    """Write the indices of the texels of face f's bitmap at corners i0 to i1 of row k.
+
+    The inverse depth is ``a u + row``. Apart from the loop that asks whether they are seen, this becomes
+    vector code.
+    """
+    start, rows, columns = np.int32(cells[f, 0]), np.int32(cells[f, 1]), np.int32(cells[f, 2])
+    s_rise, s_row = uv[f, 0, 0], uv[f, 0, 1] * k + uv[f, 0, 2]
+    t_rise, t_row = uv[f, 1, 0], uv[f, 1, 1] * k + uv[f, 1, 2]
+    for i in range(i0, i1):
+        u = np.float64(np.int32(view.x + i))
+        z = 1.0 / (a * u + row)
+        column = np.int32((s_rise * u + s_row) * z * columns)
+        line = np.int32((1.0 - (t_rise * u + t_row) * z) * rows)
+        column = min(max(column, np.int32(0)), columns - np.int32(1))
+        line = min(max(line, np.int32(0)), rows - np.int32(1))
+        out[i] = start + line * columns + column
+
+
+@inlined
+def mean_cell_reflectance(
+    uv: Array,
+    cells: Indices,
+    inverse_depth: Array,
+    texels: Floats,
+    f: int,
+    x: int,
+    y: int,
+    positions: Floats,
+    index: Identities,
+) -> float:
+    """Return the mean reflectance of face f's bitmap over a pixel that shows nothing else.
+
+    ``index`` is memory for :data:`CELL_SAMPLES` numbers.
+    """
+    sa, sb = np.float32(uv[f, 0, 0]), np.float32(uv[f, 0, 1])
+    ta, tb = np.float32(uv[f, 1, 0]), np.float32(uv[f, 1, 1])
+    wa, wb = np.float32(inverse_depth[f, 0]), np.float32(inverse_depth[f, 1])
+    s0 = np.float32(uv[f, 0, 0] * x + (uv[f, 0, 1] * y + uv[f, 0, 2]))
+    t0 = np.float32(uv[f, 1, 0] * x + (uv[f, 1, 1] * y + uv[f, 1, 2]))
+    w0 = np.float32(inverse_depth[f, 0] * x + (inverse_depth[f, 1] * y + inverse_depth[f, 2]))
+    start, rows, columns = np.int32(cells[f, 0]), np.int32(cells[f, 1]), np.int32(cells[f, 2])
+    for s in range(CELL_SAMPLES):
+        px, py = positions[0, s], positions[1, s]
+        z = np.float32(1.0) / (w0 + (wa * px + wb * py))
+        column = np.int32((s0 + (sa * px + sb * py)) * z * np.float32(columns))
+        row = np.int32((np.float32(1.0) - (t0 + (ta * px + tb * py)) * z) * np.float32(rows))
+        column = min(max(column, np.int32(0)), columns - np.int32(1))
+        row = min(max(row, np.int32(0)), rows - np.int32(1))
+        index[s] = start + row * columns + column
+    total = np.float32(0.0)
+    for s in range(CELL_SAMPLES):
+        total += texels[index[s]]
+    return float(total) / CELL_SAMPLES

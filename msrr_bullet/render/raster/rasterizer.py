@@ -1,0 +1,162 @@
+"""Pictures of shapes on moving frames: the kernels together with the memory that they work on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from msrr_bullet.render.raster.assembly import VisualShape, assemble
+from msrr_bullet.render.raster.floor_texture import pack_floor
+from msrr_bullet.render.raster.kernels.compiler import compiler
+from msrr_bullet.render.raster.kernels.pipeline import BAND, draw
+from msrr_bullet.render.raster.kernels.records import (
+    Corners,
+    FloorTexture,
+    Geometry,
+    Light,
+    ProjectedFaces,
+    RowBuffers,
+    Samples,
+    View,
+    Workspace,
+)
+from msrr_bullet.render.raster.kernels.sample_positions import CELL_SAMPLES, SAMPLES, sample_positions
+from msrr_bullet.render.raster.mesh import box
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.messages import Pixels
+
+#: Nothing nearer is drawn, so that a camera may sit inside a body [m].
+_NEAR = 0.01
+
+#: The light of the scene, the same as in TinyRenderer.
+_TOWARDS_LIGHT = np.array([-0.45, 0.25, 0.86])
+_LIGHT = Light(_TOWARDS_LIGHT / np.linalg.norm(_TOWARDS_LIGHT), ambient=0.6, diffuse=0.4)
+
+
+class Rasterizer:
+    """Draws a fixed set of shapes on moving frames."""
+
+    def __init__(self, shapes: Sequence[VisualShape], frame_count: int) -> None:
+        """Prepare the shapes.
+
+        Args:
+            shapes: Shapes, each on a moving frame.
+            frame_count: Number of moving frames.
+
+        Raises:
+            GeometryError: There are more faces than identities.
+        """
+        self._geometry, self._textures = assemble(shapes)
+        self._frame_count = frame_count
+        self._positions, self._cell_positions = sample_positions(SAMPLES), sample_positions(CELL_SAMPLES)
+        self._width = 0
+        self._workspace = _workspace(self._geometry, frame_count, 0)
+
+    def draw(
+        self, camera: PinholeCamera, X_WC: SE3, window: Window, poses: Array, floor: FloorTexture
+    ) -> Pixels:
+        """Return the mono8 pixels of ``window``, shape (height, width).
+
+        Args:
+            camera: Intrinsics.
+            X_WC: Pose of the camera.
+            window: Any rectangle, inside or outside the frame.
+            poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
+            floor: Texture of the floor.
+        """
+        if window.width > self._width:  # kept from picture to picture: fresh memory costs more than drawing
+            self._width = window.width
+            self._workspace = _workspace(self._geometry, self._frame_count, window.width)
+        out = np.empty((window.height, window.width), dtype=np.uint8)
+        draw(
+            View(
+                camera.focal,
+                0.5 * camera.width,
+                0.5 * camera.height,
+                window.x,
+                window.y,
+                window.width,
+                window.height,
+                _NEAR,
+            ),
+            poses,
+            X_WC.R,
+            X_WC.p,
+            _LIGHT,
+            self._geometry,
+            self._textures,
+            floor,
+            self._positions,
+            self._cell_positions,
+            self._workspace,
+            out,
+        )
+        return out
+
+
+def compile_kernels(announce: Callable[[str], None]) -> None:
+    """Load the kernels' machine code from disk, or compile it and keep it there.
+
+    Call it before a pool of workers starts, or every worker compiles for itself.
+
+    Args:
+        announce: Called with a message before a compilation begins, but not before a load from disk.
+    """
+    if not compiler.is_compiled():
+        announce(
+            "Compiling the raster renderer, once for this version (about ten seconds), into "
+            f"{compiler.folder}"
+        )
+    rasterizer = Rasterizer([VisualShape(0, SE3(), box(np.ones(3)), grey=1.0)], frame_count=1)
+    floor = pack_floor([np.zeros((1, 1), dtype=np.float32)], period=1.0, wall=0.0)
+    camera = PinholeCamera(8, 8, 8.0)
+    rasterizer.draw(camera, SE3(), camera.frame, np.array([[0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0]]), floor)
+
+
+def _workspace(geometry: Geometry, frame_count: int, width: int) -> Workspace:
+    """Return memory for all faces and for one band of a window up to ``width`` wide."""
+    faces, edges = len(geometry.planes), len(geometry.corners) + len(geometry.planes)
+    pixels = BAND * width
+    return Workspace(
+        R_CM=np.empty((frame_count, 3, 3)),
+        p_CM=np.empty((frame_count, 3)),
+        R_WM=np.empty((frame_count, 3, 3)),
+        projected=np.empty((len(geometry.vertices), 5)),
+        faces=ProjectedFaces(
+            inverse_depth=np.empty((faces, 3)),
+            nearest=np.empty(faces),
+            box=np.empty((faces, 4)),
+            edge_start=np.zeros(faces + 1, dtype=np.int64),
+            edges=np.empty((edges, 5)),
+            inner=np.empty(edges, dtype=np.bool_),
+            grey=np.empty(faces),
+            shade=np.empty((faces, 3)),
+            uv=np.empty((faces, 2, 3)),
+            kind=np.empty(faces, dtype=np.int64),
+            texture=np.empty(faces, dtype=np.int64),
+            surface=np.empty(faces, dtype=np.int64),
+            cells=np.empty((faces, 4), dtype=np.int64),
+        ),
+        corners=Corners(
+            depth=np.empty((BAND + 1, width + 1), dtype=np.float32),
+            identity=np.empty((BAND + 1, width + 1), dtype=np.int32),
+            edge_depth=np.empty((BAND, width), dtype=np.float32),
+        ),
+        row=RowBuffers(
+            flags=np.zeros(8 * (width // 8 + 1), dtype=np.uint8),
+            texel=np.empty(max(width + 1, CELL_SAMPLES), dtype=np.int32),
+            x=np.empty(width, dtype=np.float32),
+            y=np.empty(width, dtype=np.float32),
+        ),
+        samples=Samples(
+            start=np.empty(BAND + 1, dtype=np.int64),
+            # One more: the column of a pixel is written before it is known to be mixed.
+            column=np.empty(pixels + 1, dtype=np.int32),
+            # Pages that are never touched cost nothing: few pixels are mixed.
+            key=np.empty((pixels, SAMPLES), dtype=np.int64),
+            farthest=np.empty(pixels, dtype=np.int64),
+        ),
+    )

@@ -1,0 +1,54 @@
+"""The raster renderer: the bodies of a PyBullet client, drawn by the compiled rasteriser."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from msrr_bullet.render.floor import Floor
+from msrr_bullet.render.raster.bodies import LoadedBodies, body_ids
+from msrr_bullet.render.raster.floor_texture import pack_floor
+from msrr_bullet.render.raster.kernels.records import FloorTexture
+from msrr_bullet.render.raster.rasterizer import Rasterizer
+from msrr_bullet.render.renderer import RenderContext
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.messages import Pixels
+
+
+class RasterRenderer:
+    """Exact visibility at pixel corners, sixteen samples where they disagree; see ``docs/renderer.md``.
+
+    The renderer notices bodies that are loaded or removed, but not a changed colour or texture of a loaded
+    body: call :meth:`refresh` for that.
+    """
+
+    def __init__(self, context: RenderContext) -> None:
+        """Draw the bodies of ``context.client``.
+
+        Args:
+            context: Client and floor; its ``samples`` are not used.
+        """
+        self._client = context.client
+        self._floor = _packed(context.floor)
+        self._bodies: LoadedBodies | None = None
+
+    def refresh(self) -> None:
+        """Read the shapes of all bodies anew at the next picture."""
+        self._bodies = None
+
+    def render(self, camera: PinholeCamera, X_WC: SE3, window: Window) -> Pixels:
+        """Return the mono8 pixels of ``window``, shape (height, width); see :class:`Renderer`.
+
+        Raises:
+            GeometryError: A body was loaded that has a visual shape which cannot be drawn.
+        """
+        if self._bodies is None or self._bodies.ids != body_ids(self._client):
+            self._bodies = LoadedBodies(self._client)
+            self._rasterizer = Rasterizer(self._bodies.shapes, self._bodies.frame_count)
+        return self._rasterizer.draw(camera, X_WC, window, self._bodies.poses(), self._floor)
+
+
+@lru_cache(maxsize=4)
+def _packed(floor: Floor) -> FloorTexture:
+    """Return the texture of a floor for the kernels; all cameras and trials share it."""
+    return pack_floor(floor.levels, floor.period, floor.wall)

@@ -1,0 +1,57 @@
+"""The report of the detection benchmark: every setting in every case, tables and JSON."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from rich.console import Console
+
+from msrr_bullet.bench.detection_benchmark import DetectionBenchmark, benchmark_detection, detection_tables
+from msrr_bullet.bench.detector_settings import OURS
+from msrr_bullet.cli.app import run
+from msrr_bullet.cli.exit_codes import BAD_INPUT
+
+
+@pytest.fixture(scope="module")
+def report() -> DetectionBenchmark:
+    messages: list[str] = []
+    result = benchmark_detection(views=1, arrangements=1, exposures=4, observer=messages.append)
+    assert len(messages) == 4
+    return result
+
+
+def test_every_case_has_all_settings(report: DetectionBenchmark) -> None:
+    assert [row.settings for row in report.onboard.rows] == [r.settings for r in report.onboard_hard.rows]
+    assert [row.settings for row in report.overhead.rows] == [r.settings for r in report.overhead_hard.rows]
+    for case, exposures in zip(report.cases, (7, 7, 4, 4), strict=True):
+        assert {row.exposures for row in case.rows} == {exposures}
+        assert case.row(OURS).ms > 0.0
+
+
+def test_from_above_every_body_is_found_and_exact(report: DetectionBenchmark) -> None:
+    ours = report.overhead.row(OURS)
+    assert ours.recall.rate == 1.0
+    assert ours.rms_px is not None
+    assert ours.rms_px < 0.06
+    assert ours.distance_mm.p95 is not None
+    assert ours.distance_mm.p95 < 0.5
+
+
+def test_tables_fit_a_terminal_and_json_holds_the_figures(report: DetectionBenchmark) -> None:
+    console = Console(record=True, width=80)
+    for table in detection_tables(report):
+        console.print(table)
+    text = console.export_text()
+    assert "…" not in text
+    assert "[px]" in text
+    for case in report.cases:
+        for row in case.rows:
+            assert row.settings in text
+    assert f"{report.onboard.row(OURS).rms_px:.3f}" in text
+    assert DetectionBenchmark.model_validate(json.loads(report.to_json())) == report
+
+
+def test_a_bench_without_a_scene_has_nothing_to_set(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["bench", "detection", "--set", "time_limit_s=1"]) == BAD_INPUT
+    assert "--set is for scenes only" in capsys.readouterr().err

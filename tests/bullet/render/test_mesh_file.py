@@ -1,0 +1,77 @@
+"""Mesh files: OBJ with materials, STL, and files that cannot be read."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msrr_bullet.render.raster.mesh_file import read_mesh
+from msrr_bullet.simulation.tag_plates import write_plate
+from msrr_scenes.errors import GeometryError
+
+
+def test_a_plate_has_the_texture_beside_it(tmp_path: Path) -> None:
+    mesh, image = write_plate(tmp_path, "plate", 0.08, 7)
+    (part,) = read_mesh(mesh)
+    assert part.texture == image
+    p = part.mesh.vertices[part.mesh.triangles]
+    np.testing.assert_allclose(np.abs(p), np.broadcast_to([0.05, 0.05, 0.0], (2, 3, 3)))
+    area = 0.5 * np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    np.testing.assert_allclose(area, [[0.0, 0.0, -0.005]] * 2, atol=1e-12)
+
+
+def test_obj_with_materials_negative_indices_and_polygons(tmp_path: Path) -> None:
+    (tmp_path / "m.mtl").write_text("newmtl skin\nKd 1 1 1\nmap_Kd skin.png\nnewmtl bare\nKd 1 0 0\n")
+    (tmp_path / "skin.png").write_bytes(b"")
+    (tmp_path / "m.png").write_bytes(b"not this one: the mesh names its materials")
+    path = tmp_path / "m.obj"
+    path.write_text(
+        "# a square, a triangle\nmtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\n"
+        "vt 0 1\nusemtl skin\nf -4/-4 -3/-3 -2/-2 -1/-1\nv 0 0 1\nusemtl bare\nf 1 \\\n 2 5\n"
+    )
+    square, triangle = read_mesh(path)
+    assert (square.texture, triangle.texture) == (tmp_path / "skin.png", None)
+    assert square.mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert square.mesh.uv is not None
+    assert triangle.mesh.triangles.tolist() == [[0, 1, 4]]
+    assert triangle.mesh.uv is None
+
+
+def test_stl_both_ways(tmp_path: Path) -> None:
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4")
+    binary, text = tmp_path / "b.stl", tmp_path / "t.STL"
+    record = struct.pack("<12fH", 0, 0, 1, *corners.reshape(-1), 0)
+    binary.write_bytes(b"solid, says this header".ljust(80) + struct.pack("<I", 1) + record)
+    lines = "".join(f"vertex {a} {b} {c}\n" for a, b, c in corners)
+    text.write_text(f"solid t\nfacet normal 0 0 1\nouter loop\n{lines}endloop\nendfacet\nendsolid t\n")
+    for path in (binary, text):
+        (part,) = read_mesh(path)
+        np.testing.assert_allclose(
+            np.cross(*np.diff(part.mesh.vertices[part.mesh.triangles[0]], axis=0)), [0, 0, 1]
+        )
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("a.dae", "<xml/>", "reads .obj, .stl"),
+        ("a.obj", "v 0 0 0\nf 1 2 3\n", "element 3 of 1"),
+        ("a.obj", "v 0 zero 0\n", "malformed"),
+        ("a.obj", "v 0 0 0\n", "no faces"),
+        ("a.stl", "solid nothing\nendsolid\n", "no triangles"),
+    ],
+)
+def test_a_bad_mesh_file_is_named(tmp_path: Path, name: str, content: str, words: str) -> None:
+    path = tmp_path / name
+    path.write_text(content)
+    with pytest.raises(GeometryError, match=words) as caught:
+        read_mesh(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_missing_mesh_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(GeometryError, match=r"no\.obj: cannot read"):
+        read_mesh(tmp_path / "no.obj")
