@@ -1,4 +1,4 @@
-"""Benchmarks of what exists already: the speed of a trial, the renderers, the settings of the tag detector.
+"""Benchmarks of a trial's speed, of the renderers, and of the settings of the tag detection.
 
-Its modules are imported from by name, because they load the simulator, numba and the detector.
+The modules load the simulator, numba and the detector, so import from them by name.
 """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
@@ -22,15 +22,13 @@ HARD_BLUR_PX = 1.0
 _POSE_WIDTH = 5
 
 
-class DetectionCase(BaseModel):
+class DetectionCase(BaseModel, frozen=True):
     """All settings on the same pixels.
 
     Attributes:
         title: Camera and image quality.
         rows: One row for each of the settings.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     title: str
     rows: tuple[DetectionRow, ...]
@@ -44,7 +42,7 @@ class DetectionCase(BaseModel):
         return {row.settings: row for row in self.rows}[settings]
 
 
-class DetectionBenchmark(BaseModel):
+class DetectionBenchmark(BaseModel, frozen=True):
     """All measurements of the detection, made in one process.
 
     Attributes:
@@ -54,8 +52,6 @@ class DetectionBenchmark(BaseModel):
         overhead_hard: Overhead camera with more noise and blur.
         versions: Versions of the packages.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     onboard: DetectionCase
     onboard_hard: DetectionCase

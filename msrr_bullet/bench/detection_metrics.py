@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
 from msrr_perception.detection.detector import Detector, for_large_tags
@@ -112,7 +112,7 @@ class LabelledExposure(Generic[P]):
     first: bool
 
 
-class DetectionRow(BaseModel):
+class DetectionRow(BaseModel, frozen=True):
     """Results of one candidate over all exposures.
 
     Attributes:
@@ -132,8 +132,6 @@ class DetectionRow(BaseModel):
         pixels: Pixels read per exposure.
         ms: Processor time per exposure without that for the pixels [ms].
     """
-
-    model_config = ConfigDict(frozen=True)
 
     settings: str
     exposures: int

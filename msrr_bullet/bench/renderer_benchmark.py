@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 from rich.markup import escape
 from rich.table import Table
 
@@ -23,7 +23,7 @@ from msrr_bullet.bench.renderer_scenes import CANDIDATES
 from msrr_bullet.trial.result import package_versions
 
 
-class RendererBenchmark(BaseModel):
+class RendererBenchmark(BaseModel, frozen=True):
     """All measurements of the renderers, made in one process.
 
     Attributes:
@@ -33,8 +33,6 @@ class RendererBenchmark(BaseModel):
         pixels: Pixels against a finely sampled reference.
         versions: Versions of the packages.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     costs: tuple[CostRow, ...]
     corners: tuple[CornerRow, ...]

@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 import pybullet
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from msrr_bullet.bench.renderer_scenes import (
     CANDIDATES,
@@ -46,15 +46,13 @@ _PATIENCE_S = 0.3
 _TAG, _TAG_M = 7, 0.05
 
 
-class CostRow(BaseModel):
+class CostRow(BaseModel, frozen=True):
     """Time of one picture.
 
     Attributes:
         view: Camera, window and distance.
         ms: Processor time by renderer [ms].
     """
-
-    model_config = ConfigDict(frozen=True)
 
     view: str
     ms: dict[str, float]
@@ -65,7 +63,7 @@ class CostRow(BaseModel):
         return self.ms["tiny 1x"] / self.ms["raster"]
 
 
-class CornerRow(BaseModel):
+class CornerRow(BaseModel, frozen=True):
     """Detected against projected tag corners, without noise, over views with any roll.
 
     Attributes:
@@ -76,8 +74,6 @@ class CornerRow(BaseModel):
         rms_px: Root mean square error per coordinate [px].
     """
 
-    model_config = ConfigDict(frozen=True)
-
     renderer: str
     found: int
     views: int
@@ -85,7 +81,7 @@ class CornerRow(BaseModel):
     rms_px: float
 
 
-class RangeRow(BaseModel):
+class RangeRow(BaseModel, frozen=True):
     """Detection and pose at one distance, with the scene's noise and blur.
 
     Attributes:
@@ -97,8 +93,6 @@ class RangeRow(BaseModel):
         yaw_deg: RMS error of that pose's heading [deg].
     """
 
-    model_config = ConfigDict(frozen=True)
-
     renderer: str
     distance_m: float
     frames: int
@@ -107,7 +101,7 @@ class RangeRow(BaseModel):
     yaw_deg: float
 
 
-class PixelRow(BaseModel):
+class PixelRow(BaseModel, frozen=True):
     """The raster renderer against TinyRenderer at 8 x 8 samples, over scenes of clutter.
 
     Attributes:
@@ -117,8 +111,6 @@ class PixelRow(BaseModel):
         off: Pixels that differ by more than :data:`PIXEL_TOLERANCE`.
         mean: Mean absolute difference [grey levels].
     """
-
-    model_config = ConfigDict(frozen=True)
 
     scenes: int
     pixels: int

@@ -11,7 +11,7 @@ import resource
 import sys
 from dataclasses import dataclass
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 from rich.table import Table
 
 from msrr_bullet.profiler import StageProfiler
@@ -37,7 +37,7 @@ class BenchError(MsrrError):
     """A scene whose speed cannot be measured."""
 
 
-class TrialSpeed(BaseModel):
+class TrialSpeed(BaseModel, frozen=True):
     """Speed and memory of one trial, log and viewer off, set-up of the world not counted.
 
     Attributes:
@@ -58,8 +58,6 @@ class TrialSpeed(BaseModel):
         peak_mb: Largest memory of the process before the naive loop began [10^6 bytes].
         versions: Versions of the packages.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     scene: str
     seed: int

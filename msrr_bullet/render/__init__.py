@@ -1,4 +1,4 @@
-"""Renderers: the noise-free pixels of any window of a camera's image, from the simulated world as it stands.
+"""Renderers compute the noise-free pixels of any window of a camera's image from the simulated world.
 
 A renderer of your own is a class with the method of :class:`Renderer`, built from a :class:`RenderContext`; a
 scene names it by its import path.

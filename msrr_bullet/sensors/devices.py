@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from msrr_bullet.profiler import Profiler
-from msrr_bullet.render.renderer import RenderContext, build_renderer
+from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.sensors.camera_sensors import CameraSensor, RenderedCameraSensor
 from msrr_bullet.sensors.command_link import CommandLink

@@ -88,13 +88,13 @@ def assemble(shapes: Sequence[VisualShape]) -> tuple[Geometry, Textures]:
         ),
         corners=_joined([f.corners for f in all_faces], (), np.int64) + vertex_start[of_corner],
         across=np.where(across >= 0, across + face_start[of_corner], -1),
-        planes=_turned(_joined([f.planes for f in all_faces], (4,)), R[of_face], p[of_face], sign=1.0),
+        planes=_transformed(_joined([f.planes for f in all_faces], (4,)), R[of_face], p[of_face], sign=1.0),
         grey=grey[of_face],
         kind=kinds[of_face] | np.where(smooth, SMOOTH, 0),
         smooth=smooth_row,
         corner_normals=np.einsum("nij,nkj->nki", R[of_smooth], normals),
-        weights=_turned(weights, R[of_smooth], p[of_smooth], sign=-1.0),
-        uv=_turned(_joined([f.uv for f in all_faces], (2, 4)), R[of_face], p[of_face], sign=-1.0),
+        weights=_transformed(weights, R[of_smooth], p[of_smooth], sign=-1.0),
+        uv=_transformed(_joined([f.uv for f in all_faces], (2, 4)), R[of_face], p[of_face], sign=-1.0),
         texture=number[of_face],
         surface=np.where(surface >= 0, surface + surface_start[of_face], -1),
         cells=_cells(number[of_face], textures, packed),
@@ -123,17 +123,13 @@ def _balls(vertices: np.ndarray, start: np.ndarray) -> np.ndarray:
 def _cells(numbers: np.ndarray, textures: list[Texture], packed: Textures) -> np.ndarray:
     """Return the bitmap of each face for :attr:`Geometry.cells`, shape (F, 4)."""
     regions = np.cumsum([0, *(len(t.region_grey) if t.regions is not None else 0 for t in textures)])
-    first = packed.first_level
-    table = np.stack(
-        [packed.level_start[first], packed.level_rows[first], packed.level_columns[first], regions[:-1]],
-        axis=1,
-    )
+    table = np.column_stack([packed.levels[packed.level_start[:-1]], regions[:-1]])
     out = np.zeros((len(numbers), 4), dtype=np.int64)
     out[numbers >= 0] = table[numbers[numbers >= 0]]
     return out
 
 
-def _turned(functions: np.ndarray, R: np.ndarray, p: np.ndarray, sign: float) -> np.ndarray:
+def _transformed(functions: np.ndarray, R: np.ndarray, p: np.ndarray, sign: float) -> np.ndarray:
     """Move affine functions ``g . p + g0`` (planes ``n . p = d``: ``sign`` +1) from frames G to M.
 
     Args:
@@ -157,14 +153,11 @@ def _kind(texture: Texture | None) -> int:
 def _packed(textures: list[Texture]) -> Textures:
     """Return textures as flat arrays."""
     levels = [level for texture in textures for level in texture.levels]
-    counts = np.array([len(texture.levels) for texture in textures], dtype=np.int64)
-    sizes = np.array([level.size for level in levels], dtype=np.int64)
+    edges = np.array([level.shape for level in levels], dtype=np.int64).reshape(-1, 2)
+    sizes = edges.prod(axis=1)
     return Textures(
-        first_level=np.cumsum(counts) - counts,
-        level_count=counts,
-        level_start=np.cumsum(sizes) - sizes,
-        level_rows=np.array([level.shape[0] for level in levels], dtype=np.int64),
-        level_columns=np.array([level.shape[1] for level in levels], dtype=np.int64),
+        level_start=np.cumsum([0, *(len(texture.levels) for texture in textures)], dtype=np.int64),
+        levels=np.column_stack([np.cumsum(sizes) - sizes, edges]),
         texels=_joined([level.ravel() for level in levels], (), np.float32),
         regions=_joined(
             [

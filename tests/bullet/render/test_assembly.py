@@ -37,6 +37,7 @@ def test_shapes_share_the_textures_that_they_have_in_common() -> None:
     geometry, textures = assemble(shapes)
     numbers = [int(geometry.texture[first]) for first in geometry.shape_face[:-1]]
     assert numbers == [0, -1, 1, 0]
-    assert textures.level_start.tolist() == [0, 100]
+    assert textures.level_start.tolist() == [0, 1, 2]
+    assert textures.levels.tolist() == [[0, 10, 10], [100, 10, 10]]
     regions = textures.region_grey[geometry.cells[geometry.shape_face[2], 3] + textures.regions[100:]]
     np.testing.assert_array_equal(regions, two.levels[0].ravel())

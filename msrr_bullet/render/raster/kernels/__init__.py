@@ -1,1 +1,1 @@
-"""Compiled loops of the raster renderer: from faces on moving frames to the pixels of a window."""
+"""Compiled loops that turn faces on moving frames into the pixels of a window."""

@@ -157,9 +157,7 @@ def shade_mixed_pixels(
     kind, grey, cells, uv = faces.kind, faces.grey, faces.cells, faces.uv
     inverse_depth, shade, texels = faces.inverse_depth, faces.shade, textures.texels
     texel, identity = np.empty(CELL_SAMPLES, np.int32), np.empty(SAMPLES, np.int32)
-    texture, first_level, level_count = faces.texture, textures.first_level, textures.level_count
-    level_start, level_rows = textures.level_start, textures.level_rows
-    level_columns = textures.level_columns
+    texture, level_start, levels = faces.texture, textures.level_start, textures.levels
     for j in range(view.height):
         y = view.y + j
         for p in range(start[j], start[j + 1]):
@@ -192,18 +190,7 @@ def shade_mixed_pixels(
                         elif kind[f] & TEXTURED and not kind[f] & CELLS:
                             # The filter is as wide as a pixel: one lookup serves all samples of a face.
                             reflectance = filtered_reflectance(
-                                inverse_depth,
-                                uv,
-                                texture,
-                                first_level,
-                                level_count,
-                                level_start,
-                                level_rows,
-                                level_columns,
-                                texels,
-                                f,
-                                x + 0.5,
-                                y + 0.5,
+                                inverse_depth, uv, texture, level_start, levels, texels, f, x + 0.5, y + 0.5
                             )
                     if not steady:
                         u, v = x + positions[0, s], y + positions[1, s]

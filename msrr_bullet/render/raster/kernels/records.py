@@ -56,11 +56,8 @@ class Geometry(NamedTuple):
 class Textures(NamedTuple):
     """All textures, level by level, as reflectances from 0 to 1."""
 
-    first_level: Indices  # (T,) of each texture
-    level_count: Indices  # (T,)
-    level_start: Indices  # (L,) first texel
-    level_rows: Indices  # (L,)
-    level_columns: Indices  # (L,)
+    level_start: Indices  # (T + 1,) first level of each texture
+    levels: Indices  # (L, 3) first texel, rows, columns
     texels: Floats  # all levels, row by row
     regions: Indices  # region of each texel of a texture with cells
     region_grey: Floats  # reflectance of each region

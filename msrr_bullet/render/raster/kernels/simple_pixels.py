@@ -77,9 +77,7 @@ def shade_simple_pixels(
     kind, grey, cells, region_grey = faces.kind, faces.grey, faces.cells, textures.region_grey
     uv, inverse_depth, texels = faces.uv, faces.inverse_depth, textures.texels
     shade, surface = faces.shade, faces.surface
-    texture, first_level, level_count = faces.texture, textures.first_level, textures.level_count
-    level_start, level_rows = textures.level_start, textures.level_rows
-    level_columns = textures.level_columns
+    texture, level_start, levels = faces.texture, textures.level_start, textures.levels
     start, column = samples.start, samples.column
     flags, texel = row_buffers.flags, row_buffers.texel
     words = flags.view(np.uint64)
@@ -127,18 +125,7 @@ def shade_simple_pixels(
                             value *= texels[cell_index(uv, cells, f, u, v, w)]
                         else:
                             value *= filtered_reflectance(
-                                inverse_depth,
-                                uv,
-                                texture,
-                                first_level,
-                                level_count,
-                                level_start,
-                                level_rows,
-                                level_columns,
-                                texels,
-                                f,
-                                u,
-                                v,
+                                inverse_depth, uv, texture, level_start, levels, texels, f, u, v
                             )
                         out[j, k] = quantised(value)
                     continue

@@ -15,11 +15,8 @@ def filtered_reflectance(
     inverse_depth: Array,
     uv: Array,
     texture: Indices,
-    first_level: Indices,
-    level_count: Indices,
     level_start: Indices,
-    level_rows: Indices,
-    level_columns: Indices,
+    levels: Indices,
     texels: Floats,
     f: int,
     u: float,
@@ -30,8 +27,8 @@ def filtered_reflectance(
     The arrays are those of :class:`ProjectedFaces` and :class:`Textures`, passed one by one because numba
     counts references to the arrays of a tuple.
     """
-    first, count = first_level[texture[f]], level_count[texture[f]]
-    rows, columns = level_rows[first], level_columns[first]
+    first, end = level_start[texture[f]], level_start[texture[f] + 1]
+    rows, columns = levels[first, 1], levels[first, 2]
     wu, wv = inverse_depth[f, 0], inverse_depth[f, 1]
     z = 1.0 / (wu * u + (wv * v + inverse_depth[f, 2]))
     s = (uv[f, 0, 0] * u + (uv[f, 0, 1] * v + uv[f, 0, 2])) * z
@@ -40,13 +37,11 @@ def filtered_reflectance(
     su, sv = (uv[f, 0, 0] - s * wu) * z * columns, (uv[f, 0, 1] - s * wv) * z * columns
     tu, tv = (uv[f, 1, 0] - t * wu) * z * rows, (uv[f, 1, 1] - t * wv) * z * rows
     reach = np.sqrt(max(su * su + tu * tu, sv * sv + tv * tv))
-    level = min(max(np.log2(max(reach, 1e-9)), 0.0), count - 1.0)
+    level = min(max(np.log2(max(reach, 1e-9)), 0.0), end - first - 1.0)
     fine = first + int(level)
-    coarse = min(fine + 1, first + count - 1)
-    below = bilinear_reflectance(texels, level_start[fine], level_rows[fine], level_columns[fine], s, 1.0 - t)
-    above = bilinear_reflectance(
-        texels, level_start[coarse], level_rows[coarse], level_columns[coarse], s, 1.0 - t
-    )
+    coarse = min(fine + 1, end - 1)
+    below = bilinear_reflectance(texels, levels[fine, 0], levels[fine, 1], levels[fine, 2], s, 1.0 - t)
+    above = bilinear_reflectance(texels, levels[coarse, 0], levels[coarse, 1], levels[coarse, 2], s, 1.0 - t)
     return below + (level - int(level)) * (above - below)
 
 
