@@ -2,8 +2,8 @@
 
     python docs/make_gallery.py [SCENE ...]
 
-Without a name, all scenes are run anew, a few minutes' work; with names only those, and the page is written
-from what the others' pictures say of them.
+Without a name all scenes are run, which takes a few minutes. With names only those are run; for the other
+scenes the page takes the verdicts that are stored in their pictures.
 """
 
 from __future__ import annotations
@@ -45,24 +45,24 @@ SIZE, DPI = (10.0, 2.7), 100
 INTRODUCTION = """\
 # Gallery of the scenes
 
-One run of every shipped scene with seed {seed}. On the left the run from above: where the docking unit drove
-(blue), where it believed to be (orange), and the path it had planned (dashed). Beside it frames of the
-cameras as the robot read them: grey where it read pixels, elsewhere drawn from truth; tags detected in
-vermillion, belief in orange, the line of sight in green between the bounds of its cone.
+This page shows one run of every shipped scene with seed {seed}. The left picture is the run from above: the
+path of the docking unit (blue), the path that it believed in (orange), and the planned path (dashed). Beside
+it are frames of the cameras as the robot read them: grey where it read pixels, elsewhere drawn from truth;
+detected tags are vermillion, the belief is orange, the line of sight is green between the bounds of its cone.
 
 `msrr dock SCENE --seed {seed}` runs one of them, `msrr frames RUN` draws all of its frames, and
 `python docs/make_gallery.py` makes this page.
 """
 
 FAR, NEAR, WRONG = "From anywhere in the arena", "Docking", "What can go wrong"
-#: Scenes that `msrr tune` wrote, by the beginning of their names.
+#: Heading of the scenes that `msrr tune` wrote, and the beginning of their names.
 TUNED, TUNED_PREFIX = "With tuned parameters", "tuned_"
 
 
-def chosen(log: Log) -> list[Exposure]:
-    """Return two telling frames: amid the long-distance phase and late in docking, or early and late.
+def choose_exposures(log: Log) -> list[Exposure]:
+    """Return two exposures: amid the long-distance phase and late in docking, or early and late.
 
-    Frames that were read as a whole show the noise of the floor and little else; others are preferred.
+    Exposures of which windows were read are preferred, because a full frame shows mostly the floor's noise.
     """
     read: dict[Exposure, int] = {}
     for _, record in log.messages(CameraWindow, "/camera/*"):
@@ -78,8 +78,8 @@ def chosen(log: Log) -> list[Exposure]:
     return [found[len(found) // 3], found[int(0.8 * len(found))]] if found else []
 
 
-def cropped(image: np.ndarray, artist: Artist) -> np.ndarray:
-    """Return the part of an overhead frame in which something happens, in the shape of the whole."""
+def crop(image: np.ndarray, artist: Artist) -> np.ndarray:
+    """Return the part of an overhead frame in which the bodies are, with the frame's proportions."""
     scene = artist.stagecraft.scene
     x, y = extent(scene, artist.moments.frames)
     corners = Perspective.overhead(scene).pixels(on_floor([[a, b] for a in x for b in y]))
@@ -95,7 +95,7 @@ def cropped(image: np.ndarray, artist: Artist) -> np.ndarray:
 def draw(log: Log) -> Image.Image:
     """Return the picture of a run."""
     artist = Artist(log)
-    frames = [(view.exposure.camera, artist.draw(view)) for view in camera_views(log, chosen(log))]
+    frames = [(view.exposure.camera, artist.draw(view)) for view in camera_views(log, choose_exposures(log))]
     figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 0.95))  # room for the captions of tall pictures
@@ -107,7 +107,7 @@ def draw(log: Log) -> Image.Image:
     for i, (camera, picture) in enumerate(frames):
         axes = figure.add_subplot(cells[1 + i])
         rgb = cv2.cvtColor(picture.image, cv2.COLOR_BGR2RGB)
-        axes.imshow(rgb if camera != OVERHEAD else cropped(rgb, artist), interpolation="antialiased")
+        axes.imshow(rgb if camera != OVERHEAD else crop(rgb, artist), interpolation="antialiased")
         axes.set_title(picture.caption, fontsize=8)
         axes.set_axis_off()
     buffer = io.BytesIO()
@@ -117,7 +117,7 @@ def draw(log: Log) -> Image.Image:
 
 
 def make(name: str, folder: Path) -> None:
-    """Run a scene and write its picture, which carries the verdict with it."""
+    """Run a scene and write its picture, which stores the verdict as text."""
     result = run_trial(load_scene(name), SEED, out=folder)
     image = draw(read_log(folder))
     notes = PngInfo()
@@ -128,13 +128,13 @@ def make(name: str, folder: Path) -> None:
 
 
 def verdict(name: str) -> dict[str, str | float]:
-    """Return what the picture of a scene says of its run."""
+    """Return the verdict that the picture of a scene stores."""
     with Image.open(PICTURES / f"{name}.png") as image:
         return json.loads(image.text["msrr"])
 
 
 def chapter(scene: Scene) -> str:
-    """Return the heading under which a scene stands."""
+    """Return the heading of the chapter that a scene belongs to."""
     if scene.name.startswith(TUNED_PREFIX):
         return TUNED
     spec = scene.cameras.overhead
@@ -148,9 +148,9 @@ def page(names: Sequence[str]) -> str:
     """Return the page that shows all pictures."""
     chapters: dict[str, list[str]] = {title: [] for title in (FAR, NEAR, TUNED, WRONG)}
     for name in names:
-        scene, told = load_scene(name), verdict(name)
-        tries = f", {told['attempts']} attempts" if told["attempts"] > len(scene.plan) else ""
-        ending = f"{told['outcome']} after {told['duration_s']:.1f} s{tries}"
+        scene, run = load_scene(name), verdict(name)
+        tries = f", {run['attempts']} attempts" if run["attempts"] > len(scene.plan) else ""
+        ending = f"{run['outcome']} after {run['duration_s']:.1f} s{tries}"
         chapters[chapter(scene)].append(
             f"### `{name}`\n{scene.description} This run: {ending}.\n\n![{name}](gallery/{name}.png)\n"
         )
