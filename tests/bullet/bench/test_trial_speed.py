@@ -63,10 +63,10 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
 
 
 def test_the_guard_is_a_stage_of_its_own() -> None:
-    clock = StageProfiler()
-    Trial(load_scene("two_units", {"time_limit_s": "0.3"}), 0, profiler=clock).run()
-    assert clock.spent_ns["guard"] > 0
-    assert clock.spent_ns["control"] > 0
+    profiler = StageProfiler()
+    Trial(load_scene("two_units", {"time_limit_s": "0.3"}), 0, profiler=profiler).run()
+    assert profiler.spent_ns["guard"] > 0
+    assert profiler.spent_ns["control"] > 0
 
 
 def test_a_scene_without_images_cannot_be_measured(scene: Scene) -> None:

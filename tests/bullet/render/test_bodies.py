@@ -1,4 +1,4 @@
-"""Bodies of a client: shapes of any kind, where TinyRenderer draws them, as they come, move and go."""
+"""Bodies of a client: shapes of any kind, drawn where TinyRenderer has them, added, moved and removed."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_links_joints_and_offset_frames_stand_where_tiny_has_them(client: int, p
         assert np.mean(np.abs(raster - tiny) > 40) < 2e-3
 
 
-def test_bodies_that_come_move_and_go_are_noticed(
+def test_bodies_that_are_added_moved_or_removed_are_noticed(
     client: int, add_box: AddBox, place: Place, plain_floor: PlainFloor
 ) -> None:
     renderer = RasterRenderer(RenderContext(client, floor=plain_floor(0.0)))
@@ -84,7 +84,7 @@ def test_bodies_that_come_move_and_go_are_noticed(
     assert math.isnan(middle())
 
 
-def test_what_cannot_be_drawn_is_said_and_not_left_out(client: int, tmp_path: Path) -> None:
+def test_a_shape_that_cannot_be_drawn_is_an_error(client: int, tmp_path: Path) -> None:
     shape = pybullet.createVisualShape(
         pybullet.GEOM_MESH, vertices=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], indices=[0, 1, 2]
     )

@@ -17,7 +17,7 @@ import pybullet
 import pybullet_data
 import pytest
 
-from msrr_bullet.bench.renderer_benchmark import compare_pixels, measure_corners
+from msrr_bullet.bench.renderer_measurements import compare_pixels, measure_corners
 from msrr_bullet.bench.renderer_scenes import add_clutter, facing_units, random_view
 from msrr_bullet.render import RenderContext, Renderer
 from msrr_bullet.render.floor import Floor, concrete_floor

@@ -1,4 +1,4 @@
-"""Renderers by name or import path, and the compilation ahead of a trial."""
+"""Renderers are built by name or import path, and everything is compiled ahead of a trial."""
 
 from __future__ import annotations
 

@@ -79,12 +79,12 @@ def test_pixels_lie_where_the_pinhole_model_says(
 
 
 @pytest.mark.parametrize("samples", [1, 2, 3, 4])
-def test_sub_pixel_places_share_no_row_and_no_column(samples: int) -> None:
-    places = rotated_grid(samples)
+def test_sub_pixel_positions_share_no_row_and_no_column(samples: int) -> None:
+    positions = rotated_grid(samples)
     steps = (np.arange(samples**2) + 0.5) / samples**2 - 0.5
     for axis in range(2):
-        np.testing.assert_allclose(np.sort(places[:, axis]), steps, atol=1e-12)
-    np.testing.assert_allclose(places.mean(axis=0), 0.0, atol=1e-12)
+        np.testing.assert_allclose(np.sort(positions[:, axis]), steps, atol=1e-12)
+    np.testing.assert_allclose(positions.mean(axis=0), 0.0, atol=1e-12)
 
 
 def test_windows_also_outside_the_frame_are_crops_of_a_larger_one(client: int, unit: Scene) -> None:
