@@ -27,7 +27,7 @@ FRAME: tuple[tuple[str, str], ...] = (
     ("msrr_bullet.robot.autonomy:Autonomy.expose", ""),
     ("msrr_perception.detection.onboard_vision:OnboardVision.look", "Window"),
     ("msrr_bullet.sensors.camera:Camera.fetch", ""),
-    ("msrr_bullet.render.raster.renderer:RasterRenderer.render", "noise-free pixels"),
+    ("msrr_bullet.render.raster_renderer:RasterRenderer.render", "noise-free pixels"),
     ("msrr_bullet.sensors.image_noise:ImageNoise.read_out", "pixels"),
     (
         "msrr_perception.detection.detector:PupilDetector.detect",
