@@ -1,4 +1,4 @@
-"""What code computes a trial, so that a stored result is used only while it would come out the same."""
+"""The fingerprint of the code that computes a trial, by which stored results of other code are told apart."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ def code_fingerprint(scene: Scene) -> str:
 
 @lru_cache(maxsize=1)
 def _own_code() -> bytes:
+    """Return a digest of the package versions and of every source file of this project."""
     digest = hashlib.blake2b(json.dumps(package_versions(), sort_keys=True).encode())
     for package in _PACKAGES:
         root = _module_file(package)
@@ -47,7 +48,7 @@ def _own_code() -> bytes:
 
 
 def _module_file(module: str) -> Path | None:
-    """Return the file of a module; None when there is none, which whoever builds the module will find."""
+    """Return the file of a module; None when there is none, an error that building the trial reports."""
     try:
         spec = importlib.util.find_spec(module)
     except (ImportError, ValueError):
@@ -56,6 +57,7 @@ def _module_file(module: str) -> Path | None:
 
 
 def _choices(value: object) -> Iterator[Choice]:
+    """Yield every implementation that a scene names, at any depth."""
     if isinstance(value, Choice):
         yield value
     elif isinstance(value, BaseModel):

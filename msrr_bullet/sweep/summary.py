@@ -1,4 +1,4 @@
-"""What a sweep says: counts, a rate with its interval, and quantiles."""
+"""The summary of a sweep: counts, a success rate with its interval, and quantiles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from msrr_scenes.specs.scene import Scene
 
 
 class TrialFailure(BaseModel):
-    """A trial that gave no result: the program failed, not the robot."""
+    """A trial without a result, because the program failed and not the robot."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -31,27 +31,28 @@ class SweepSummary(BaseModel):
         scene: Name of the scene.
         scene_hash: Hash of the scene as it was run, overrides included.
         code: Fingerprint of the code, see :mod:`msrr_bullet.sweep.provenance`.
-        plant: What moved the units.
-        perception: What the robots saw with.
+        plant: Plant that moved the units.
+        perception: Kind of perception of the robots.
         trials: Number of trials, failures of the program included.
-        outcomes: How often each outcome came; failures of the program are not among them.
+        outcomes: Number of trials by outcome; failures of the program are not included.
         success: Rate of ``docked`` among all trials, with the 95 % Wilson interval.
-        contact_lateral_mm: At the first pin contact, of all trials that came to it (truth).
-        contact_yaw_deg: The same for the yaw error.
-        seated_axial_mm: Gap between the faces, of all trials that ended seated (truth).
-        tracking_error_m: Of the long-distance phase, of all trials that ended an arc; see
-            :class:`msrr_bullet.trial.result.AssemblyFigures`.
-        amplitude_m: The same, of all trials that passed an obstacle.
-        recovery_s: The same.
-        attempts: Number of attempts, of all trials.
-        docked_by_attempt: How many docked on which attempt; of a plan with several steps, that of the step
-            which needed most.
-        min_clearance_m: Smallest over all trials; None when nothing was there to come near.
-        false_docks: The robot said docked, and it was not.
-        redraws: Starts thrown away because the target lay outside the outer cone, over all trials.
-        reused: Trials taken from the store.
-        failures: Trials that gave no result.
-        interrupted: The sweep was stopped before all seeds were run.
+        contact_lateral_mm: Lateral error at the first pin contact, over all trials that came to it (truth).
+        contact_yaw_deg: Yaw error at the first pin contact, over all trials that came to it (truth).
+        seated_axial_mm: Gap between the faces, over all trials that ended seated (truth).
+        tracking_error_m: Tracking error of the long-distance phase, over all trials that completed an arc;
+            see :class:`msrr_bullet.trial.result.AssemblyFigures`.
+        amplitude_m: Amplitude of the long-distance phase, over all trials that passed an obstacle.
+        recovery_s: Recovery time of the long-distance phase, over all trials that passed an obstacle.
+        attempts: Number of attempts, over all trials.
+        docked_by_attempt: Number of docked trials by the attempt that succeeded; in a plan with several
+            steps, the attempt of the step that needed most.
+        min_clearance_m: Smallest clearance over all trials; None when there was no body to come near.
+        false_docks: Number of trials in which the robot believed in a dock that was none.
+        redraws: Number of starts over all trials that were drawn again because the target lay outside the
+            outer cone.
+        reused: Number of trials taken from the store.
+        failures: Trials without a result.
+        interrupted: Whether the sweep was stopped before all seeds were run.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -105,7 +106,7 @@ def summarise(
     seatings = [r.seating for r in trials if r.seating is not None and r.seating.seated]
     clearances = [r.min_clearance_m for r in trials if r.min_clearance_m is not None]
     figures = [r.assembly for r in trials if r.assembly is not None]
-    # Of a plan with several steps: by the attempt that its worst step needed.
+    # In a plan with several steps, the step that needed most attempts counts.
     by_attempt = Counter(max((a.attempt for a in r.records), default=r.attempts) for r in trials if r.docked)
     return SweepSummary(
         scene=scene.name,

@@ -10,7 +10,7 @@ from types import TracebackType
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.errors import MsrrError
 
-#: Layout of the tables; raised when it changes.
+#: Version of the tables' layout; it is increased with every change.
 LAYOUT = 1
 
 _TABLES = """
@@ -35,13 +35,13 @@ class StoreError(MsrrError):
 
 
 class TrialStore:
-    """Results keyed by (scene hash, seed, code). Each one is safe on disk when :meth:`put` returns."""
+    """Results keyed by (scene hash, seed, code). A result is safe on disk when :meth:`put` returns."""
 
     def __init__(self, path: Path) -> None:
-        """Open a store, or make one.
+        """Open a store; create it if the file does not exist.
 
         Raises:
-            StoreError: The file is something else, is of another layout, or cannot be opened.
+            StoreError: The file is not a store, has another layout, or cannot be opened.
         """
         self._path = path
         try:
@@ -68,16 +68,16 @@ class TrialStore:
         self._db.close()
 
     def put_scene(self, scene_hash: str, name: str, scene_json: str) -> None:
-        """Note which scene a hash stands for."""
+        """Store the scene that a hash stands for."""
         self._write("INSERT OR IGNORE INTO scenes VALUES (?, ?, ?)", (scene_hash, name, scene_json))
 
     def put(self, result: TrialResult, code: str) -> None:
-        """Keep a result."""
+        """Store a result."""
         row = (result.scene_hash, result.seed, code, result.outcome.value, result.model_dump_json())
         self._write("INSERT OR REPLACE INTO trials VALUES (?, ?, ?, ?, ?)", row)
 
     def get(self, scene_hash: str, code: str, seeds: Iterable[int]) -> dict[int, TrialResult]:
-        """Return the results at hand of these seeds, by seed."""
+        """Return the stored results of these seeds, by seed."""
         wanted = set(seeds)
         try:
             rows = self._db.execute(

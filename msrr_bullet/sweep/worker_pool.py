@@ -1,0 +1,138 @@
+"""A pool of processes that run trials and survives the death of one of them."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.process import BaseProcess
+from typing import Any, Protocol
+
+from msrr_bullet.pybullet_client import load_simulator
+from msrr_bullet.sweep.summary import TrialFailure
+from msrr_bullet.trial.result import TrialResult
+from msrr_scenes.errors import MsrrError
+from msrr_scenes.specs.scene import Scene
+
+#: Runs one trial; importable by name, because it is sent to other processes.
+TrialFunction = Callable[[Scene, int], TrialResult]
+
+#: Called with the seed of every finished trial, and its result or failure.
+Collector = Callable[[int, TrialResult | TrialFailure], None]
+
+
+class SupportsSubmit(Protocol):
+    """The part of an executor that is used; Dask's ``Client.get_executor()`` and Python's pools have it."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Future[Any]:
+        """Start ``fn(*args)`` in a worker."""
+        ...
+
+
+class WorkerPool:
+    """Runs ``jobs`` trials at the same time, in spawned processes or in a given executor."""
+
+    def __init__(
+        self,
+        jobs: int,
+        executor: SupportsSubmit | None,
+        trial: TrialFunction,
+        scene: Scene,
+        collector: Collector,
+    ) -> None:
+        self._jobs = jobs
+        self._given = executor
+        self._pool: ProcessPoolExecutor | None = None
+        self._trial = trial
+        self._scene = scene
+        self._collector = collector
+        self._other_children: set[BaseProcess] = set()
+        self._running: dict[Future[Any], int] = {}
+
+    def run(self, seeds: deque[int]) -> None:
+        """Run a trial for every seed; a seed is removed from ``seeds`` when its trial starts."""
+        while seeds or self._running:
+            # One more than can run, so that no worker waits; few, so that few are suspects when one dies.
+            while seeds and len(self._running) <= self._jobs:
+                self._submit(seeds.popleft(), self._jobs)
+            suspects = self._collect()
+            for seed in suspects:
+                # The pool does not say whose trial killed a worker; run alone, each trial shows it.
+                self._submit(seed, 1)
+                if self._collect():
+                    self._collector(seed, TrialFailure(seed=seed, error="the process of this trial died"))
+            if suspects:
+                self.close()  # the next trial starts a full pool again
+
+    def finish(self) -> None:
+        """Wait for the running trials and start no more; another Ctrl-C drops them."""
+        for future in list(self._running):
+            if future.cancel():
+                del self._running[future]
+        try:
+            while self._running:
+                self._collect()
+        except KeyboardInterrupt:
+            self.kill()
+
+    def kill(self) -> None:
+        """Drop the running trials."""
+        self._running.clear()
+        if self._pool is not None:
+            for child in set(multiprocessing.active_children()) - self._other_children:
+                child.terminate()
+
+    def close(self) -> None:
+        """End the processes of the pool."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+            self._pool = None
+
+    def _submit(self, seed: int, workers: int) -> None:
+        executor: SupportsSubmit = self._given if self._given is not None else self._open(workers)
+        self._running[executor.submit(self._trial, self._scene, seed)] = seed
+
+    def _open(self, workers: int) -> ProcessPoolExecutor:
+        if self._pool is None:
+            # Spawned, never forked: a detector or a simulator does not survive a fork.
+            context = multiprocessing.get_context("spawn")
+            self._other_children = set(multiprocessing.active_children())
+            self._pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker)
+        return self._pool
+
+    def _collect(self) -> list[int]:
+        """Wait until a trial ends and collect all that have; return the seeds that a dead worker left."""
+        finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
+        lost: list[int] = []
+        misuse: MsrrError | None = None
+        for future in finished:
+            seed = self._running.pop(future)
+            error = future.exception()
+            if error is None:
+                self._collector(seed, future.result())
+            elif isinstance(error, MsrrError):
+                misuse = error
+            elif isinstance(error, BrokenProcessPool) and self._pool is not None:
+                lost.append(seed)
+            else:
+                failure = TrialFailure(seed=seed, error=f"{type(error).__name__}: {error}")
+                self._collector(seed, failure)
+        if misuse is not None:
+            raise misuse  # no seed would run
+        if lost:
+            lost += self._running.values()
+            self._running.clear()
+            self.close()
+        return lost
+
+
+def _start_worker() -> None:
+    """Ignore Ctrl-C, so that the parent can let running trials finish, and use one core."""
+    import cv2
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    cv2.setNumThreads(1)
+    load_simulator()
