@@ -1,17 +1,19 @@
-"""The few statistics that a sweep reports: an interval for a rate, and quantiles."""
+"""Statistics of many trials: a rate with its confidence interval, and quantiles."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from statistics import NormalDist
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from msrr_scenes.arrays import Array
+
 
 class Rate(BaseModel):
-    """A success rate with its Wilson interval; all in 0 .. 1."""
+    """A rate with its Wilson interval; each value lies in 0 .. 1."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -21,9 +23,12 @@ class Rate(BaseModel):
 
 
 class Quantiles(BaseModel):
-    """Median, 95th percentile and largest of some values; all None when there are no values."""
+    """Median, 95th percentile and largest of some values; each is None when there are no values.
 
-    model_config = ConfigDict(frozen=True)
+    A quantile may be infinite. JSON has no such number and gets the string ``Infinity``.
+    """
+
+    model_config = ConfigDict(frozen=True, ser_json_inf_nan="strings")
 
     p50: float | None
     p95: float | None
@@ -37,12 +42,12 @@ def wilson(successes: int, trials: int, confidence: float = 0.95) -> Rate:
     Source: Wilson, Probable Inference, the Law of Succession, and Statistical Inference, JASA 22 (1927).
 
     Args:
-        successes: At most ``trials``.
-        trials: Without any, the rate is unknown: 0 with the interval 0 .. 1.
-        confidence: Two-sided level.
+        successes: Number of successful trials, at most ``trials``.
+        trials: Number of trials. Without any the rate is unknown and returned as 0 with the interval 0 .. 1.
+        confidence: Two-sided confidence level.
 
     Raises:
-        ValueError: Counts or level out of range.
+        ValueError: A count or the confidence level is out of range.
     """
     if not 0 <= successes <= trials:
         raise ValueError(f"expected 0 <= successes <= trials, found {successes} of {trials}")
@@ -61,9 +66,25 @@ def wilson(successes: int, trials: int, confidence: float = 0.95) -> Rate:
 
 
 def quantiles(values: Iterable[float]) -> Quantiles:
-    """Return median, 95th percentile (linear between order statistics) and largest of ``values``."""
+    """Return median, 95th percentile and largest of ``values``, some of which may be infinite."""
     array = np.fromiter(values, dtype=np.float64)
     if array.size == 0:
         return Quantiles(p50=None, p95=None, max=None)
-    p50, p95 = (float(q) for q in np.quantile(array, [0.5, 0.95]))
-    return Quantiles(p50=p50, p95=p95, max=float(array.max()))
+    return Quantiles(p50=quantile(array, 0.5), p95=quantile(array, 0.95), max=float(array.max()))
+
+
+def quantile(values: Sequence[float] | Array, q: float) -> float:
+    """Return quantile ``q`` of ``values``, interpolated linearly between order statistics.
+
+    It is infinite if the upper one of the two order statistics is, where numpy's would be NaN. The quantile
+    of finite values is numpy's to the bit.
+    """
+    ordered = np.sort(np.asarray(values, dtype=np.float64))
+    if np.isfinite(ordered).all():
+        return float(np.quantile(ordered, q))
+    position = q * (len(ordered) - 1)
+    index = int(position)
+    lower, upper = ordered[index], ordered[min(index + 1, len(ordered) - 1)]
+    if lower == upper or position == index:
+        return float(lower)
+    return float(lower + (position - index) * (upper - lower))

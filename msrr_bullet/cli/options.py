@@ -1,7 +1,8 @@
-"""Arguments and options that several commands share, and how their texts are read."""
+"""The arguments and options that several commands share, and the functions that read them."""
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,22 +12,34 @@ import typer
 
 from msrr_scenes.errors import SceneError
 
-SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="Name of a shipped scene, or a scene file.")]
+SceneName = Annotated[
+    str, typer.Argument(metavar="SCENE", help="Name of a shipped scene, or path of a scene file.")
+]
 Overrides = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Overrides a value of the scene; may be repeated."),
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a value of the scene; may be repeated."),
 ]
 JsonFile = Annotated[
     Path | None,
-    typer.Option("--json", metavar="FILE", help="Writes the numbers as JSON; - is standard output."),
+    typer.Option("--json", metavar="FILE", help="Write the numbers as JSON to FILE; - is standard output."),
 ]
+Jobs = Annotated[int, typer.Option(min=1, help="Number of processes.")]
+
+#: Default number of processes: one for each core.
+DEFAULT_JOBS = max(1, os.cpu_count() or 1)
+
+
+def use_one_thread_per_process() -> None:
+    """Keep the processes of a pool from starting a thread for each core; call it before numpy is loaded."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
 
 
 def parse_overrides(pairs: Sequence[str] | None) -> dict[str, str]:
-    """Turn ``KEY=VALUE`` texts into a mapping.
+    """Parse ``KEY=VALUE`` texts into a mapping.
 
     Raises:
-        SceneError: A text without ``=``, or a key given twice.
+        SceneError: A text has no ``=``, or a key is given twice.
     """
     overrides: dict[str, str] = {}
     for pair in pairs or ():
@@ -40,10 +53,10 @@ def parse_overrides(pairs: Sequence[str] | None) -> dict[str, str]:
 
 
 def parse_seeds(text: str) -> range:
-    """Turn ``A:B`` into the seeds A .. B - 1, and ``A`` into one seed.
+    """Parse ``A:B`` into the seeds A .. B - 1, and ``A`` into one seed.
 
     Raises:
-        SceneError: Anything else.
+        SceneError: The text is neither.
     """
     first, colon, last = text.partition(":")
     try:
@@ -57,13 +70,13 @@ def parse_seeds(text: str) -> range:
 
 
 def check_writable(file: Path | None) -> None:
-    """Find out before an hour of work that its result could not be written."""
+    """Raise a :class:`SceneError` before the work begins if its result could not be written."""
     if file is not None and file != Path("-") and (file.is_dir() or not file.absolute().parent.is_dir()):
         raise SceneError(f"--json {file}: not a file in an existing folder")
 
 
 def write_json(file: Path | None, text: str) -> None:
-    """Write ``text`` where ``--json`` says, if it was given."""
+    """Write ``text`` to the file given by ``--json``, if any."""
     if file == Path("-"):
         sys.stdout.write(text)
     elif file is not None:

@@ -1,1 +1,1 @@
-"""The paper's two experiments beside ours: figures, panels, the map over gain and delay, ablations."""
+"""The reproduction of the paper: its two experiments on unicycles and in the real loop, and the report."""

@@ -1,4 +1,4 @@
-"""A trial of the real loop with the paper's figures, and the shelf on which such trials are kept."""
+"""A trial of the real loop with the paper's figures, and the files in which such trials are stored."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field, ValidationError
 
-from msrr_bullet.reproduce.trial_series import CloseSeries, SeriesRecorder
+from msrr_bullet.reproduce.trial_series import DockingSeries, SeriesRecorder
 from msrr_bullet.studies.measures import SETTLED_M
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.timeline.path_following_series import PathFollowingSeries
@@ -23,12 +23,13 @@ class MeasuredTrial(TrialResult):
     """A trial's result with the measures of both phases that it has.
 
     Attributes:
-        measures: By key, see :mod:`msrr_bullet.studies.measures`, in SI. A trial that never settled, or
-            never came to an approach, has an infinite time to settle.
-        kept_in_view: Both edges of the target stayed in the field of view of the unit's camera in every
-            approach, from the hand-over to the contact, by truth; None without an approach.
-        kept_in_cone: The same of the outer bound of the line of sight, which is narrower.
-        code: :func:`msrr_bullet.sweep.provenance.code_fingerprint` in the process that ran it.
+        measures: Measures by key, in SI, see :mod:`msrr_bullet.studies.measures`. The settling time of a
+            trial that never settled, or never came to an approach, is infinite.
+        kept_in_view: Whether both edges of the target stayed in the field of view of the unit's camera in
+            every approach, from the hand-over to the contact, by truth; None without an approach.
+        kept_in_cone: Whether both edges stayed within the outer bound of the line of sight, which is narrower
+            than the field of view; None without an approach.
+        code: :func:`msrr_bullet.sweep.provenance.code_fingerprint` in the process that ran the trial.
     """
 
     model_config = ConfigDict(ser_json_inf_nan="strings")
@@ -41,9 +42,9 @@ class MeasuredTrial(TrialResult):
 
 def record_trial(
     scene: Scene, seed: int
-) -> tuple[TrialResult, PathFollowingSeries | None, CloseSeries | None]:
-    """Run a trial and return its result and the series of its last step's two phases."""
-    # The simulator is loaded where trials run, not where they are asked for.
+) -> tuple[TrialResult, PathFollowingSeries | None, DockingSeries | None]:
+    """Run a trial; return its result and the series of the two phases of its last step, None if missing."""
+    # A process that only starts trials elsewhere does not load the simulator.
     from msrr_bullet.trial.trial import Trial
 
     step = scene.plan[-1]
@@ -54,18 +55,18 @@ def record_trial(
     return (
         result,
         PathFollowingSeries.of(recorder.instants, step.unit, offset),
-        CloseSeries.of(recorder.instants, scene, contact_s),
+        DockingSeries.of(recorder.instants, scene, contact_s),
     )
 
 
 def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
     """Run a trial and measure it; a :data:`msrr_bullet.sweep.sweep.TrialFunction`."""
-    result, long, close = record_trial(scene, seed)
+    result, path_following, docking = record_trial(scene, seed)
     measures = {"settling": math.inf}
-    if long is not None:
-        measures.update(long.measures())
-    if close is not None:
-        measures.update(close.measures(SETTLED_M))
+    if path_following is not None:
+        measures.update(path_following.measures())
+    if docking is not None:
+        measures.update(docking.measures(SETTLED_M))
     if result.contact is not None:
         measures["lateral"], measures["yaw"] = result.contact.lateral_m, result.contact.yaw_rad
     values = {name: getattr(result, name) for name in TrialResult.model_fields}
@@ -73,34 +74,34 @@ def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
     return MeasuredTrial(
         **values,
         measures=measures,
-        kept_in_view=close.kept_within(half_fov) if close is not None else None,
-        kept_in_cone=close.kept_within(scene.los.outer) if close is not None else None,
+        kept_in_view=docking.kept_within(half_fov) if docking is not None else None,
+        kept_in_cone=docking.kept_within(scene.los.outer) if docking is not None else None,
         code=code_fingerprint(scene),
     )
 
 
 class TrialCache:
-    """Keeps measured trials of one scene in a file of one JSON line each, so that a stopped run resumes.
+    """A file with the measured trials of one scene, a JSON line each, so that an interrupted run resumes.
 
-    Trials are tied to the scene (all its values, URDFs and meshes) and to the code (every source file, the
-    versions of the packages): whatever of these differs, the trial is run again.
+    A trial is used only for the scene (all its values, URDFs and meshes) and the code (every source file, the
+    versions of the packages) that it was run with; otherwise it is run again.
     """
 
     def __init__(self, folder: Path, scene: Scene) -> None:
-        """Use the file of this scene and this code in ``folder``."""
+        """Open the file of this scene and this code in ``folder``."""
         folder.mkdir(parents=True, exist_ok=True)
         self._scene, self._code = scene_hash(scene), code_fingerprint(scene)
         self.path = folder / f"{self._scene[:12]}-{self._code[:12]}.jsonl"
-        if self.path.is_file():  # a killed run may have left half a line
-            kept, newline, torn = self.path.read_bytes().rpartition(b"\n")
-            if torn:
-                self.path.write_bytes(kept + newline)
+        if self.path.is_file():  # a killed run may have left an incomplete line
+            complete, newline, incomplete = self.path.read_bytes().rpartition(b"\n")
+            if incomplete:
+                self.path.write_bytes(complete + newline)
 
     def __iter__(self) -> Iterator[MeasuredTrial]:
-        """Iterate over what is kept.
+        """Iterate over the stored trials.
 
         Raises:
-            MsrrError: A line is no trial, or one of another scene or code.
+            MsrrError: A line is not a trial, or is a trial of another scene or other code.
         """
         if not self.path.is_file():
             return
@@ -114,18 +115,18 @@ class TrialCache:
             yield trial
 
     def put(self, trial: MeasuredTrial) -> None:
-        """Keep a trial.
+        """Store a trial.
 
         Raises:
-            MsrrError: It is of another scene, or of other code: a worker loads what is on disk when it
-                starts, which someone may have edited since this process did.
+            MsrrError: The trial is of another scene, or of other code: a worker loads the source files when
+                it starts, and they may have been edited since this process loaded them.
         """
         if trial.scene_hash != self._scene:
             raise MsrrError(f"{self.path}: a trial of another scene does not belong here")
         if trial.code != self._code:
             raise MsrrError(
-                f"{trial.scene}, seed {trial.seed}: the code was changed while the trials ran. This one is"
-                " not of the same code as those before it, and is not kept; start again, from a copy of the"
+                f"{trial.scene}, seed {trial.seed}: the code was changed while the trials ran. This trial was"
+                " run with other code than those before it and is not stored. Start again, from a copy of the"
                 " project that nobody edits"
             )
         with self.path.open("a", encoding="utf-8") as file:

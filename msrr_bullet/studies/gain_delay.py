@@ -1,4 +1,4 @@
-"""The map of docking success over gain and delay: where the paper's contrast lives."""
+"""The map of docking success over gain and delay, on which C1 and C2 differ."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from msrr_bullet.studies.close_studies import captured, on_paper_trajectory, run_close
+from msrr_bullet.studies.docking_studies import captured, run_docking, with_paper_trajectory
 from msrr_bullet.studies.measures import measure
 from msrr_bullet.studies.model import GainDelayMap, MapCell
 from msrr_bullet.studies.settings import STANDARD, Setting
@@ -20,24 +20,28 @@ LATENCIES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.10, 0.13, 0.16, 0.20)
 
 Law = Literal["c1", "c2"]
 LAWS: tuple[Law, Law] = ("c1", "c2")
-Job = tuple[Law, float, float, bool, range]
+
+#: Law, gain [1/s], latency [s], whether the estimator compensates for the delay, and the seeds.
+CellJob = tuple[Law, float, float, bool, range]
 
 
 class Mapper(Protocol):
-    """Runs jobs in order: ``map``, or that of an executor."""
+    """Runs jobs in order, as the built-in ``map`` or that of an executor does."""
 
-    def __call__(self, function: Callable[[Job], MapCell], jobs: Iterable[Job], /) -> Iterable[MapCell]:
-        """Return what the function makes of each job."""
+    def __call__(
+        self, function: Callable[[CellJob], MapCell], jobs: Iterable[CellJob], /
+    ) -> Iterable[MapCell]:
+        """Return the function's result for each job."""
         ...
 
 
-def map_cell(job: Job) -> MapCell:
+def map_cell(job: CellJob) -> MapCell:
     """Study one controller at one gain and one delay."""
     law, gain, latency, compensated, seeds = job
     key = "k_n_per_s" if law == "c1" else "k_per_s"
-    controller = on_paper_trajectory(Choice(name=law, params={"feedback": {key: gain}}))
-    wrong = STANDARD.disturbance.model_copy(update={"delay_s": latency, "compensated": compensated})
-    result = run_close(controller, Setting("map", "", disturbance=wrong), seeds, duration=8.5)
+    controller = with_paper_trajectory(Choice(name=law, params={"feedback": {key: gain}}))
+    disturbance = STANDARD.disturbance.model_copy(update={"delay_s": latency, "compensated": compensated})
+    result = run_docking(controller, Setting("map", "", disturbance=disturbance), seeds, duration_s=8.5)
     final = float(np.median(result.final_error()))
     return MapCell(success=float(captured(result).mean()), final_p50_m=round(final, 6))
 
@@ -52,15 +56,15 @@ def gain_delay_map(
     """Study C1 and C2 over gains and delays.
 
     Args:
-        compensated: Whether the estimator makes up for the delay.
-        seeds: As many trials in every cell.
-        mapper: Runs the cells, in order: ``map``, or that of an executor.
-        gains: k_n of both [1/s]; everything else stays as it ships.
-        latencies: From exposure to use [s].
+        compensated: Whether the estimator compensates for the delay.
+        seeds: Seeds of the trials of every cell.
+        mapper: Runs the cells in order, as the built-in ``map`` or that of an executor does.
+        gains: Gain k_n of both controllers [1/s]; all other parameters keep their defaults.
+        latencies: Latency from exposure to use [s].
     """
     jobs = [(law, g, t, compensated, seeds) for law in LAWS for g in gains for t in latencies]
-    found = iter(list(mapper(map_cell, jobs)))
-    cells = {law: tuple(tuple(next(found) for _ in latencies) for _ in gains) for law in LAWS}
+    results = iter(list(mapper(map_cell, jobs)))
+    cells = {law: tuple(tuple(next(results) for _ in latencies) for _ in gains) for law in LAWS}
     return GainDelayMap(
         compensated=compensated,
         gains=gains,
@@ -76,15 +80,15 @@ def gain_delay_map(
 def _nearest_to_paper(
     cells: dict[Law, tuple[tuple[MapCell, ...], ...]], gains: tuple[float, ...], latencies: tuple[float, ...]
 ) -> tuple[float, float]:
-    """Return the cell whose two medians of the final error are nearest to the paper's, as ratios."""
+    """Return the (gain, latency) at which both medians of the final error are nearest to the paper's."""
     final = measure("final")
 
-    def apart(i: int, j: int) -> float:
-        off = 0.0
-        for found, paper in ((cells["c1"][i][j], final.paper_c1), (cells["c2"][i][j], final.paper_c2)):
-            off += math.log((found.final_p50_m or math.inf) / (paper or math.nan)) ** 2
-        return off
+    def squared_log_ratios(indices: tuple[int, int]) -> float:
+        i, j = indices
+        total = 0.0
+        for cell, paper in ((cells["c1"][i][j], final.paper_c1), (cells["c2"][i][j], final.paper_c2)):
+            total += math.log((cell.final_p50_m or math.inf) / (paper or math.nan)) ** 2
+        return total
 
-    places = [(i, j) for i in range(len(gains)) for j in range(len(latencies))]
-    i, j = min(places, key=lambda at: apart(*at))
+    i, j = min(np.ndindex(len(gains), len(latencies)), key=squared_log_ratios)
     return gains[i], latencies[j]

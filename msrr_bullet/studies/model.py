@@ -1,18 +1,17 @@
-"""What a reproduction found: the JSON from which report and figures are made."""
+"""The results of a reproduction: the JSON from which report and figures are made."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 
-from msrr_bullet.statistics import Rate, wilson
+from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
 from msrr_bullet.studies.measures import PhaseName, measure
-from msrr_bullet.studies.open_quantiles import OpenQuantiles
 from msrr_scenes.arrays import Array
 
 
@@ -21,34 +20,30 @@ class _Part(BaseModel):
 
 
 class Measured(_Part):
-    """One measure over many trials, in SI; trials that do not have it are left out.
+    """One measure over many trials, in SI; trials that do not have the measure are left out.
 
     Attributes:
-        values: Of every trial that has one; infinite is a time to something that never came.
-        quantiles: Median, 95th percentile, largest, of all these.
-        count: How many trials have one.
-        never: How many of these are infinite.
+        values: Value of every trial that has one. The time to something that never happened is infinite.
+        quantiles: Median, 95th percentile and largest of all these values.
+        count: Number of trials that have a value.
+        never: Number of these values that are infinite.
     """
 
     values: tuple[float, ...]
-    quantiles: OpenQuantiles
+    quantiles: Quantiles
     count: int
     never: int = 0
 
     @classmethod
     def of(cls, values: Iterable[float] | Array) -> Measured:
-        """Collect them, to the micrometre; NaN is a trial without one."""
+        """Collect values, rounded to the micrometre; NaN stands for a trial without a value."""
         kept = tuple(round(float(v), 6) for v in values if not math.isnan(v))
-        return cls(
-            values=kept,
-            quantiles=OpenQuantiles.of(kept),
-            count=len(kept),
-            never=sum(math.isinf(v) for v in kept),
-        )
+        never = sum(math.isinf(v) for v in kept)
+        return cls(values=kept, quantiles=quantiles(kept), count=len(kept), never=never)
 
 
 class Count(_Part):
-    """So many of so many trials."""
+    """A number ``n`` of trials out of a number ``of`` of trials."""
 
     n: int
     of: int
@@ -58,18 +53,20 @@ class Row(_Part):
     """One controller in one setting.
 
     Attributes:
-        controller: Its registered name.
-        label: Its name in tables and figures.
-        trials: How many.
-        success: Share that ended well: inside the mechanism's capture at the face (close), clear of the
-            obstacle (long), docked by the judge's verdict (bullet).
-        in_view: Share whose camera had the target, both edges of it, in its field of view in every approach,
-            from the hand-over to the contact, by truth; None where that means nothing.
-        in_cone: Share that kept both edges within the outer bound of the line of sight, which is narrower.
-        measures: By key, see :mod:`msrr_bullet.studies.measures`.
-        outcomes: The judge's verdicts, where there is a judge.
-        met: Trials that meet the paper's figure of its own law, of those that have the measure, by key.
-        within_paper: Trials that ended well and meet every figure of the paper.
+        controller: Registered name of the controller.
+        label: Name of the controller in tables and figures.
+        trials: Number of trials.
+        success: Share of trials that ended well: at the face inside the mechanism's capture range (close),
+            clear of the obstacle (long), docked by the judge's verdict (bullet).
+        in_view: Share of trials whose camera had both edges of the target in its field of view in every
+            approach, from the hand-over to the contact, by truth; None where that has no meaning.
+        in_cone: Share of trials that kept both edges within the outer bound of the line of sight, which is
+            narrower than the field of view.
+        measures: Measures by key, see :mod:`msrr_bullet.studies.measures`.
+        outcomes: Number of trials by the judge's verdict, where there is a judge.
+        met: By key, the number of trials that meet the paper's value of its own law, out of those that have
+            the measure.
+        within_paper: Number of trials that ended well and meet every value of the paper.
     """
 
     controller: str
@@ -85,7 +82,7 @@ class Row(_Part):
 
 
 class Table(_Part):
-    """Controllers beside each other in one setting."""
+    """Several controllers in one setting."""
 
     phase: PhaseName
     plant: str
@@ -94,32 +91,44 @@ class Table(_Part):
     rows: tuple[Row, ...]
 
 
+def _rounded(values: Any) -> Any:
+    """Turn an array into nested lists, rounded to the micrometre; leave anything else as it is."""
+    return np.round(values, 6).tolist() if isinstance(values, np.ndarray) else values
+
+
+_Scalars = Annotated[tuple[float, ...], BeforeValidator(_rounded)]
+_Pairs = Annotated[tuple[tuple[float, float], ...], BeforeValidator(_rounded)]
+_Triples = Annotated[tuple[tuple[float, float, float], ...], BeforeValidator(_rounded)]
+
+
 class Series(_Part):
-    """One trial over time, for the six panels; SI, world of the phase's reference.
+    """One trial over time, for the six panels; SI, in the frame of the phase's reference.
+
+    Every series may be given as an array of shape (T,), (T, 2) or (T, 3), and is rounded to the micrometre.
 
     Attributes:
-        time: [s].
+        time: Time [s].
         tip: Controlled point (x, y).
-        reference: What it follows.
-        error: (x, y, yaw) against that, in the frame of the phase.
-        command: (v, w) asked for.
-        twist: (v, w) behind the limits.
-        angles: The two edge angles (close), or nothing.
-        distance: From the body to the obstacle's middle (long), or nothing.
-        auxiliary: States that only this law has, by name, each of two axes.
-        obstacle: Its middle and radius, if there is one.
+        reference: Point (x, y) that the controlled point follows.
+        error: Difference (x, y, yaw) from the reference, in the frame of the phase.
+        command: Commanded speeds (v, w).
+        twist: Speeds (v, w) behind the drive's limits.
+        angles: The two edge angles (close phase), or nothing.
+        distance: Distance from the body to the centre of the obstacle (long phase), or nothing.
+        auxiliary: States that only this law has, by name, each with two axes.
+        obstacle: Centre (x, y) and radius of the obstacle, if there is one.
         limits: Largest v and w.
     """
 
-    time: tuple[float, ...]
-    tip: tuple[tuple[float, float], ...]
-    reference: tuple[tuple[float, float], ...]
-    error: tuple[tuple[float, float, float], ...]
-    command: tuple[tuple[float, float], ...]
-    twist: tuple[tuple[float, float], ...]
-    angles: tuple[tuple[float, float], ...] = ()
-    distance: tuple[float, ...] = ()
-    auxiliary: dict[str, tuple[tuple[float, float], ...]] = {}
+    time: _Scalars
+    tip: _Pairs
+    reference: _Pairs
+    error: _Triples
+    command: _Pairs
+    twist: _Pairs
+    angles: _Pairs = ()
+    distance: _Scalars = ()
+    auxiliary: dict[str, _Pairs] = {}
     obstacle: tuple[float, float, float] | None = None
     limits: tuple[float, float]
 
@@ -133,7 +142,7 @@ class Panels(_Part):
 
 
 class MapCell(_Part):
-    """One gain and one delay under one controller."""
+    """One controller at one gain and one delay."""
 
     success: float
     final_p50_m: float | None
@@ -143,14 +152,14 @@ class GainDelayMap(_Part):
     """Docking success over gain and delay.
 
     Attributes:
-        compensated: Whether the estimator makes up for the delay.
-        gains: k_n of both controllers [1/s].
-        latencies: From exposure to use [s].
-        lag: 1 / kappa of the drive [s]; with the latency it makes the total delay.
-        extra_gain: What the boundary layer of C2 adds to k_n [1/s].
-        trials: Per cell.
-        cells: By controller, one row for each gain, one column for each latency.
-        paper_cell: (gain, latency) whose medians of the final error come nearest to the paper's two.
+        compensated: Whether the estimator compensates for the delay.
+        gains: Gain k_n of both controllers [1/s].
+        latencies: Latency from exposure to use [s].
+        lag: Time constant 1 / kappa of the drive [s]; the total delay is latency plus lag.
+        extra_gain: Gain that the boundary layer of C2 adds to k_n [1/s].
+        trials: Number of trials in each cell.
+        cells: Cells by controller, one row for each gain, one column for each latency.
+        paper_cell: The (gain, latency) at which the medians of the final error come nearest to the paper's.
     """
 
     compensated: bool
@@ -164,23 +173,23 @@ class GainDelayMap(_Part):
 
 
 class Ablations(_Part):
-    """C1 without one of its parts, in several settings."""
+    """C1 with one of its parts switched off, in several settings."""
 
     phase: PhaseName
     tables: tuple[Table, ...]
 
 
 class Reproduction(_Part):
-    """Everything that was found.
+    """All results of a reproduction.
 
     Attributes:
-        versions: Packages that ran it.
-        seeds: First and one beyond the last.
-        tables: Controllers beside the paper, by phase, plant and setting.
+        versions: Versions of the packages that ran it.
+        seeds: First seed and one beyond the last, by plant.
+        tables: Controllers compared with the paper, by phase, plant and setting.
         panels: One trial of each phase over time.
-        maps: Over gain and delay, without and with compensation.
-        ablations: What each part of C1 is worth.
-        seconds: How long each part took.
+        maps: Docking success over gain and delay, without and with compensation.
+        ablations: C1 without each of its parts.
+        seconds: Computing time of each part [s].
     """
 
     versions: dict[str, str]
@@ -192,11 +201,11 @@ class Reproduction(_Part):
     seconds: dict[str, float] = {}
 
     def to_json(self) -> str:
-        """Return it as JSON."""
+        """Return the results as JSON."""
         return self.model_dump_json(indent=1) + "\n"
 
     def table(self, phase: PhaseName, plant: str, setting: str) -> Table | None:
-        """Return one of the tables, if it was made."""
+        """Return one of the tables; None if it was not made."""
         wanted = (phase, plant, setting)
         return next((t for t in self.tables if (t.phase, t.plant, t.setting) == wanted), None)
 
@@ -206,12 +215,12 @@ def rate_of(flags: NDArray[np.bool_]) -> Rate:
     return wilson(int(flags.sum()), int(flags.size))
 
 
-def met_of(values: Mapping[str, Iterable[float] | Array]) -> dict[str, Count]:
-    """Count which values meet the paper's figure of its own law, by key; NaN is a trial without a value."""
+def count_within_paper(values_by_key: Mapping[str, Iterable[float] | Array]) -> dict[str, Count]:
+    """Count by key the values that meet the paper's value of its own law; NaN is a trial without a value."""
     counts = {}
-    for key, found in values.items():
-        most = measure(key).paper_c1
-        if most is not None:
-            kept = [v for v in found if not math.isnan(v)]
-            counts[key] = Count(n=sum(v <= most for v in kept), of=len(kept))
+    for key, values in values_by_key.items():
+        bound = measure(key).paper_c1
+        if bound is not None:
+            known = [v for v in values if not math.isnan(v)]
+            counts[key] = Count(n=sum(v <= bound for v in known), of=len(known))
     return counts

@@ -1,13 +1,14 @@
-"""What is tuned of each controller: its knobs, and how a point in their space becomes parameters."""
+"""The parameters of each controller that are tuned, with their ranges."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any, Literal
 
 import numpy as np
 
-from msrr_bullet.studies.close_studies import merged
+from msrr_bullet.studies.settings import merge_params
 from msrr_control.docking.barrier import BarrierParams
 from msrr_control.docking.c1 import C1DockingParams, LinearParams
 from msrr_control.docking.c2 import C2DockingParams
@@ -17,12 +18,13 @@ from msrr_control.path_following.c1 import C1PathFollowingParams
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Spec
 
+#: The two controllers of a unit: close-range docking, and long-distance assembly.
 Part = Literal["docking", "assembly"]
 
 
 @dataclass(frozen=True, slots=True)
 class SearchParameter:
-    """One parameter that is tuned, by its dotted name, and its range on a logarithmic scale."""
+    """A parameter that is tuned: dotted name, and lower and upper bound of its logarithmic range."""
 
     name: str
     low: float
@@ -31,7 +33,7 @@ class SearchParameter:
 
 _CONE = SearchParameter("cone.reach_m", 0.01, 0.12)
 
-KNOBS: dict[Part, dict[str, tuple[SearchParameter, ...]]] = {
+SEARCH_SPACE: dict[Part, dict[str, tuple[SearchParameter, ...]]] = {
     "docking": {
         "c1": (
             SearchParameter("feedback.k_n_per_s", 0.4, 8.0),
@@ -75,7 +77,6 @@ KNOBS: dict[Part, dict[str, tuple[SearchParameter, ...]]] = {
     },
 }
 
-
 _SPECS: dict[Part, dict[str, type[Spec]]] = {
     "docking": {
         "c1": C1DockingParams,
@@ -88,33 +89,29 @@ _SPECS: dict[Part, dict[str, type[Spec]]] = {
 }
 
 
-def params_of(part: Part, controller: str, x: Array) -> dict[str, Any]:
-    """Return a controller's parameters from the logarithms of its knobs, to four significant digits.
+def params_at(part: Part, controller: str, point: Array) -> dict[str, Any]:
+    """Return a controller's parameters at a point of its search space, to four significant digits.
 
     A group of parameters of which one is tuned is given as a whole.
+
+    Args:
+        part: Which of a unit's two controllers it is.
+        controller: Registered name of the controller.
+        point: Logarithms of the tuned parameters, shape (number of parameters,).
     """
-    shipped = _shipped(part, controller).model_dump()
+    shipped = _SPECS[part][controller]().model_dump()
     params: dict[str, Any] = {}
-    for knob, value in zip(KNOBS[part][controller], np.exp(x), strict=True):
-        group = knob.name.partition(".")[0]
-        params.setdefault(group, shipped[group])
+    for parameter, value in zip(SEARCH_SPACE[part][controller], np.exp(point), strict=True):
+        names = parameter.name.split(".")
+        params.setdefault(names[0], shipped[names[0]])
         nested: Any = float(f"{value:.4g}")
-        for name in reversed(knob.name.split(".")):
+        for name in reversed(names):
             nested = {name: nested}
-        params = merged(params, nested)
+        params = merge_params(params, nested)
     return params
 
 
 def shipped_values(part: Part, controller: str) -> list[float]:
-    """Return the values of a controller's knobs as it ships."""
-    values = []
-    for knob in KNOBS[part][controller]:
-        at: Any = _shipped(part, controller)
-        for name in knob.name.split("."):
-            at = getattr(at, name)
-        values.append(float(at))
-    return values
-
-
-def _shipped(part: Part, controller: str) -> Spec:
-    return _SPECS[part][controller]()
+    """Return the default values of the parameters of a controller that are tuned."""
+    spec = _SPECS[part][controller]()
+    return [float(attrgetter(parameter.name)(spec)) for parameter in SEARCH_SPACE[part][controller]]

@@ -1,4 +1,4 @@
-"""The settings in which laws are studied: limits, starts, and what is wrong with the measurements."""
+"""The settings in which laws are studied: drive limits, starts, and errors of the measurements."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Spread
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-#: The trajectory of the paper's close phase: it neither slows down before contact nor waits for anybody.
+#: The guidance trajectory of the paper's close phase. It neither slows down before contact nor waits for a
+#: unit that lags behind.
 PAPER_TRAJECTORY = GuidanceSpec(contact_mps=0.11, overrun_m=0.08, lag_m=10.0, corridor_m=10.0)
 
-#: That of its long phase.
+#: The pace of the desired point in the paper's long phase. It does not wait either.
 PAPER_PACE = PaceSpec(lag_m=10.0)
 
 
@@ -27,24 +28,24 @@ class Setting:
     """One setting of the unicycle studies.
 
     Attributes:
-        name: In tables and the JSON.
-        description: For readers.
-        limits: ``normal`` or ``tight``.
-        disturbance: What is wrong with the measurements, and the slip.
-        starts: Of the close phase.
-        long_starts: Of the long phase.
-        close_params: Laid over the parameters of C1 and its ablations in the close phase.
-        long_params: The same in the long phase.
+        name: Name in tables and in the JSON.
+        description: Description for the readers of the report.
+        limits: Drive limits, ``normal`` or ``tight``.
+        disturbance: Errors of the measurements, and wheel slip.
+        docking_starts: Starts of the close phase.
+        path_following_starts: Starts of the long phase.
+        docking_params: Parameters that override those of C1 and its ablations in the close phase.
+        path_following_params: Parameters that override those of C1 and its ablations in the long phase.
     """
 
     name: str
     description: str
     limits: str = "normal"
     disturbance: Disturbance = field(default_factory=Disturbance)
-    starts: StartSet = CLOSE
-    long_starts: PathFollowingStartSet = field(default_factory=PathFollowingStartSet)
-    close_params: dict[str, Any] = field(default_factory=dict)
-    long_params: dict[str, Any] = field(default_factory=dict)
+    docking_starts: StartSet = CLOSE
+    path_following_starts: PathFollowingStartSet = field(default_factory=PathFollowingStartSet)
+    docking_params: dict[str, Any] = field(default_factory=dict)
+    path_following_params: dict[str, Any] = field(default_factory=dict)
 
     @property
     def limits_spec(self) -> LimitsSpec:
@@ -67,13 +68,23 @@ class Setting:
         return self.scene.cameras.onboard.pinhole.half_fov
 
 
+def merge_params(base: dict[str, Any], overrides: dict[str, Any]) -> dict[str, Any]:
+    """Return nested parameters with the overrides applied at every level."""
+    merged = dict(base)
+    for key, value in overrides.items():
+        old = merged.get(key)
+        nested = isinstance(old, dict) and isinstance(value, dict)
+        merged[key] = merge_params(merged[key], value) if nested else value
+    return merged
+
+
 _NOISE = Disturbance(sigma_xy_m=0.005, sigma_yaw_deg=1.0, delay_s=0.05, slip=0.02)
 
 IDEAL = Setting("ideal", "no noise, no delay, no slip")
 STANDARD = Setting("standard", "5 mm, 1 deg, 50 ms, 2 % slip", disturbance=_NOISE)
 UNCOMPENSATED = Setting(
     "uncompensated",
-    "5 mm, 1 deg, 2 % slip, 50 ms that the estimator does not make up for",
+    "5 mm, 1 deg, 2 % slip, 50 ms that the estimator does not compensate for",
     disturbance=_NOISE.model_copy(update={"compensated": False}),
 )
 HARD = Setting(
@@ -81,25 +92,25 @@ HARD = Setting(
     "TIGHT limits, starts of +-15 cm and +-25 deg, 5 mm, 1 deg, 100 ms, 2 % slip",
     limits="tight",
     disturbance=_NOISE.model_copy(update={"delay_s": 0.10}),
-    starts=CLOSE_HARD,
+    docking_starts=CLOSE_HARD,
 )
 WIDE = Setting(
     "wide",
     "TIGHT limits, starts of +-25 cm and +-30 deg, 5 mm, 1 deg, 100 ms, 2 % slip",
     limits="tight",
     disturbance=HARD.disturbance,
-    starts=StartSet(spread=Spread(x_m=0.05, y_m=0.25, yaw_deg=30.0)),
+    docking_starts=StartSet(spread=Spread(x_m=0.05, y_m=0.25, yaw_deg=30.0)),
 )
 HIGH_GAIN = Setting(
     "high gain",
-    "gain 6 1/s (long: 4 1/s), 5 mm, 1 deg, 2 % slip, 100 ms that the estimator does not make up for",
+    "gain 6 1/s (long: 4 1/s), 5 mm, 1 deg, 2 % slip, 100 ms that the estimator does not compensate for",
     disturbance=_NOISE.model_copy(update={"delay_s": 0.10, "compensated": False}),
-    close_params={"feedback": {"k_n_per_s": 6.0}},
-    long_params={"tracking": {"k_l_per_s": 4.0}},
+    docking_params={"feedback": {"k_n_per_s": 6.0}},
+    path_following_params={"tracking": {"k_l_per_s": 4.0}},
 )
 LONG_DELAY = Setting(
     "long delay",
-    "5 mm, 1 deg, 2 % slip, 200 ms that the estimator does not make up for",
+    "5 mm, 1 deg, 2 % slip, 200 ms that the estimator does not compensate for",
     disturbance=_NOISE.model_copy(update={"delay_s": 0.20, "compensated": False}),
 )
 TIGHT_HIGH_GAIN = Setting(
@@ -107,7 +118,7 @@ TIGHT_HIGH_GAIN = Setting(
     "as high gain, under TIGHT limits and with starts of +-15 cm and +-25 deg",
     limits="tight",
     disturbance=HIGH_GAIN.disturbance,
-    starts=CLOSE_HARD,
-    close_params=HIGH_GAIN.close_params,
-    long_params=HIGH_GAIN.long_params,
+    docking_starts=CLOSE_HARD,
+    docking_params=HIGH_GAIN.docking_params,
+    path_following_params=HIGH_GAIN.path_following_params,
 )

@@ -11,24 +11,24 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
-from msrr_bullet.reproduce.report.findings import DOCKS
-from msrr_bullet.reproduce.report.style import PAPER, SMALL, look, new_figure, save, styled
+from msrr_bullet.reproduce.report.gain_delay_findings import DOCKS
+from msrr_bullet.reproduce.report.style import PAPER, SMALL, controller_style, new_figure, save, styled
 from msrr_bullet.studies.gain_delay import LAWS
 from msrr_bullet.studies.measures import measure
 from msrr_bullet.studies.model import GainDelayMap
 
-#: Who docks, by (C1, C2): name, colour and hatch.
-_WHO: dict[tuple[bool, bool], tuple[str, str, str]] = {
+#: Name, colour and hatch of a cell, by whether (C1, C2) dock.
+_CELL_STYLES: dict[tuple[bool, bool], tuple[str, str, str]] = {
     (True, True): ("both dock", "#f7f7f2", ""),
-    (True, False): ("C1 alone", look("c1")[0], "//"),
-    (False, True): ("C2 alone", look("c2")[0], "\\\\"),
+    (True, False): ("C1 alone", controller_style("c1")[0], "//"),
+    (False, True): ("C2 alone", controller_style("c2")[0], "\\\\"),
     (False, False): ("neither", "#9aa3ab", "xx"),
 }
 
 
-def draw_map(found: GainDelayMap, path: Path) -> Path:
-    """Draw the success of each controller, and who docks where."""
-    c1, c2 = (np.array([[c.success for c in row] for row in found.cells[law]]) for law in LAWS)
+def draw_map(chart: GainDelayMap, path: Path) -> Path:
+    """Draw the success of each controller, and which controllers dock in each cell."""
+    c1, c2 = (np.array([[c.success for c in row] for row in chart.cells[law]]) for law in LAWS)
     with styled():
         figure = new_figure(19.0, 7.6)
         left, middle, right = figure.subplots(1, 3, sharey=True)
@@ -43,41 +43,41 @@ def draw_map(found: GainDelayMap, path: Path) -> Path:
             axes.set_title(f"{law.upper()}: docked [%]")
         bar = figure.colorbar(image, ax=(left, middle), shrink=0.8, pad=0.01)
         bar.set_label("docked [%]")
-        handles = [*_who(right, c1 >= DOCKS, c2 >= DOCKS), *_products(right, found)]
+        handles = [*_draw_cells(right, c1 >= DOCKS, c2 >= DOCKS), *_draw_stability_limits(right, chart)]
         for axes in (left, middle, right):
-            _frame(axes, found)
-            if not found.compensated:
-                ring = _ring(axes, found)
-        if not found.compensated:
+            _draw_axes(axes, chart)
+            if not chart.compensated:
+                ring = _draw_paper_cell(axes, chart)
+        if not chart.compensated:
             handles.append(ring)
         left.set_ylabel("gain k_n [1/s]", labelpad=10.0)
         figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
-        how = "delay made up for by the estimator" if found.compensated else "delay not made up for"
-        figure.suptitle(f"Docking over gain and delay, {how} ({found.trials} trials a cell)")
+        how = "delay compensated by the estimator" if chart.compensated else "delay not compensated"
+        figure.suptitle(f"Docking over gain and delay, {how} ({chart.trials} trials a cell)")
         return save(figure, path)
 
 
-def _who(axes: Axes, c1: NDArray[np.bool_], c2: NDArray[np.bool_]) -> list[Artist]:
+def _draw_cells(axes: Axes, c1: NDArray[np.bool_], c2: NDArray[np.bool_]) -> list[Artist]:
     for i, j in np.ndindex(c1.shape):
-        _, colour, hatch = _WHO[bool(c1[i, j]), bool(c2[i, j])]
+        _, colour, hatch = _CELL_STYLES[bool(c1[i, j]), bool(c2[i, j])]
         cell = Rectangle((j - 0.5, i - 0.5), 1, 1, facecolor=colour, hatch=hatch, edgecolor="#ffffff")
         cell.set_linewidth(0.0)
         axes.add_patch(cell)
     axes.set_title(f"who docks (at least {100 * DOCKS:.0f} %)")
     return [
         Patch(facecolor=colour, hatch=hatch, edgecolor="#ffffff" if hatch else "black", label=name)
-        for name, colour, hatch in _WHO.values()
+        for name, colour, hatch in _CELL_STYLES.values()
     ]
 
 
-def _products(axes: Axes, found: GainDelayMap) -> list[Artist]:
-    """Draw where gain times total delay is 1: about there a law begins to swing."""
-    gains, delays = np.array(found.gains), found.lag + np.array(found.latencies)
+def _draw_stability_limits(axes: Axes, chart: GainDelayMap) -> list[Artist]:
+    """Draw the curves on which gain times total delay is 1; about there a law begins to oscillate."""
+    gains, delays = np.array(chart.gains), chart.lag + np.array(chart.latencies)
     fine = np.linspace(delays[0], delays[-1], 400)
     handles: list[Artist] = []
-    looks = ((found.extra_gain, "--", "C2: gain x delay = 1"), (0.0, "-", "C1: gain x delay = 1"))
-    for more, style, text in looks:
-        gain = 1.0 / fine - more
+    limits = ((chart.extra_gain, "--", "C2: gain x delay = 1"), (0.0, "-", "C1: gain x delay = 1"))
+    for extra_gain, style, text in limits:
+        gain = 1.0 / fine - extra_gain
         inside = (gain >= gains[0]) & (gain <= gains[-1])
         x = np.interp(fine[inside], delays, np.arange(len(delays)))
         y = np.interp(gain[inside], gains, np.arange(len(gains)))
@@ -87,12 +87,12 @@ def _products(axes: Axes, found: GainDelayMap) -> list[Artist]:
     return handles
 
 
-def _ring(axes: Axes, found: GainDelayMap) -> Patch:
-    """Draw the cell that resembles the paper, and say how much."""
-    i, j = found.gains.index(found.paper_cell[0]), found.latencies.index(found.paper_cell[1])
+def _draw_paper_cell(axes: Axes, chart: GainDelayMap) -> Patch:
+    """Outline the cell whose final errors are nearest to the paper's, and state both."""
+    i, j = chart.gains.index(chart.paper_cell[0]), chart.latencies.index(chart.paper_cell[1])
     final = measure("final")
     papers = f"{1e3 * (final.paper_c1 or 0.0):g} and {1e3 * (final.paper_c2 or 0.0):g} mm"
-    ours = " and ".join(f"{1e3 * (found.cells[law][i][j].final_p50_m or np.nan):.0f}" for law in LAWS)
+    ours = " and ".join(f"{1e3 * (chart.cells[law][i][j].final_p50_m or np.nan):.0f}" for law in LAWS)
     ring = Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, edgecolor=PAPER, linewidth=4.0)
     ring.set_path_effects([effects.Stroke(linewidth=8.0, foreground="white"), effects.Normal()])
     ring.set_label(f"most like the paper: final errors {papers} there, {ours} mm here")
@@ -100,11 +100,11 @@ def _ring(axes: Axes, found: GainDelayMap) -> Patch:
     return ring
 
 
-def _frame(axes: Axes, found: GainDelayMap) -> None:
+def _draw_axes(axes: Axes, chart: GainDelayMap) -> None:
     axes.grid(visible=False)
-    delays = [f"{1e3 * (found.lag + t):.0f}" for t in found.latencies]
+    delays = [f"{1e3 * (chart.lag + t):.0f}" for t in chart.latencies]
     axes.set_xticks(range(len(delays)), delays)
-    axes.set_yticks(range(len(found.gains)), [f"{g:g}" for g in found.gains])
+    axes.set_yticks(range(len(chart.gains)), [f"{g:g}" for g in chart.gains])
     axes.set_xlabel("total delay: latency + 1/kappa [ms]")
     axes.set_xlim(-0.5, len(delays) - 0.5)
-    axes.set_ylim(-0.5, len(found.gains) - 0.5)
+    axes.set_ylim(-0.5, len(chart.gains) - 0.5)

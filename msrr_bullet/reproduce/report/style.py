@@ -1,4 +1,4 @@
-"""How figures look: sizes, colours that stay apart for colour-blind eyes, and the file they become."""
+"""The style of all figures: sizes, colours that colour-blind readers can tell apart, and the PNG file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from msrr_bullet.timeline.palette import BLACK, BLUE, GREEN, OBSTACLE, ORANGE, P
 
 DPI = 110
 
-#: Sizes at which a figure can still be read at half its width.
+#: Text sizes that are still readable when a figure is shown at half its width.
 _TEXT: dict[Any, Any] = {
     "font.size": 15.0,
     "axes.titlesize": 15.0,
@@ -38,8 +38,8 @@ _TEXT: dict[Any, Any] = {
 #: Size of numbers inside a figure.
 SMALL = 13.0
 
-#: Colour and marker of each controller, the same in every figure; the marker tells them apart without colour.
-_LOOKS: dict[str, tuple[int, str]] = {
+#: Colour and marker of each controller in every figure; the marker tells controllers apart without colour.
+_STYLES: dict[str, tuple[int, str]] = {
     "c1": (BLUE, "o"),
     "c2": (VERMILLION, "s"),
     "cbf": (GREEN, "^"),
@@ -47,18 +47,18 @@ _LOOKS: dict[str, tuple[int, str]] = {
     "linear": (ORANGE, "v"),
 }
 
-#: What belongs to no controller is black, grey or the obstacle's colour.
+#: Colours of what belongs to no controller.
 PAPER, FAINT, HAZARD = css(BLACK), "#6b747d", css(OBSTACLE)
 
 
-def look(controller: str) -> tuple[str, str]:
+def controller_style(controller: str) -> tuple[str, str]:
     """Return colour and marker of a controller, by its registered name or its label (``C1, tuned``)."""
-    colour, marker = _LOOKS.get(controller.partition(",")[0].lower(), (0x59636D, "P"))
+    colour, marker = _STYLES.get(controller.partition(",")[0].lower(), (0x59636D, "P"))
     return css(colour), marker
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of that size [in], drawn without a window system."""
+    """Return an empty figure of this size [in] that needs no window system."""
     figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -70,7 +70,7 @@ def styled() -> AbstractContextManager[None]:
 
 
 def legend_above(axes: Axes, columns: int = 2) -> None:
-    """Put the legend over the curves: make room for it at the top, so that it hides none of them."""
+    """Make room at the top of the axes and put the legend there, so that it hides no curve."""
     low, high = axes.get_ylim()
     lines = -(-len(axes.get_legend_handles_labels()[1]) // columns)
     axes.set_ylim(low, high + (0.06 + 0.115 * lines) * (high - low))
@@ -78,6 +78,6 @@ def legend_above(axes: Axes, columns: int = 2) -> None:
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write a PNG that depends on nothing but what is drawn."""
+    """Write a PNG file whose bytes depend on nothing but the figure."""
     figure.savefig(path, metadata={"Software": None})
     return path

@@ -1,0 +1,226 @@
+"""The experiments of a reproduction in the real loop: contact physics, rendered images, real detection."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from msrr_bullet.reproduce.measured_trial import MeasuredTrial, TrialCache, measured_trial
+from msrr_bullet.reproduce.progress import Forecast, ProgressListener, TrialCounter
+from msrr_bullet.statistics import Rate, wilson
+from msrr_bullet.studies.measures import MEASURES, OBSTACLE_MEASURES, Measure, PhaseName, paper_measures
+from msrr_bullet.studies.model import Count, Measured, Reproduction, Row, Table
+from msrr_bullet.sweep.summary import TrialFailure
+from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.trial.result import TrialResult, package_versions
+from msrr_scenes.errors import MsrrError
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import Choice
+
+#: Part of every description: in the real loop the trajectory is not quite the paper's.
+_GUIDANCE = (
+    "guidance as shipped: the paper's, but it slows down before contact and waits for a unit that lags behind"
+)
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One scene of the real loop, run under several controllers.
+
+    Attributes:
+        name: Name in tables and in the JSON.
+        scene: Name or path of the scene.
+        description: Description for the readers of the report.
+        phases: Phases of the scene that are measured.
+        docking: Docking controllers by label.
+        assembly: Assemblers by label; a label without one keeps the scene's assembler.
+        overrides: Overridden values of the scene.
+    """
+
+    name: str
+    scene: str
+    description: str
+    phases: tuple[PhaseName, ...]
+    docking: dict[str, Choice]
+    assembly: dict[str, Choice] = field(default_factory=dict)
+    overrides: dict[str, str] = field(default_factory=dict)
+
+    def load(self, label: str) -> Scene:
+        """Return the scene under one of the controllers."""
+        overrides = {**self.overrides, "control.docking": json.dumps(self.docking[label].model_dump())}
+        if label in self.assembly:
+            overrides["control.assembly"] = json.dumps(self.assembly[label].model_dump())
+        return load_scene(self.scene, overrides)
+
+
+def paper_experiments(docking: dict[str, Choice], mission: str = "two_units") -> tuple[Experiment, ...]:
+    """Return the experiments of ``msrr reproduce --plant bullet``.
+
+    Args:
+        docking: Controllers compared in the close phase, by label.
+        mission: Scene of the whole mission.
+    """
+    both = {"C1": Choice(name="c1"), "C2": Choice(name="c2")}
+    high_gain = {
+        "C1": Choice(name="c1", params={"feedback": {"k_n_per_s": 6.0}}),
+        "C2": Choice(name="c2", params={"feedback": {"k_per_s": 6.0}}),
+    }
+    return (
+        Experiment("whole mission", mission, f"scene {mission}; {_GUIDANCE}", ("long", "close"), both, both),
+        Experiment(
+            "hard starts", "close_range_hard", f"scene close_range_hard; {_GUIDANCE}", ("close",), docking
+        ),
+        Experiment(
+            "high gain",
+            "close_range",
+            "scene close_range, gain 6 1/s, 100 ms latency that the estimator does not compensate for;"
+            f" {_GUIDANCE}",
+            ("close",),
+            high_gain,
+            overrides={"cameras.onboard.latency_ms": "100", "control.delay_compensation": "false"},
+        ),
+    )
+
+
+def reproduce_bullet(
+    experiments: Iterable[Experiment],
+    seeds: range,
+    folder: Path,
+    jobs: int = 1,
+    on_progress: ProgressListener = lambda text: None,
+) -> Reproduction:
+    """Run the experiments; a trial that ``folder`` holds from the same scene and code is not run again.
+
+    Args:
+        experiments: Experiments to run.
+        seeds: Seeds of the trials of each experiment and controller.
+        folder: Folder in which every trial is stored.
+        jobs: Number of trials that run at the same time.
+        on_progress: Called with a line of text whenever a trial is done.
+
+    Raises:
+        KeyboardInterrupt: The run was interrupted; all trials computed so far are stored.
+        MsrrError: A scene cannot be run, or the program failed in a trial.
+    """
+    experiments = tuple(experiments)
+    forecast = Forecast({e.name: (len(e.docking) * len(seeds), _relative_duration(e)) for e in experiments})
+    tables, spent = [], {}
+    for experiment in experiments:
+        began = time.perf_counter()
+        trials: dict[str, tuple[MeasuredTrial, ...]] = {}
+        for label in experiment.docking:
+            counter = TrialCounter(on_progress, forecast, experiment.name, label, len(seeds))
+            trials[label] = run_trials(experiment.load(label), seeds, folder, jobs, counter)
+        spent[experiment.name] = round(time.perf_counter() - began, 2)
+        tables += [
+            Table(
+                phase=phase,
+                plant="bullet",
+                setting=experiment.name,
+                description=experiment.description,
+                rows=tuple(_row(experiment, label, phase, found) for label, found in trials.items()),
+            )
+            for phase in experiment.phases
+        ]
+    return Reproduction(
+        versions=package_versions(),
+        seeds={"bullet": (seeds.start, seeds.stop)},
+        tables=tuple(tables),
+        seconds=spent,
+    )
+
+
+def _relative_duration(experiment: Experiment) -> float:
+    """Return how long a trial takes relative to one of docking alone: the way there is the longer part."""
+    return 3.0 if "long" in experiment.phases else 1.0
+
+
+def run_trials(
+    scene: Scene, seeds: range, folder: Path, jobs: int, counter: TrialCounter
+) -> tuple[MeasuredTrial, ...]:
+    """Run or fetch a measured trial for each seed, in order.
+
+    Args:
+        scene: Scene with its controllers.
+        seeds: Seeds of the trials.
+        folder: Folder in which the trials are stored.
+        jobs: Number of trials that run at the same time.
+        counter: Counts each trial.
+
+    Raises:
+        KeyboardInterrupt: The run was interrupted; all trials computed so far are stored.
+        MsrrError: The scene cannot be run, the program failed in a trial, or the code was changed meanwhile.
+    """
+    cache = TrialCache(folder, scene)
+    trials = {t.seed: t for t in cache if t.seed in seeds}
+    counter.add_stored(len(trials))
+
+    def store(found: TrialResult | TrialFailure, stored: bool) -> None:
+        if isinstance(found, MeasuredTrial):
+            cache.put(found)
+            trials[found.seed] = found
+            counter.add_run()
+
+    missing = [seed for seed in seeds if seed not in trials]
+    if missing:
+        summary = sweep(scene, missing, jobs, trial=measured_trial, observer=store)
+        if summary.interrupted:
+            raise KeyboardInterrupt
+        if summary.failures:
+            first = summary.failures[0]
+            raise MsrrError(f"{scene.name}, seed {first.seed}: the program failed: {first.error}")
+    return tuple(trials[seed] for seed in seeds)
+
+
+def _row(experiment: Experiment, label: str, phase: PhaseName, trials: tuple[MeasuredTrial, ...]) -> Row:
+    outcomes = {o.value: sum(t.outcome is o for t in trials) for o in Outcome}
+    measures = {}
+    for measure in MEASURES[phase]:
+        values = [t.measures[measure.key] for t in trials if measure.key in t.measures]
+        if measure.key == "clearance":
+            values = [t.min_clearance_m for t in trials if t.min_clearance_m is not None]
+        measures[measure.key] = Measured.of(values)
+
+    def share(flags: Iterable[bool | None]) -> Rate | None:
+        # A trial that never came to an approach kept nothing in view.
+        return wilson(sum(flag is True for flag in flags), len(trials)) if phase == "close" else None
+
+    return Row(
+        controller=experiment.docking[label].name,
+        label=label,
+        trials=len(trials),
+        success=wilson(sum(t.docked for t in trials), len(trials)),
+        in_view=share(t.kept_in_view for t in trials),
+        in_cone=share(t.kept_in_cone for t in trials),
+        measures=measures,
+        outcomes={name: n for name, n in outcomes.items() if n},
+        met={measure.key: _count_met(trials, measure) for measure in paper_measures((phase,))},
+        within_paper=sum(within_paper(t, experiment.phases) for t in trials),
+    )
+
+
+def _count_met(trials: tuple[MeasuredTrial, ...], measure: Measure) -> Count:
+    flags = [meets_paper(t, measure) for t in trials]
+    return Count(n=sum(flag is True for flag in flags), of=sum(flag is not None for flag in flags))
+
+
+def meets_paper(trial: MeasuredTrial, measure: Measure) -> bool | None:
+    """Return whether a trial meets the paper's value of C1 for one measure; None where it does not apply.
+
+    A path that met no obstacle has neither amplitude nor recovery. A trial that lacks any other measure does
+    not meet it.
+    """
+    value = trial.measures.get(measure.key)
+    if value is None:
+        return None if measure.key in OBSTACLE_MEASURES and "tracking" in trial.measures else False
+    return measure.paper_c1 is not None and value <= measure.paper_c1
+
+
+def within_paper(trial: MeasuredTrial, phases: tuple[PhaseName, ...]) -> bool:
+    """Return whether a trial docked and meets every value that the paper gives of C1 in these phases."""
+    return trial.docked and all(meets_paper(trial, m) is not False for m in paper_measures(phases))

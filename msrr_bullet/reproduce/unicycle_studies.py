@@ -1,0 +1,130 @@
+"""The studies of a reproduction on ideal unicycles, spread over processes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Executor
+from typing import TypeVar
+
+from msrr_bullet.reproduce.progress import ProgressListener
+from msrr_bullet.studies.ablations import RowJob, ablation_jobs
+from msrr_bullet.studies.docking_studies import docking_series
+from msrr_bullet.studies.gain_delay import GAINS, LATENCIES, gain_delay_map
+from msrr_bullet.studies.measures import PHASES, PhaseName
+from msrr_bullet.studies.model import Ablations, Panels, Reproduction, Row, Series, Table
+from msrr_bullet.studies.path_following_studies import path_following_series
+from msrr_bullet.studies.settings import HARD, IDEAL, STANDARD, UNCOMPENSATED, WIDE, Setting
+from msrr_bullet.trial.result import package_versions
+from msrr_scenes.specs.spec import Choice
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+#: Settings of the tables; the last one differs only in the starts of the close phase.
+TABLES = (STANDARD, IDEAL, UNCOMPENSATED, HARD, WIDE)
+
+#: Number of trials in each cell of the map; so many tell docking from not docking.
+MAP_TRIALS = 40
+
+#: Controllers by phase and label, in the order in which they are shown.
+Contenders = Mapping[PhaseName, Mapping[str, Choice]]
+
+
+def reproduce_unicycle(
+    seeds: range,
+    contenders: Contenders,
+    pool: Executor | None = None,
+    on_progress: ProgressListener = lambda text: None,
+) -> Reproduction:
+    """Run the studies.
+
+    Args:
+        seeds: Seeds of the trials of every study.
+        contenders: Controllers that are compared.
+        pool: Executor that runs the studies; without one they run in this process.
+        on_progress: Called with the name of each study before it starts.
+    """
+    spent: dict[str, float] = {}
+
+    def run_all(function: Callable[[T], R], jobs: Iterable[T]) -> Iterator[R]:
+        return pool.map(function, jobs) if pool is not None else map(function, jobs)
+
+    began = time.perf_counter()
+
+    def record_time(name: str) -> None:
+        nonlocal began
+        now = time.perf_counter()
+        spent[name], began = round(now - began, 2), now
+
+    on_progress("controllers beside the paper")
+    jobs = [
+        RowJob(phase, choice, label, setting, seeds)
+        for phase, choices in contenders.items()
+        for setting in TABLES
+        if not (phase == "long" and setting is WIDE)
+        for label, choice in choices.items()
+    ]
+    tables = _tables(jobs, list(run_all(RowJob.run, jobs)))
+    record_time("tables")
+    on_progress("one trial over time")
+    panel_jobs = [
+        (phase, choice, seeds.start) for phase, choices in contenders.items() for choice in choices.values()
+    ]
+    series = iter(list(run_all(panel_series, panel_jobs)))
+    panels = tuple(
+        Panels(phase=phase, setting=STANDARD.description, series={label: next(series) for label in choices})
+        for phase, choices in contenders.items()
+    )
+    record_time("panels")
+    on_progress("ablations")
+    jobs = ablation_jobs(seeds)
+    ablation_tables = _tables(jobs, list(run_all(RowJob.run, jobs)))
+    ablations = tuple(
+        Ablations(phase=phase, tables=tuple(t for t in ablation_tables if t.phase == phase))
+        for phase in PHASES
+    )
+    record_time("ablations")
+    maps = []
+    map_seeds = seeds[:MAP_TRIALS]
+    for compensated in (False, True):
+        how = "with" if compensated else "without"
+        on_progress(f"the map over gain and delay, {how} compensation")
+        # With compensation there is little to see, and every second row and column shows it.
+        stride = 2 if compensated else 1
+        maps.append(gain_delay_map(compensated, map_seeds, run_all, GAINS[::stride], LATENCIES[::stride]))
+        record_time(f"map, {how} compensation")
+    return Reproduction(
+        versions=package_versions(),
+        seeds={"unicycle": (seeds.start, seeds.stop)},
+        tables=tables,
+        panels=panels,
+        maps=tuple(maps),
+        ablations=ablations,
+        seconds=spent,
+    )
+
+
+def panel_series(job: tuple[PhaseName, Choice, int]) -> Series:
+    """Run one trial of a controller under the standard setting."""
+    phase, choice, seed = job
+    return (path_following_series if phase == "long" else docking_series)(choice, STANDARD, seed)
+
+
+def _tables(jobs: Iterable[RowJob], rows: Iterable[Row]) -> tuple[Table, ...]:
+    """Group the rows of jobs into a table for each phase and setting, in the order of the jobs."""
+    groups: dict[tuple[PhaseName, str], list[Row]] = {}
+    settings: dict[str, Setting] = {}
+    for job, row in zip(jobs, rows, strict=True):
+        settings[job.setting.name] = job.setting
+        groups.setdefault((job.phase, job.setting.name), []).append(row)
+    return tuple(
+        Table(
+            phase=phase,
+            plant="unicycle",
+            setting=name,
+            description=settings[name].description,
+            rows=tuple(group),
+        )
+        for (phase, name), group in groups.items()
+    )

@@ -1,0 +1,123 @@
+"""The close-range phase on unicycles: a controller in a setting, as a row of a table or over time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_bullet.studies.measures import CAPTURE_DEG, CAPTURE_M, SETTLED_M, measure
+from msrr_bullet.studies.model import Measured, Row, Series, count_within_paper, rate_of
+from msrr_bullet.studies.settings import PAPER_TRAJECTORY, Setting, merge_params
+from msrr_control.docking.c1 import C1DockingState
+from msrr_control.docking.controller import LawController, build_controller
+from msrr_control.docking.law import DockingLaw, DockSetup
+from msrr_control.studies.docking_study import StudyResult, run_study
+from msrr_scenes.errors import SceneError
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.spec import Choice
+
+#: Simulated time of a trial [s]; the paper's trajectory reaches the face in 7 s, a slow law in 11 s.
+DURATION_S = 14.0
+
+
+def docking_law(controller: Choice, setup: DockSetup) -> DockingLaw[Any]:
+    """Build the array law of a controller.
+
+    Raises:
+        SceneError: The controller has no array law, so that it cannot be studied by the thousand.
+    """
+    built = build_controller(controller, setup)
+    if not isinstance(built, LawController):
+        raise SceneError(
+            f"controller {controller.name!r} is not made of an array law; see msrr_control.docking.law"
+        )
+    return built.law
+
+
+def with_paper_trajectory(controller: Choice) -> Choice:
+    """Return a docking controller that follows the paper's trajectory."""
+    guidance = {"guidance": PAPER_TRAJECTORY.model_dump()}
+    return Choice(name=controller.name, params=merge_params(controller.params, guidance))
+
+
+def captured(result: StudyResult) -> NDArray[np.bool_]:
+    """Return which trials came to the face where the mechanism centres the unit, shape (trials,)."""
+    inside = np.zeros(result.contact.shape, dtype=bool)
+    lateral, yaw = result.at_contact()
+    inside[result.docked] = (np.abs(lateral) <= CAPTURE_M) & (np.abs(yaw) <= np.radians(CAPTURE_DEG))
+    return inside
+
+
+def run_docking(
+    controller: Choice, setting: Setting, seeds: range, duration_s: float = DURATION_S
+) -> StudyResult:
+    """Run a trial for each seed; starts and noise are the same for every controller."""
+    setup = setting.dock_setup()
+    law = docking_law(controller, setup)
+    rng = stream(seeds.start, f"study/close/{setting.limits}")
+    return run_study(law, setup, rng, len(seeds), setting.docking_starts, setting.disturbance, duration_s)
+
+
+def docking_row(controller: Choice, label: str, setting: Setting, seeds: range) -> Row:
+    """Return a controller's row of a table of the close phase."""
+    result = run_docking(with_paper_trajectory(controller), setting, seeds)
+    paper_values = {"settling": result.settling_time(SETTLED_M), "final": result.final_error()}
+    lateral, yaw = result.at_contact()
+    docked = captured(result)
+    within_paper = docked.copy()
+    for key, values in paper_values.items():
+        within_paper &= values <= (measure(key).paper_c1 or np.inf)
+    contact_values = {"lateral": np.abs(lateral), "yaw": np.abs(yaw)}
+    return Row(
+        controller=controller.name,
+        label=label,
+        trials=len(seeds),
+        success=rate_of(docked),
+        in_view=rate_of(result.in_cone(setting.half_fov)),
+        in_cone=rate_of(result.in_cone(setting.dock_setup().los.outer)),
+        measures={key: Measured.of(values) for key, values in {**paper_values, **contact_values}.items()},
+        met=count_within_paper(paper_values),
+        within_paper=int(within_paper.sum()),
+    )
+
+
+def docking_series(controller: Choice, setting: Setting, seed: int) -> Series:
+    """Return one trial over time, from start to contact."""
+    setup = setting.dock_setup()
+    states: list[C1DockingState] = []
+
+    def keep_c1_state(state: object) -> None:
+        if isinstance(state, C1DockingState):
+            states.append(state)
+
+    result = run_study(
+        docking_law(with_paper_trajectory(controller), setup),
+        setup,
+        stream(seed, "panel/close"),
+        1,
+        setting.docking_starts,
+        setting.disturbance,
+        DURATION_S,
+        observer=keep_c1_state,
+    )
+    end = int(result.contact[0]) + 1 if result.docked[0] else len(result.pose)
+    tip, reference = result.tip[:end, 0], result.reference[:end, 0]
+    auxiliary = {}
+    if states:
+        auxiliary = {
+            "xi": np.stack([s.xi[0] for s in states[:end]]),
+            "cone shift [m]": np.stack([s.cone.shift[0] for s in states[:end]]),
+        }
+    return Series(
+        time=result.dt * np.arange(end),
+        tip=tip,
+        reference=reference,
+        error=np.column_stack([tip - reference, result.pose[:end, 0, 2]]),
+        command=result.command[:end, 0],
+        twist=result.twist[:end, 0],
+        angles=result.edges[:end, 0],
+        auxiliary=auxiliary,
+        limits=(setup.limits.v_close_mps, setup.limits.w_max_radps),
+    )

@@ -1,0 +1,139 @@
+"""The long-distance phase on unicycles: a law in a setting, as a row of a table or over time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from msrr_bullet.studies.measures import paper_measures
+from msrr_bullet.studies.model import Measured, Row, Series, count_within_paper, rate_of
+from msrr_bullet.studies.settings import PAPER_PACE, Setting, merge_params
+from msrr_control.parameters import read_params
+from msrr_control.path_following.baseline import C2PathFollowingLaw, C2PathFollowingParams
+from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams, C1PathFollowingState
+from msrr_control.path_following.law import PathFollowingLaw
+from msrr_control.path_following.walls import WallSpec
+from msrr_control.studies.path_following_study import PathFollowingStudyResult, run_path_following_study
+from msrr_scenes.errors import UnknownNameError
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.spec import Choice
+
+#: Half the body's length and width [m].
+_HALF_BODY = 0.10
+
+#: Distance of the controlled point ahead of the axle [m].
+_OFFSET = 0.10
+
+
+def path_following_law(choice: Choice, setting: Setting) -> PathFollowingLaw[Any]:
+    """Build a law of the long-distance phase by the name of its assembler.
+
+    Raises:
+        UnknownNameError: No law has this name.
+        SceneError: A parameter of the law is wrong.
+    """
+    params = merge_params({"pace": PAPER_PACE.model_dump()}, choice.params)
+    limits = setting.limits_spec
+    if choice.name == "c1":
+        return C1PathFollowingLaw(read_params("c1", C1PathFollowingParams, params), limits, _OFFSET)
+    if choice.name == "c2":
+        return C2PathFollowingLaw(read_params("c2", C2PathFollowingParams, params), limits, _OFFSET)
+    raise UnknownNameError("long-distance law", choice.name, ("c1", "c2"), "")
+
+
+def run_path_following(choice: Choice, setting: Setting, seeds: range) -> PathFollowingStudyResult:
+    """Run a trial for each seed; paths, starts and noise are the same for every law."""
+    return _run(choice, setting, stream(seeds.start, f"study/long/{setting.limits}"), len(seeds))
+
+
+def _run(
+    choice: Choice,
+    setting: Setting,
+    rng: np.random.Generator,
+    trials: int,
+    observer: Callable[[Any], None] | None = None,
+) -> PathFollowingStudyResult:
+    return run_path_following_study(
+        path_following_law(choice, setting),
+        setting.limits_spec,
+        rng,
+        trials,
+        setting.path_following_starts,
+        setting.disturbance,
+        walls=WallSpec.model_validate(choice.params.get("walls", {})),
+        observer=observer,
+    )
+
+
+def path_following_row(choice: Choice, label: str, setting: Setting, seeds: range) -> Row:
+    """Return a law's row of a table of the long phase."""
+    result = run_path_following(choice, setting, seeds)
+    obstacle_m = setting.path_following_starts.obstacle_m or 0.0
+    values = {
+        "tracking": result.tracking_error(),
+        "amplitude": result.amplitude(),
+        "amplitude_path": result.amplitude_from_path(),
+        "recovery": result.recovery_time(),
+        "recovery_path": result.recovery_to_path(),
+        "clearance": result.body_distance(_HALF_BODY, _HALF_BODY) - obstacle_m,
+    }
+    clear = values["clearance"] > 0.0
+    within_paper = clear.copy()
+    for measure in paper_measures(("long",)):
+        # A unit still passing its obstacle at the end of the arc has no tracking error and does not meet it.
+        within_paper &= values[measure.key] <= (measure.paper_c1 or np.inf)
+    return Row(
+        controller=choice.name,
+        label=label,
+        trials=len(seeds),
+        success=rate_of(clear),
+        measures={key: Measured.of(found) for key, found in values.items()},
+        met=count_within_paper(values),
+        within_paper=int(within_paper.sum()),
+    )
+
+
+def path_following_series(choice: Choice, setting: Setting, seed: int) -> Series:
+    """Return one trial over time."""
+    states: list[C1PathFollowingState] = []
+
+    def keep_c1_state(state: object) -> None:
+        if isinstance(state, C1PathFollowingState):
+            states.append(state)
+
+    result = _run(choice, setting, stream(seed, "panel/long"), 1, keep_c1_state)
+    tip, desired, yaw = result.tip[:, 0], result.desired[:, 0], result.pose[:, 0, 2]
+    # The path's heading is that of the desired point's motion; where the point rests, the last one counts.
+    moved = np.diff(desired, axis=0, prepend=desired[:1])
+    moving = np.hypot(moved[:, 0], moved[:, 1]) > 1e-6
+    last = np.maximum.accumulate(np.where(moving, np.arange(len(moved)), 0))
+    heading = np.unwrap(np.arctan2(moved[last, 1], moved[last, 0]))
+    yaw_error = np.angle(np.exp(1j * (yaw - heading)))
+    # Distance from the body, a square about the axle, to the centre of the obstacle.
+    c, s = np.cos(yaw), np.sin(yaw)
+    dx, dy = (result.obstacle[0] - result.pose[:, 0, :2]).T
+    ahead = np.maximum(np.abs(c * dx + s * dy) - _HALF_BODY, 0.0)
+    beside = np.maximum(np.abs(c * dy - s * dx) - _HALF_BODY, 0.0)
+    auxiliary = {}
+    if states:
+        auxiliary = {
+            "lambda_phi": np.stack([s.guidance.lam[0] for s in states]),
+            "lambda": np.stack([s.tracking.lam[0] for s in states]),
+            "lambda_s": np.stack([s.tracking.lam_s[0] for s in states]),
+        }
+    x, y = (float(value) for value in result.obstacle[0])
+    limits = setting.limits_spec
+    return Series(
+        time=result.time,
+        tip=tip,
+        reference=desired,
+        error=np.column_stack([tip - desired, yaw_error]),
+        command=result.command[:, 0],
+        twist=result.twist[:, 0],
+        distance=np.hypot(ahead, beside),
+        auxiliary=auxiliary,
+        obstacle=(x, y, setting.path_following_starts.obstacle_m or 0.0),
+        limits=(limits.v_max_mps, limits.w_max_radps),
+    )
