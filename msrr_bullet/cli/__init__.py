@@ -1,4 +1,4 @@
-"""The command line ``msrr``."""
+"""The command line ``msrr``: commands, options, console output and exit codes."""
 
 from msrr_bullet.cli.app import main
 

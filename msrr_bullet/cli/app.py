@@ -1,7 +1,6 @@
-"""The command line: ``msrr dock | sweep | scenes | check | bench | replay | frames | plot | export | ...``.
+"""The command line ``msrr``: the program, its entry point, and the commands ``scenes`` and ``check``.
 
-Exit codes: 0 docked or done; 1 not docked, or a replay that differs; 2 bad input, or a file that cannot be
-read or written; 70 an error of the program itself; 130 interrupted.
+The exit codes are documented in :mod:`msrr_bullet.cli.exit_codes`.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import typer
 from rich.console import Console
 
 from msrr_bullet.cli import bench_commands, run_commands, study_commands, trial_commands
-from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, say
+from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, report_error
 from msrr_bullet.cli.options import Overrides, parse_overrides
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.assets import shipped_scenes
@@ -32,18 +31,18 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Entry point of the program."""
+    """Run the program with the arguments of the process."""
     signal.signal(signal.SIGTERM, _terminate)
     sys.exit(run(sys.argv[1:]))
 
 
 def _terminate(number: int, frame: object) -> NoReturn:
-    # An exception, so that every open server, process and file is closed on the way out.
+    # An exception closes every open server, process and file on its way.
     raise SystemExit(128 + number)
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run the command line and return its exit code; every expected error becomes one message."""
+    """Run the command line and return its exit code."""
     try:
         app(list(arguments), prog_name="msrr")
     except SystemExit as end:
@@ -51,8 +50,8 @@ def run(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _show_versions(requested: bool) -> None:
+    if requested:
         from msrr_bullet.trial.result import package_versions
 
         typer.echo("\n".join(f"{name} {version}" for name, version in package_versions().items()))
@@ -62,7 +61,8 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _program(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Shows versions and exits.")
+        bool,
+        typer.Option("--version", callback=_show_versions, is_eager=True, help="Show versions and exit."),
     ] = False,
 ) -> None:
     """Docking of mobile robots by what their rendered cameras see."""
@@ -87,23 +87,21 @@ def check(
     ],
     overrides: Overrides = None,
 ) -> None:
-    """Check scene files; the exit code is 2 when one cannot be used."""
+    """Check scene files; the exit code is 2 if one of them cannot be used."""
     from msrr_control.staging.feasibility import check_assembly
 
-    bad = 0
+    code = 0
     for file in files:
         try:
             loaded = load_scene(file, parse_overrides(overrides))
             check_assembly(loaded)
         except MsrrError as error:
-            bad = say(str(error), BAD_INPUT)
+            code = report_error(str(error), BAD_INPUT)
             continue
         steps = ", then ".join(f"{step.unit}.{step.port} to {step.to}" for step in loaded.plan)
-        what = f"{len(loaded.units)} units, {len(loaded.obstacles)} obstacles; {steps}"
-        Console().print(
-            f"{file}: ok ({what}; {scene_hash(loaded)})", highlight=False, markup=False, soft_wrap=True
-        )
-    raise typer.Exit(bad)
+        bodies = f"{len(loaded.units)} units, {len(loaded.obstacles)} obstacles"
+        typer.echo(f"{file}: ok ({bodies}; {steps}; {scene_hash(loaded)})")
+    raise typer.Exit(code)
 
 
 app.command()(bench_commands.bench)

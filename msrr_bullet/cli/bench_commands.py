@@ -14,13 +14,11 @@ from msrr_bullet.cli.options import JsonFile, Overrides, check_writable, parse_o
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
 
-#: What is measured instead of a scene when it is given one of these names.
-CAMERAS = "cameras"
-DETECTION = "detection"
-
 Target = Annotated[
     str,
-    typer.Argument(metavar="TARGET", help="A scene, or one of: cameras (renderers), detection (settings)."),
+    typer.Argument(
+        metavar="TARGET", help="A scene, or cameras (compares renderers), or detection (compares settings)."
+    ),
 ]
 
 
@@ -28,16 +26,16 @@ class _Report(Protocol):
     def to_json(self) -> str: ...
 
 
-#: Measures, telling what comes next, and returns the report and its tables.
+#: Runs a benchmark, calls its argument with a text before each part, and returns the report and its tables.
 _Bench = Callable[[Callable[[str], None]], tuple[_Report, Iterable[Table]]]
 
 
 def bench(target: Target, json_file: JsonFile = None, overrides: Overrides = None) -> None:
-    """Measure a trial and the naive loop beside it; or the renderers; or the detection's settings."""
-    special = {CAMERAS: _cameras, DETECTION: _detection}.get(target)
-    if special is not None and overrides:
-        raise SceneError(f"msrr bench {target}: --set is for scenes only")
-    run = special or _scene(target, parse_overrides(overrides))
+    """Measure a trial and the naive loop of the same scene, or the renderers, or the detector's settings."""
+    benchmark = {"cameras": _cameras, "detection": _detection}.get(target)
+    if benchmark is not None and overrides:
+        raise SceneError(f"msrr bench {target}: --set applies to scenes only")
+    run = benchmark or _scene(target, parse_overrides(overrides))
     check_writable(json_file)
     from msrr_bullet.pybullet_client import load_simulator
 
@@ -53,7 +51,7 @@ def bench(target: Target, json_file: JsonFile = None, overrides: Overrides = Non
 def _scene(name: str, overrides: dict[str, str]) -> _Bench:
     scene = load_scene(name, overrides)
 
-    def run(tell: Callable[[str], None]) -> tuple[_Report, Iterable[Table]]:
+    def run(on_progress: Callable[[str], None]) -> tuple[_Report, Iterable[Table]]:
         from msrr_bullet.bench.trial_speed import measure_trial_speed, trial_speed_table
 
         report = measure_trial_speed(scene)
@@ -62,15 +60,15 @@ def _scene(name: str, overrides: dict[str, str]) -> _Bench:
     return run
 
 
-def _cameras(tell: Callable[[str], None]) -> tuple[_Report, Iterable[Table]]:
+def _cameras(on_progress: Callable[[str], None]) -> tuple[_Report, Iterable[Table]]:
     from msrr_bullet.bench.renderer_benchmark import benchmark_renderers, renderer_tables
 
-    report = benchmark_renderers(observer=tell)
+    report = benchmark_renderers(observer=on_progress)
     return report, renderer_tables(report)
 
 
-def _detection(tell: Callable[[str], None]) -> tuple[_Report, Iterable[Table]]:
+def _detection(on_progress: Callable[[str], None]) -> tuple[_Report, Iterable[Table]]:
     from msrr_bullet.bench.detection_benchmark import benchmark_detection, detection_tables
 
-    report = benchmark_detection(observer=tell)
+    report = benchmark_detection(observer=on_progress)
     return report, detection_tables(report)

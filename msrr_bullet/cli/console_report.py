@@ -1,4 +1,4 @@
-"""Tables for people: a trial's belief beside its truth, and a sweep."""
+"""The tables that the command line prints: a trial's belief and truth, a sweep, the shipped scenes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _deg(radians: float | None) -> str:
     return _UNKNOWN if radians is None else f"{math.degrees(radians):.2f} deg"
 
 
-def _yes(fact: bool | None) -> str:
+def _yes_no(fact: bool | None) -> str:
     return _UNKNOWN if fact is None else "yes" if fact else "no"
 
 
@@ -34,14 +34,14 @@ def _pose(pose: PlanarPose | None) -> str:
 
 
 def trial_table(result: TrialResult) -> Table:
-    """Return the closing table of a trial."""
+    """Return the table of a trial, with the robot's belief beside the truth."""
     title = f"{result.scene}, seed {result.seed} ({result.plant}, {result.perception})"
     table = Table(title=title, title_justify="left")
     table.add_column("")
     table.add_column("belief")
     table.add_column("truth")
-    good = "green" if result.docked else "red"
-    table.add_row("verdict", result.belief.replace("_", " "), f"[{good}]{result.outcome.value}[/]")
+    colour = "green" if result.docked else "red"
+    table.add_row("verdict", result.belief.replace("_", " "), f"[{colour}]{result.outcome.value}[/]")
     last = result.records[-1] if result.records else None
     table.add_row(
         "pose in dock frame", _pose(last.believed if last else None), _pose(last.true if last else None)
@@ -58,13 +58,13 @@ def trial_table(result: TrialResult) -> Table:
         table.add_row("contact: yaw", yaw, _deg(contact.yaw_rad))
     if seating is not None:
         table.add_row("gap between the faces", "", _mm(seating.axial_gap_m))
-        table.add_row("seated", "", _yes(seating.seated))
+        table.add_row("seated", "", _yes_no(seating.seated))
     table.add_row(
         "lock",
         "closed" if result.lock_closed else "open",
         "holds" if result.lock_engaged else "holds nothing",
     )
-    table.add_row("pull test passed", "", _yes(result.pull_test_passed))
+    table.add_row("pull test passed", "", _yes_no(result.pull_test_passed))
     clearance = result.min_clearance_m
     table.add_row("smallest clearance", "", _UNKNOWN if clearance is None else f"{clearance:.3f} m")
     table.add_row("attempts, time", f"{result.attempts}", f"{result.duration_s:.2f} s")
@@ -76,7 +76,7 @@ def _error(value: float | None, factor: float, unit: str) -> str:
 
 
 def sweep_table(summary: SweepSummary) -> Table:
-    """Return the closing table of a sweep."""
+    """Return the table of a sweep."""
     title = f"{summary.scene}, {summary.trials} trials ({summary.plant}, {summary.perception})"
     s = summary.success
     rate = f"docked: {100 * s.rate:.1f} %, 95 % interval {100 * s.low:.1f} .. {100 * s.high:.1f} %"
@@ -90,11 +90,11 @@ def sweep_table(summary: SweepSummary) -> Table:
         ("gap between seated faces", summary.seated_axial_mm, "mm"),
         ("steady tracking error", summary.tracking_error_m, "m"),
         ("amplitude at an obstacle", summary.amplitude_m, "m"),
-        ("recovery from it", summary.recovery_s, "s"),
+        ("recovery from an obstacle", summary.recovery_s, "s"),
         ("attempts", summary.attempts, ""),
     ):
         if values.p50 is None:
-            continue  # a scene that has no such thing
+            continue  # no trial of this scene has this figure
         table.add_row(name, *_quantiles(values, unit))
     table.add_section()
     for outcome, count in summary.outcomes.items():
@@ -116,7 +116,7 @@ def _quantiles(values: Quantiles, unit: str) -> list[str]:
 
 
 def scenes_table(names: tuple[str, ...]) -> Table:
-    """Return the gallery of shipped scenes."""
+    """Return the table of shipped scenes with their descriptions."""
     table = Table(title="Shipped scenes", title_justify="left")
     table.add_column("scene", no_wrap=True)
     table.add_column("description")

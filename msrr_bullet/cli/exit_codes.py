@@ -1,4 +1,4 @@
-"""How a command ends: one message for all that can be expected, and a telling exit code."""
+"""The exit codes of the command line, and how errors and interrupts become them."""
 
 from __future__ import annotations
 
@@ -18,74 +18,82 @@ from msrr_scenes.errors import MsrrError
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
+#: Exit code of a trial that did not end docked, and of a replay that differs from the log. A command that
+#: did what was asked ends with 0, and so does a trial that ended docked.
 NOT_DOCKED = 1
+
+#: Exit code for wrong arguments, a scene that cannot be used, or a file that cannot be read or written.
 BAD_INPUT = 2
+
+#: Exit code for an error of the program itself.
 PROGRAM_ERROR = 70
+
+#: Exit code after Ctrl-C.
 INTERRUPTED = 130
 
-#: How soon an interrupt that got lost is raised again [s].
-_AGAIN_S = 0.1
+#: Time after which an interrupt that was lost in a callback is raised again [s].
+_RETRY_S = 0.1
 
 
 class ExitCodeGroup(TyperGroup):
-    """Turns what ends a command into an exit code, before typer makes one code of all of it."""
+    """A group of commands that turns errors and interrupts into one message and an exit code."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
         with _swallowed_interrupts() as swallowed:
-            done = self._invoke(ctx, swallowed)
+            result = self._invoke(ctx, swallowed)
             if swallowed:
-                raise SystemExit(say("interrupted", INTERRUPTED))
-            return done
+                raise SystemExit(report_error("interrupted", INTERRUPTED))
+            return result
 
     def _invoke(self, ctx: Any, swallowed: Sequence[object]) -> Any:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            raise SystemExit(say("interrupted", INTERRUPTED)) from None
+            raise SystemExit(report_error("interrupted", INTERRUPTED)) from None
         except BrokenPipeError:
-            # The reader of our output went away; Python would complain once more at exit.
+            # The reader of the output has gone away; Python would report that once more at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise SystemExit(NOT_DOCKED) from None
         except (MsrrError, OSError) as error:
-            raise SystemExit(say(str(error), BAD_INPUT)) from None
+            raise SystemExit(report_error(str(error), BAD_INPUT)) from None
         except Exception as error:
-            if swallowed:  # and this may have stumbled over what was left undone
-                raise SystemExit(say("interrupted", INTERRUPTED)) from None
-            if hasattr(error, "exit_code"):  # typer's own: usage errors, and the end of a command
+            if swallowed:  # the error may follow from the work that the interrupt cut short
+                raise SystemExit(report_error("interrupted", INTERRUPTED)) from None
+            if hasattr(error, "exit_code"):  # typer's own exceptions: usage errors, and the end of a command
                 raise
             traceback.print_exc()
             text = "this is an error of the program; please report it with the lines above"
-            raise SystemExit(say(text, PROGRAM_ERROR)) from None
+            raise SystemExit(report_error(text, PROGRAM_ERROR)) from None
 
 
 @contextmanager
 def _swallowed_interrupts() -> Iterator[Sequence[object]]:
-    """List the interrupts that a callback from C could not raise, and have each come again a little later.
+    """Collect the interrupts that a callback from C could not raise, and raise each again a little later.
 
-    numba's compiler calls back from C; Python can only report what is raised there, and goes on.
+    numba's compiler calls back from C. Python can only report an exception that is raised there, and goes on.
     """
-    again: list[threading.Timer] = []
-    report = sys.unraisablehook
+    timers: list[threading.Timer] = []
+    original_hook = sys.unraisablehook
 
-    def note(unraisable: UnraisableHookArgs) -> None:
+    def retry_interrupt(unraisable: UnraisableHookArgs) -> None:
         if not issubclass(unraisable.exc_type, KeyboardInterrupt):
-            report(unraisable)
+            original_hook(unraisable)
             return
-        again.append(threading.Timer(_AGAIN_S, _thread.interrupt_main))
-        again[-1].daemon = True
-        again[-1].start()
+        timers.append(threading.Timer(_RETRY_S, _thread.interrupt_main))
+        timers[-1].daemon = True
+        timers[-1].start()
 
-    sys.unraisablehook = note
+    sys.unraisablehook = retry_interrupt
     try:
-        yield again
+        yield timers
     finally:
-        sys.unraisablehook = report
-        for timer in again:
+        sys.unraisablehook = original_hook
+        for timer in timers:
             timer.cancel()
 
 
-def say(message: str, code: int) -> int:
+def report_error(message: str, code: int) -> int:
     """Write a message to standard error and return ``code``."""
     print(f"msrr: {message}", file=sys.stderr)  # noqa: T201 - plain text, no markup
     return code
