@@ -119,8 +119,8 @@ def _lag_paragraph(table: Table) -> str:
             )
         laws.append(f"{row.label}: {', '.join(figures)}")
     return (
-        "Amplitude and recovery at the obstacle consist of lag behind the desired point and of distance from"
-        f" the path ({table.plant}; {table.description}). {'; '.join(laws)}."
+        "At the obstacle the distance to the desired point includes lag along the path, that to the path"
+        f" does not ({table.plant}; {table.description}). {'; '.join(laws)}."
     )
 
 
@@ -153,7 +153,7 @@ def default_controller_text(results: Reproduction) -> str:
         text += f" The default {'cannot be told from it' if default in equal else 'is worse'}."
     if equal:
         listed = "; ".join(f"{r.label} ({_evidence(r)})" for r in equal)
-        text += f" Its rates cannot be told from those of {listed}."
+        text += f" The rates of {best.label} cannot be told from those of {listed}."
     if worse:
         text += f" Worse are {'; '.join(f'{r.label} ({_evidence(r, brief=True)})' for r in worse)}."
     return text

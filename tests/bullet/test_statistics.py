@@ -1,4 +1,6 @@
-"""Statistics of a sweep against known values and laws."""
+"""Rates with their intervals, and quantiles, against known values and laws."""
+
+import math
 
 import numpy as np
 import pytest
@@ -6,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from msrr_bullet.statistics import quantiles, wilson
+from msrr_bullet.statistics import Quantiles, quantile, quantiles, wilson
+from msrr_scenes.random_streams import stream
 
 
 @given(st.integers(1, 500), st.data(), st.sampled_from([0.8, 0.95, 0.99]))
@@ -47,6 +50,21 @@ def test_quantiles_by_hand() -> None:
     q = quantiles(float(i) for i in range(101))
     assert (q.p50, q.p95, q.max) == (50.0, 95.0, 100.0)
     assert quantiles([]).model_dump() == {"p50": None, "p95": None, "max": None}
+
+
+def test_quantiles_may_be_infinite() -> None:
+    few, many = [1.0] * 19 + [math.inf], [1.0] * 10 + [math.inf] * 10
+    assert [quantile(few, q) for q in (0.5, 0.94, 0.95, 1.0)] == [1.0, 1.0, math.inf, math.inf]
+    assert quantile([1.0, 2.0, math.inf], 0.5) == 2.0
+    assert [quantile(many, q) for q in (0.25, 0.5, 0.75)] == [1.0, math.inf, math.inf]
+    found = quantiles(few)
+    assert (found.p50, found.p95, found.max) == (1.0, math.inf, math.inf)
+    assert Quantiles.model_validate_json(found.model_dump_json()) == found
+
+
+def test_a_quantile_of_finite_values_is_numpys() -> None:
+    values = list(stream(1, "test/quantile").uniform(size=37))
+    assert quantile(values, 0.95) == np.quantile(values, 0.95)
 
 
 def test_the_interval_covers_as_it_claims() -> None:

@@ -1,0 +1,79 @@
+"""The findings in words: requirements, lag behind the desired point, and the default controller."""
+
+import math
+
+import numpy as np
+
+from msrr_bullet.reproduce.report.findings import default_controller_text, lag_text, requirements
+from msrr_bullet.studies.model import Measured, Reproduction, Row, Table, rate_of
+from msrr_bullet.studies.path_following_studies import path_following_row
+from msrr_bullet.studies.settings import STANDARD
+from msrr_scenes.specs.spec import Choice
+
+
+def row(label: str, docked: int, in_view: int, lateral_m: float, settling: float = 1.0) -> Row:
+    """A row of 20 trials of the close phase."""
+    values = {"settling": settling, "final": 0.001, "lateral": lateral_m, "yaw": 0.001}
+    return Row(
+        controller=label.lower(),
+        label=label,
+        trials=20,
+        success=rate_of(np.arange(20) < docked),
+        in_view=rate_of(np.arange(20) < in_view),
+        in_cone=rate_of(np.arange(20) < in_view),
+        measures={key: Measured.of([value] * 20) for key, value in values.items()},
+    )
+
+
+def results(*rows: Row, setting: str = "standard") -> Reproduction:
+    table = Table(phase="close", plant="unicycle", setting=setting, description="here", rows=rows)
+    return Reproduction(versions={}, seeds={}, tables=(table,))
+
+
+def test_requirements_are_answered_from_the_tables(unicycle_results: Reproduction) -> None:
+    answered = requirements(unicycle_results)
+    assert sum("C1, unicycle" in r.text for r in answered) == 5
+    table = unicycle_results.table("close", "unicycle", "standard")
+    assert table is not None
+    final = table.rows[1].measures["final"].quantiles.p95
+    assert final is not None
+    assert any(f"/ {1e3 * final:.3g} mm" in r.result for r in answered)
+    assert requirements(Reproduction(versions={}, seeds={})) == []
+
+
+def test_a_law_that_never_settles_misses_the_requirement() -> None:
+    (settling,) = [r for r in requirements(results(row("C1", 20, 20, 0.001, math.inf))) if "15 mm" in r.text]
+    assert settling.text == "C1, unicycle, here: time to stay under 15 mm at most 1.2 / 2 s"
+    assert (settling.result, settling.met) == ("never / never s", False)
+    few = row("C1", 20, 20, 0.001)
+    times = Measured.of([1.0] * 18 + [math.inf] * 2)
+    few = few.model_copy(update={"measures": {**few.measures, "settling": times}})
+    (settling,) = [r for r in requirements(results(few)) if "15 mm" in r.text]
+    assert (settling.result, settling.met) == ("1 / never s", False)
+
+
+def test_the_best_controller_is_named_with_those_that_cannot_be_told_from_it() -> None:
+    rows = (row("C1", 20, 4, 0.001), row("CBF", 20, 20, 0.002), row("GRACEFUL", 20, 20, 0.001))
+    text = default_controller_text(results(*rows, setting="hard"))
+    assert "GRACEFUL is the best" in text
+    assert (
+        "The default cannot be told from it. The rates of GRACEFUL cannot be told from those of CBF (" in text
+    )
+    assert "Worse are C1 (100.0 % docked, 20.0 % in view, 20.0 % in the cone, 1 mm)." in text
+    assert default_controller_text(Reproduction(versions={}, seeds={})) == ""
+
+
+def test_the_default_controller_is_named(unicycle_results: Reproduction) -> None:
+    assert "CBF" in default_controller_text(unicycle_results)
+
+
+def test_both_distances_are_compared() -> None:
+    laws = [Choice(name="c1"), Choice(name="c2")]
+    rows = tuple(path_following_row(law, law.name.upper(), STANDARD, range(40)) for law in laws)
+    table = Table(phase="long", plant="unicycle", setting="standard", description="here", rows=rows)
+    (text,) = lag_text(Reproduction(versions={}, seeds={}, tables=(table,)))
+    q = rows[1].measures["amplitude_path"].quantiles
+    assert q.p50 is not None
+    assert q.p95 is not None
+    assert f"{q.p50:.3g} / {q.p95:.3g} m to the path" in text
+    assert text.count(" to the desired point and ") == 4

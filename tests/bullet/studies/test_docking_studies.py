@@ -1,0 +1,67 @@
+"""The close-range phase on unicycles: targets, capture at the face, and one trial over time."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msrr_bullet.studies.docking_studies import captured, docking_row, docking_series
+from msrr_bullet.studies.measures import DOCKING
+from msrr_bullet.studies.settings import STANDARD
+from msrr_control.studies.docking_study import StudyResult
+from msrr_scenes.errors import SceneError
+from msrr_scenes.specs.spec import Choice
+
+C1 = Choice(name="c1")
+
+#: A controller of one's own that computes one command at a time.
+LAWLESS = """
+class Controller:
+    def __init__(self, setup, guidance): ...
+    def reset(self, inputs): ...
+    def step(self, inputs): ...
+"""
+
+
+def test_c1_meets_its_targets() -> None:
+    """100 trials at a fixed seed: no chance is involved, and the bounds leave a tenth of room or more."""
+    row = docking_row(C1, "C1", STANDARD, range(100))
+    for measure in DOCKING:
+        if measure.target_p50 is None or measure.target_p95 is None:
+            continue
+        q = row.measures[measure.key].quantiles
+        assert q.p50 is not None
+        assert q.p50 <= measure.target_p50, measure.key
+        assert q.p95 is not None
+        assert q.p95 <= measure.target_p95, measure.key
+    assert row.success.rate == 1.0
+    assert row.within_paper == 100
+
+
+def test_captured_trials_are_at_the_face_within_both_bounds() -> None:
+    """Just within and just beyond each of the two bounds, and a trial that never reached the face."""
+    at_face = [(0.0129, 0.0), (-0.0131, 0.0), (0.0, 7.9), (0.0, -8.1), (0.0, 0.0)]
+    pairs = np.zeros((2, 5, 2))
+    tip, pose = pairs.copy(), np.zeros((2, 5, 3))
+    tip[1, :, 1], pose[1, :, 2] = [y for y, _ in at_face], np.radians([yaw for _, yaw in at_face])
+    contact = np.array([1, 1, 1, 1, -1])
+    result = StudyResult(0.02, pose, pairs, pairs, pairs, tip, pairs, contact, 0)
+    assert captured(result).tolist() == [True, False, True, False, False]
+
+
+def test_a_trial_over_time_ends_at_the_face() -> None:
+    series = docking_series(C1, STANDARD, 3)
+    assert series.tip[-1][0] == pytest.approx(0.0, abs=0.004)
+    assert abs(series.error[-1][1]) < 0.01
+    every = (series.time, series.tip, series.reference, series.command, series.twist, series.angles)
+    assert len({len(values) for values in every}) == 1
+    assert set(series.auxiliary) == {"xi", "cone shift [m]"}
+
+
+def test_a_controller_without_an_array_law_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "lawless.py").write_text(LAWLESS)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(SceneError, match="not made of an array law"):
+        docking_row(Choice(name="lawless:Controller"), "", STANDARD, range(1))

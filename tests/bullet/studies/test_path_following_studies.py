@@ -1,0 +1,51 @@
+"""The long-distance phase on unicycles: targets, lag and swing told apart, and one trial over time."""
+
+import numpy as np
+import pytest
+
+from msrr_bullet.studies.measures import PATH_FOLLOWING
+from msrr_bullet.studies.path_following_studies import path_following_row, path_following_series
+from msrr_bullet.studies.settings import STANDARD
+from msrr_scenes.errors import UnknownNameError
+from msrr_scenes.specs.spec import Choice
+
+C1, C2 = Choice(name="c1"), Choice(name="c2")
+
+
+def test_c1_meets_its_targets() -> None:
+    """100 trials at a fixed seed: no chance is involved, and the bounds leave a tenth of room or more."""
+    row = path_following_row(C1, "C1", STANDARD, range(100))
+    for measure in PATH_FOLLOWING:
+        if measure.target_p50 is None or measure.target_p95 is None:
+            continue
+        q = row.measures[measure.key].quantiles
+        assert q.p50 is not None
+        assert q.p50 <= measure.target_p50, measure.key
+        assert q.p95 is not None
+        assert q.p95 <= measure.target_p95, measure.key
+    assert row.success.rate == 1.0
+    assert row.within_paper == 100
+
+
+def test_the_distance_to_the_path_leaves_out_the_lag() -> None:
+    rows = [path_following_row(choice, choice.name.upper(), STANDARD, range(40)) for choice in (C1, C2)]
+    for row in rows:
+        assert {"amplitude", "amplitude_path", "recovery", "recovery_path"} <= set(row.measures)
+        pairs = zip(row.measures["amplitude"].values, row.measures["amplitude_path"].values, strict=True)
+        assert all(path <= point for point, path in pairs)
+    p50 = {key: measured.quantiles.p50 or 0.0 for key, measured in rows[1].measures.items()}
+    assert p50["amplitude"] - p50["amplitude_path"] > 0.05
+    assert p50["recovery"] - p50["recovery_path"] > 0.2
+
+
+def test_a_trial_over_time_passes_its_obstacle() -> None:
+    series = path_following_series(C1, STANDARD, 3)
+    assert series.obstacle is not None
+    assert min(series.distance) > series.obstacle[2]
+    assert set(series.auxiliary) == {"lambda_phi", "lambda", "lambda_s"}
+    assert np.hypot(*np.array(series.error)[-1, :2]) < 0.03
+
+
+def test_an_unknown_law_is_named() -> None:
+    with pytest.raises(UnknownNameError, match="c3"):
+        path_following_row(Choice(name="c3"), "C3", STANDARD, range(1))
