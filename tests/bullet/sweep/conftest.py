@@ -1,0 +1,72 @@
+"""Trials that take no time: made-up results, an executor that runs them at once, and a short real trial."""
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any
+
+import pytest
+
+from msrr_bullet.trial.result import Contact, Seating, TrialResult
+from msrr_scenes import load_scene, scene_hash
+from msrr_scenes.messages import Phase
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.scene import Scene
+
+
+class InlineExecutor:
+    """Runs everything at once, in this process."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args))
+        except Exception as error:  # noqa: BLE001 - as every executor does
+            future.set_exception(error)
+        return future
+
+
+@pytest.fixture
+def inline() -> InlineExecutor:
+    return InlineExecutor()
+
+
+@pytest.fixture(scope="session")
+def scene() -> Scene:
+    return load_scene("close_range")
+
+
+@pytest.fixture(scope="session")
+def short_trial() -> dict[str, str]:
+    """Overrides for a real trial that takes no time: no contact, no pixels, one simulated second."""
+    return {"plant": "unicycle", "perception": "parametric", "time_limit_s": "1"}
+
+
+def _made_up(scene: Scene, seed: int) -> TrialResult:
+    """Dock on the first attempt with even seeds and the second with odd ones; every tenth is a false dock."""
+    false_dock = seed % 10 == 9
+    return TrialResult(
+        scene=scene.name,
+        scene_hash=scene_hash(scene),
+        seed=seed,
+        plant=scene.plant,
+        perception=scene.perception,
+        outcome=Outcome.FALSE_DOCK if false_dock else Outcome.DOCKED,
+        belief="docked",
+        belief_reason="made up",
+        attempts=1 + seed % 2,
+        duration_s=1.0,
+        phase=Phase.DONE,
+        contact=None
+        if false_dock
+        else Contact(time_s=0.5, lateral_m=1e-3 * seed, yaw_rad=math.radians(0.1 * seed)),
+        seating=Seating(axial_gap_m=0.001, lateral_m=0.0, yaw_rad=0.0, seated=not false_dock),
+        min_clearance_m=0.3 - 0.01 * seed,
+        start_redraws=seed % 3,
+    )
+
+
+@pytest.fixture(scope="session")
+def made_up() -> Callable[[Scene, int], TrialResult]:
+    """A trial that docks on the first attempt with even seeds, and is a false dock with every tenth seed."""
+    return _made_up

@@ -1,0 +1,66 @@
+"""Stores of results: files that are none, full disks, and results by seed."""
+
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.trial_store import StoreError, TrialStore
+from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
+from msrr_scenes.specs.scene import Scene
+
+
+def test_results_are_found_by_scene_code_and_seed(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path
+) -> None:
+    results = {seed: made_up(scene, seed) for seed in range(3)}
+    with TrialStore(tmp_path / "deep" / "trials.sqlite") as store:
+        for result in results.values():
+            store.put(result, "code")
+    key = results[0].scene_hash
+    with TrialStore(tmp_path / "deep" / "trials.sqlite") as store:
+        assert store.get(key, "code", range(1, 9)) == {1: results[1], 2: results[2]}
+        assert store.get(key, "other", range(3)) == {}
+        assert store.get("other", "code", range(3)) == {}
+
+
+def test_a_file_that_is_no_store(
+    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
+) -> None:
+    text = tmp_path / "notes.txt"
+    text.write_text("these are notes, long enough to be no database header at all\n" * 20)
+    with pytest.raises(StoreError, match=r"notes\.txt"):
+        sweep(scene, range(1), store=text, executor=inline, trial=made_up)
+    assert "these are notes" in text.read_text()
+    alien = tmp_path / "alien.sqlite"
+    with sqlite3.connect(alien) as db:
+        db.execute("CREATE TABLE recipes (name TEXT)")
+    with pytest.raises(StoreError, match="not a store of this version"):
+        sweep(scene, range(1), store=alien, executor=inline, trial=made_up)
+    with pytest.raises(StoreError):
+        sweep(scene, range(1), store=tmp_path, executor=inline, trial=made_up)
+
+
+def test_a_full_disk_is_one_error(
+    scene: Scene,
+    inline: SupportsSubmit,
+    made_up: TrialFunction,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    store = tmp_path / "trials.sqlite"
+    sweep(scene, range(1), store=store, executor=inline, trial=made_up)
+    with sqlite3.connect(store) as db:
+        pages = db.execute("PRAGMA page_count").fetchone()[0]
+    real = sqlite3.connect
+
+    def small(*args: Any, **kwargs: Any) -> sqlite3.Connection:
+        db = real(*args, **kwargs)
+        db.execute(f"PRAGMA max_page_count = {pages}")
+        return db
+
+    monkeypatch.setattr(sqlite3, "connect", small)
+    with pytest.raises(StoreError, match="full"):
+        sweep(scene, range(60), store=store, executor=inline, trial=made_up)
