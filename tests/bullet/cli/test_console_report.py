@@ -1,0 +1,68 @@
+"""The tables on the console: belief beside truth, rates with intervals, descriptions of scenes."""
+
+import io
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+
+from msrr_bullet.cli.console_report import scenes_table, sweep_table, trial_table
+from msrr_bullet.sweep.summary import TrialFailure, summarise
+from msrr_bullet.trial.result import Contact, Seating, TrialResult
+from msrr_scenes import load_scene
+from msrr_scenes.messages import Phase
+from msrr_scenes.outcome import Outcome
+
+
+def text(table: Table) -> str:
+    """Return the table as printed, with single spaces."""
+    console = Console(file=io.StringIO(), width=120)
+    console.print(table)
+    assert isinstance(console.file, io.StringIO)
+    return " ".join(console.file.getvalue().replace("\u2502", " ").split())
+
+
+@pytest.fixture
+def false_dock() -> TrialResult:
+    return TrialResult(
+        scene="close_range",
+        scene_hash="00ff",
+        seed=3,
+        plant="bullet",
+        perception="images",
+        outcome=Outcome.FALSE_DOCK,
+        belief="docked",
+        belief_reason="the seat switches closed",
+        attempts=2,
+        duration_s=12.5,
+        phase=Phase.DONE,
+        contact=Contact(time_s=9.0, lateral_m=0.0015, yaw_rad=0.01),
+        seating=Seating(axial_gap_m=0.004, lateral_m=0.0, yaw_rad=0.0, seated=False),
+        min_clearance_m=None,
+    )
+
+
+def test_a_trial_shows_belief_beside_truth(false_dock: TrialResult) -> None:
+    shown = text(trial_table(false_dock))
+    assert "close_range, seed 3 (bullet, images)" in shown
+    assert "verdict docked false_dock" in shown
+    assert "contact: lateral - 1.50 mm" in shown
+    assert "contact: yaw - 0.57 deg" in shown
+    assert "seated no" in shown
+    assert "smallest clearance -" in shown
+    assert "attempts, time 2 12.50 s" in shown
+
+
+def test_a_sweep_shows_its_rate_and_what_it_measured(false_dock: TrialResult) -> None:
+    failures = [TrialFailure(seed=4, error="the process of this trial died")]
+    summary = summarise(load_scene("close_range"), "00ff", "code", [false_dock], failures)
+    shown = text(sweep_table(summary))
+    assert "docked: 0.0 %, 95 % interval 0.0 .. 65.8 %" in shown
+    assert "lateral error at first contact 1.50 mm 1.50 mm 1.50 mm" in shown
+    assert "false_dock 1" in shown
+    assert "program failed 1" in shown
+    assert "recovery" not in shown  # no trial passed an obstacle
+
+
+def test_scenes_have_descriptions() -> None:
+    assert load_scene("weak_lock").description.split()[0] in text(scenes_table(("weak_lock",)))

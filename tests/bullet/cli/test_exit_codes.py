@@ -1,0 +1,114 @@
+"""Exit codes: errors, interrupts, full disks and readers that go away end with one message."""
+
+import contextlib
+import ctypes
+import errno
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+import pytest
+import typer
+
+from msrr_bullet.cli.app import run
+from msrr_scenes.errors import SceneError
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "message"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted"),
+        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "runs/x"), 2, "No space left on device: 'runs/x'"),
+        (SceneError("no good"), 2, "msrr: no good"),
+        (ZeroDivisionError("oops"), 70, "an error of the program"),
+    ],
+)
+def test_what_ends_a_command_early(
+    error: BaseException, code: int, message: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: Any, **__: Any) -> NoReturn:
+        raise error
+
+    monkeypatch.setattr("msrr_bullet.run.run_trial", fail)
+    assert run(["dock", "close_range"]) == code
+    err = capsys.readouterr().err
+    assert message in err
+    assert ("Traceback" in err) is (code == 70)  # a mistake of ours is not hidden
+
+
+@ctypes.CFUNCTYPE(None)
+def interrupted_callback() -> None:
+    """Python cannot raise what is raised here: it is called from C, as by a compiler."""
+    signal.raise_signal(signal.SIGINT)
+
+
+def stumbling() -> None:
+    raise RuntimeError("no compiled object yet")
+
+
+def going_on() -> None:
+    for _ in range(2000):
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("then", [stumbling, lambda: None, going_on])
+def test_a_swallowed_interrupt_is_still_one(
+    then: Callable[[], None], capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What comes next fails for want of a result, or ends as if nothing had been, or goes on for long."""
+
+    def swallow(*_: Any, **__: Any) -> NoReturn:
+        interrupted_callback()
+        then()
+        raise typer.Exit
+
+    monkeypatch.setattr("msrr_bullet.run.run_trial", swallow)
+    before, start = sys.unraisablehook, time.monotonic()
+    assert run(["dock", "close_range"]) == 130
+    assert time.monotonic() - start < 10.0
+    message = capsys.readouterr().err
+    assert "interrupted" in message
+    assert "Traceback" not in message
+    assert sys.unraisablehook is before
+
+
+def test_an_interrupt_that_was_dealt_with_hides_no_mistake(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def deal_with(*_: Any, **__: Any) -> NoReturn:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise RuntimeError("a mistake")
+
+    monkeypatch.setattr("msrr_bullet.run.run_trial", deal_with)
+    assert run(["dock", "close_range"]) == 70
+    assert "a mistake" in capsys.readouterr().err
+
+
+def test_a_full_disk_is_one_message(short_trial: list[str], capsys: Capture) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full on this system")
+    assert (
+        run(["sweep", "close_range", *short_trial, "--seeds", "0", "--jobs", "1", "--json", "/dev/full"]) == 2
+    )
+    err = capsys.readouterr().err
+    assert "No space left on device" in err
+    assert "Traceback" not in err
+
+
+def test_a_reader_that_goes_away_is_no_error() -> None:
+    code = "import sys; from msrr_bullet.cli.app import run; sys.exit(run(['scenes']))"
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    process.stderr.close()
+    process.wait(timeout=30)

@@ -1,0 +1,67 @@
+"""The commands that run trials: their output, their files and their exit codes."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from msrr_bullet.cli.app import run
+from msrr_bullet.trial.result import TrialResult
+
+Capture = pytest.CaptureFixture[str]
+
+
+def test_dock_leaves_a_run_folder_and_tells_belief_from_truth(
+    short_trial: list[str], tmp_path: Path, capsys: Capture
+) -> None:
+    assert run(["dock", "close_range", "--seed", "3", *short_trial]) == 1  # one second is not enough
+    out = capsys.readouterr().out
+    assert "belief" in out
+    assert "truth" in out
+    assert "timeout, run folder runs/close_range-3-" in out
+    (folder,) = (tmp_path / "runs").iterdir()
+    result = TrialResult.from_json((folder / "result.json").read_text())
+    assert (result.scene, result.seed, result.outcome.value) == ("close_range", 3, "timeout")
+    assert (folder / "trial.mcap").stat().st_size > 0
+
+
+def test_the_same_trial_goes_to_the_same_folder(short_trial: list[str], tmp_path: Path) -> None:
+    for _ in range(2):
+        run(["dock", "close_range", *short_trial])
+    run(["dock", "close_range", *short_trial, "--set", "los.inner_deg=21"])
+    assert len(list((tmp_path / "runs").iterdir())) == 2
+
+
+def test_sweep_writes_the_numbers(short_trial: list[str], tmp_path: Path, capsys: Capture) -> None:
+    arguments = ["sweep", "close_range", *short_trial, "--seeds", "0:2", "--jobs", "1"]
+    assert run([*arguments, "--json", "numbers.json"]) == 0
+    numbers = json.loads((tmp_path / "numbers.json").read_text())
+    assert numbers["trials"] == 2
+    assert numbers["outcomes"] == {"timeout": 2}
+    assert set(numbers["success"]) == {"rate", "low", "high"}
+    for key in ("contact_lateral_mm", "contact_yaw_deg", "seated_axial_mm", "attempts"):
+        assert set(numbers[key]) == {"p50", "p95", "max"}
+    assert {"min_clearance_m", "false_docks", "redraws"} <= set(numbers)
+    capsys.readouterr()
+    assert run([*arguments, "--json", "-"]) == 0  # the table gives way to the numbers
+    again = json.loads(capsys.readouterr().out)
+    assert again == {**numbers, "reused": 2}
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["control.docking=c9"], "unknown controller 'c9'"),
+        (["control.docking=no.such:Law"], "no.such"),
+        (["control.docking.params.gian=1"], "gian"),
+    ],
+)
+def test_a_controller_that_cannot_be_built_is_bad_input(
+    short_trial: list[str], overrides: list[str], message: str, capsys: Capture
+) -> None:
+    options = [part for override in overrides for part in ("--set", override)]
+    assert run(["dock", "close_range", *short_trial, *options]) == 2
+    out, err = capsys.readouterr()
+    assert message in err
+    assert "Traceback" not in err
+    assert out == ""
