@@ -109,14 +109,14 @@ def reproduce_bullet(
     """
     experiments = tuple(experiments)
     forecast = Forecast({e.name: (len(e.docking) * len(seeds), _relative_duration(e)) for e in experiments})
-    tables, spent = [], {}
+    tables, seconds_by_name = [], {}
     for experiment in experiments:
         began = time.perf_counter()
         trials: dict[str, tuple[MeasuredTrial, ...]] = {}
         for label in experiment.docking:
             counter = TrialCounter(on_progress, forecast, experiment.name, label, len(seeds))
             trials[label] = run_trials(experiment.load(label), seeds, folder, jobs, counter)
-        spent[experiment.name] = round(time.perf_counter() - began, 2)
+        seconds_by_name[experiment.name] = round(time.perf_counter() - began, 2)
         tables += [
             Table(
                 phase=phase,
@@ -131,7 +131,7 @@ def reproduce_bullet(
         versions=package_versions(),
         seeds={"bullet": (seeds.start, seeds.stop)},
         tables=tuple(tables),
-        seconds=spent,
+        seconds=seconds_by_name,
     )
 
 

@@ -24,7 +24,7 @@ R = TypeVar("R")
 #: Settings of the tables; the last one differs only in the starts of the close phase.
 TABLES = (STANDARD, IDEAL, UNCOMPENSATED, HARD, WIDE)
 
-#: Number of trials in each cell of the map; so many tell docking from not docking.
+#: Number of trials in each cell of the map, enough to distinguish docking from not docking.
 MAP_TRIALS = 40
 
 #: Controllers by phase and label, in the order in which they are shown.
@@ -45,7 +45,7 @@ def reproduce_unicycle(
         pool: Executor that runs the studies; without one they run in this process.
         on_progress: Called with the name of each study before it starts.
     """
-    spent: dict[str, float] = {}
+    seconds: dict[str, float] = {}
 
     def run_all(function: Callable[[T], R], jobs: Iterable[T]) -> Iterator[R]:
         return pool.map(function, jobs) if pool is not None else map(function, jobs)
@@ -55,9 +55,9 @@ def reproduce_unicycle(
     def record_time(name: str) -> None:
         nonlocal began
         now = time.perf_counter()
-        spent[name], began = round(now - began, 2), now
+        seconds[name], began = round(now - began, 2), now
 
-    on_progress("controllers beside the paper")
+    on_progress("controllers compared with the paper")
     jobs = [
         RowJob(phase, choice, label, setting, seeds)
         for phase, choices in contenders.items()
@@ -101,7 +101,7 @@ def reproduce_unicycle(
         panels=panels,
         maps=tuple(maps),
         ablations=ablations,
-        seconds=spent,
+        seconds=seconds,
     )
 
 
