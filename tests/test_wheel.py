@@ -54,7 +54,11 @@ def test_the_wheel_holds_everything_a_trial_needs_and_nothing_else(wheel: Path) 
     assert {name.partition("/")[0] for name in names if ".dist-info/" not in name} == set(packages)
     assert {f"{package}/py.typed" for package in packages} <= names
     assert {f"msrr_scenes/library/{scene}.yaml" for scene in shipped_scenes()} <= names
-    assert {"msrr_scenes/urdf/unit.urdf", "msrr_bullet/viewer/page.html"} <= names
+    assert {
+        "msrr_scenes/urdf/unit.urdf",
+        "msrr_bullet/viewer/page.html",
+        "msrr_bullet/reproduce/report/report.html.j2",
+    } <= names
     sources = {
         p.relative_to(room).as_posix()
         for room in (ROOT, ROOT / "scenes", ROOT / "perception", ROOT / "control")
