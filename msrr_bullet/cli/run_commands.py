@@ -53,7 +53,7 @@ def frames(
 ) -> None:
     """Write camera frames with what the robot made of them drawn on."""
     _quietly()
-    from msrr_bullet.figures.frames import write_frames
+    from msrr_bullet.figures.frame_files import write_frames
     from msrr_bullet.log import unpacked_log
 
     folder = out if out is not None else _beside(run) / "frames"
@@ -74,13 +74,13 @@ def plot(
     _quietly()
     from msrr_bullet.figures.plot import write_plot
     from msrr_bullet.log import unpacked_log
-    from msrr_bullet.timeline.log_snapshots import snapshots, verdict
+    from msrr_bullet.timeline.log_snapshots import read_snapshots, read_verdict
 
     file = out if out is not None else _beside(run) / "plot.png"
     console = Console()
     with console.status(f"{run}: drawing"), unpacked_log(run) as log:
-        headline = f"{verdict(log) or 'broken off'}, seed {log.header.seed}"
-        write_plot(file, log.header.scene, snapshots(log), headline)
+        headline = f"{read_verdict(log) or 'broken off'}, seed {log.header.seed}"
+        write_plot(file, log.header.scene, read_snapshots(log), headline)
     _tell(console, str(file))
 
 

@@ -1,11 +1,11 @@
-"""The table that plots are drawn from: belief beside truth at each decision."""
+"""Table of belief beside truth at each decision, from which plots are drawn."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
 from msrr_bullet.export.table import Row, columns, time
-from msrr_bullet.timeline.series import Series
+from msrr_bullet.timeline.series import TrialSeries
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_scenes.specs.scene import Scene
 
@@ -13,48 +13,48 @@ NAME = "approach"
 ABOUT = "Belief beside truth at each decision: what `msrr plot` draws, derived from the tables above."
 COLUMNS = columns(
     time_s="simulated time",
-    unit="the docking unit",
-    attempt="counted from 1",
+    unit="name of the docking unit",
+    attempt="number of the attempt, from 1",
     phase="phase of the docking step",
-    true_gap_m="distance of its port from the face of the target's, along the docking axis, in truth",
-    true_lateral_m="offset of its port to the left of the docking axis, in truth",
-    true_yaw_rad="heading off the docking axis, in truth",
-    believed_gap_m="the same, believed",
-    believed_lateral_m="the same, believed",
-    believed_yaw_rad="the same, believed",
-    commanded_v_mps="forward velocity commanded",
-    commanded_w_radps="turn rate commanded",
-    true_v_mps="forward velocity until the next decision, in truth",
-    true_w_radps="turn rate until the next decision, in truth",
-    left_rad="angle of the target's left edge",
-    right_rad="angle of its right edge",
+    true_gap_m="true distance of the unit's port from the face of the target's, along the docking axis",
+    true_lateral_m="true offset of the unit's port to the left of the docking axis",
+    true_yaw_rad="true heading relative to the docking axis",
+    believed_gap_m="estimate of true_gap_m",
+    believed_lateral_m="estimate of true_lateral_m",
+    believed_yaw_rad="estimate of true_yaw_rad",
+    commanded_v_mps="commanded forward velocity",
+    commanded_w_radps="commanded turn rate",
+    true_v_mps="true forward velocity until the next decision",
+    true_w_radps="true turn rate until the next decision",
+    left_rad="angle of the left edge of the target",
+    right_rad="angle of the right edge of the target",
     seen="1 when both angles were measured in an image",
-    clearance_m="smallest distance between two bodies, in truth",
-    docking_pair="1 when that is the docking pair's own, which may touch",
-    believed_off_path_m="distance of the controlled point from where on the path it should be, believed",
-    true_off_path_m="the same, in truth",
-    wall="1 while a wall beside an obstacle stands",
+    clearance_m="true smallest distance between two bodies",
+    docking_pair="1 when that is the distance of the docking pair, which may touch",
+    believed_off_path_m="estimated distance of the controlled point from the desired point on the path",
+    true_off_path_m="true distance of the controlled point from the desired point on the path",
+    wall="1 while a wall beside an obstacle is in force",
 )
 
 
-def rows(scene: Scene, frames: Sequence[Snapshot]) -> Iterator[Row]:
+def rows(scene: Scene, snapshots: Sequence[Snapshot]) -> Iterator[Row]:
     """Yield a row for each decision."""
-    s = Series.of(scene, frames)
-    for i, frame in enumerate(frames):
+    series = TrialSeries.of(scene, snapshots)
+    for i, snapshot in enumerate(snapshots):
         yield (
-            time(frame.stamp_ns),
-            frame.step.unit if frame.step else None,
-            frame.attempt,
-            frame.phase,
-            *s.true_port[i].tolist(),
-            *s.believed_port[i].tolist(),
-            *s.commanded[i].tolist(),
-            *s.driven[i].tolist(),
-            *s.sight[i].tolist(),
-            bool(s.seen[i]),
-            float(s.clearance[i]),
-            bool(s.docking_pair[i]),
-            float(s.off_path[i]),
-            float(s.truly_off_path[i]),
-            bool(s.avoiding[i]),
+            time(snapshot.stamp_ns),
+            snapshot.docking_unit,
+            snapshot.attempt,
+            snapshot.phase,
+            *series.true_port[i].tolist(),
+            *series.believed_port[i].tolist(),
+            *series.commanded[i].tolist(),
+            *series.driven[i].tolist(),
+            *series.sight[i].tolist(),
+            bool(series.seen[i]),
+            float(series.clearance[i]),
+            bool(series.docking_pair[i]),
+            float(series.off_path[i]),
+            float(series.true_off_path[i]),
+            bool(series.avoiding[i]),
         )

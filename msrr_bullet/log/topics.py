@@ -1,4 +1,4 @@
-"""The topics of a log. ``camera`` is a camera's name as in :class:`msrr_scenes.messages.Exposure`."""
+"""Topics of a log. Cameras are named as in :class:`msrr_scenes.messages.Exposure`."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ _SENSORS: dict[type, str] = {
 
 
 def sensor(unit: str, message: SensorMessage) -> str:
-    """Return the topic of a message that reaches the robot ``unit``."""
+    """Return the topic of a sensor message that reaches the robot ``unit``."""
     return _SENSORS[type(message)].format(unit)
 
 
 def exposure(camera: str) -> str:
-    """Return the topic of a camera's exposures."""
+    """Return the topic of the exposures of a camera."""
     return f"/camera/{camera}/exposure"
 
 
@@ -46,45 +46,45 @@ def window(camera: str) -> str:
 
 
 def estimate(unit: str) -> str:
-    """Return the topic of a unit's belief where it is."""
+    """Return the topic of the pose estimates of a unit."""
     return f"/perception/{unit}/estimate"
 
 
 def los(unit: str) -> str:
-    """Return the topic of a unit's line of sight."""
+    """Return the topic of the line of sight of a unit."""
     return f"/perception/{unit}/los"
 
 
 def action(unit: str) -> str:
-    """Return the topic of a unit's decisions."""
+    """Return the topic of the decisions of a unit."""
     return f"/control/{unit}/action"
 
 
 def belief(unit: str) -> str:
-    """Return the topic of a unit's verdict on its step."""
+    """Return the topic of what a unit believes of its step: docked or not, and why."""
     return f"/control/{unit}/belief"
 
 
 def assembly(unit: str) -> str:
-    """Return the topic of a unit's progress in the long-distance phase."""
+    """Return the topic of the progress of a unit in its long-distance phase."""
     return f"/control/{unit}/assembly"
 
 
 def path(unit: str) -> str:
-    """Return the topic of the paths that a unit's long-distance phase chooses."""
+    """Return the topic of the paths that the long-distance phase of a unit chooses."""
     return f"/control/{unit}/path"
 
 
 def situation(unit: str) -> str:
-    """Return the topic of what a unit knows of the whole arena."""
+    """Return the topic of the estimates that a unit has of all bodies in the arena."""
     return f"/perception/{unit}/situation"
 
 
 def true_pose(name: str) -> str:
-    """Return the topic of a body's true pose."""
+    """Return the topic of the true poses of a body."""
     return f"/truth/{name}/pose"
 
 
 def unit_of(topic: str) -> str:
-    """Return the unit in a topic of the form ``/<room>/<unit>/<what>``."""
+    """Return the unit in a topic of the form ``/<group>/<unit>/<message>``."""
     return topic.split("/")[2]
