@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+
+from msrr_bullet.collision.clearance import Clearance
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
@@ -75,6 +78,20 @@ class ClearanceRecord:
     distance: float
     nearest: Array | None = None
     exempt: bool = False
+
+    @classmethod
+    def of(cls, stamp_ns: int, clearance: Clearance, exempt: bool = False) -> ClearanceRecord:
+        """Return the record of a measured clearance."""
+        nearest = np.array([clearance.point_a, clearance.point_b])
+        return cls(stamp_ns, (clearance.body_a, clearance.body_b), clearance.distance, nearest, exempt)
+
+    @property
+    def clearance(self) -> Clearance | None:
+        """Measured clearance; None when the nearest points are unknown."""
+        if self.nearest is None:
+            return None
+        a, b = ((float(point[0]), float(point[1])) for point in self.nearest)
+        return Clearance(self.distance, *self.pair, a, b)
 
 
 class Level(Enum):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TypeVar
 
-from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.log import topics
 from msrr_bullet.log.reader import Log
 from msrr_bullet.log.records import JUDGE, ClearanceRecord, Event, StartPoses, StepStart, TruePose
@@ -87,6 +86,7 @@ class _SnapshotReader:
         if action is None:
             return
         estimate, situation = self._get(PoseEstimate), self._get(ArenaEstimate)
+        clearance = self._get(ClearanceRecord)
         believed = None
         if action.phase is Phase.ASSEMBLE and situation is not None:
             believed = situation.own.X_WB
@@ -102,7 +102,7 @@ class _SnapshotReader:
                 phase=action.phase,
                 attempt=action.attempt,
                 los=self._get(LosObservation),
-                clearance=_clearance(self._get(ClearanceRecord)),
+                clearance=clearance.clearance if clearance else None,
                 twist=action.twist,
                 reason=action.reason,
                 situation=situation,
@@ -121,10 +121,3 @@ class _SnapshotReader:
             for name, spec in self._scene.obstacles.items()
             if name in self._starts and spec.appears_at_s * 1e9 <= stamp_ns
         }
-
-
-def _clearance(record: ClearanceRecord | None) -> Clearance | None:
-    if record is None or record.nearest is None:
-        return None
-    a, b = ((float(point[0]), float(point[1])) for point in record.nearest)
-    return Clearance(record.distance, record.pair[0], record.pair[1], a, b)
