@@ -12,11 +12,12 @@ from typing import Any
 import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
-from msrr_bullet.log import LOG_NAME, LogHeader, McapRecorder
+from msrr_bullet.log import LOG_NAME, Log, LogHeader, McapRecorder, read_log
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.plant.plant import Plant
 from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.world import BulletWorld
+from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.geometry.se2 import SE2
@@ -44,7 +45,7 @@ class Drive:
 
 @pytest.fixture(scope="session")
 def drive() -> Drive:
-    """Unit a of scene ``bystander`` drives to the rear of b in 8 s, with an estimate up to 12 mm to the left."""
+    """Unit a of scene ``bystander`` drives to the rear of b in 8 s; its estimate is up to 12 mm off."""
     scene = load_scene("bystander")
     step, los = scene.plan[0], scene.los
     bystanders = {name: scene.units[name].pose.nominal for name in ("b", "c")}
@@ -100,6 +101,18 @@ def short_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with McapRecorder(folder / LOG_NAME, LogHeader.of(scene, 3, {})) as recorder:
         Trial(scene, 3, recorder=recorder).run()
     return folder
+
+
+@pytest.fixture(scope="session")
+def short_log(short_run: Path) -> Log:
+    """Log of ``short_run``."""
+    return read_log(short_run)
+
+
+@pytest.fixture(scope="session")
+def short_snapshots(short_log: Log) -> list[Snapshot]:
+    """Snapshots of ``short_run``."""
+    return read_snapshots(short_log)
 
 
 @pytest.fixture(scope="session")

@@ -43,5 +43,5 @@ def test_values_without_a_json_form_are_refused() -> None:
         codec(TagDetection).encode(TagDetection(1, np.zeros((4, 2), dtype=np.float32)))  # type: ignore[arg-type]
     with pytest.raises(LogError, match="not empty"):
         codec(TagDetection).encode(TagDetection(1, np.zeros((0, 2))))
-    with pytest.raises(TypeError, match="no JSON message_format"):
+    with pytest.raises(TypeError, match="no JSON form"):
         codec(complex)
