@@ -8,19 +8,50 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TextIO
 
-from msrr_bullet.export import approach
 from msrr_bullet.export.robot_tables import ROBOT_TABLES
 from msrr_bullet.export.sensor_tables import SENSOR_TABLES
-from msrr_bullet.export.table import Column, Row, Table, columns, text
+from msrr_bullet.export.table import Column, Row, Table, columns, text, time
 from msrr_bullet.log import Log
 from msrr_bullet.timeline.log_snapshots import read_snapshots
+from msrr_bullet.timeline.series import TrialSeries
+from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.specs.scene import Scene
 
 TABLES: tuple[Table, ...] = (*ROBOT_TABLES, *SENSOR_TABLES)
 
-#: Name of the table that describes the columns of the others.
-COLUMNS_NAME = "columns"
+#: Name and columns of the table that compares belief with truth, from which plots are drawn.
+APPROACH = "approach"
+_ABOUT_APPROACH = (
+    "Belief beside truth at each decision: what `msrr plot` draws, derived from the tables above."
+)
+_APPROACH_COLUMNS = columns(
+    time_s="simulated time",
+    unit="name of the docking unit",
+    attempt="number of the attempt, from 1",
+    phase="phase of the docking step",
+    true_gap_m="true distance of the unit's port from the face of the target's, along the docking axis",
+    true_lateral_m="true offset of the unit's port to the left of the docking axis",
+    true_yaw_rad="true heading relative to the docking axis",
+    believed_gap_m="estimate of true_gap_m",
+    believed_lateral_m="estimate of true_lateral_m",
+    believed_yaw_rad="estimate of true_yaw_rad",
+    commanded_v_mps="commanded forward velocity",
+    commanded_w_radps="commanded turn rate",
+    true_v_mps="true forward velocity until the next decision",
+    true_w_radps="true turn rate until the next decision",
+    left_rad="angle of the left edge of the target",
+    right_rad="angle of the right edge of the target",
+    seen="1 when both angles were measured in an image",
+    clearance_m="true smallest distance between two bodies",
+    docking_pair="1 when that is the distance of the docking pair, which may touch",
+    believed_off_path_m="estimated distance of the controlled point from the desired point on the path",
+    true_off_path_m="true distance of the controlled point from the desired point on the path",
+    wall="1 while a wall beside an obstacle is in force",
+)
 
+#: Name and columns of the table that describes the columns of the others.
+COLUMNS = "columns"
 _COLUMNS_COLUMNS = columns(table="name of the table", column="name of the column", about="what it holds")
 
 
@@ -32,7 +63,7 @@ def documented_tables() -> Iterator[tuple[str, str, tuple[Column, ...]]]:
     """Yield name, meaning and columns of every table that an export can have."""
     for table in TABLES:
         yield table.name, table.about, table.columns
-    yield approach.NAME, approach.ABOUT, approach.COLUMNS
+    yield APPROACH, _ABOUT_APPROACH, _APPROACH_COLUMNS
 
 
 def write_csv(log: Log, folder: Path) -> tuple[Path, ...]:
@@ -59,15 +90,37 @@ def write_csv(log: Log, folder: Path) -> tuple[Path, ...]:
                     for row in table.rows(record, record.message):
                         files.add(table.name, table.columns, row)
             snapshots = read_snapshots(log)
-            for row in approach.rows(log.header.scene, snapshots) if snapshots else ():
-                files.add(approach.NAME, approach.COLUMNS, row)
+            for row in _approach_rows(log.header.scene, snapshots) if snapshots else ():
+                files.add(APPROACH, _APPROACH_COLUMNS, row)
             for name, _, table_columns in documented_tables():
                 if name in files.names:
                     for column in table_columns:
-                        files.add(COLUMNS_NAME, _COLUMNS_COLUMNS, (name, column.name, column.about))
+                        files.add(COLUMNS, _COLUMNS_COLUMNS, (name, column.name, column.about))
             return files.paths
     except OSError as error:
         raise ExportError(f"{error.filename or folder}: cannot be written ({error.strerror})") from None
+
+
+def _approach_rows(scene: Scene, snapshots: Sequence[Snapshot]) -> Iterator[Row]:
+    series = TrialSeries.of(scene, snapshots)
+    for i, snapshot in enumerate(snapshots):
+        yield (
+            time(snapshot.stamp_ns),
+            snapshot.docking_unit,
+            snapshot.attempt,
+            snapshot.phase,
+            *series.true_port[i].tolist(),
+            *series.believed_port[i].tolist(),
+            *series.commanded[i].tolist(),
+            *series.driven[i].tolist(),
+            *series.sight[i].tolist(),
+            bool(series.seen[i]),
+            float(series.clearance[i]),
+            bool(series.docking_pair[i]),
+            float(series.off_path[i]),
+            float(series.true_off_path[i]),
+            bool(series.avoiding[i]),
+        )
 
 
 class _CsvFiles:

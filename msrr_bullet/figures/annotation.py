@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -96,28 +96,28 @@ def draw_frame(
     return canvas
 
 
-def title_lines(context: DrawingContext, view: CameraView, snapshot: Snapshot) -> tuple[str, str]:
-    """Return one line with scene, frame and time, and one with attempt and phase."""
-    scene, exposure = context.scene, view.exposure
-    frame = f"frame {exposure.frame}" if exposure.frame >= 0 else "not looking"
-    first = f"{scene.name}, seed {context.seed}    {exposure.camera}, {frame}    {_time(view)}"
-    if snapshot.phase is None:
-        return first, "before the first decision"
-    reason = snapshot.assembly.reason if snapshot.assembly is not None else snapshot.reason
-    return first, f"attempt {snapshot.attempt}, {snapshot.phase_text}: {reason}"
+def annotate(
+    context: DrawingContext,
+    view: CameraView,
+    snapshot: Snapshot,
+    canvas: Canvas,
+    details: str,
+    legend: Sequence[Key],
+) -> AnnotatedFrame:
+    """Return a drawn frame with three title lines: scene and time, phase, detections and details."""
+    time, exposure = f"{seconds(view.stamp_ns):.2f} s", view.exposure
+    number = f"frame {exposure.frame}" if exposure.frame >= 0 else "not looking"
+    first = f"{context.scene.name}, seed {context.seed}    {exposure.camera}, {number}    {time}"
+    second = "before the first decision"
+    if snapshot.phase is not None:
+        reason = snapshot.assembly.reason if snapshot.assembly is not None else snapshot.reason
+        second = f"attempt {snapshot.attempt}, {snapshot.phase_text}: {reason}"
+    title = (first, second, "; ".join(filter(None, (_detection_text(view), details))))
+    caption = f"{time} {phase_name(snapshot.phase) if snapshot.phase else ''}, {exposure.camera}"
+    return AnnotatedFrame(canvas.image, title, caption, tuple(legend))
 
 
-def caption(view: CameraView, snapshot: Snapshot) -> str:
-    """Return a short title with time, phase and camera."""
-    phase = phase_name(snapshot.phase) if snapshot.phase else ""
-    return f"{_time(view)} {phase}, {view.exposure.camera}"
-
-
-def _time(view: CameraView) -> str:
-    return f"{seconds(view.stamp_ns):.2f} s"
-
-
-def detection_text(view: CameraView) -> str:
+def _detection_text(view: CameraView) -> str:
     """Return how many tags were found, and how much of the frame was read, in words."""
     if view.exposure.frame < 0:
         return "drawn from truth alone"

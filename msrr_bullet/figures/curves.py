@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from itertools import groupby
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,7 +22,7 @@ from msrr_bullet.timeline.palette import (
     VERMILLION,
     css,
 )
-from msrr_bullet.timeline.series import TrialSeries
+from msrr_bullet.timeline.series import TrialSeries, phase_spans
 from msrr_bullet.timeline.snapshot import phase_name
 from msrr_scenes.specs.plan import GuardSpec, JudgeSpec
 from msrr_scenes.specs.scene import Scene
@@ -182,25 +181,14 @@ def _add_grid(axes: Axes) -> None:
 
 def _shade_phases(axes: Axes, series: TrialSeries, named: bool) -> None:
     """Colour the background by phase, and optionally write the names of the longer phases above."""
-    times = series.time
-    end = float(times[-1]) or 1.0
-    start = 0
-    for phase, run in groupby(series.phases):
-        stop = start + len(list(run))
-        t0, t1 = float(times[start]), float(times[min(stop, len(times) - 1)])
-        start = stop
-        if phase is None:
-            continue
-        axes.axvspan(t0, t1, color=css(PHASE_COLOURS[phase]), linewidth=0.0, alpha=0.6, zorder=0)
-        if named and t1 - t0 > MIN_NAMED_FRACTION * end:
-            axes.annotate(
-                phase_name(phase),
-                (0.5 * (t0 + t1), 1.02),
-                xycoords=("data", "axes fraction"),
-                ha="center",
-                fontsize=7,
-            )
-    axes.set_xlim(float(times[0]), end)
+    times = series.time.tolist()
+    duration = times[-1] or 1.0
+    for phase, start, end in phase_spans(times, series.phases):
+        axes.axvspan(start, end, color=css(PHASE_COLOURS[phase]), linewidth=0.0, alpha=0.6, zorder=0)
+        if named and end - start > MIN_NAMED_FRACTION * duration:
+            position, coordinates = (0.5 * (start + end), 1.02), ("data", "axes fraction")
+            axes.annotate(phase_name(phase), position, xycoords=coordinates, ha="center", fontsize=7)
+    axes.set_xlim(times[0], duration)
 
 
 def draw_stack(

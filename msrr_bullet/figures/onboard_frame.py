@@ -11,10 +11,8 @@ from msrr_bullet.figures.annotation import (
     READ_KEY,
     AnnotatedFrame,
     DrawingContext,
-    caption,
-    detection_text,
+    annotate,
     draw_frame,
-    title_lines,
 )
 from msrr_bullet.figures.canvas import Canvas, Key
 from msrr_bullet.figures.perspective import Perspective
@@ -62,8 +60,7 @@ def draw_onboard(context: DrawingContext, view: CameraView, snapshot: Snapshot) 
             dashed = snapshot.los.status is LosStatus.PREDICTED
             for angle in (snapshot.los.left, snapshot.los.right):
                 _draw_vertical(canvas, view, angle, SIGHT, 2, dashed)
-    title = (*title_lines(context, view, snapshot), f"{detection_text(view)}; {_los_text(snapshot.los)}")
-    return AnnotatedFrame(canvas.image, title, caption(view, snapshot), _LEGEND)
+    return annotate(context, view, snapshot, canvas, _los_text(snapshot.los), _LEGEND)
 
 
 def _draw_vertical(

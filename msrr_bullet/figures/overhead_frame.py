@@ -12,10 +12,8 @@ from msrr_bullet.figures.annotation import (
     READ_KEY,
     AnnotatedFrame,
     DrawingContext,
-    caption,
-    detection_text,
+    annotate,
     draw_frame,
-    title_lines,
 )
 from msrr_bullet.figures.canvas import PAPER, Canvas, Key
 from msrr_bullet.figures.perspective import Perspective, on_floor
@@ -68,8 +66,7 @@ def draw_overhead(
         draw_line(canvas, perspective, np.stack([a, b]), CLEARANCE, 2)
         text = f"{1e3 * snapshot.clearance.distance:.0f} mm"
         canvas.text(perspective.pixels(0.5 * (a + b)[None])[0], text, CLEARANCE)
-    title = (*title_lines(context, view, snapshot), detection_text(view) + _path_text(snapshot))
-    return AnnotatedFrame(canvas.image, title, caption(view, snapshot), _LEGEND)
+    return annotate(context, view, snapshot, canvas, _path_text(snapshot), _LEGEND)
 
 
 def _draw_outline(
@@ -141,4 +138,4 @@ def _draw_sight(
 def _path_text(snapshot: Snapshot) -> str:
     if snapshot.path is None or snapshot.assembly is None:
         return ""
-    return f"; path {snapshot.path.number} ({snapshot.path.shape}), {snapshot.path_text}"
+    return f"path {snapshot.path.number} ({snapshot.path.shape}), {snapshot.path_text}"

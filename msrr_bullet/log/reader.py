@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -117,10 +117,6 @@ class Log:
         for record in self.records(*patterns):
             if record.kind is kind:
                 yield record.stamp_ns, record.message
-
-    def topics(self) -> Collection[str]:
-        """Return the sorted topics that hold a message."""
-        return sorted({record.topic for record in self.records()})
 
 
 def read_log(path: Path) -> Log:

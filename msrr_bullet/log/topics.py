@@ -35,56 +35,23 @@ def sensor(unit: str, message: SensorMessage) -> str:
     return _SENSORS[type(message)].format(unit)
 
 
-def exposure(camera: str) -> str:
-    """Return the topic of the exposures of a camera."""
-    return f"/camera/{camera}/exposure"
-
-
-def window(camera: str) -> str:
-    """Return the topic of the windows read from a camera."""
-    return f"/camera/{camera}/window"
-
-
-def estimate(unit: str) -> str:
-    """Return the topic of the pose estimates of a unit."""
-    return f"/perception/{unit}/estimate"
-
-
-def los(unit: str) -> str:
-    """Return the topic of the line of sight of a unit."""
-    return f"/perception/{unit}/los"
-
-
-def action(unit: str) -> str:
-    """Return the topic of the decisions of a unit."""
-    return f"/control/{unit}/action"
-
-
-def belief(unit: str) -> str:
-    """Return the topic of what a unit believes of its step: docked or not, and why."""
-    return f"/control/{unit}/belief"
-
-
-def assembly(unit: str) -> str:
-    """Return the topic of the progress of a unit in its long-distance phase."""
-    return f"/control/{unit}/assembly"
-
-
-def path(unit: str) -> str:
-    """Return the topic of the paths that the long-distance phase of a unit chooses."""
-    return f"/control/{unit}/path"
-
-
-def situation(unit: str) -> str:
-    """Return the topic of the estimates that a unit has of all bodies in the arena."""
-    return f"/perception/{unit}/situation"
-
-
-def true_pose(name: str) -> str:
-    """Return the topic of the true poses of a body."""
-    return f"/truth/{name}/pose"
-
-
 def unit_of(topic: str) -> str:
     """Return the unit in a topic of the form ``/<group>/<unit>/<message>``."""
     return topic.split("/")[2]
+
+
+#: Topics of the exposures of a camera, and of the windows read from them, as functions of its name.
+exposure, window = "/camera/{}/exposure".format, "/camera/{}/window".format
+
+#: Topic of the true poses of a body, as a function of its name.
+true_pose = "/truth/{}/pose".format
+
+#: Topics of the estimates of a unit, as functions of its name: pose in the dock frame, line of sight, all
+#: bodies.
+estimate, los = "/perception/{}/estimate".format, "/perception/{}/los".format
+situation = "/perception/{}/situation".format
+
+#: Topics of the control of a unit, as functions of its name: decisions, what it believes of its step,
+#: progress in the long-distance phase, paths of that phase.
+action, belief = "/control/{}/action".format, "/control/{}/belief".format
+assembly, path = "/control/{}/assembly".format, "/control/{}/path".format

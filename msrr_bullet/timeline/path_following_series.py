@@ -95,7 +95,7 @@ class PathFollowingSeries:
             arc_end=seconds(past[0].action.stamp_ns) if past else math.nan,
         )
 
-    def distance_from_path(self) -> Array:
+    def from_path(self) -> Array:
         """Return the distance of the controlled point from the path that is followed, shape (T,) [m].
 
         The path is taken as the polygon through the desired points, which lie a few millimetres apart. An arc
@@ -109,7 +109,7 @@ class PathFollowingSeries:
 
     def measures(self) -> dict[str, float]:
         """Return the measures of the long-distance phase that are defined for this trial, by name."""
-        off, beside = metrics.deviation(self.tip, self.desired), self.distance_from_path()
+        off, beside = metrics.deviation(self.tip, self.desired), self.from_path()
         episode = metrics.obstacle_episode(self.time, off, self.walled)
         found = {
             "tracking": metrics.tracking_error(self.time, off, np.array(self.arc_end), episode),

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,6 +105,18 @@ class TrialSeries:
             ),
             new_step=np.array([True, *(a.step != b.step for a, b in pairwise(snapshots))]),
         )
+
+
+def phase_spans(
+    times: Sequence[float], phases: Sequence[Phase | None]
+) -> Iterator[tuple[Phase, float, float]]:
+    """Yield every phase with start and end time, for phases given at a sequence of times [s]."""
+    start = 0
+    for phase, run in groupby(phases):
+        end = start + len(list(run))
+        if phase is not None:
+            yield phase, times[start], times[min(end, len(times) - 1)]
+        start = end
 
 
 def _port_in_dock(scene: Scene, snapshot: Snapshot, X_WU: SE2 | None) -> tuple[float, float, float]:

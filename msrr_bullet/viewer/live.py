@@ -20,7 +20,7 @@ from msrr_bullet.viewer import server
 from msrr_bullet.viewer.arena_belief import LIVE_PLAN_NODE, plan_commands
 from msrr_bullet.viewer.commands import Command, Placement, place
 from msrr_bullet.viewer.page import readings, render_page
-from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at
+from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at, path_commands
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
@@ -62,8 +62,8 @@ class LiveViewer:
         self._graph = SceneGraph(scene)
         self._pace = pace
         self._placed: dict[str, Placement] = {}
-        self._true_path = _GrowingPath(self._graph, "truth")
-        self._believed_path = _GrowingPath(self._graph, "belief")
+        self._true_path = _GrowingPath("truth")
+        self._believed_path = _GrowingPath("belief")
         self._plan: AssemblyPath | None = None
         self._view_set = False
         self._next_update = 0.0
@@ -145,8 +145,7 @@ class LiveViewer:
     def _show(self, snapshot: Snapshot) -> None:
         commands: list[Command] = []
         if not self._view_set:
-            poses = [*snapshot.units.values(), *snapshot.obstacles.values()]
-            commands += look_at(np.array([[X.x, X.y] for X in poses]))
+            commands += look_at([snapshot])
             self._view_set = True
         for node, placement in self._graph.placements(snapshot).items():
             commands += place(node, self._placed.get(node), placement)
@@ -204,8 +203,7 @@ class LiveViewer:
 class _GrowingPath:
     """Path of a unit as a sequence of bands, of which only the last is redrawn when the path grows."""
 
-    def __init__(self, graph: SceneGraph, name: str) -> None:
-        self._graph = graph
+    def __init__(self, name: str) -> None:
         self._name = name
         self._index = 0
         self._points: list[Array] = []
@@ -231,7 +229,7 @@ class _GrowingPath:
 
     def _draw(self) -> Iterator[Command]:
         self._grown = False
-        return self._graph.path_commands(f"{self._name}_{self._index}", tuple(self._points))
+        return path_commands(f"{self._name}_{self._index}", tuple(self._points))
 
     def commands(self) -> list[Command]:
         commands, self._waiting = self._waiting, []

@@ -6,11 +6,21 @@ import base64
 import json
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from importlib.resources import files
 
-from msrr_bullet.timeline.palette import ALARM, BELIEF, CLEARANCE, DOCKING_UNIT, PATH, PLAN, SIGHT, css
-from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.timeline.palette import (
+    ALARM,
+    BELIEF,
+    CLEARANCE,
+    DOCKING_UNIT,
+    PATH,
+    PHASE_COLOURS,
+    PLAN,
+    SIGHT,
+    css,
+)
+from msrr_bullet.timeline.series import phase_spans
+from msrr_bullet.timeline.snapshot import Snapshot, phase_name
 from msrr_bullet.viewer.commands import Command, viewer_script
 from msrr_scenes.messages import seconds
 from msrr_scenes.specs.scene import Scene
@@ -37,25 +47,6 @@ _LEGEND = (
 _LEGEND_OVERHEAD = (("planned path and desired point", PLAN), ("clearance within the guard's reach", ALARM))
 
 
-@dataclass(frozen=True, slots=True)
-class PhaseSpan:
-    """Phase on the timeline, from start to end [s]."""
-
-    name: str
-    start: float
-    end: float
-    colour: str
-
-
-@dataclass(frozen=True, slots=True)
-class Timeline:
-    """Readings of a replay at times [s], and the phases."""
-
-    times: Sequence[float]
-    values: Sequence[Sequence[str]]
-    phases: Sequence[PhaseSpan]
-
-
 def readings(snapshot: Snapshot) -> tuple[str, ...]:
     """Return the readings of a snapshot as text, in the order of :data:`READINGS`."""
     los, error, clearance, pair = "–", "–", "–", "–"
@@ -76,12 +67,10 @@ def readings(snapshot: Snapshot) -> tuple[str, ...]:
     return f"{seconds(snapshot.stamp_ns):.2f} s", phase, attempt, path, los, error, clearance, pair
 
 
-def render_page(scene: Scene, commands: Iterable[Command] = (), timeline: Timeline | None = None) -> str:
-    """Return the page: a replay if there is a timeline, otherwise a live page that connects to the server."""
-    replay = None
-    if timeline is not None:
-        spans = [{"name": s.name, "from": s.start, "to": s.end, "colour": s.colour} for s in timeline.phases]
-        replay = {"times": timeline.times, "values": timeline.values, "phases": spans}
+def render_page(
+    scene: Scene, commands: Iterable[Command] = (), snapshots: Sequence[Snapshot] | None = None
+) -> str:
+    """Return the page: a replay of snapshots, or without them a live page that connects to the server."""
     legend = _LEGEND + (_LEGEND_OVERHEAD if scene.cameras.overhead is not None else ())
     data = {
         "title": scene.name,
@@ -89,7 +78,7 @@ def render_page(scene: Scene, commands: Iterable[Command] = (), timeline: Timeli
         "legend": [(name, css(colour)) for name, colour in legend],
         "readings": READINGS,
         "commands": [base64.b64encode(command.data).decode("ascii") for command in commands],
-        "replay": replay,
+        "replay": _timeline(snapshots) if snapshots else None,
     }
     # "<" is escaped because "</script>" in the description of a scene would end the element that holds it.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -97,3 +86,13 @@ def render_page(scene: Scene, commands: Iterable[Command] = (), timeline: Timeli
     head, rest = template.split("{{meshcat}}")
     middle, tail = rest.split("{{data}}")
     return "".join((head, viewer_script(), middle, text, tail))
+
+
+def _timeline(snapshots: Sequence[Snapshot]) -> dict[str, object]:
+    """Return times [s], readings and phases of a replay."""
+    times = [seconds(snapshot.stamp_ns - snapshots[0].stamp_ns) for snapshot in snapshots]
+    phases = [
+        {"name": phase_name(phase), "from": start, "to": end, "colour": css(PHASE_COLOURS[phase])}
+        for phase, start, end in phase_spans(times, [snapshot.phase for snapshot in snapshots])
+    ]
+    return {"times": times, "values": [readings(snapshot) for snapshot in snapshots], "phases": phases}

@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from msrr_bullet.timeline.palette import PHASE_COLOURS, css
-from msrr_bullet.timeline.snapshot import Snapshot, phase_name, planned_paths
+from msrr_bullet.timeline.snapshot import Snapshot, planned_paths
 from msrr_bullet.viewer.arena_belief import PLAN_NODE, plan_commands
 from msrr_bullet.viewer.commands import Command, Placement, Track, set_animation
-from msrr_bullet.viewer.page import PhaseSpan, Timeline, readings, render_page
-from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at
+from msrr_bullet.viewer.page import render_page
+from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at, path_commands
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import NS_PER_S, seconds
@@ -37,8 +36,8 @@ def write_replay(path: Path, scene: Scene, snapshots: Iterable[Snapshot]) -> Pat
     if not kept:
         raise MsrrError(f"{path}: a trial without a single snapshot has nothing to replay")
     graph = SceneGraph(scene)
-    commands = [*graph.build(), *_paths(graph, kept), *_view(kept), _animation(graph, kept)]
-    path.write_text(render_page(scene, commands, _timeline(kept)), encoding="utf-8")
+    commands = [*graph.build(), *_paths(kept), *look_at(kept), _animation(graph, kept)]
+    path.write_text(render_page(scene, commands, kept), encoding="utf-8")
     return path
 
 
@@ -74,18 +73,12 @@ def _docking_path(snapshots: Iterable[Snapshot], believed: bool) -> Iterator[lis
         yield piece
 
 
-def _paths(graph: SceneGraph, snapshots: Sequence[Snapshot]) -> Iterator[Command]:
+def _paths(snapshots: Sequence[Snapshot]) -> Iterator[Command]:
     for name, believed in (("truth", False), ("belief", True)):
         for i, piece in enumerate(_docking_path(snapshots, believed)):
-            yield from graph.path_commands(f"{name}_{i}", piece)
+            yield from path_commands(f"{name}_{i}", piece)
     for i, plan in enumerate(planned_paths(snapshots)):
         yield from plan_commands(f"{PLAN_NODE}/{i}", plan.points)
-
-
-def _view(snapshots: Sequence[Snapshot]) -> Iterator[Command]:
-    poses = [X for snapshot in snapshots for X in (*snapshot.units.values(), *snapshot.obstacles.values())]
-    if poses:
-        yield from look_at(np.array([[X.x, X.y] for X in poses]))
 
 
 def _animation(graph: SceneGraph, snapshots: Sequence[Snapshot]) -> Command:
@@ -112,18 +105,3 @@ def _tracks(node: str, times: Array, history: Sequence[Placement]) -> list[Track
         Track(node, "quaternion", "quaternion", times, quaternions),
         Track(node, "scale", "vector3", times, np.array([p.scale for p in history])),
     ]
-
-
-def _timeline(snapshots: Sequence[Snapshot]) -> Timeline:
-    start = snapshots[0].stamp_ns
-    times = [seconds(snapshot.stamp_ns - start) for snapshot in snapshots]
-    spans: list[PhaseSpan] = []
-    begin = 0
-    for i in range(1, len(snapshots) + 1):
-        phase = snapshots[begin].phase
-        if i == len(snapshots) or snapshots[i].phase is not phase:
-            end = times[min(i, len(snapshots) - 1)]
-            if phase is not None:
-                spans.append(PhaseSpan(phase_name(phase), times[begin], end, css(PHASE_COLOURS[phase])))
-            begin = i
-    return Timeline(times, [readings(snapshot) for snapshot in snapshots], spans)

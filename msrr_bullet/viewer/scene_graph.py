@@ -7,7 +7,7 @@ line widths, lengths of lines of sight, and heights of drawings above the floor.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import meshcat.geometry as g
 import numpy as np
@@ -203,14 +203,6 @@ class SceneGraph:
                 X_FE = SE3.from_se2(SE2(yaw=angle))
                 yield f"sight/floor/{name}_{status.value}", Placement(X_FE, visible=shown)
 
-    def path_commands(self, name: str, points: Sequence[Array]) -> Iterator[Command]:
-        """Yield the command that draws a driven (``truth...``) or believed path through points (2,) [m]."""
-        width, z, colour = (
-            (TRUTH_WIDTH, TRUTH_Z, PATH) if name.startswith("truth") else (BELIEF_WIDTH, BELIEF_Z, BELIEF)
-        )
-        if len(points) > 1:
-            yield set_object(f"path/{name}", shapes.band(points, width, z), shapes.flat_material(colour))
-
 
 def _grid(low: float, high: float) -> Iterator[float]:
     return (k * GRID_STEP for k in range(math.ceil(low / GRID_STEP), math.floor(high / GRID_STEP) + 1))
@@ -229,8 +221,19 @@ def _clearance_placements(snapshot: Snapshot, guard: GuardSpec) -> Iterator[tupl
     yield "clearance/guarded", bar if limited else HIDDEN
 
 
-def look_at(points: Array) -> Iterator[Command]:
-    """Yield the commands that show points, shape (N, 2) [m], from the left, behind and above."""
+def path_commands(name: str, points: Sequence[Array]) -> Iterator[Command]:
+    """Yield the command that draws a driven (``truth...``) or believed path through points (2,) [m]."""
+    if len(points) > 1:
+        driven = name.startswith("truth")
+        width, z = (TRUTH_WIDTH, TRUTH_Z) if driven else (BELIEF_WIDTH, BELIEF_Z)
+        material = shapes.flat_material(PATH if driven else BELIEF)
+        yield set_object(f"path/{name}", shapes.band(points, width, z), material)
+
+
+def look_at(snapshots: Iterable[Snapshot]) -> Iterator[Command]:
+    """Yield the commands that show all bodies of some snapshots from the left, behind and above."""
+    poses = [X for snapshot in snapshots for X in (*snapshot.units.values(), *snapshot.obstacles.values())]
+    points = np.array([[X.x, X.y] for X in poses])
     low, high = points.min(axis=0), points.max(axis=0)
     middle = 0.5 * (low + high)
     radius = 0.14 + 0.5 * float(np.linalg.norm(high - low))
