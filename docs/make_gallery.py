@@ -1,4 +1,4 @@
-"""Makes the gallery: runs the shipped scenes, writes a small picture of each and the page that shows them.
+"""Gallery of the shipped scenes: runs them, and writes a small picture of each and a page of all pictures.
 
     python docs/make_gallery.py [SCENE ...]
 
@@ -22,13 +22,12 @@ from matplotlib.figure import Figure
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from msrr_bullet.figures.artist import Artist
+from msrr_bullet.figures.frame_files import FrameAnnotator
 from msrr_bullet.figures.perspective import Perspective, on_floor
 from msrr_bullet.figures.top_view import draw_top_view, extent
-from msrr_bullet.log import Log, read_log
-from msrr_bullet.log.records import CameraWindow
+from msrr_bullet.log import CameraWindow, Log, read_log
 from msrr_bullet.run import run_trial
-from msrr_bullet.timeline.camera_views import camera_views, optics
+from msrr_bullet.timeline.camera_views import pinhole_camera, read_camera_views
 from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.geometry.assets import shipped_scenes
 from msrr_scenes.loading.load import load_scene
@@ -69,7 +68,7 @@ def choose_exposures(log: Log) -> list[Exposure]:
         read[record.exposure] = read.get(record.exposure, 0) + record.window.area
     by_camera: dict[bool, list[Exposure]] = {True: [], False: []}
     for exposure, area in read.items():
-        if area < 0.3 * optics(log.header.scene, exposure.camera).frame.area:
+        if area < 0.3 * pinhole_camera(log.header.scene, exposure.camera).frame.area:
             by_camera[exposure.camera == OVERHEAD].append(exposure)
     above, onboard = by_camera[True], by_camera[False]
     if above and onboard:
@@ -78,10 +77,10 @@ def choose_exposures(log: Log) -> list[Exposure]:
     return [found[len(found) // 3], found[int(0.8 * len(found))]] if found else []
 
 
-def crop(image: np.ndarray, artist: Artist) -> np.ndarray:
-    """Return the part of an overhead frame in which the bodies are, with the frame's proportions."""
-    scene = artist.stagecraft.scene
-    x, y = extent(scene, artist.moments.frames)
+def crop(image: np.ndarray, annotator: FrameAnnotator) -> np.ndarray:
+    """Return the part of an overhead frame that contains all bodies, with the aspect ratio of the frame."""
+    scene = annotator.context.scene
+    x, y = extent(scene, annotator.trial.snapshots)
     corners = Perspective.overhead(scene).pixels(on_floor([[a, b] for a in x for b in y]))
     (u0, v0), (u1, v1) = corners.min(axis=0), corners.max(axis=0)
     height, width = image.shape[:2]
@@ -94,21 +93,23 @@ def crop(image: np.ndarray, artist: Artist) -> np.ndarray:
 
 def draw(log: Log) -> Image.Image:
     """Return the picture of a run."""
-    artist = Artist(log)
-    frames = [(view.exposure.camera, artist.draw(view)) for view in camera_views(log, choose_exposures(log))]
+    annotator = FrameAnnotator(log)
+    frames = [
+        (view.exposure.camera, annotator.draw(view)) for view in read_camera_views(log, choose_exposures(log))
+    ]
     figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 0.95))  # room for the captions of tall pictures
     cells = figure.add_gridspec(1, 1 + len(frames), width_ratios=(1.15, *(1.0 for _ in frames)))
     axes = figure.add_subplot(cells[0])
-    draw_top_view(axes, log.header.scene, artist.moments.frames, title=False)
+    draw_top_view(axes, log.header.scene, annotator.trial.snapshots, title=False)
     axes.set(xlabel="", ylabel="")
     axes.get_legend().remove()
-    for i, (camera, picture) in enumerate(frames):
+    for i, (camera, frame) in enumerate(frames):
         axes = figure.add_subplot(cells[1 + i])
-        rgb = cv2.cvtColor(picture.image, cv2.COLOR_BGR2RGB)
-        axes.imshow(rgb if camera != OVERHEAD else crop(rgb, artist), interpolation="antialiased")
-        axes.set_title(picture.caption, fontsize=8)
+        rgb = cv2.cvtColor(frame.image, cv2.COLOR_BGR2RGB)
+        axes.imshow(rgb if camera != OVERHEAD else crop(rgb, annotator), interpolation="antialiased")
+        axes.set_title(frame.caption, fontsize=8)
         axes.set_axis_off()
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})

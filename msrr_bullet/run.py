@@ -12,7 +12,7 @@ from msrr_bullet.log.reader import LOG_NAME, read_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.timeline.camera_views import docking_views
-from msrr_bullet.timeline.log_snapshots import snapshots
+from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.trial.result import TrialResult, package_versions
 from msrr_bullet.trial.telemetry import Progress
@@ -85,9 +85,9 @@ def _derive(out: Path, result: TrialResult) -> None:
     try:
         (out / RESULT_NAME).write_text(result.to_json())
         log = read_log(out)
-        frames = snapshots(log)
-        write_replay(out / REPLAY_NAME, log.header.scene, frames)
+        snapshots = read_snapshots(log)
+        write_replay(out / REPLAY_NAME, log.header.scene, snapshots)
         headline = f"{result.outcome.value}, seed {result.seed}"
-        write_picture(out / PICTURE_NAME, log.header.scene, frames, docking_views(log), headline)
+        write_picture(out / PICTURE_NAME, log.header.scene, snapshots, docking_views(log), headline)
     except OSError as error:
         raise RunFolderError(f"{error.filename or out}: cannot be written ({error.strerror})") from None

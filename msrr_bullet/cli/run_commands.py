@@ -47,7 +47,7 @@ def frames(
 ) -> None:
     """Write camera frames with the detections and estimates of the robot drawn on them."""
     _load_simulator_silently()
-    from msrr_bullet.figures.frames import write_frames
+    from msrr_bullet.figures.frame_files import write_frames
     from msrr_bullet.log import unpacked_log
 
     folder = out if out is not None else _run_folder(run) / "frames"
@@ -68,12 +68,11 @@ def plot(
     _load_simulator_silently()
     from msrr_bullet.figures.plot import write_plot
     from msrr_bullet.log import unpacked_log
-    from msrr_bullet.timeline.log_snapshots import snapshots, verdict
 
     file = out if out is not None else _run_folder(run) / "plot.png"
     with Console().status(f"{run}: drawing"), unpacked_log(run) as log:
-        headline = f"{verdict(log) or 'broken off'}, seed {log.header.seed}"
-        write_plot(file, log.header.scene, snapshots(log), headline)
+        headline = f"{read_verdict(log) or 'broken off'}, seed {log.header.seed}"
+        write_plot(file, log.header.scene, read_snapshots(log), headline)
     typer.echo(str(file))
 
 

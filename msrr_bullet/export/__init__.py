@@ -1,5 +1,5 @@
-"""A run's log as tables for other programs."""
+"""Export of a run's log as tables for other programs."""
 
-from msrr_bullet.export.csv_files import ExportError, documented, write_csv
+from msrr_bullet.export.csv_files import ExportError, documented_tables, write_csv
 
-__all__ = ["ExportError", "documented", "write_csv"]
+__all__ = ["ExportError", "documented_tables", "write_csv"]

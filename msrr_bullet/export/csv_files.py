@@ -1,4 +1,4 @@
-"""Writes a run's log as CSV files, one for each kind of message, and what their columns mean."""
+"""CSV files of a run's log, one for each class of messages, and a file that describes their columns."""
 
 from __future__ import annotations
 
@@ -8,64 +8,123 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TextIO
 
-from msrr_bullet.export import approach
-from msrr_bullet.export.table import Column, Row, Table, columns, text
-from msrr_bullet.export.tables import TABLES
-from msrr_bullet.log.reader import Log
-from msrr_bullet.timeline.log_snapshots import snapshots
+from msrr_bullet.export.robot_tables import ROBOT_TABLES
+from msrr_bullet.export.sensor_tables import SENSOR_TABLES
+from msrr_bullet.export.table import Column, Row, Table, columns, text, time
+from msrr_bullet.log import Log
+from msrr_bullet.timeline.log_snapshots import read_snapshots
+from msrr_bullet.timeline.series import TrialSeries
+from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.specs.scene import Scene
 
-#: The table that says what the columns of the others mean.
-COLUMNS_NAME = "columns"
+TABLES: tuple[Table, ...] = (*ROBOT_TABLES, *SENSOR_TABLES)
 
-_ABOUT_COLUMNS = columns(table="name of the table", column="name of the column", about="what it holds")
-_BY_KIND: dict[type, Table] = {table.kind: table for table in TABLES}
+#: Name and columns of the table that compares belief with truth, from which plots are drawn.
+APPROACH = "approach"
+_ABOUT_APPROACH = (
+    "Belief beside truth at each decision: what `msrr plot` draws, derived from the tables above."
+)
+_APPROACH_COLUMNS = columns(
+    time_s="simulated time",
+    unit="name of the docking unit",
+    attempt="number of the attempt, from 1",
+    phase="phase of the docking step",
+    true_gap_m="true distance of the unit's port from the face of the target's, along the docking axis",
+    true_lateral_m="true offset of the unit's port to the left of the docking axis",
+    true_yaw_rad="true heading relative to the docking axis",
+    believed_gap_m="estimate of true_gap_m",
+    believed_lateral_m="estimate of true_lateral_m",
+    believed_yaw_rad="estimate of true_yaw_rad",
+    commanded_v_mps="commanded forward velocity",
+    commanded_w_radps="commanded turn rate",
+    true_v_mps="true forward velocity until the next decision",
+    true_w_radps="true turn rate until the next decision",
+    left_rad="angle of the left edge of the target",
+    right_rad="angle of the right edge of the target",
+    seen="1 when both angles were measured in an image",
+    clearance_m="true smallest distance between two bodies",
+    docking_pair="1 when that is the distance of the docking pair, which may touch",
+    believed_off_path_m="estimated distance of the controlled point from the desired point on the path",
+    true_off_path_m="true distance of the controlled point from the desired point on the path",
+    wall="1 while a wall beside an obstacle is in force",
+)
+
+#: Name and columns of the table that describes the columns of the others.
+COLUMNS = "columns"
+_COLUMNS_COLUMNS = columns(table="name of the table", column="name of the column", about="what it holds")
 
 
 class ExportError(MsrrError):
-    """Tables that cannot be written."""
+    """The tables cannot be written."""
 
 
-def documented() -> Iterator[tuple[str, str, tuple[Column, ...]]]:
+def documented_tables() -> Iterator[tuple[str, str, tuple[Column, ...]]]:
     """Yield name, meaning and columns of every table that an export can have."""
     for table in TABLES:
         yield table.name, table.about, table.columns
-    yield approach.NAME, approach.ABOUT, approach.COLUMNS
+    yield APPROACH, _ABOUT_APPROACH, _APPROACH_COLUMNS
 
 
 def write_csv(log: Log, folder: Path) -> tuple[Path, ...]:
-    """Write the tables of a log that have a row; return their files. The same log gives the same bytes.
+    """Write the tables of a log that have a row. The same log gives the same bytes.
 
     Args:
-        log: The log.
-        folder: Is made when it is not there; files of the same names are overwritten.
+        log: Log of the run.
+        folder: Folder for the files, created if needed. Files of the same names are overwritten.
+
+    Returns:
+        The files that were written.
 
     Raises:
         ExportError: The folder cannot be written.
     """
+    tables = {table.kind: table for table in TABLES}
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with ExitStack() as stack:
-            sheets = _Sheets(folder, stack)
+            files = _CsvFiles(folder, stack)
             for record in log.records():
-                table = _BY_KIND.get(record.kind)
+                table = tables.get(record.kind)
                 if table is not None:
-                    for row in table.rows(record):
-                        sheets.add(table.name, table.columns, row)
-            frames = snapshots(log)
-            for row in approach.rows(log.header.scene, frames) if frames else ():
-                sheets.add(approach.NAME, approach.COLUMNS, row)
-            for name, _, table_columns in documented():
-                if name in sheets.names:
+                    for row in table.rows(record, record.message):
+                        files.add(table.name, table.columns, row)
+            snapshots = read_snapshots(log)
+            for row in _approach_rows(log.header.scene, snapshots) if snapshots else ():
+                files.add(APPROACH, _APPROACH_COLUMNS, row)
+            for name, _, table_columns in documented_tables():
+                if name in files.names:
                     for column in table_columns:
-                        sheets.add(COLUMNS_NAME, _ABOUT_COLUMNS, (name, column.name, column.about))
-            return sheets.paths
+                        files.add(COLUMNS, _COLUMNS_COLUMNS, (name, column.name, column.about))
+            return files.paths
     except OSError as error:
         raise ExportError(f"{error.filename or folder}: cannot be written ({error.strerror})") from None
 
 
-class _Sheets:
-    """The files of one export; each is opened with its first row."""
+def _approach_rows(scene: Scene, snapshots: Sequence[Snapshot]) -> Iterator[Row]:
+    series = TrialSeries.of(scene, snapshots)
+    for i, snapshot in enumerate(snapshots):
+        yield (
+            time(snapshot.stamp_ns),
+            snapshot.docking_unit,
+            snapshot.attempt,
+            snapshot.phase,
+            *series.true_port[i].tolist(),
+            *series.believed_port[i].tolist(),
+            *series.commanded[i].tolist(),
+            *series.driven[i].tolist(),
+            *series.sight[i].tolist(),
+            bool(series.seen[i]),
+            float(series.clearance[i]),
+            bool(series.docking_pair[i]),
+            float(series.off_path[i]),
+            float(series.true_off_path[i]),
+            bool(series.avoiding[i]),
+        )
+
+
+class _CsvFiles:
+    """Files of one export. Each is opened with its first row."""
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         self._folder, self._stack = folder, stack
@@ -79,14 +138,14 @@ class _Sheets:
     def paths(self) -> tuple[Path, ...]:
         return tuple(self._folder / f"{name}.csv" for name in self._files)
 
-    def add(self, name: str, about: Sequence[Column], row: Row) -> None:
+    def add(self, name: str, table_columns: Sequence[Column], row: Row) -> None:
         if name not in self._files:
             path = self._folder / f"{name}.csv"
             file = self._stack.enter_context(path.open("w", encoding="utf-8", newline=""))
             self._files[name] = file
-            _write(file, [column.name for column in about])
-        _write(self._files[name], [text(cell) for cell in row])
+            _write_line(file, [column.name for column in table_columns])
+        _write_line(self._files[name], [text(cell) for cell in row])
 
 
-def _write(file: TextIO, cells: Sequence[str]) -> None:
+def _write_line(file: TextIO, cells: Sequence[str]) -> None:
     csv.writer(file, lineterminator="\n").writerow(cells)

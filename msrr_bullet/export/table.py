@@ -1,4 +1,4 @@
-"""What a table is: a name, documented columns, and the rows that a message of the log gives."""
+"""Tables of an export: documented columns, and the rows that a message of the log gives."""
 
 from __future__ import annotations
 
@@ -6,19 +6,34 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
-from msrr_bullet.log.reader import LogRecord
-from msrr_scenes.messages import NS_PER_S
+from msrr_bullet.log import LogRecord, topics
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import NS_PER_S, Exposure
 
 Cell = str | int | float | bool | Enum | None
 Row = Sequence[Cell]
 
+#: Names and meanings of columns that several tables have; :func:`pose`, :func:`sigma`, ... give their cells.
+TIME = {"time_s": "simulated time at which the message was sent or arrived"}
+UNIT = {**TIME, "unit": "name of the docking unit"}
+STAMP = {"stamp_s": "time to which the values refer"}
+FRAME = {"camera": "name of the camera", "frame": "number of the frame", "exposed_s": "time of exposure"}
+POSE = {"x_m": "position", "y_m": "position", "yaw_rad": "heading, counter-clockwise positive"}
+SIGMA = {
+    "sigma_x_m": "standard deviation of x",
+    "sigma_y_m": "standard deviation of y",
+    "sigma_yaw_rad": "standard deviation of the heading",
+}
+
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column; the unit of a number ends its name."""
+    """Column of a table. The name of a number ends with its unit."""
 
     name: str
     about: str
@@ -26,36 +41,56 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of one kind of message.
+    """Table of one class of messages.
 
     Attributes:
-        name: Its file is ``<name>.csv``.
-        about: What a row is.
-        columns: In order.
-        kind: Class of the message.
-        rows: The rows of one message.
+        name: Name of the file without ``.csv``.
+        about: Meaning of a row.
+        kind: Class of the messages.
+        columns: Columns in order.
+        rows: Function that returns the rows of one message.
     """
 
     name: str
     about: str
-    columns: tuple[Column, ...]
     kind: type
-    rows: Callable[[LogRecord], Iterable[Row]]
+    columns: tuple[Column, ...]
+    rows: Callable[[LogRecord, Any], Iterable[Row]]
 
 
 def columns(**about: str) -> tuple[Column, ...]:
-    """Return columns from their names and what they hold."""
-    return tuple(Column(name, text) for name, text in about.items())
+    """Return columns from names and meanings."""
+    return tuple(Column(name, meaning) for name, meaning in about.items())
 
 
 def time(stamp_ns: int) -> str:
-    """Return a time [s], exact to the nanosecond."""
+    """Return a time [s] as text, exact to the nanosecond."""
     whole, rest = divmod(stamp_ns, NS_PER_S)
     return f"{whole}.{rest:09d}"
 
 
+def unit(record: LogRecord) -> Row:
+    """Return the cells of :data:`UNIT`."""
+    return time(record.stamp_ns), topics.unit_of(record.topic)
+
+
+def frame(exposure: Exposure) -> Row:
+    """Return the cells of :data:`FRAME`."""
+    return exposure.camera, exposure.frame, time(exposure.stamp_ns)
+
+
+def pose(X: SE2) -> Row:
+    """Return the cells of :data:`POSE`."""
+    return X.x, X.y, X.yaw
+
+
+def sigma(covariance: Array) -> Row:
+    """Return the cells of :data:`SIGMA`; NaN for the negative variances of a diverged filter."""
+    return tuple(math.sqrt(v) if v >= 0.0 else math.nan for v in map(float, covariance.diagonal()))
+
+
 def text(cell: Cell) -> str:
-    """Return a cell as text: a number so that it reads back to the same bit, nothing for None and NaN."""
+    """Return a cell as text. Numbers read back to the same bit; None and NaN are empty."""
     if cell is None:
         return ""
     if isinstance(cell, Enum):

@@ -1,4 +1,4 @@
-"""An image to draw on: the pixels of a frame, enlarged, with smooth lines and words upon them."""
+"""Image to draw on: an enlarged camera frame with smooth lines and text."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ Point = tuple[float, float]
 FONT, TEXT_SCALE, SMALL_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.52, 0.44
 #: Height of the lines of text above and below a frame [px].
 BAR = 26
-#: Lengths of the dashes of a broken line and of the gaps between them [px].
+#: Lengths of the dashes of a dashed line and of the gaps between them [px].
 DASH, GAP = 9.0, 6.0
-#: cv2 takes coordinates in whole multiples of 1/16 px.
+#: Number of fractional bits of the coordinates that cv2 takes, which are multiples of 1/16 px.
 _SHIFT = 4
-#: Farther outside than this nothing is drawn [px]; cv2's own arithmetic would overflow.
+#: Largest coordinate that is drawn [px]; beyond it the arithmetic of cv2 would overflow.
 _FAR = 1.0e6
 INK, PAPER = 0x1D2733, 0xFFFFFF
 
 
 def bgr(colour: int) -> tuple[int, int, int]:
-    """Return a colour 0xRRGGBB in OpenCV's order."""
+    """Return a colour 0xRRGGBB in the order of OpenCV."""
     return colour & 255, (colour >> 8) & 255, (colour >> 16) & 255
 
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """An entry of a legend."""
+    """Entry of a legend."""
 
     colour: int
     text: str
@@ -43,23 +43,23 @@ class Key:
 
 
 class Canvas:
-    """A frame, enlarged by a whole number. Points are in pixels of the frame, counted from their centres."""
+    """Camera frame, enlarged by a whole number. Points are in pixels of the frame, from pixel centres."""
 
     def __init__(self, width: int, height: int, zoom: int, background: int = PAPER) -> None:
-        """Begin with one colour."""
+        """Create the canvas in one colour."""
         self.zoom = zoom
         self.image: Image = np.full((zoom * height, zoom * width, 3), bgr(background), dtype=np.uint8)
 
-    def paste(self, frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> None:
-        """Lay grey pixels, shape (height, width), on top ``where`` it says so; each stays a square."""
+    def paste(self, frame: NDArray[np.uint8], mask: NDArray[np.bool_]) -> None:
+        """Copy the masked grey pixels of a frame, shape (height, width), each enlarged to a square."""
         size = (self.image.shape[1], self.image.shape[0])
         grey = cv2.resize(frame, size, interpolation=cv2.INTER_NEAREST)
-        mask = cv2.resize(where.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
-        cv2.copyTo(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), mask, self.image)
+        enlarged = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+        cv2.copyTo(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), enlarged, self.image)
 
     def fill(self, points: Array, colour: int, edge: int | None = None) -> None:
         """Fill a convex outline, shape (N, 2)."""
-        if len(points) < 3 or not _near(points):
+        if len(points) < 3 or not _drawable(points):
             return
         p = self._fixed(points)
         cv2.fillConvexPoly(self.image, p, bgr(colour), cv2.LINE_AA, _SHIFT)
@@ -76,10 +76,10 @@ class Canvas:
         dashed: bool = False,
         halo: int | None = None,
     ) -> None:
-        """Draw a line through ``points``, shape (N, 2); a ``halo`` of another colour lifts it off."""
+        """Draw a line through points, shape (N, 2), optionally with a halo of another colour."""
         p = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         p = p[np.isfinite(p).all(axis=1)]
-        if len(p) < 2 or not _near(p):
+        if len(p) < 2 or not _drawable(p):
             return
         p = np.concatenate([p, p[:1]]) if closed else p
         pieces = list(_dashes(p, DASH / self.zoom, GAP / self.zoom)) if dashed else [p]
@@ -89,40 +89,40 @@ class Canvas:
         cv2.polylines(self.image, fixed, False, bgr(colour), width, cv2.LINE_AA, _SHIFT)
 
     def dot(self, point: ArrayLike, colour: int, radius: float, halo: int | None = None) -> None:
-        """Draw a disc of ``radius`` [px of the picture] at a point (2,)."""
+        """Draw a disc at a point (2,); the radius is in pixels of the enlarged image."""
         p = np.asarray(point, dtype=np.float64)
-        if not np.isfinite(p).all() or not _near(p):
+        if not np.isfinite(p).all() or not _drawable(p):
             return
         x, y = (int(a) for a in self._fixed(p[None])[0])
         for r, c in ((radius + 1.5, halo), (radius, colour)):
             if c is not None:
                 cv2.circle(self.image, (x, y), round(r * 2**_SHIFT), bgr(c), cv2.FILLED, cv2.LINE_AA, _SHIFT)
 
-    def text(self, point: ArrayLike, words: str, colour: int, halo: int = PAPER) -> None:
-        """Write above a point (2,), in the middle; kept inside the picture."""
+    def text(self, point: ArrayLike, text: str, colour: int, halo: int = PAPER) -> None:
+        """Write centred above a point (2,), moved inside the image if necessary."""
         p = np.asarray(point, dtype=np.float64)
-        if not np.isfinite(p).all() or not _near(p):
+        if not np.isfinite(p).all() or not _drawable(p):
             return
         height, width = self.image.shape[:2]
-        (w, h), _ = cv2.getTextSize(words, FONT, SMALL_SCALE, 1)
-        x, y = self._big(p) + np.array([-0.5 * w, -6.0])
-        place = round(min(max(x, 2), width - w - 2)), round(min(max(y, h + 2), height - 4))
-        # Not one thicker line of text: fonts with weights make thicker text wider as well.
-        around = [(dx, dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
-        for (dx, dy), c in [*((step, halo) for step in around), ((0, 0), colour)]:
-            at = place[0] + dx, place[1] + dy
-            cv2.putText(self.image, words, at, FONT, SMALL_SCALE, bgr(c), 1, cv2.LINE_AA)
+        (w, h), _ = cv2.getTextSize(text, FONT, SMALL_SCALE, 1)
+        x, y = self._enlarge(p) + np.array([-0.5 * w, -6.0])
+        left, bottom = round(min(max(x, 2), width - w - 2)), round(min(max(y, h + 2), height - 4))
+        # The halo is the same text at eight neighbouring places, because thicker text would be wider as well.
+        offsets = [(dx, dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
+        for (dx, dy), c in [*((offset, halo) for offset in offsets), ((0, 0), colour)]:
+            origin = left + dx, bottom + dy
+            cv2.putText(self.image, text, origin, FONT, SMALL_SCALE, bgr(c), 1, cv2.LINE_AA)
 
-    def _big(self, points: Array) -> Array:
-        big: Array = (points + 0.5) * self.zoom - 0.5
-        return big
+    def _enlarge(self, points: Array) -> Array:
+        enlarged: Array = (points + 0.5) * self.zoom - 0.5
+        return enlarged
 
     def _fixed(self, points: Array) -> NDArray[np.int32]:
-        fixed: NDArray[np.int32] = np.round(self._big(points) * 2**_SHIFT).astype(np.int32)
+        fixed: NDArray[np.int32] = np.round(self._enlarge(points) * 2**_SHIFT).astype(np.int32)
         return fixed
 
 
-def _near(points: Array) -> bool:
+def _drawable(points: Array) -> bool:
     return bool(np.abs(points).max() < _FAR)
 
 
@@ -133,19 +133,18 @@ def _dashes(points: Array, dash: float, gap: float) -> Iterator[Array]:
     for start in np.arange(0.0, along[-1], dash + gap):
         end = min(start + dash, along[-1])
         inside = (along > start) & (along < end)
-        at = np.concatenate([[start], along[inside], [end]])
-        yield np.column_stack([np.interp(at, along, points[:, i]) for i in (0, 1)])
+        lengths = np.concatenate([[start], along[inside], [end]])
+        yield np.column_stack([np.interp(lengths, along, points[:, i]) for i in (0, 1)])
 
 
-def framed(image: Image, title: Sequence[str], legend: Sequence[Key]) -> Image:
-    """Return a picture with lines of text above it and its legend below."""
+def titled(image: Image, title: Sequence[str], legend: Sequence[Key]) -> Image:
+    """Return an image with lines of text above it and a legend below."""
     width = image.shape[1]
     head = np.full((BAR * len(title), width, 3), bgr(PAPER), dtype=np.uint8)
-    for i, words in enumerate(title):
-        cv2.putText(
-            head, _fitting(words, width - 16), (8, BAR * i + 18), FONT, TEXT_SCALE, bgr(INK), 1, cv2.LINE_AA
-        )
-    rows = _rows(legend, width)
+    for i, line in enumerate(title):
+        origin = (8, BAR * i + 18)
+        cv2.putText(head, _shortened(line, width - 16), origin, FONT, TEXT_SCALE, bgr(INK), 1, cv2.LINE_AA)
+    rows = _legend_rows(legend, width)
     foot = np.full((BAR * len(rows), width, 3), bgr(PAPER), dtype=np.uint8)
     for i, row in enumerate(rows):
         for x, key in row:
@@ -157,37 +156,37 @@ def framed(image: Image, title: Sequence[str], legend: Sequence[Key]) -> Image:
     return np.concatenate([head, image, foot])
 
 
-def _fitting(words: str, width: int) -> str:
-    """Return as much of a text as a line of ``width`` [px] holds."""
-    if cv2.getTextSize(words, FONT, TEXT_SCALE, 1)[0][0] <= width:
-        return words
-    while words and cv2.getTextSize(f"{words} ...", FONT, TEXT_SCALE, 1)[0][0] > width:
-        words = words[:-1]
-    return f"{words.rstrip()} ..."
+def _shortened(text: str, width: int) -> str:
+    """Return a text, cut off where it does not fit into a line of ``width`` [px]."""
+    if cv2.getTextSize(text, FONT, TEXT_SCALE, 1)[0][0] <= width:
+        return text
+    while text and cv2.getTextSize(f"{text} ...", FONT, TEXT_SCALE, 1)[0][0] > width:
+        text = text[:-1]
+    return f"{text.rstrip()} ..."
 
 
-def _rows(legend: Sequence[Key], width: int) -> list[list[tuple[int, Key]]]:
-    """Return the legend's entries with their columns, as many to a row as there is room for."""
+def _legend_rows(legend: Sequence[Key], width: int) -> list[list[tuple[int, Key]]]:
+    """Return the entries of the legend with their columns [px], as many in a row as fit."""
     rows: list[list[tuple[int, Key]]] = []
     x = width
     for key in legend:
-        need = 28 + cv2.getTextSize(key.text, FONT, SMALL_SCALE, 1)[0][0] + 22
-        if x + need > width:
+        needed = 28 + cv2.getTextSize(key.text, FONT, SMALL_SCALE, 1)[0][0] + 22
+        if x + needed > width:
             rows.append([])
             x = 8
         rows[-1].append((x, key))
-        x += need
+        x += needed
     return rows
 
 
 def write_png(path: Path, image: Image) -> Path:
-    """Write a picture.
+    """Write an image as PNG and return the path of the file.
 
     Raises:
-        MsrrError: It cannot be written.
+        MsrrError: The image cannot be encoded, or the file cannot be written.
     """
-    done, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 6])
-    if not done:
+    encoded, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 6])
+    if not encoded:
         raise MsrrError(f"{path}: cannot make a PNG of an image of shape {image.shape}")
     try:
         path.write_bytes(data.tobytes())

@@ -1,12 +1,14 @@
-"""Curves over time: one function for each pair of axes, and what all of them have in common."""
+"""Curves over time: one function for each kind of axes, and the layout of several of them in a figure."""
 
 from __future__ import annotations
 
 import math
-from itertools import groupby
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
 
 from msrr_bullet.timeline.palette import (
     BELIEF,
@@ -20,66 +22,65 @@ from msrr_bullet.timeline.palette import (
     VERMILLION,
     css,
 )
-from msrr_bullet.timeline.series import Series
+from msrr_bullet.timeline.series import TrialSeries, phase_spans
+from msrr_bullet.timeline.snapshot import phase_name
 from msrr_scenes.specs.plan import GuardSpec, JudgeSpec
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-#: Below these the scales of a trial that begins far away are linear, above logarithmic [mm], [deg].
-FINE_MM, FINE_DEG = 1.0, 1.0
-#: The same for clearances [m].
-FINE_M = 0.1
-#: A phase shorter than this share of the trial is told by its colour alone: a name needs room.
-NAMED_SHARE = 0.06
+#: Limits of the linear range of logarithmic scales for lateral offset [mm], heading [deg] and clearance [m].
+LINEAR_MM, LINEAR_DEG, LINEAR_M = 1.0, 1.0, 0.1
+#: Smallest duration of a phase whose name is written, as a fraction of the trial.
+MIN_NAMED_FRACTION = 0.06
 
 
-def lateral(axes: Axes, series: Series) -> None:
+def lateral(axes: Axes, series: TrialSeries) -> None:
     """Draw the lateral offset of the port from the axis of the dock frame."""
     _truth_and_belief(axes, series, 1, 1e3, "lateral [mm]")
-    _widen(axes, series, FINE_MM)
+    _use_log_scale(axes, series, LINEAR_MM)
     axes.legend(loc="best", fontsize=8)
 
 
-def yaw(axes: Axes, series: Series) -> None:
+def yaw(axes: Axes, series: TrialSeries) -> None:
     """Draw the heading in the dock frame."""
     _truth_and_belief(axes, series, 2, math.degrees(1.0), "yaw [deg]")
-    _widen(axes, series, FINE_DEG)
+    _use_log_scale(axes, series, LINEAR_DEG)
 
 
-def gap(axes: Axes, series: Series) -> None:
+def gap(axes: Axes, series: TrialSeries) -> None:
     """Draw the distance between the faces."""
     _truth_and_belief(axes, series, 0, 1.0, "gap to the port [m]")
 
 
-def _widen(axes: Axes, series: Series, fine: float) -> None:
-    """Show both what is decimetres off at the start and what is tenths of a millimetre off at the port."""
-    if series.assembles:
-        axes.set_yscale("symlog", linthresh=fine, linscale=1.0)
+def _use_log_scale(axes: Axes, series: TrialSeries, linear_range: float) -> None:
+    """Show both decimetres at the start of a long approach and tenths of a millimetre at the port."""
+    if series.follows_path:
+        axes.set_yscale("symlog", linthresh=linear_range, linscale=1.0)
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
 
 
-def _truth_and_belief(axes: Axes, series: Series, column: int, scale: float, label: str) -> None:
-    # Belief lies thin on top of truth: both show where they agree.
+def _truth_and_belief(axes: Axes, series: TrialSeries, column: int, scale: float, label: str) -> None:
+    # The thin line of the belief lies on the thick line of the truth, so that both show where they agree.
     for values, colour, width, name in (
         (series.true_port, PATH, 2.6, "truth"),
         (series.believed_port, BELIEF, 1.0, "believed"),
     ):
-        curve = scale * series.torn(values)[:, column]
+        curve = scale * series.with_gaps(values)[:, column]
         axes.plot(series.time, curve, color=css(colour), linewidth=width, label=name)
     axes.axhline(0.0, color=css(DARK), linewidth=0.6)
     axes.set_ylabel(label)
-    prepare(axes)
+    _add_grid(axes)
 
 
-def off_path(axes: Axes, series: Series) -> None:
-    """Draw how far the controlled point is from where it should be on the path."""
+def off_path(axes: Axes, series: TrialSeries) -> None:
+    """Draw the distance of the controlled point from the desired point on the path."""
     for values, colour, width, name in (
-        (series.truly_off_path, PATH, 2.6, "truth"),
+        (series.true_off_path, PATH, 2.6, "truth"),
         (series.off_path, BELIEF, 1.0, "believed"),
     ):
         axes.plot(series.time, 1e3 * values, color=css(colour), linewidth=width, label=name)
     if series.avoiding.any():
-        top = max(1.0, 1e3 * float(np.nanmax([series.off_path, series.truly_off_path])))
+        top = max(1.0, 1e3 * float(np.nanmax([series.off_path, series.true_off_path])))
         axes.fill_between(
             series.time,
             0.0,
@@ -93,20 +94,20 @@ def off_path(axes: Axes, series: Series) -> None:
     axes.set_ylabel("off the path [mm]")
     axes.set_ylim(bottom=0.0)
     axes.legend(loc="upper right", fontsize=8)
-    prepare(axes)
+    _add_grid(axes)
 
 
-def speed(axes: Axes, series: Series, limits: LimitsSpec) -> None:
+def speed(axes: Axes, series: TrialSeries, limits: LimitsSpec) -> None:
     """Draw forward velocity, commanded and driven."""
     _motion(axes, series, 0, "v [m/s]", limits.v_max_mps)
 
 
-def turn_rate(axes: Axes, series: Series, limits: LimitsSpec) -> None:
+def turn_rate(axes: Axes, series: TrialSeries, limits: LimitsSpec) -> None:
     """Draw turn rate, commanded and driven."""
     _motion(axes, series, 1, "w [rad/s]", limits.w_max_radps)
 
 
-def _motion(axes: Axes, series: Series, column: int, label: str, limit: float) -> None:
+def _motion(axes: Axes, series: TrialSeries, column: int, label: str, limit: float) -> None:
     axes.plot(series.time, series.driven[:, column], color=css(PATH), linewidth=2.2, label="driven (truth)")
     axes.step(
         series.time,
@@ -122,11 +123,11 @@ def _motion(axes: Axes, series: Series, column: int, label: str, limit: float) -
     used = np.nanmax(np.abs([series.driven[:, column], series.commanded[:, column]]), initial=0.25 * limit)
     axes.set(ylabel=label, ylim=(-1.15 * used, 1.15 * used))
     axes.legend(loc="best", fontsize=8)
-    prepare(axes)
+    _add_grid(axes)
 
 
-def clearance(axes: Axes, series: Series, guard: GuardSpec, judge: JudgeSpec) -> None:
-    """Draw the smallest clearance of all bodies, and the distances of guard and judge."""
+def clearance(axes: Axes, series: TrialSeries, guard: GuardSpec, judge: JudgeSpec) -> None:
+    """Draw the smallest clearance of all bodies, and the limits of the collision monitor and of the judge."""
     apart = np.where(series.docking_pair, np.nan, series.clearance)
     docking = np.where(series.docking_pair, series.clearance, np.nan)
     axes.plot(series.time, apart, color=css(CLEARANCE), linewidth=2.0, label="smallest clearance (truth)")
@@ -136,21 +137,21 @@ def clearance(axes: Axes, series: Series, guard: GuardSpec, judge: JudgeSpec) ->
         bounds += [(guard.slow_m, "--", "guard slows"), (guard.stop_m, "-.", "guard stops")]
     for value, style, _ in bounds:
         axes.axhline(value, color=css(VERMILLION), linestyle=style, linewidth=0.9)
-    told = ", ".join(f"{name} {1e3 * value:.0f} mm" for value, _, name in sorted(bounds, reverse=True))
-    axes.set_title(told, fontsize=7, loc="right", pad=2)
+    limits = ", ".join(f"{name} {1e3 * value:.0f} mm" for value, _, name in sorted(bounds, reverse=True))
+    axes.set_title(limits, fontsize=7, loc="right", pad=2)
     axes.set_ylabel("clearance [m]")
     low = float(np.nanmin(series.clearance, initial=0.0))
     high = float(np.nanmax(series.clearance, initial=0.0))
-    axes.set_ylim(low, 1.3 * max(high, FINE_M))
-    if high > 3.0 * FINE_M:
-        axes.set_yscale("symlog", linthresh=FINE_M, linscale=1.5)
+    axes.set_ylim(low, 1.3 * max(high, LINEAR_M))
+    if high > 3.0 * LINEAR_M:
+        axes.set_yscale("symlog", linthresh=LINEAR_M, linscale=1.5)
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.legend(loc="best", fontsize=8)
-    prepare(axes)
+    _add_grid(axes)
 
 
-def sight(axes: Axes, series: Series, scene: Scene) -> None:
-    """Draw the line-of-sight angles and the cone in which they have to stay."""
+def sight(axes: Axes, series: TrialSeries, scene: Scene) -> None:
+    """Draw the line-of-sight angles, and the cone that has to contain them."""
     for shown, style, how in ((series.seen, "-", "seen"), (~series.seen, ":", "predicted")):
         angles = np.where(shown[:, None], np.degrees(series.sight), np.nan)
         for column, colour, side in ((0, GREEN, "left edge"), (1, VERMILLION, "right edge")):
@@ -167,35 +168,51 @@ def sight(axes: Axes, series: Series, scene: Scene) -> None:
             name, (1.0, limit), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=7
         )
     axes.set(ylabel="edge angle [deg]", ylim=(-1.2 * half_fov, 1.2 * half_fov))
-    prepare(axes)
+    _add_grid(axes)
     axes.legend(loc="lower left", fontsize=7, ncols=2)
 
 
-def prepare(axes: Axes) -> None:
-    """Give axes their grid and the size of their figures."""
+def _add_grid(axes: Axes) -> None:
+    """Add the grid, and set the size of the tick labels."""
     axes.grid(True, color="#e4e7ea", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8)
 
 
-def shade_phases(axes: Axes, series: Series, named: bool) -> None:
-    """Colour the background by phase; ``named`` writes the names of the longer ones above."""
-    times = series.time
-    end = float(times[-1]) or 1.0
-    start = 0
-    for phase, run in groupby(series.phases):
-        stop = start + len(list(run))
-        t0, t1 = float(times[start]), float(times[min(stop, len(times) - 1)])
-        start = stop
-        if phase is None:
-            continue
-        axes.axvspan(t0, t1, color=css(PHASE_COLOURS[phase]), linewidth=0.0, alpha=0.6, zorder=0)
-        if named and t1 - t0 > NAMED_SHARE * end:
-            axes.annotate(
-                phase.value.replace("_", " "),
-                (0.5 * (t0 + t1), 1.02),
-                xycoords=("data", "axes fraction"),
-                ha="center",
-                fontsize=7,
-            )
-    axes.set_xlim(float(times[0]), end)
+def _shade_phases(axes: Axes, series: TrialSeries, named: bool) -> None:
+    """Colour the background by phase, and optionally write the names of the longer phases above."""
+    times = series.time.tolist()
+    duration = times[-1] or 1.0
+    for phase, start, end in phase_spans(times, series.phases):
+        axes.axvspan(start, end, color=css(PHASE_COLOURS[phase]), linewidth=0.0, alpha=0.6, zorder=0)
+        if named and end - start > MIN_NAMED_FRACTION * duration:
+            position, coordinates = (0.5 * (start + end), 1.02), ("data", "axes fraction")
+            axes.annotate(phase_name(phase), position, xycoords=coordinates, ha="center", fontsize=7)
+    axes.set_xlim(times[0], duration)
+
+
+def draw_stack(
+    figure: Figure, region: SubplotSpec, series: TrialSeries, curves: Sequence[Callable[[Axes], None]]
+) -> None:
+    """Draw axes one above the other with a common axis of time.
+
+    Args:
+        figure: Figure to draw into.
+        region: Region of the figure.
+        series: Series of the trial, whose phases are the background of all axes.
+        curves: Functions that draw one axes each, from top to bottom.
+    """
+    rows = region.subgridspec(len(curves), 1)
+    lowest = figure.add_subplot(rows[len(curves) - 1])
+    stack = [*(figure.add_subplot(rows[i], sharex=lowest) for i in range(len(curves) - 1)), lowest]
+    for axes, draw in zip(stack, curves, strict=True):
+        draw(axes)
+        _shade_phases(axes, series, named=axes is stack[0])
+        axes.yaxis.set_label_coords(-0.085, 0.5)
+        axes.tick_params(labelbottom=axes is lowest)
+    lowest.set_xlabel("time [s]")
+
+
+def set_title(figure: Figure, scene: Scene, headline: str) -> None:
+    """Write the name of the scene and a headline, such as the outcome, above a figure."""
+    figure.suptitle(f"{scene.name}{f': {headline}' if headline else ''}", fontsize=13, fontweight="bold")

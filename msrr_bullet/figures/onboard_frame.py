@@ -1,4 +1,4 @@
-"""A frame of the docking unit's camera with what the robot makes of it drawn on top."""
+"""Annotated frame of the onboard camera: line of sight, cone, and tags at their estimated positions."""
 
 from __future__ import annotations
 
@@ -6,28 +6,24 @@ import math
 
 import numpy as np
 
-from msrr_bullet.figures.canvas import Canvas, Key
-from msrr_bullet.figures.drawing import (
+from msrr_bullet.figures.annotation import (
     DETECTION_KEY,
     READ_KEY,
+    AnnotatedFrame,
     DrawingContext,
-    Picture,
-    caption,
-    heading,
-    looked_at,
-    prepared,
+    annotate,
+    draw_frame,
 )
+from msrr_bullet.figures.canvas import Canvas, Key
 from msrr_bullet.figures.perspective import Perspective
 from msrr_bullet.timeline.camera_views import CameraView
-from msrr_bullet.timeline.palette import BELIEF, SIGHT
+from msrr_bullet.timeline.log_snapshots import target_frame
+from msrr_bullet.timeline.palette import BELIEF, CONE, SIGHT
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import LosObservation, LosStatus
-
-#: Colour of the bounds of the line-of-sight cone.
-CONE = 0x37424D
 
 _LEGEND = (
     READ_KEY,
@@ -40,38 +36,37 @@ _LEGEND = (
 )
 
 
-def draw_onboard(stagecraft: DrawingContext, view: CameraView, moment: Snapshot) -> Picture:
-    """Draw on a frame of the docking unit's camera.
+def draw_onboard(context: DrawingContext, view: CameraView, snapshot: Snapshot) -> AnnotatedFrame:
+    """Annotate a frame of the onboard camera of the docking unit.
 
     Args:
-        stagecraft: What to draw with.
-        view: The frame.
-        moment: The trial at the time of exposure.
+        context: Scene and models of the run.
+        view: Frame as far as it was read.
+        snapshot: Trial at the time of exposure.
     """
-    scene, step = stagecraft.scene, moment.step
+    scene, step = context.scene, snapshot.step
     unit = view.exposure.camera.partition("/")[0]
-    look = Perspective.onboard(scene, unit, moment.units[unit])
-    canvas = prepared(stagecraft, view, look, moment)
+    perspective = Perspective.onboard(scene, unit, snapshot.units[unit])
+    canvas = draw_frame(context, view, perspective, snapshot)
     for limit, dashed in ((scene.los.inner, True), (scene.los.outer, False)):
         for side in (1.0, -1.0):
-            _upright(canvas, view, side * limit, CONE, 2, dashed)
+            _draw_vertical(canvas, view, side * limit, CONE, 2, dashed)
     if step is not None and step.unit == unit:
-        target = stagecraft.targets[step]
-        if moment.estimate is not None:
-            X_WD = moment.units[step.target_unit] @ scene.geometry(step.target_unit).dock_frame(
-                step.target_port
-            )
-            _believed_tags(canvas, target, X_WD.inverse() @ moment.estimate)
-        if moment.los is not None and moment.los.status is not LosStatus.LOST:
-            dashed = moment.los.status is LosStatus.PREDICTED
-            for angle in (moment.los.left, moment.los.right):
-                _upright(canvas, view, angle, SIGHT, 2, dashed)
-    title = (*heading(stagecraft, view, moment), f"{looked_at(view)}; {_sight(moment.los)}")
-    return Picture(view.stamp_ns, canvas.image, title, caption(view, moment), _LEGEND)
+        target = context.targets[step]
+        if snapshot.estimate is not None:
+            X_DW = target_frame(scene, step, snapshot.units).inverse()
+            _draw_believed_tags(canvas, target, X_DW @ snapshot.estimate)
+        if snapshot.los is not None and snapshot.los.status is not LosStatus.LOST:
+            dashed = snapshot.los.status is LosStatus.PREDICTED
+            for angle in (snapshot.los.left, snapshot.los.right):
+                _draw_vertical(canvas, view, angle, SIGHT, 2, dashed)
+    return annotate(context, view, snapshot, canvas, _los_text(snapshot.los), _LEGEND)
 
 
-def _upright(canvas: Canvas, view: CameraView, angle: float, colour: int, width: int, dashed: bool) -> None:
-    """Draw the upright line that lies at a horizontal ``angle`` [rad] from the axis of a level camera."""
+def _draw_vertical(
+    canvas: Canvas, view: CameraView, angle: float, colour: int, width: int, dashed: bool
+) -> None:
+    """Draw the vertical line at a horizontal ``angle`` [rad] from the axis of a level camera."""
     if not math.isfinite(angle) or abs(angle) >= 0.5 * math.pi:
         return
     column = view.camera.cx - view.camera.focal * math.tan(angle)
@@ -79,19 +74,21 @@ def _upright(canvas: Canvas, view: CameraView, angle: float, colour: int, width:
     canvas.line(ends, colour, width, dashed=dashed)
 
 
-def _believed_tags(canvas: Canvas, target: TargetModel, X_DU: SE2) -> None:
-    """Outline the tags that would face the camera if the estimate were true."""
+def _draw_believed_tags(canvas: Canvas, target: TargetModel, X_DU: SE2) -> None:
+    """Outline the tags that the camera would see from in front if the estimate were exact."""
     X_CD = target.X_CU @ SE3.from_se2(X_DU.inverse())
-    look = Perspective(target.camera, X_CD.inverse())
+    perspective = Perspective(target.camera, X_CD.inverse())
     for corners_D in target.corners_D.values():
         bottom_left, bottom_right, _, top_left = corners_D
-        into = np.cross(bottom_right - bottom_left, bottom_left - top_left)  # x right, y down: z into the tag
-        seen = look.pixels(corners_D)
-        if float(into @ (corners_D.mean(axis=0) - look.X_WC.p)) > 0.0 and np.isfinite(seen).all():
-            canvas.line(seen, BELIEF, 1, closed=True)
+        inward = np.cross(
+            bottom_right - bottom_left, bottom_left - top_left
+        )  # x right, y down: z into the tag
+        outline = perspective.pixels(corners_D)
+        if float(inward @ (corners_D.mean(axis=0) - perspective.X_WC.p)) > 0.0 and np.isfinite(outline).all():
+            canvas.line(outline, BELIEF, 1, closed=True)
 
 
-def _sight(los: LosObservation | None) -> str:
+def _los_text(los: LosObservation | None) -> str:
     if los is None or los.status is LosStatus.LOST:
         return "line of sight lost"
     left, right = math.degrees(los.left), math.degrees(los.right)

@@ -1,4 +1,4 @@
-"""The scene as a camera has it before it: outlines of solids, tags and lines on the floor, in pixels."""
+"""Projection of a scene into a camera: outlines of solids, tags and lines on the floor, in pixels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from msrr_bullet.simulation.camera_mount import camera_pose
 from msrr_bullet.simulation.tag_plates import PLATE_RATIO
-from msrr_bullet.timeline.palette import OBSTACLE, TYRE, unit_colour
+from msrr_bullet.timeline.palette import OBSTACLE, link_colour, unit_colour
 from msrr_perception.pose.global_pose import flat_tags, overhead_pose
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
@@ -25,17 +25,17 @@ from msrr_scenes.specs.bodies import CylinderSpec, ObstacleSpec
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
 
-#: What is nearer to the camera than this is cut off [m].
+#: Distance from the camera below which everything is cut off [m].
 NEAR = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Perspective:
-    """A camera in its place.
+    """Camera at a pose.
 
     Attributes:
-        camera: Its optics.
-        X_WC: Its optical frame in the world.
+        camera: Pinhole model of the camera.
+        X_WC: Pose of its optical frame in the world.
     """
 
     camera: PinholeCamera
@@ -43,45 +43,45 @@ class Perspective:
 
     @classmethod
     def overhead(cls, scene: Scene) -> Perspective:
-        """Return the camera above the arena, which the scene has to have."""
+        """Return the overhead camera of a scene that has one."""
         assert scene.cameras.overhead is not None
         return cls(scene.cameras.overhead.pinhole, overhead_pose(scene.cameras.overhead))
 
     @classmethod
     def onboard(cls, scene: Scene, unit: str, X_WU: SE2) -> Perspective:
-        """Return a unit's camera where it really is, errors of its mounting included."""
+        """Return the onboard camera of a unit at its true pose, errors of its mounting included."""
         X_WC = SE3.from_se2(X_WU) @ optical_pose(camera_pose(scene, unit))
         return cls(scene.cameras.onboard.pinhole, X_WC)
 
     def pixels(self, points_W: ArrayLike) -> Array:
         """Project points, shape (N, 3) [m], to pixels (N, 2); NaN for those not in front of the camera."""
-        p = self._seen_from(points_W)
+        p = self._in_camera(points_W)
         front = p[:, 2] > NEAR
-        found = np.full((len(p), 2), np.nan)
-        found[front] = self.camera.project(p[front])
-        return found
+        pixels = np.full((len(p), 2), np.nan)
+        pixels[front] = self.camera.project(p[front])
+        return pixels
 
     def hull(self, points_W: ArrayLike) -> Array:
-        """Return the outline in pixels, shape (K, 2), of the convex solid that ``points_W`` (N, 3) span.
+        """Return the outline in pixels, shape (K, 2), of the convex hull of points (N, 3) [m].
 
-        What lies behind the camera is cut off; K is 0 when nothing is left.
+        The part behind the camera is cut off. K is 0 when nothing is left.
         """
-        p = self._seen_from(points_W)
+        p = self._in_camera(points_W)
         front = p[:, 2] > NEAR
         if not front.any():
             return np.empty((0, 2))
         if not front.all():
-            # A corner of the cut lies on an edge, and every edge joins a point on this side to one beyond.
+            # Every corner of the cut lies on a line from a point in front of the plane to one behind it.
             a, b = p[front][:, None], p[~front][None]
-            share = (a[..., 2:] - NEAR) / (a[..., 2:] - b[..., 2:])
-            p = np.concatenate([p[front], (a + share * (b - a)).reshape(-1, 3)])
+            fraction = (a[..., 2:] - NEAR) / (a[..., 2:] - b[..., 2:])
+            p = np.concatenate([p[front], (a + fraction * (b - a)).reshape(-1, 3)])
         outline = cv2.convexHull(self.camera.project(p).astype(np.float32))
-        found: Array = outline.reshape(-1, 2).astype(np.float64)
-        return found
+        hull: Array = outline.reshape(-1, 2).astype(np.float64)
+        return hull
 
     def line(self, points_W: ArrayLike) -> Iterator[Array]:
-        """Yield the stretches of a line, shape (N, 3), that lie in front of the camera, each (K, 2)."""
-        p = self._seen_from(points_W)
+        """Yield the pieces of a line, shape (N, 3) [m], in front of the camera, each in pixels (2, 2)."""
+        p = self._in_camera(points_W)
         for a, b in pairwise(p):
             if a[2] <= NEAR and b[2] <= NEAR:
                 continue
@@ -91,63 +91,60 @@ class Perspective:
             yield self.camera.project(np.stack([a, b]))
 
     def depth(self, points_W: ArrayLike) -> float:
-        """Return how far along the camera's axis the middle of points lies [m]."""
-        return float(self._seen_from(points_W)[:, 2].mean())
+        """Return the depth of the centroid of points along the axis of the camera [m]."""
+        return float(self._in_camera(points_W)[:, 2].mean())
 
-    def faces(self, X_WT: SE3) -> bool:
-        """Say whether the camera is on the side from which tag T can be read."""
+    def sees_front(self, X_WT: SE3) -> bool:
+        """Return whether the camera is on the side from which tag T can be read."""
         away: Array = X_WT.p - self.X_WC.p
         return float(away @ X_WT.R[:, 2]) > 0.0
 
-    def _seen_from(self, points_W: ArrayLike) -> Array:
+    def _in_camera(self, points_W: ArrayLike) -> Array:
         return self.X_WC.inverse().act(np.asarray(points_W, dtype=np.float64).reshape(-1, 3))
 
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """A body to draw, in its own frame B.
+    """Shapes and tags of a body in its frame B.
 
     Attributes:
-        shapes: Convex solids, each the points (N, 3) [m] that span it, and its colour.
-        plates: Tags: ``X_BT`` and the edge of the black square [m].
+        shapes: Convex solids, each as points (N, 3) [m] whose hull it is, and a colour.
+        tags: Tags, each as ``X_BT`` and the edge of the black square [m].
     """
 
     shapes: tuple[tuple[Array, int], ...]
-    plates: tuple[tuple[SE3, float], ...]
+    tags: tuple[tuple[SE3, float], ...]
 
     @property
     def points(self) -> Array:
-        """All points of all solids, shape (N, 3) [m]."""
+        """Points of all solids, shape (N, 3) [m]."""
         return np.concatenate([points for points, _ in self.shapes])
 
     def squares(self, X_WB: SE2) -> Iterator[tuple[SE3, Array, Array]]:
-        """Yield ``X_WT`` of every tag with the corners of its plate and of its square in W, (4, 3) [m]."""
-        for X_BT, size in self.plates:
+        """Yield ``X_WT`` of every tag, and the corners of plate and square in W, each (4, 3) [m]."""
+        for X_BT, size in self.tags:
             X_WT = SE3.from_se2(X_WB) @ X_BT
             yield X_WT, X_WT.act(tag_corners(PLATE_RATIO * size)), X_WT.act(tag_corners(size))
 
 
-def bodies(scene: Scene) -> dict[str, Solids]:
-    """Return every body of a scene by its name; covered tags are left out."""
+def scene_solids(scene: Scene) -> dict[str, Solids]:
+    """Return the solids of every body of a scene by name, without covered tags."""
     hidden = {fault.unit for fault in scene.faults if isinstance(fault, MarkerHidden)}
     docking = {step.unit for step in scene.plan}
-    found = {}
+    solids = {}
     for index, unit in enumerate(scene.units):
         geometry, colour = scene.geometry(unit), unit_colour(index, unit in docking)
-        shapes = tuple(
-            (solid.points(), TYRE if solid.link.startswith(("wheel", "caster")) else colour)
-            for solid in geometry.solids
-        )
+        shapes = tuple((solid.points(), link_colour(solid.link, colour)) for solid in geometry.solids)
         slots = () if unit in hidden else geometry.tag_slots
-        found[unit] = Solids(shapes, tuple((geometry.frame(s), scene.tag_size(s)) for s in slots))
-    lids = {tag.name: tag for tag in flat_tags(scene).values()}
+        solids[unit] = Solids(shapes, tuple((geometry.frame(s), scene.tag_size(s)) for s in slots))
+    top_tags = {tag.name: tag for tag in flat_tags(scene).values()}
     for name, spec in scene.obstacles.items():
-        plates: tuple[tuple[SE3, float], ...] = ()
-        if name in lids:
-            lid = SE3(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, lids[name].height]))
-            plates = ((lid, spec.tag_m),)
-        found[name] = Solids(((_prism(spec), OBSTACLE),), plates)
-    return found
+        tags: tuple[tuple[SE3, float], ...] = ()
+        if name in top_tags:
+            X_BT = SE3(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, top_tags[name].height]))
+            tags = ((X_BT, spec.tag_m),)
+        solids[name] = Solids(((_prism(spec), OBSTACLE),), tags)
+    return solids
 
 
 def _prism(spec: ObstacleSpec) -> Array:
@@ -166,6 +163,6 @@ def circle() -> Array:
 
 
 def on_floor(points: ArrayLike, z: float = 0.0) -> Array:
-    """Lift points of the plane, shape (N, 2), to height ``z`` [m]."""
+    """Return points of the floor, shape (N, 2), at height ``z`` [m], shape (N, 3) [m]."""
     p = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     return np.column_stack([p, np.full(len(p), z)])

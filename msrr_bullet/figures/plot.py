@@ -1,4 +1,4 @@
-"""The time series of a run in one figure."""
+"""Plot of the time series of a run."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from msrr_bullet.figures import curves
-from msrr_bullet.figures.stack import draw_stack
-from msrr_bullet.timeline.series import Series
+from msrr_bullet.timeline.series import TrialSeries
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.scene import Scene
@@ -20,51 +19,52 @@ from msrr_scenes.specs.scene import Scene
 #: Width and height of one row [in], and resolution [1/in].
 WIDTH, ROW, DPI = 13.0, 2.0, 120
 
-#: The formats, and what of the day and the program each would tell: the same run gives the same file.
-_TIMELESS: dict[str, dict[str, str | None]] = {
+#: Formats with the metadata that leave out date and program, so that the same run gives the same file.
+_METADATA: dict[str, dict[str, str | None]] = {
     ".png": {"Software": None},
     ".pdf": {"CreationDate": None},
     ".svg": {"Date": None},
 }
 
 
-def write_plot(path: Path, scene: Scene, frames: Sequence[Snapshot], headline: str = "") -> Path:
-    """Write the time series of a run; the ending of the path says in which format (PNG, PDF, SVG).
+def write_plot(path: Path, scene: Scene, snapshots: Sequence[Snapshot], headline: str = "") -> Path:
+    """Write a plot of the time series of a run, and return the path of the file.
 
-    On the left where the unit is, on the right what it does: distance from the path (when it followed one),
-    gap, lateral offset and heading before the port, belief on truth; velocities, clearance, line of sight.
+    The left column shows where the unit is, truth and belief: distance from the path if it followed one, gap,
+    lateral offset and heading before the port. The right column shows velocities, clearance and line of
+    sight.
 
     Args:
-        path: File to write.
-        scene: The scene of the run.
-        frames: Instants in order, at any rate.
-        headline: Such as the outcome.
+        path: File to write. Its suffix selects the format: PNG, PDF or SVG.
+        scene: Scene of the run.
+        snapshots: Snapshots in order of time, at any rate.
+        headline: Text after the name of the scene, such as the outcome.
 
     Raises:
-        MsrrError: There is not a single frame, or no such format.
+        MsrrError: There is no snapshot, or the suffix names no such format.
     """
-    if path.suffix.lower() not in _TIMELESS:
-        raise MsrrError(f"{path}: no format for plots; end the name with {' or '.join(_TIMELESS)}")
-    series = Series.of(scene, frames)
-    where: list[Callable[[Axes], None]] = [
+    if path.suffix.lower() not in _METADATA:
+        raise MsrrError(f"{path}: no format for plots; end the name with {' or '.join(_METADATA)}")
+    series = TrialSeries.of(scene, snapshots)
+    left: list[Callable[[Axes], None]] = [
         lambda axes: curves.gap(axes, series),
         lambda axes: curves.lateral(axes, series),
         lambda axes: curves.yaw(axes, series),
     ]
-    if series.assembles:
-        where.insert(0, lambda axes: curves.off_path(axes, series))
-    what: list[Callable[[Axes], None]] = [
+    if series.follows_path:
+        left.insert(0, lambda axes: curves.off_path(axes, series))
+    right: list[Callable[[Axes], None]] = [
         lambda axes: curves.speed(axes, series, scene.limits),
         lambda axes: curves.turn_rate(axes, series, scene.limits),
         lambda axes: curves.clearance(axes, series, scene.control.guard, scene.judge),
         lambda axes: curves.sight(axes, series, scene),
     ]
-    figure = Figure(figsize=(WIDTH, ROW * max(len(where), len(what)) + 0.6), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(WIDTH, ROW * max(len(left), len(right)) + 0.6), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     columns = figure.add_gridspec(1, 2)
-    draw_stack(figure, columns[0], series, where)
-    draw_stack(figure, columns[1], series, what)
-    figure.suptitle(f"{scene.name}{f': {headline}' if headline else ''}", fontsize=13, fontweight="bold")
+    curves.draw_stack(figure, columns[0], series, left)
+    curves.draw_stack(figure, columns[1], series, right)
+    curves.set_title(figure, scene, headline)
     with rc_context({"svg.hashsalt": "msrr"}):
-        figure.savefig(path, metadata=_TIMELESS[path.suffix.lower()])
+        figure.savefig(path, metadata=_METADATA[path.suffix.lower()])
     return path

@@ -1,4 +1,4 @@
-"""A trial from above: bodies, the ways driven, believed and planned."""
+"""View of a trial from above: bodies, and the driven, believed and planned paths."""
 
 from __future__ import annotations
 
@@ -11,37 +11,36 @@ from matplotlib.patches import Circle, Polygon
 
 from msrr_bullet.collision.footprint import Part, obstacle_parts, unit_parts
 from msrr_bullet.timeline.palette import BELIEF, DARK, DOCKING_UNIT, OBSTACLE, PATH, PLAN, css, unit_colour
-from msrr_bullet.timeline.series import acting_pose
 from msrr_bullet.timeline.snapshot import Snapshot, planned_paths
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Phase
 from msrr_scenes.specs.scene import Scene
 
-#: Free space around everything that is drawn [m].
+#: Free space around the bodies and paths [m].
 MARGIN = 0.08
-#: Phases of a docking run.
-_RUN = (Phase.DOCK, Phase.LOCK, Phase.VERIFY)
-#: Phases that follow one which failed.
-_BACK = (Phase.RETREAT, Phase.ASSEMBLE, Phase.HAND_OVER, Phase.FAILED)
+#: Phases of a docking attempt.
+_ATTEMPT = (Phase.DOCK, Phase.LOCK, Phase.VERIFY)
+#: Phases that follow a failed attempt.
+_AFTER_FAILURE = (Phase.RETREAT, Phase.ASSEMBLE, Phase.HAND_OVER, Phase.FAILED)
 
 
-def draw_top_view(axes: Axes, scene: Scene, frames: Sequence[Snapshot], title: bool = True) -> None:
-    """Draw a trial from above; the axes get the limits that :func:`extent` gives."""
+def draw_top_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot], title: bool = True) -> None:
+    """Draw a trial from above. The limits of the axes are those of :func:`extent`."""
     docking = {step.unit for step in scene.plan}
-    last = frames[-1]
+    last = snapshots[-1]
     for name, X in last.obstacles.items():
-        _body(axes, obstacle_parts(scene.obstacles[name]), X, OBSTACLE, 1.0)
+        _draw_body(axes, obstacle_parts(scene.obstacles[name]), X, OBSTACLE, 1.0)
     for index, (name, X) in enumerate(last.units.items()):
         if name not in docking:
-            _body(axes, unit_parts(scene.geometry(name)), X, unit_colour(index, docks=False), 1.0)
-    marks = _marks(frames)
-    for i, (_, frame) in enumerate(marks):
-        for name in docking & frame.units.keys():
+            _draw_body(axes, unit_parts(scene.geometry(name)), X, unit_colour(index, docks=False), 1.0)
+    marks = _marks(snapshots)
+    for i, (_, snapshot) in enumerate(marks):
+        for name in docking & snapshot.units.keys():
             opacity = 0.25 + 0.65 * i / (len(marks) - 1)
-            _body(axes, unit_parts(scene.geometry(name)), frame.units[name], DOCKING_UNIT, opacity)
-    _ways(axes, frames)
-    _names(axes, scene, frames)
-    x, y = extent(scene, frames)
+            _draw_body(axes, unit_parts(scene.geometry(name)), snapshot.units[name], DOCKING_UNIT, opacity)
+    _draw_paths(axes, snapshots)
+    _draw_names(axes, scene, snapshots)
+    x, y = extent(scene, snapshots)
     axes.set(xlabel="x in W [m]", ylabel="y in W [m]", xlim=x, ylim=y, aspect="equal")
     axes.grid(True, color="#e4e7ea", linewidth=0.6)
     axes.set_axisbelow(True)
@@ -50,65 +49,68 @@ def draw_top_view(axes: Axes, scene: Scene, frames: Sequence[Snapshot], title: b
         axes.set_title("from above: " + ", ".join(name for name, _ in marks), fontsize=9)
 
 
-def extent(scene: Scene, frames: Sequence[Snapshot]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the ranges of x and y in W [m] that hold every body at every instant, and the planned paths."""
+def extent(scene: Scene, snapshots: Sequence[Snapshot]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the ranges of x and y in W [m] that contain all bodies at all times, and the planned paths."""
     reach = {name: scene.geometry(name).circumradius for name in scene.units}
     reach |= {name: spec.radius_m for name, spec in scene.obstacles.items()}
     discs = {
         (X.x, X.y, reach[name])
-        for frame in (frames[0], *frames[:: max(1, len(frames) // 200)], frames[-1])
-        for name, X in (*frame.units.items(), *frame.obstacles.items())
+        for snapshot in (snapshots[0], *snapshots[:: max(1, len(snapshots) // 200)], snapshots[-1])
+        for name, X in (*snapshot.units.items(), *snapshot.obstacles.items())
     }
-    discs |= {(x, y, 0.0) for path in planned_paths(frames) for x, y in path.points}
+    discs |= {(x, y, 0.0) for path in planned_paths(snapshots) for x, y in path.points}
     x, y, r = np.array(sorted(discs)).T
     low = np.min(x - r) - MARGIN, np.min(y - r) - MARGIN
     high = np.max(x + r) + MARGIN, np.max(y + r) + MARGIN
     return (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
 
 
-def _marks(frames: Sequence[Snapshot]) -> list[tuple[str, Snapshot]]:
-    """Return the instants at which docking units are drawn: start, hand-over, end of failed attempts, end."""
-    marks = [("start", frames[0])]
-    for before, after in pairwise(frames):
+def _marks(snapshots: Sequence[Snapshot]) -> list[tuple[str, Snapshot]]:
+    """Return the instants at which docking units are drawn, with their names in the title.
+
+    These are the start, hand-overs, ends of failed attempts, starts of later steps, and the end.
+    """
+    marks = [("start", snapshots[0])]
+    for before, after in pairwise(snapshots):
         if before.step != after.step and after.step is not None:
             marks.append((f"start of {after.step.unit}", after))
         elif before.phase is Phase.ASSEMBLE and after.phase is Phase.HAND_OVER:
             marks.append(("hand-over", after))
-        elif before.phase in _RUN and after.phase in _BACK:
+        elif before.phase in _ATTEMPT and after.phase in _AFTER_FAILURE:
             marks.append((f"end of attempt {before.attempt}", before))
-    return [*marks, ("end", frames[-1])]
+    return [*marks, ("end", snapshots[-1])]
 
 
-def _ways(axes: Axes, frames: Sequence[Snapshot]) -> None:
-    for i, path in enumerate(planned_paths(frames)):
+def _draw_paths(axes: Axes, snapshots: Sequence[Snapshot]) -> None:
+    for i, path in enumerate(planned_paths(snapshots)):
         points = np.array(path.points)
         label = None if i else "planned"
         axes.plot(*points.T, color=css(PLAN), linestyle="--", linewidth=1.2, label=label)
     for poses, colour, width, label in (
-        ([acting_pose(f) for f in frames], PATH, 2.2, "driven (truth)"),
-        ([f.estimate for f in frames], BELIEF, 1.1, "believed"),
+        ([s.docking_pose for s in snapshots], PATH, 2.2, "driven (truth)"),
+        ([s.estimate for s in snapshots], BELIEF, 1.1, "believed"),
     ):
         points = np.array([(X.x, X.y) if X else (np.nan, np.nan) for X in poses])
-        # From one step of the plan to the next another unit takes over: no line joins the two.
-        for i, (a, b) in enumerate(pairwise(frames)):
+        # Another unit takes over in the next step of the plan, and no line may join the two.
+        for i, (a, b) in enumerate(pairwise(snapshots)):
             if a.step != b.step:
                 points[i] = np.nan
         axes.plot(*points.T, color=css(colour), linewidth=width, label=label)
     axes.legend(loc="best", fontsize=8, framealpha=0.9)
 
 
-def _names(axes: Axes, scene: Scene, frames: Sequence[Snapshot]) -> None:
-    for name, X in frames[0].units.items():
+def _draw_names(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -> None:
+    for name, X in snapshots[0].units.items():
         axes.annotate(name, (X.x, X.y), ha="center", va="center", fontsize=10, fontweight="bold")
-    (low, high), _ = extent(scene, frames)
-    for name, X in frames[-1].obstacles.items():
+    (low, high), _ = extent(scene, snapshots)
+    for name, X in snapshots[-1].obstacles.items():
         spec = scene.obstacles[name]
-        words = name if spec.tag_id is None else f"{name} (tag {spec.tag_id})"
+        label = name if spec.tag_id is None else f"{name} (tag {spec.tag_id})"
         side = 1.0 if X.x < 0.5 * (low + high) else -1.0  # towards the middle, where there is room
-        place = (X.x + side * (spec.radius_m + 0.02), X.y)
+        position = (X.x + side * (spec.radius_m + 0.02), X.y)
         axes.annotate(
-            words,
-            place,
+            label,
+            position,
             ha="left" if side > 0.0 else "right",
             va="center",
             fontsize=7,
@@ -116,7 +118,7 @@ def _names(axes: Axes, scene: Scene, frames: Sequence[Snapshot]) -> None:
         )
 
 
-def _body(axes: Axes, parts: Sequence[Part], X_WB: SE2, colour: int, alpha: float) -> None:
+def _draw_body(axes: Axes, parts: Sequence[Part], X_WB: SE2, colour: int, alpha: float) -> None:
     for part in parts:
         patch = _patch(part, X_WB)
         patch.set(facecolor=css(colour), edgecolor=css(DARK), linewidth=0.8, alpha=alpha)

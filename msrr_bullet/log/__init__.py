@@ -1,4 +1,4 @@
-"""The log of a trial: one MCAP file that holds every message, and from which all else is derived."""
+"""Log of a trial: one MCAP file with every message, from which everything else in a run folder is derived."""
 
 from msrr_bullet.log import topics
 from msrr_bullet.log.codec import LogError
@@ -8,7 +8,7 @@ from msrr_bullet.log.reader import LOG_NAME, Log, LogRecord, read_log, unpacked_
 from msrr_bullet.log.recorder import MemoryRecorder, NullRecorder, Recorder
 from msrr_bullet.log.records import (
     CameraWindow,
-    Clearance,
+    ClearanceRecord,
     Event,
     FrameLink,
     FrameLinks,
@@ -21,7 +21,7 @@ from msrr_bullet.log.records import (
 __all__ = [
     "LOG_NAME",
     "CameraWindow",
-    "Clearance",
+    "ClearanceRecord",
     "Event",
     "FrameLink",
     "FrameLinks",

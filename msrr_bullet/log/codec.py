@@ -2,10 +2,10 @@
 
 Floats are written by ``repr``, the shortest text that reads back as the same double; numbers that JSON does
 not know are the strings ``"NaN"``, ``"Infinity"`` and ``"-Infinity"`` (the convention of protobuf's JSON
-mapping). Fields keep the order of their class, so that equal messages give equal bytes and, the other way
-round, equal bytes mean equal bits.
+mapping). Fields keep the order of their class. Equal messages therefore give equal bytes, and equal bytes
+mean messages that are equal to the bit.
 
-A class is read once, from its type hints; a new message type needs nothing but annotations.
+The codec of a class is derived from its type hints, so a new message type needs only annotations.
 """
 
 from __future__ import annotations
@@ -20,21 +20,22 @@ from functools import cache
 from typing import Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
+from msrr_bullet.log.records import ClearanceRecord
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import ArenaEstimate
 
 T = TypeVar("T")
 
-#: What ``json`` makes of a value: dict, list, str, int, float, bool or None.
+#: Value that ``json`` can write: dict, list, str, int, float, bool or None.
 Json = Any
 
 _compact = json.JSONEncoder(separators=(",", ":"), allow_nan=False, check_circular=False)
 
-
-#: Names that message classes had when the first logs were written. Logs keep them, so that all can be read.
-_LOG_NAMES: dict[type, str] = {ArenaEstimate: "Situation"}
+#: Names in logs of message classes that were renamed since the first logs were written. Logs keep the old
+#: names, so that all of them can be read.
+_LOG_NAMES: dict[type, str] = {ArenaEstimate: "Situation", ClearanceRecord: "Clearance"}
 
 
 def log_name(kind: type) -> str:
@@ -43,16 +44,16 @@ def log_name(kind: type) -> str:
 
 
 class LogError(MsrrError):
-    """A log that cannot be written or read."""
+    """A log cannot be written or read."""
 
 
 @dataclass(frozen=True, slots=True)
 class Codec(Generic[T]):
-    """How values of one type become JSON and back.
+    """Conversion of the values of one type to JSON and back.
 
     Attributes:
-        encode: Value to what ``json`` can write.
-        decode: The inverse.
+        encode: Conversion of a value to what ``json`` can write.
+        decode: Inverse of ``encode``.
         schema: JSON Schema of the encoded value.
     """
 
@@ -62,19 +63,19 @@ class Codec(Generic[T]):
 
 
 def to_bytes(value: Json) -> bytes:
-    """Return the one compact JSON text of a value, as UTF-8."""
+    """Return the compact JSON text of a value in UTF-8."""
     return _compact.encode(value).encode()
 
 
 def number(x: float) -> float | str:
-    """Return a float as JSON holds it: itself, or a word where JSON has no number."""
+    """Return a float as the log writes it: a number, or a string for NaN and the infinities."""
     x = float(x)
     if math.isfinite(x):
         return x
     return "NaN" if math.isnan(x) else ("Infinity" if x > 0.0 else "-Infinity")
 
 
-def _array_out(array: NDArray[np.float64]) -> Json:
+def _array_out(array: Array) -> Json:
     if array.dtype != np.float64 or array.size == 0:
         raise LogError(
             f"a log holds arrays of doubles, not empty; this is {array.dtype} of shape {array.shape}"
@@ -86,7 +87,7 @@ def _nested(convert: Callable[[float], Json], values: Json) -> Json:
     return [_nested(convert, v) for v in values] if isinstance(values, list) else convert(values)
 
 
-def _array_in(values: Json) -> NDArray[np.float64]:
+def _array_in(values: Json) -> Array:
     return np.array(_nested(float, values), dtype=np.float64)
 
 
@@ -103,11 +104,11 @@ _SCALARS: dict[Any, Codec[Any]] = {
 def codec(kind: Any) -> Codec[Any]:
     """Return the codec of a type.
 
-    Scalars, enums, tuples, dictionaries by string, optional values, arrays of doubles, and dataclasses of
-    these.
+    Supported are scalars, enums, tuples, dictionaries with string keys, optional values, arrays of doubles,
+    and dataclasses of these.
 
     Raises:
-        TypeError: A type that has no JSON form here. It is a mistake in the message class, not in its data.
+        TypeError: The type is not supported. This is a mistake in the message class, not in its data.
     """
     if kind in _SCALARS:
         return _SCALARS[kind]

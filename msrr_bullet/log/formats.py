@@ -1,4 +1,4 @@
-"""Which message type is written in which form, and read back."""
+"""Format of every message type in a log: its schema, and the conversion to JSON and back."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from msrr_bullet.log import foxglove, topics
 from msrr_bullet.log.codec import Json, LogError, codec, log_name
 from msrr_bullet.log.records import (
     CameraWindow,
-    Clearance,
+    ClearanceRecord,
     Event,
     FrameLinks,
     StartPoses,
@@ -46,14 +46,14 @@ from msrr_scenes.messages import (
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """How one message type is written.
+    """Format of one message type.
 
     Attributes:
-        kind: The message class.
-        schema_name: Name of its JSON Schema: ``msrr.<class>`` or a well-known one of Foxglove.
-        schema: The JSON Schema.
-        encode: (message, topic) to JSON.
-        decode: JSON to message.
+        kind: Message class.
+        schema_name: Name of the JSON Schema: ``msrr.<class>`` or that of a well-known Foxglove message.
+        schema: JSON Schema.
+        encode: Conversion of (message, topic) to JSON.
+        decode: Conversion of JSON to a message.
     """
 
     kind: type
@@ -63,43 +63,38 @@ class Format:
     decode: Callable[[Json], Any]
 
 
-def target_frame(unit: str) -> str:
-    """Return the name of the dock frame D that ``unit`` is docking to, in the tree of frames."""
-    return f"{unit}/target"
-
-
 def _plain(kind: type) -> Format:
     own = codec(kind)
     return Format(kind, f"msrr.{log_name(kind)}", own.schema, lambda m, _: own.encode(m), own.decode)
 
 
-def _well_known(kind: type, name: str, show: Callable[[Any, str], dict[str, Json]]) -> Format:
+def _well_known(kind: type, name: str, to_foxglove: Callable[[Any, str], dict[str, Json]]) -> Format:
     own = codec(kind)
     return Format(
         kind,
         name,
         foxglove.schema(name, own.schema),
-        lambda m, topic: {**show(m, topic), "msrr": own.encode(m)},
+        lambda m, topic: {**to_foxglove(m, topic), "msrr": own.encode(m)},
         lambda value: own.decode(value["msrr"]),
     )
 
 
-def _show_estimate(m: PoseEstimate, topic: str) -> dict[str, Json]:
-    return foxglove.pose_in_frame(m.stamp_ns, target_frame(topics.unit_of(topic)), m.X_DU)
+def _estimate_to_foxglove(m: PoseEstimate, topic: str) -> dict[str, Json]:
+    return foxglove.pose_in_frame(m.stamp_ns, foxglove.target_frame(topics.unit_of(topic)), m.X_DU)
 
 
-def _show_body(m: GlobalPose | ObstacleEstimate, topic: str) -> dict[str, Json]:
+def _body_to_foxglove(m: GlobalPose | ObstacleEstimate, topic: str) -> dict[str, Json]:
     return foxglove.pose_in_frame(m.stamp_ns, foxglove.WORLD, m.X_WB)
 
 
-def _show_links(m: FrameLinks, topic: str) -> dict[str, Json]:
+def _links_to_foxglove(m: FrameLinks, topic: str) -> dict[str, Json]:
     return {"transforms": [foxglove.frame_transform(m.stamp_ns, a.parent, a.child, a.X) for a in m.links]}
 
 
 def to_png(pixels: Pixels) -> bytes:
-    """Return mono8 pixels as PNG, lossless; little compression, as sensor noise hardly gives way to it."""
-    done, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    if not done:
+    """Return mono8 pixels as PNG. The compression level is low because sensor noise hardly compresses."""
+    encoded, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    if not encoded:
         raise LogError(f"cannot write an image of {pixels.dtype} and shape {pixels.shape} as PNG")
     return data.tobytes()
 
@@ -144,16 +139,16 @@ _FORMATS: dict[type, Format] = {
     for f in (
         *map(_plain, (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, Detections, Exposure)),
         *map(_plain, (Localisation, LosObservation, ArenaEstimate, Action, AssemblyProgress, AssemblyPath)),
-        *map(_plain, (Belief, Clearance, StepStart, StartPoses)),
-        _well_known(PoseEstimate, "foxglove.PoseInFrame", _show_estimate),
-        _well_known(GlobalPose, "foxglove.PoseInFrame", _show_body),
-        _well_known(ObstacleEstimate, "foxglove.PoseInFrame", _show_body),
+        *map(_plain, (Belief, ClearanceRecord, StepStart, StartPoses)),
+        _well_known(PoseEstimate, "foxglove.PoseInFrame", _estimate_to_foxglove),
+        _well_known(GlobalPose, "foxglove.PoseInFrame", _body_to_foxglove),
+        _well_known(ObstacleEstimate, "foxglove.PoseInFrame", _body_to_foxglove),
         _well_known(
             TruePose,
             "foxglove.FrameTransform",
             lambda m, _: foxglove.frame_transform(m.stamp_ns, foxglove.WORLD, m.name, m.X_WB),
         ),
-        _well_known(FrameLinks, "foxglove.FrameTransforms", _show_links),
+        _well_known(FrameLinks, "foxglove.FrameTransforms", _links_to_foxglove),
         _well_known(
             Event,
             "foxglove.Log",
@@ -173,7 +168,7 @@ _BY_NAME: dict[str, Format] = {log_name(kind): f for kind, f in _FORMATS.items()
 
 
 def message_types() -> tuple[type, ...]:
-    """Return every type that a log can hold."""
+    """Return every message class that a log can hold."""
     return tuple(_FORMATS)
 
 
@@ -181,21 +176,20 @@ def format_of(message: object) -> Format:
     """Return the format of a message.
 
     Raises:
-        UnknownNameError: No log holds messages of this type.
+        UnknownNameError: Logs hold no messages of this type.
     """
-    found = _FORMATS.get(type(message))
-    if found is None:
+    message_format = _FORMATS.get(type(message))
+    if message_format is None:
         raise UnknownNameError("message type", type(message).__name__, _BY_NAME)
-    return found
+    return message_format
 
 
 def format_named(name: str) -> Format:
-    """Return the format of the message class called ``name``.
+    """Return the format of a message class by its name in logs.
 
     Raises:
-        UnknownNameError: No such message class.
+        UnknownNameError: There is no such message class.
     """
-    found = _BY_NAME.get(name)
-    if found is None:
+    if name not in _BY_NAME:
         raise UnknownNameError("message type", name, _BY_NAME)
-    return found
+    return _BY_NAME[name]

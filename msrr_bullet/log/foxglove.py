@@ -1,16 +1,23 @@
-"""The well-known Foxglove messages that fit, in JSON, so that Foxglove shows a log without a plugin.
+"""Well-known Foxglove messages in JSON, and the tree of coordinate frames, for viewing a log in Foxglove.
 
-They are for looking at. What is computed from a log is read from the exact copy of the message that each of
-them carries under the extra key ``msrr``.
+They are for display only. Each carries an exact copy of the project's own message under the extra key
+``msrr``, and reading a log uses that copy.
 (https://docs.foxglove.dev/docs/visualization/message-schemas/introduction)
 """
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
 from msrr_bullet.log.codec import Json, number
+from msrr_bullet.log.records import FrameLink, FrameLinks, StepStart
+from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
 from msrr_scenes.messages import NS_PER_S
+from msrr_scenes.specs.scene import Scene
 
 WORLD = "world"
 
@@ -68,10 +75,7 @@ def time(stamp_ns: int) -> Json:
 
 def _parts(X: SE2 | SE3) -> tuple[Json, Json]:
     X = SE3.from_se2(X) if isinstance(X, SE2) else X
-    p, q = (
-        map(number, X.p),
-        map(number, X.quaternion_xyzw()),
-    )  # a filter that diverged is logged like any other
+    p, q = map(number, X.p), map(number, X.quaternion_xyzw())  # the pose of a diverged filter may be NaN
     return dict(zip("xyz", p, strict=True)), dict(zip("xyzw", q, strict=True))
 
 
@@ -88,7 +92,7 @@ def frame_transform(stamp_ns: int, parent: str, child: str, X: SE2 | SE3) -> dic
 
 
 def pose_in_frame(stamp_ns: int, frame: str, X: SE2 | SE3) -> dict[str, Json]:
-    """Return ``foxglove.PoseInFrame`` of a pose seen from ``frame``."""
+    """Return ``foxglove.PoseInFrame`` of a pose in ``frame``."""
     position, rotation = _parts(X)
     return {
         "timestamp": time(stamp_ns),
@@ -103,7 +107,7 @@ def compressed_image(stamp_ns: int, frame: str, data_base64: str) -> dict[str, J
 
 
 def log_line(stamp_ns: int, level: int, source: str, text: str) -> dict[str, Json]:
-    """Return ``foxglove.Log``."""
+    """Return ``foxglove.Log`` of an event."""
     return {
         "timestamp": time(stamp_ns),
         "level": level,
@@ -112,3 +116,35 @@ def log_line(stamp_ns: int, level: int, source: str, text: str) -> dict[str, Jso
         "file": "",
         "line": 0,
     }
+
+
+def target_frame(unit: str) -> str:
+    """Return the name of the dock frame D of the port to which ``unit`` docks."""
+    return f"{unit}/target"
+
+
+def scene_frames(scene: Scene) -> FrameLinks:
+    """Return the frames that are fixed to the units and to the world, from the nominal scene.
+
+    The dock frame D of a port is called ``<unit>.<port>``, as in a plan. The optical frame of a camera has
+    the name of the camera.
+    """
+    links: list[FrameLink] = []
+    for unit in scene.units:
+        geometry = scene.geometry(unit)
+        for port in geometry.ports:
+            links.append(FrameLink(unit, f"{unit}.{port}", SE3.from_se2(geometry.dock_frame(port))))
+        links.append(FrameLink(unit, f"{unit}/onboard", optical_pose(geometry.frame("camera"))))
+    overhead = scene.cameras.overhead
+    if overhead is not None:
+        # Image right is world x, image down is world -y: half a turn about x.
+        down = rotation_from_rpy(math.pi, 0.0, 0.0)
+        position = np.array([overhead.x_m, overhead.y_m, overhead.height_m])
+        links.append(FrameLink(WORLD, "overhead", SE3(down, position)))
+    return FrameLinks(0, tuple(links))
+
+
+def step_frames(scene: Scene, start: StepStart) -> FrameLinks:
+    """Return the dock frame in which the estimates of a step are given: ``<unit>/target``."""
+    step = scene.plan[start.index]
+    return FrameLinks(start.stamp_ns, (FrameLink(step.to, target_frame(start.unit), SE3()),))

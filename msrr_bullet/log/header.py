@@ -1,8 +1,8 @@
-"""What a log says about its own trial: the scene, the seed, the units' URDFs, the packages that ran it.
+"""Header of a log: the scene, the seed, the URDFs of the units, the versions of the packages.
 
-A log is complete in itself. The scene is stored as it was run, overrides included, and with it the URDF of
-every unit (and the meshes of its collision shapes), so that a recording can be replayed where the scene's
-folder is gone or has changed.
+A log is self-contained. The scene is stored as it was run, overrides included, together with the URDF of
+every unit and the meshes of its collision shapes, so that the trial can be replayed after the folder of the
+scene was changed or deleted.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ METADATA = "msrr"
 
 @dataclass(frozen=True)
 class LogHeader:
-    """The head of a log.
+    """Header of a log.
 
     Attributes:
-        scene: The scene as it was run. When read from a log, its URDFs are those of the log only after
-            :meth:`unpacked`.
+        scene: Scene as it was run. After reading a log, it refers to the URDFs in that log only once
+            :meth:`unpacked` was called.
         seed: Seed of all random streams.
-        versions: Packages that ran it.
-        files: URDFs and meshes by their name in the log, contents as bytes.
-        urdfs: Unit to the name in the log of its URDF.
+        versions: Versions of the packages by name.
+        files: Contents of URDFs and meshes by their name in the log.
+        urdfs: Name of the URDF in the log by the name of the unit.
     """
 
     scene: Scene
@@ -43,7 +43,7 @@ class LogHeader:
 
     @classmethod
     def of(cls, scene: Scene, seed: int, versions: dict[str, str]) -> LogHeader:
-        """Collect the head of a trial's log, with the files that the scene names.
+        """Build the header of a trial's log, with the files that the scene refers to.
 
         Raises:
             SceneError: A URDF is missing.
@@ -62,10 +62,10 @@ class LogHeader:
         return cls(scene, seed, versions, files, urdfs)
 
     def unpacked(self, folder: Path) -> LogHeader:
-        """Write the files of the log into ``folder`` and return this head with a scene that names them there.
+        """Write the files of the log into a folder and return a header whose scene refers to these files.
 
         Raises:
-            LogError: The log names a file outside its own folder.
+            LogError: The log names a file outside of that folder.
         """
         for name, content in self.files.items():
             path = PurePosixPath(name)
@@ -81,7 +81,7 @@ class LogHeader:
         return replace(self, scene=self.scene.model_copy(update={"units": units, "source": None}))
 
     def metadata(self) -> dict[str, str]:
-        """Return the head as the text fields of an MCAP metadata record (files travel as attachments)."""
+        """Return the header without its files as the text fields of an MCAP metadata record."""
         return {
             "scene": self.scene.model_dump_json(),
             "seed": str(self.seed),
@@ -91,10 +91,10 @@ class LogHeader:
 
     @classmethod
     def from_metadata(cls, fields: dict[str, str], files: dict[str, bytes]) -> LogHeader:
-        """Read the head back.
+        """Build the header from a metadata record and the attachments of a log.
 
         Raises:
-            LogError: A field is missing or is not what it should be.
+            LogError: A field is missing or invalid.
         """
         try:
             return cls(
@@ -105,7 +105,7 @@ class LogHeader:
                 urdfs=_texts(fields["urdfs"]),
             )
         except (KeyError, ValueError, TypeError, ValidationError) as error:
-            raise LogError(f"the head of the log cannot be read: {error}") from error
+            raise LogError(f"the header of the log cannot be read: {error}") from error
 
 
 def _texts(text: str) -> dict[str, str]:
@@ -116,7 +116,7 @@ def _texts(text: str) -> dict[str, str]:
 
 
 def _bundle(urdf: Path, name: str) -> dict[str, bytes]:
-    """Return the URDF and the meshes of its collision shapes, which lie beside it under numbered names."""
+    """Return the URDF and the meshes of its collision shapes, stored beside it under numbered names."""
     try:
         text = urdf.read_bytes()
         root = ElementTree.fromstring(text)

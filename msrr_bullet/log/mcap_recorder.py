@@ -1,14 +1,15 @@
-"""Writes a trial's log as MCAP.
+"""Recorder that writes the log of a trial as MCAP.
 
-Messages become bytes at once, in the caller's thread; they reach the file in batches, in their own order,
-through one worker thread, which also turns pixels into PNG and compresses. Both release the interpreter, so
-that the loop goes on meanwhile. Nothing in the file depends on how the two threads take turns, nor on the
-wall clock.
+Messages are encoded at once, in the thread of the caller. One worker thread writes them to the file in
+batches and in order; it also encodes pixels as PNG and compresses, which releases the interpreter lock, so
+that the trial continues meanwhile. The bytes of the file depend neither on the scheduling of the two threads
+nor on the wall clock.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,41 +21,41 @@ from mcap.writer import CompressionType, IndexType, Writer
 from msrr_bullet.log import topics
 from msrr_bullet.log.codec import LogError, log_name, to_bytes
 from msrr_bullet.log.formats import Format, format_of
-from msrr_bullet.log.frames import scene_frames, step_frames
+from msrr_bullet.log.foxglove import scene_frames, step_frames
 from msrr_bullet.log.header import METADATA, LogHeader
 from msrr_bullet.log.records import CameraWindow, StepStart
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import NS_PER_S, Exposure, Pixels
 
-#: Bytes waiting for the worker that make a batch, and batches that may wait. Together they bound the memory.
+#: Size of a batch, and number of batches that may wait for the worker. Together they bound the memory.
 _BATCH_BYTES = 1 << 18
 _BATCHES_WAITING = 8
 
-#: A rough size of a message, pixels aside.
-_MESSAGE_BYTES = 256
+#: Approximate overhead of a message in memory [bytes].
+_OVERHEAD_BYTES = 256
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Entry:
-    """A message on its way to the file: its bytes, or pixels that have yet to be encoded."""
+    """Message that waits to be written: encoded, or with pixels that the worker has yet to encode."""
 
     topic: str
-    form: Format
+    format: Format
     stamp_ns: int
     sequence: int
     content: bytes | CameraWindow
 
 
 class McapRecorder:
-    """Records to an MCAP file; if the process dies, all but the last second of simulated time can be read."""
+    """Recorder to an MCAP file, of which at most the last second is lost if the process dies."""
 
     def __init__(self, path: Path, header: LogHeader, flush_every_s: float = 1.0) -> None:
-        """Open the file, overwriting what was there, and write the head.
+        """Open the file, overwriting an existing one, and write the header.
 
         Args:
-            path: The file; its folder exists.
+            path: File to write, in an existing folder.
             header: Scene, seed, versions.
-            flush_every_s: Simulated time [s] after which what was recorded goes to the disk.
+            flush_every_s: Simulated time between two flushes to the disk [s].
 
         Raises:
             LogError: The file cannot be written.
@@ -72,10 +73,10 @@ class McapRecorder:
             self._file: BinaryIO = path.open("wb")
         except OSError as error:
             raise LogError(f"{path}: cannot write the log: {error.strerror}") from error
-        self._sink = _Sink(self._file)
+        self._writer = _Writer(self._file)
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="msrr-log")
-        self._submit(self._worker.submit(self._sink.start, header))
-        self._settle(0)
+        self._submit(self._writer.start, header)
+        self._await_batches(0)
         self._scene = header.scene
         self.write(topics.FRAMES, 0, scene_frames(header.scene))
 
@@ -84,14 +85,14 @@ class McapRecorder:
 
         The start of a step is followed by the frame in which the estimates of that step are given.
         """
-        form = format_of(message)
+        message_format = format_of(message)
         if isinstance(message, CameraWindow):
-            # The camera may use its buffer again before the worker gets here.
+            # The camera may overwrite its buffer before the worker encodes the pixels.
             copy = CameraWindow(message.exposure, message.window, message.pixels.copy())
-            self._append(topic, form, stamp_ns, copy, copy.pixels.nbytes)
+            self._append(topic, message_format, stamp_ns, copy, copy.pixels.nbytes)
         else:
-            content = to_bytes(form.encode(message, topic))
-            self._append(topic, form, stamp_ns, content, len(content))
+            content = to_bytes(message_format.encode(message, topic))
+            self._append(topic, message_format, stamp_ns, content, len(content))
         if isinstance(message, StepStart):
             self.write(topics.FRAMES, stamp_ns, step_frames(self._scene, message))
 
@@ -100,10 +101,10 @@ class McapRecorder:
         self.write(topics.window(exposure.camera), exposure.stamp_ns, CameraWindow(exposure, window, pixels))
 
     def close(self) -> None:
-        """Write what is left, the index and the end of the file.
+        """Write the waiting messages, the index and the end of the file.
 
         Raises:
-            LogError: The file cannot be written. It is closed all the same.
+            LogError: The file cannot be written. It is closed nevertheless.
         """
         if self._closed:
             return
@@ -111,14 +112,14 @@ class McapRecorder:
         try:
             if self._failed is None:
                 self._send()
-                self._submit(self._worker.submit(self._sink.finish))
-                self._settle(0)
+                self._submit(self._writer.finish)
+                self._await_batches(0)
         finally:
             self._worker.shutdown()
             try:
                 self._file.close()
             except OSError as error:
-                # After a failed write the buffer cannot be written either; that failure was already reported.
+                # After a failed write the buffer cannot be flushed either. That failure was already reported.
                 if self._failed is None:
                     raise LogError(f"{self._path}: cannot write the log: {error.strerror}") from error
 
@@ -132,7 +133,7 @@ class McapRecorder:
         self.close()
 
     def _append(
-        self, topic: str, form: Format, stamp_ns: int, content: bytes | CameraWindow, size: int
+        self, topic: str, message_format: Format, stamp_ns: int, content: bytes | CameraWindow, size: int
     ) -> None:
         if self._closed:
             raise LogError(f"{self._path}: the log is closed")
@@ -141,22 +142,22 @@ class McapRecorder:
         if stamp_ns >= self._flush_at:
             self._send(flush=True)
             self._flush_at = (stamp_ns // self._flush_every_ns + 1) * self._flush_every_ns
-        self._batch.append(_Entry(topic, form, stamp_ns, self._sequence, content))
+        self._batch.append(_Entry(topic, message_format, stamp_ns, self._sequence, content))
         self._sequence += 1
-        self._batch_bytes += size + _MESSAGE_BYTES
+        self._batch_bytes += size + _OVERHEAD_BYTES
         if self._batch_bytes >= _BATCH_BYTES:
             self._send()
 
     def _send(self, flush: bool = False) -> None:
         batch, self._batch, self._batch_bytes = self._batch, [], 0
-        self._submit(self._worker.submit(self._sink.take, batch, flush))
-        self._settle(_BATCHES_WAITING)
+        self._submit(self._writer.write, batch, flush)
+        self._await_batches(_BATCHES_WAITING)
 
-    def _submit(self, future: Future[None]) -> None:
-        self._waiting.append(future)
+    def _submit(self, task: Callable[..., None], *args: object) -> None:
+        self._waiting.append(self._worker.submit(task, *args))
 
-    def _settle(self, allowed: int) -> None:
-        """Wait until at most ``allowed`` batches are under way; learn whether the others were written."""
+    def _await_batches(self, allowed: int) -> None:
+        """Wait until at most ``allowed`` batches are being written, and raise the error of a failed one."""
         while self._waiting and (len(self._waiting) > allowed or self._waiting[0].done()):
             try:
                 self._waiting.popleft().result()
@@ -165,51 +166,51 @@ class McapRecorder:
                 raise self._failed from error
 
 
-class _Sink:
-    """The worker's side: everything here runs in one thread, in the order of recording."""
+class _Writer:
+    """Writer of the MCAP file. All of its methods run in the worker thread, in the order of recording."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
-        self._writer = Writer(file, compression=CompressionType.ZSTD, index_types=IndexType.ALL)
+        self._mcap = Writer(file, compression=CompressionType.ZSTD, index_types=IndexType.ALL)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
 
     def start(self, header: LogHeader) -> None:
-        self._writer.start(profile="", library="msrr-bullet")
-        self._writer.add_metadata(METADATA, header.metadata())
+        self._mcap.start(profile="", library="msrr-bullet")
+        self._mcap.add_metadata(METADATA, header.metadata())
         for name, content in header.files.items():
             kind = "application/xml" if name.endswith(".urdf") else "application/octet-stream"
-            self._writer.add_attachment(0, 0, name, kind, content)
-        self._writer.flush()  # type: ignore[no-untyped-call]  # mcap annotates its others
+            self._mcap.add_attachment(0, 0, name, kind, content)
+        self._mcap.flush()  # type: ignore[no-untyped-call]  # mcap annotates its others
 
-    def take(self, batch: list[_Entry], flush: bool) -> None:
+    def write(self, batch: list[_Entry], flush: bool) -> None:
         for entry in batch:
             content = entry.content
             if isinstance(content, CameraWindow):
-                content = to_bytes(entry.form.encode(content, entry.topic))
-            self._writer.add_message(
-                channel_id=self._channel(entry.topic, entry.form),
+                content = to_bytes(entry.format.encode(content, entry.topic))
+            self._mcap.add_message(
+                channel_id=self._channel(entry.topic, entry.format),
                 log_time=entry.stamp_ns,
                 publish_time=entry.stamp_ns,
                 sequence=entry.sequence,
                 data=content,
             )
         if flush:
-            self._writer.flush()  # type: ignore[no-untyped-call]  # mcap annotates its others
+            self._mcap.flush()  # type: ignore[no-untyped-call]  # mcap annotates its others
 
     def finish(self) -> None:
-        self._writer.finish()  # type: ignore[no-untyped-call]  # mcap annotates its others
+        self._mcap.finish()  # type: ignore[no-untyped-call]  # mcap annotates its others
         self._file.flush()
 
-    def _channel(self, topic: str, form: Format) -> int:
-        kind = log_name(form.kind)
+    def _channel(self, topic: str, message_format: Format) -> int:
+        kind = log_name(message_format.kind)
         key = f"{topic}\0{kind}"
         if key not in self._channels:
             if kind not in self._schemas:
-                self._schemas[kind] = self._writer.register_schema(
-                    form.schema_name, "jsonschema", to_bytes(form.schema)
+                self._schemas[kind] = self._mcap.register_schema(
+                    message_format.schema_name, "jsonschema", to_bytes(message_format.schema)
                 )
-            self._channels[key] = self._writer.register_channel(
+            self._channels[key] = self._mcap.register_channel(
                 topic, "json", self._schemas[kind], {"type": kind}
             )
         return self._channels[key]

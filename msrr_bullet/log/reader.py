@@ -1,10 +1,10 @@
-"""Reads a log back, in the order in which it was written."""
+"""Reader of a log, which returns its messages in the order in which they were written."""
 
 from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -30,7 +30,7 @@ LOG_NAME = "trial.mcap"
 
 _MAGIC = b"\x89MCAP0\r\n"
 
-#: What the MCAP reader raises when a record is cut off or damaged.
+#: Errors that the MCAP reader raises when a record is cut off or damaged.
 _DAMAGE = (McapError, CRCValidationError, struct.error, zstandard.ZstdError, UnicodeDecodeError)
 
 
@@ -39,33 +39,33 @@ class LogRecord:
     """One message of a log.
 
     Attributes:
-        topic: Where it was written.
-        stamp_ns: Simulated time at which it happened or arrived.
-        sequence: Its place in the log, counted from 0 over all topics.
-        data: The JSON text; equal messages have equal texts.
-        form: How it is decoded.
+        topic: Topic of the message.
+        stamp_ns: Simulated time at which the message was sent or arrived.
+        sequence: Position in the log, counted from 0 over all topics.
+        data: JSON text. Equal messages have equal texts.
+        format: Format by which the text is decoded.
     """
 
     topic: str
     stamp_ns: int
     sequence: int
     data: bytes
-    form: Format
+    format: Format
 
     @property
     def kind(self) -> type:
-        """The class of the message."""
-        return self.form.kind
+        """Class of the message."""
+        return self.format.kind
 
     @cached_property
     def message(self) -> Any:
-        """The message.
+        """Decoded message.
 
         Raises:
-            LogError: The text is not such a message.
+            LogError: The text is not a message of this class.
         """
         try:
-            return self.form.decode(loads(self.data))
+            return self.format.decode(loads(self.data))
         except (KeyError, TypeError, ValueError, JSONDecodeError) as error:
             raise LogError(
                 f"message {self.sequence} on {self.topic} is not a {self.kind.__name__}: {error!r}"
@@ -74,13 +74,12 @@ class LogRecord:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A log on disk. It is read anew by every iteration, and never held in memory.
+    """Log on disk. Every iteration reads the file anew, and the messages are never all in memory.
 
     Attributes:
-        path: The file.
+        path: MCAP file.
         header: Scene, seed, versions, URDFs.
-        complete: The file was finished; False when its trial was killed. Such a log ends early, and reads up
-            to there.
+        complete: Whether the file was finished. The log of a killed trial is not, and ends early.
     """
 
     path: Path
@@ -93,44 +92,41 @@ class Log:
         """Iterate over the messages in the order in which they were written.
 
         Args:
-            patterns: Topics, with ``*`` for any text (``/sensors/*``); none means all.
-            start_ns: First time that is wanted.
-            end_ns: First time that is no longer wanted.
+            patterns: Topics, with ``*`` for any text (``/sensors/*``). Without a pattern, all topics.
+            start_ns: Start of the time range, inclusive.
+            end_ns: End of the time range, exclusive.
 
         Raises:
-            LogError: The file is damaged, other than by an early end.
+            LogError: The file is damaged. An early end is no damage.
         """
-        forms: dict[int, tuple[str, Format] | None] = {}
+        channels: dict[int, tuple[str, Format] | None] = {}
         for record in _records(self.path, self.complete):
             if isinstance(record, Channel):
-                forms[record.id] = _form(record, patterns)
+                channels[record.id] = _topic_and_format(record, patterns)
             elif isinstance(record, Message):
-                wanted = forms.get(record.channel_id)
-                if wanted is None or (start_ns is not None and record.log_time < start_ns):
+                channel = channels.get(record.channel_id)
+                if channel is None or (start_ns is not None and record.log_time < start_ns):
                     continue
                 if end_ns is not None and record.log_time >= end_ns:
                     continue
-                yield LogRecord(wanted[0], record.log_time, record.sequence, record.data, wanted[1])
+                topic, message_format = channel
+                yield LogRecord(topic, record.log_time, record.sequence, record.data, message_format)
 
     def messages(self, kind: type[T], *patterns: str) -> Iterator[tuple[int, T]]:
-        """Iterate over (stamp, message) of all messages of one class, on topics that match ``patterns``."""
+        """Iterate over (stamp, message) of all messages of one class, on topics that match the patterns."""
         for record in self.records(*patterns):
             if record.kind is kind:
                 yield record.stamp_ns, record.message
-
-    def topics(self) -> Collection[str]:
-        """Return the topics that hold a message, sorted."""
-        return sorted({record.topic for record in self.records()})
 
 
 def read_log(path: Path) -> Log:
     """Open a log.
 
     Args:
-        path: An MCAP file, or the run folder that holds ``trial.mcap``.
+        path: MCAP file, or the run folder that holds ``trial.mcap``.
 
     Raises:
-        LogError: No such file, or not a log of this program.
+        LogError: The file does not exist or is not a log of this program.
     """
     path = path / LOG_NAME if path.is_dir() else path
     try:
@@ -151,9 +147,9 @@ def read_log(path: Path) -> Log:
         elif isinstance(record, Attachment):
             files[record.name] = record.data
         elif isinstance(record, Channel):
-            break  # the head comes before the first message
+            break  # the header comes before the first message
     if metadata is None:
-        raise LogError(f"{path}: no head of a trial in this file; was it written by `msrr dock`?")
+        raise LogError(f"{path}: this file has no header of a trial; was it written by `msrr dock`?")
     try:
         return Log(path, LogHeader.from_metadata(metadata, files), complete)
     except LogError as error:
@@ -162,13 +158,13 @@ def read_log(path: Path) -> Log:
 
 @contextmanager
 def unpacked_log(path: Path) -> Iterator[Log]:
-    """Open a log with the units' URDFs that it holds, for as long as the ``with`` block lasts.
+    """Open a log and unpack its URDFs into a temporary folder for the duration of the ``with`` block.
 
     Args:
-        path: As for :func:`read_log`.
+        path: MCAP file, or the run folder that holds ``trial.mcap``.
 
     Raises:
-        LogError: As :func:`read_log` does, and when a file in the log has an unsafe name.
+        LogError: The log cannot be read, or a file in it has an unsafe name.
     """
     log = read_log(path)
     with TemporaryDirectory(prefix="msrr-log-") as folder:
@@ -176,7 +172,7 @@ def unpacked_log(path: Path) -> Iterator[Log]:
 
 
 def _records(path: Path, complete: bool) -> Iterator[McapRecord]:
-    """Iterate over the MCAP records; a file that is not complete may stop anywhere."""
+    """Iterate over the MCAP records. A file that is not complete may end anywhere."""
     try:
         with path.open("rb") as file:
             yield from StreamReader(file, validate_crcs=True).records
@@ -187,7 +183,7 @@ def _records(path: Path, complete: bool) -> Iterator[McapRecord]:
             raise LogError(f"{path}: the log is damaged: {error!r}") from error
 
 
-def _form(channel: Channel, patterns: tuple[str, ...]) -> tuple[str, Format] | None:
+def _topic_and_format(channel: Channel, patterns: tuple[str, ...]) -> tuple[str, Format] | None:
     kind = channel.metadata.get("type")
     if kind is None or (patterns and not any(fnmatchcase(channel.topic, p) for p in patterns)):
         return None

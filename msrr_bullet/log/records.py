@@ -1,26 +1,23 @@
-"""What a log holds beyond the messages between the rooms: truth, events, pixels."""
+"""Messages that only the log holds: truth, events, pixels, coordinate frames."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from msrr_bullet.collision.clearance import Clearance
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Exposure, Pixels
 
-if TYPE_CHECKING:
-    from msrr_bullet.collision import clearance
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraWindow:
-    """The pixels that the camera delivered for one window of one exposure: mono8, shape (height, width)."""
+    """Pixels that the camera delivered for one window of one exposure: mono8, shape (height, width)."""
 
     exposure: Exposure
     window: Window
@@ -29,14 +26,12 @@ class CameraWindow:
 
 @dataclass(frozen=True, slots=True)
 class StepStart:
-    """The beginning of a step of the plan.
-
-    From here on ``unit`` is driven by a new :class:`~msrr_bullet.robot.autonomy.Autonomy`.
+    """Start of a step of the plan, with a new :class:`~msrr_bullet.robot.autonomy.Autonomy` on the unit.
 
     Attributes:
         stamp_ns: Time.
         index: Index of the step in the scene's plan.
-        unit: The unit that docks.
+        unit: Name of the unit that docks.
     """
 
     stamp_ns: int
@@ -46,7 +41,7 @@ class StepStart:
 
 @dataclass(frozen=True, slots=True)
 class TruePose:
-    """Where a body is in truth: ``X_WB`` of the unit (or obstacle) ``name``."""
+    """True pose ``X_WB`` of the unit or obstacle ``name``."""
 
     name: str
     stamp_ns: int
@@ -55,11 +50,11 @@ class TruePose:
 
 @dataclass(frozen=True, slots=True)
 class StartPoses:
-    """Where the bodies were set down.
+    """Poses in which the trial begins.
 
     Attributes:
-        redraws: Draws thrown away because the start could not be used.
-        poses: ``X_WB`` by the body's name.
+        redraws: Number of random starts that were rejected and drawn again.
+        poses: ``X_WB`` by the name of the body.
     """
 
     redraws: int
@@ -67,15 +62,14 @@ class StartPoses:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Clearance:
+class ClearanceRecord:
     """Distance between two bodies, from their true poses.
 
     Attributes:
         stamp_ns: Time.
         pair: Names of the bodies.
         distance: Smallest distance [m]; negative when they overlap.
-        nearest: The nearest points in W, one row for each body, shape (2, 2) [m]; None if not
-            known.
+        nearest: Nearest points in W, one row for each body, shape (2, 2) [m]; None if unknown.
         exempt: The pair is docking and may touch.
     """
 
@@ -86,14 +80,22 @@ class Clearance:
     exempt: bool = False
 
     @classmethod
-    def of(cls, stamp_ns: int, measured: clearance.Clearance, exempt: bool = False) -> Clearance:
-        """Record what the clearance model measured."""
-        points = np.array([measured.point_a, measured.point_b])
-        return cls(stamp_ns, (measured.body_a, measured.body_b), measured.distance, points, exempt)
+    def of(cls, stamp_ns: int, clearance: Clearance, exempt: bool = False) -> ClearanceRecord:
+        """Return the record of a measured clearance."""
+        nearest = np.array([clearance.point_a, clearance.point_b])
+        return cls(stamp_ns, (clearance.body_a, clearance.body_b), clearance.distance, nearest, exempt)
+
+    @property
+    def clearance(self) -> Clearance | None:
+        """Measured clearance; None when the nearest points are unknown."""
+        if self.nearest is None:
+            return None
+        a, b = ((float(point[0]), float(point[1])) for point in self.nearest)
+        return Clearance(self.distance, *self.pair, a, b)
 
 
 class Level(Enum):
-    """How much an event matters; the numbers are those of ``foxglove.Log``."""
+    """Severity of an event, numbered as in ``foxglove.Log``."""
 
     DEBUG = 1
     INFO = 2
@@ -101,13 +103,13 @@ class Level(Enum):
     ERROR = 4
 
 
-#: Who speaks in the event that tells the verdict.
+#: Source of the event that holds the verdict.
 JUDGE = "judge"
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something worth a line: a phase, a contact, a fault, the verdict. ``source`` says who speaks."""
+    """Change of phase, contact, fault or verdict in words, with the name of the component that reports it."""
 
     stamp_ns: int
     source: str
@@ -117,7 +119,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameLink:
-    """A frame fixed to another one: ``X_parent_child``."""
+    """Coordinate frame that is fixed to another one: ``X_parent_child``."""
 
     parent: str
     child: str
@@ -126,7 +128,7 @@ class FrameLink:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameLinks:
-    """Frames that do not move against their parents: cameras, ports, the target of a step."""
+    """Coordinate frames that do not move in their parents: cameras, ports, the target of a step."""
 
     stamp_ns: int
     links: tuple[FrameLink, ...]

@@ -1,4 +1,4 @@
-"""The topics of a log. ``camera`` is a camera's name as in :class:`msrr_scenes.messages.Exposure`."""
+"""Topics of a log. Cameras are named as in :class:`msrr_scenes.messages.Exposure`."""
 
 from __future__ import annotations
 
@@ -31,60 +31,27 @@ _SENSORS: dict[type, str] = {
 
 
 def sensor(unit: str, message: SensorMessage) -> str:
-    """Return the topic of a message that reaches the robot ``unit``."""
+    """Return the topic of a sensor message that reaches the robot ``unit``."""
     return _SENSORS[type(message)].format(unit)
 
 
-def exposure(camera: str) -> str:
-    """Return the topic of a camera's exposures."""
-    return f"/camera/{camera}/exposure"
-
-
-def window(camera: str) -> str:
-    """Return the topic of the windows read from a camera."""
-    return f"/camera/{camera}/window"
-
-
-def estimate(unit: str) -> str:
-    """Return the topic of a unit's belief where it is."""
-    return f"/perception/{unit}/estimate"
-
-
-def los(unit: str) -> str:
-    """Return the topic of a unit's line of sight."""
-    return f"/perception/{unit}/los"
-
-
-def action(unit: str) -> str:
-    """Return the topic of a unit's decisions."""
-    return f"/control/{unit}/action"
-
-
-def belief(unit: str) -> str:
-    """Return the topic of a unit's verdict on its step."""
-    return f"/control/{unit}/belief"
-
-
-def assembly(unit: str) -> str:
-    """Return the topic of a unit's progress in the long-distance phase."""
-    return f"/control/{unit}/assembly"
-
-
-def path(unit: str) -> str:
-    """Return the topic of the paths that a unit's long-distance phase chooses."""
-    return f"/control/{unit}/path"
-
-
-def situation(unit: str) -> str:
-    """Return the topic of what a unit knows of the whole arena."""
-    return f"/perception/{unit}/situation"
-
-
-def true_pose(name: str) -> str:
-    """Return the topic of a body's true pose."""
-    return f"/truth/{name}/pose"
-
-
 def unit_of(topic: str) -> str:
-    """Return the unit in a topic of the form ``/<room>/<unit>/<what>``."""
+    """Return the unit in a topic of the form ``/<group>/<unit>/<message>``."""
     return topic.split("/")[2]
+
+
+#: Topics of the exposures of a camera, and of the windows read from them, as functions of its name.
+exposure, window = "/camera/{}/exposure".format, "/camera/{}/window".format
+
+#: Topic of the true poses of a body, as a function of its name.
+true_pose = "/truth/{}/pose".format
+
+#: Topics of the estimates of a unit, as functions of its name: pose in the dock frame, line of sight, all
+#: bodies.
+estimate, los = "/perception/{}/estimate".format, "/perception/{}/los".format
+situation = "/perception/{}/situation".format
+
+#: Topics of the control of a unit, as functions of its name: decisions, what it believes of its step,
+#: progress in the long-distance phase, paths of that phase.
+action, belief = "/control/{}/action".format, "/control/{}/belief".format
+assembly, path = "/control/{}/assembly".format, "/control/{}/path".format

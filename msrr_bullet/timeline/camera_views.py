@@ -1,4 +1,4 @@
-"""What the robot read of a camera's frames, gathered from the log."""
+"""Camera frames as far as the robot read them, collected from the log."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.messages import Action, Detections, Exposure, Localisation, Phase, Pixels, TagDetection
 from msrr_scenes.specs.scene import Scene
 
-#: Grey level of the pixels that perception never asked for.
+#: Grey level of pixels that perception did not read.
 UNREAD = 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraView:
-    """What perception read of one frame.
+    """What perception read of one camera frame.
 
     Attributes:
-        exposure: Camera, frame and time of exposure.
-        camera: Its optics.
-        windows: The windows read, each with its mono8 pixels (height, width).
-        tags: What was detected, corners in full-frame pixels; under a model of localisation errors, where
-            the localisation service believes them to be.
+        exposure: Camera, number of the frame and time of exposure.
+        camera: Pinhole model of the camera.
+        windows: Pixel windows that were read, each with its mono8 pixels (height, width).
+        tags: Detected tags, corners in full-frame pixels. With localisation errors in the scene, the corners
+            are where the localisation service reports them.
     """
 
     exposure: Exposure
@@ -43,20 +43,20 @@ class CameraView:
         return self.exposure.stamp_ns
 
     def mosaic(self) -> tuple[Pixels, NDArray[np.bool_]]:
-        """Return the frame as far as it was read (the rest is :data:`UNREAD`), and which pixels were."""
+        """Return the frame, :data:`UNREAD` where no window was read, and a mask of the read pixels."""
         frame = np.full((self.camera.height, self.camera.width), UNREAD, dtype=np.uint8)
         read = np.zeros(frame.shape, dtype=np.bool_)
         for window, pixels in self.windows:
-            place = np.s_[window.y : window.y_end, window.x : window.x_end]
-            frame[place], read[place] = pixels, True
+            region = np.s_[window.y : window.y_end, window.x : window.x_end]
+            frame[region], read[region] = pixels, True
         return frame, read
 
 
-def optics(scene: Scene, camera: str) -> PinholeCamera:
-    """Return the optics of a camera by its name in exposures.
+def pinhole_camera(scene: Scene, camera: str) -> PinholeCamera:
+    """Return the pinhole model of a camera by its name in exposures.
 
     Raises:
-        SceneError: The overhead camera of a scene that has none.
+        SceneError: The scene has no overhead camera.
     """
     if camera != OVERHEAD:
         return scene.cameras.onboard.pinhole
@@ -65,39 +65,36 @@ def optics(scene: Scene, camera: str) -> PinholeCamera:
     return scene.cameras.overhead.pinhole
 
 
-def exposures(log: Log) -> list[Exposure]:
+def read_exposures(log: Log) -> list[Exposure]:
     """Return every frame that reached the computer, in order."""
     return [exposure for _, exposure in log.messages(Exposure, "/camera/*")]
 
 
-def camera_views(log: Log, wanted: Collection[Exposure]) -> Iterator[CameraView]:
-    """Yield the frames that are ``wanted``, in the order in which they were read; one at a time in memory."""
-    wanted = frozenset(wanted)
-    tags = {
-        found.exposure: found.tags
-        for found in _findings(log)
-        if found.exposure in wanted  # they come later than the pixels, by the latency
-    }
+def read_camera_views(log: Log, exposures: Collection[Exposure]) -> Iterator[CameraView]:
+    """Yield the views of the given frames in the order of reading. One view is in memory at a time."""
+    exposures = frozenset(exposures)
+    # Detections are logged later than the pixels, by the latency.
+    tags = {found.exposure: found.tags for found in _detections(log) if found.exposure in exposures}
     scene = log.header.scene
-    at_hand: Exposure | None = None
+    current: Exposure | None = None
     windows: list[tuple[Window, Pixels]] = []
 
     def view(exposure: Exposure) -> CameraView:
-        return CameraView(exposure, optics(scene, exposure.camera), windows, tags.get(exposure, ()))
+        return CameraView(exposure, pinhole_camera(scene, exposure.camera), windows, tags.get(exposure, ()))
 
     for record in log.records("/camera/*"):
         if record.kind is Exposure:
-            if at_hand is not None:
-                yield view(at_hand)
-            at_hand = record.message if record.message in wanted else None
+            if current is not None:
+                yield view(current)
+            current = record.message if record.message in exposures else None
             windows = []
-        elif at_hand is not None and record.kind is CameraWindow:
+        elif current is not None and record.kind is CameraWindow:
             windows.append((record.message.window, record.message.pixels))
-    if at_hand is not None:
-        yield view(at_hand)
+    if current is not None:
+        yield view(current)
 
 
-def _findings(log: Log) -> Iterator[Detections]:
+def _detections(log: Log) -> Iterator[Detections]:
     for record in log.records("/perception/*", "/sensors/*/localisation"):
         if record.kind is Detections:
             yield record.message
@@ -106,21 +103,21 @@ def _findings(log: Log) -> Iterator[Detections]:
 
 
 def docking_views(log: Log, count: int = 3) -> tuple[CameraView, ...]:
-    """Return ``count`` frames of the onboard camera, spread over the docking phase, tags included.
+    """Return at most ``count`` frames of the onboard camera in which a tag was detected, evenly spaced.
 
-    The first is the first frame with a tag in it, the last the one nearest to the end of the docking phase.
+    The first is the first such frame of the trial, the last is the last one of the docking phase.
     """
     docking = [a.stamp_ns for _, a in log.messages(Action, "/control/*") if a.phase is Phase.DOCK]
-    seen = [
+    detected = [
         d.exposure
         for _, d in log.messages(Detections, "/perception/*")
         if d.tags and d.exposure.camera != OVERHEAD and (not docking or d.exposure.stamp_ns <= docking[-1])
     ]
-    return tuple(camera_views(log, spread(seen, count)))
+    return tuple(read_camera_views(log, evenly_spaced(detected, count)))
 
 
-def spread(exposures: Sequence[Exposure], count: int) -> list[Exposure]:
-    """Return at most ``count`` of the exposures, the first and the last among them, evenly spread."""
+def evenly_spaced(exposures: Sequence[Exposure], count: int) -> list[Exposure]:
+    """Return at most ``count`` of the exposures, evenly spaced, the first and the last among them."""
     last = len(exposures) - 1
-    places = sorted({round(i * last / max(count - 1, 1)) for i in range(count)}) if exposures else []
-    return [exposures[i] for i in places]
+    indices = sorted({round(i * last / max(count - 1, 1)) for i in range(count)}) if exposures else []
+    return [exposures[i] for i in indices]

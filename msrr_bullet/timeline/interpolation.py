@@ -1,4 +1,4 @@
-"""A trial at any time: between two decisions, where bodies and belief were on the way."""
+"""Snapshots of a trial at any time, by interpolation between its decisions."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import LosObservation
 
 
-class Moments:
-    """The instants of a trial, to be asked for at the times at which cameras exposed."""
+class SnapshotInterpolator:
+    """Snapshots of one trial, available at any time, such as the times at which cameras exposed."""
 
-    def __init__(self, frames: Sequence[Snapshot]) -> None:
-        """Take the instants in order.
+    def __init__(self, snapshots: Sequence[Snapshot]) -> None:
+        """Store the snapshots, which are in order of time.
 
         Raises:
-            MsrrError: There is not a single one.
+            MsrrError: There is no snapshot.
         """
-        if not frames:
+        if not snapshots:
             raise MsrrError("a trial without a single decision has nothing to show")
-        self.frames = tuple(frames)
-        self._stamps = [frame.stamp_ns for frame in frames]
+        self.snapshots = tuple(snapshots)
+        self._stamps = [snapshot.stamp_ns for snapshot in snapshots]
 
     @property
     def end_ns(self) -> int:
@@ -32,32 +32,36 @@ class Moments:
         return self._stamps[-1]
 
     def at(self, stamp_ns: int) -> Snapshot:
-        """Return the trial at a time; poses and angles in between are interpolated, all else is in force."""
+        """Return the trial at a time: interpolated poses and angles, the rest as at the last decision."""
         after = bisect_right(self._stamps, stamp_ns)
-        a = self.frames[max(after - 1, 0)]
-        if after in (0, len(self.frames)) or a.stamp_ns == stamp_ns:
+        a = self.snapshots[max(after - 1, 0)]
+        if after in (0, len(self.snapshots)) or a.stamp_ns == stamp_ns:
             return replace(a, stamp_ns=stamp_ns)
-        b = self.frames[after]
-        share = (stamp_ns - a.stamp_ns) / (b.stamp_ns - a.stamp_ns)
-        units = {name: between(X, b.units.get(name, X), share) for name, X in a.units.items()}
+        b = self.snapshots[after]
+        fraction = (stamp_ns - a.stamp_ns) / (b.stamp_ns - a.stamp_ns)
+        units = {name: interpolate_pose(X, b.units.get(name, X), fraction) for name, X in a.units.items()}
         estimate = a.estimate
-        # Two phases may believe by different sources: what lies between them nobody has believed.
+        # Two phases may take the estimate from different sources; a pose between the two was never estimated.
         if estimate is not None and b.estimate is not None and a.phase is b.phase and a.step == b.step:
-            estimate = between(estimate, b.estimate, share)
-        return replace(a, stamp_ns=stamp_ns, units=units, estimate=estimate, los=_sight(a.los, b.los, share))
+            estimate = interpolate_pose(estimate, b.estimate, fraction)
+        los = _interpolate_los(a.los, b.los, fraction)
+        return replace(a, stamp_ns=stamp_ns, units=units, estimate=estimate, los=los)
 
     def until(self, stamp_ns: int) -> Sequence[Snapshot]:
-        """Return the instants up to a time."""
-        return self.frames[: bisect_right(self._stamps, stamp_ns)]
+        """Return the snapshots up to a time."""
+        return self.snapshots[: bisect_right(self._stamps, stamp_ns)]
 
 
-def between(a: SE2, b: SE2, share: float) -> SE2:
-    """Return the pose at ``share`` in [0, 1] of the way from one to the other at constant twist."""
+def interpolate_pose(a: SE2, b: SE2, fraction: float) -> SE2:
+    """Return the pose at a fraction in [0, 1] of the way from ``a`` to ``b`` at constant twist."""
     dx, dy, dyaw = (a.inverse() @ b).log()
-    return a @ SE2.exp(share * float(dx), share * float(dy), share * float(dyaw))
+    return a @ SE2.exp(fraction * float(dx), fraction * float(dy), fraction * float(dyaw))
 
 
-def _sight(a: LosObservation | None, b: LosObservation | None, share: float) -> LosObservation | None:
+def _interpolate_los(
+    a: LosObservation | None, b: LosObservation | None, fraction: float
+) -> LosObservation | None:
     if a is None or b is None or a.status is not b.status:
         return a
-    return replace(a, left=a.left + share * (b.left - a.left), right=a.right + share * (b.right - a.right))
+    left, right = a.left + fraction * (b.left - a.left), a.right + fraction * (b.right - a.right)
+    return replace(a, left=left, right=right)

@@ -1,4 +1,7 @@
-"""Colours that stay apart for colour-blind eyes (Okabe and Ito, Color Universal Design, 2008)."""
+"""Colours and lengths that all drawings of a trial have in common.
+
+The colours stay apart for colour-blind eyes (Okabe and Ito, Color Universal Design, 2008).
+"""
 
 from __future__ import annotations
 
@@ -11,19 +14,14 @@ DOCKING_UNIT = SKY
 OTHER_UNITS = (0x8FA3AD, 0x7FB8A4, 0xB7A6C9)
 TYRE = 0x2B2B2B
 OBSTACLE = 0xB9A76A
-PATH = BLUE
-BELIEF = ORANGE
-CLEARANCE = PURPLE
-#: Clearance at which the guard acts.
-ALARM = VERMILLION
-SIGHT = GREEN
-#: Tags as detected, and windows read from a frame.
-DETECTION, WINDOW = VERMILLION, SKY
-#: The path that the unit means to drive, and where on it it should be.
-PLAN = 0x37424D
+#: Driven path, estimates of the robot, smallest clearance, and a clearance at which the collision monitor
+#: acts.
+PATH, BELIEF, CLEARANCE, ALARM = BLUE, ORANGE, PURPLE, VERMILLION
+#: Line of sight, tags as detected, and windows read from a frame.
+SIGHT, DETECTION, WINDOW = GREEN, VERMILLION, SKY
+#: Planned path with the desired point on it, and bounds of the line-of-sight cone.
+PLAN = CONE = 0x37424D
 FLOOR, GRID, DARK = 0xF3F4F6, 0xD3D8DE, 0x8A939C
-#: Top and bottom of the background, RGB in [0, 1].
-BACKGROUND = ((0.93, 0.95, 0.97), (0.80, 0.84, 0.88))
 
 #: Pale colours behind text and curves.
 PHASE_COLOURS = {
@@ -37,10 +35,18 @@ PHASE_COLOURS = {
     Phase.FAILED: 0xE8A98A,
 }
 
+#: Length to which lines of sight are drawn on the floor [m].
+SIGHT_RANGE = 0.7
+
 
 def unit_colour(index: int, docks: bool) -> int:
     """Return the colour of the unit that is number ``index`` in the scene."""
     return DOCKING_UNIT if docks else OTHER_UNITS[index % len(OTHER_UNITS)]
+
+
+def link_colour(link: str, unit_colour: int) -> int:
+    """Return the colour of a link of a unit's URDF: wheels and casters are black."""
+    return TYRE if link.startswith(("wheel", "caster")) else unit_colour
 
 
 def css(colour: int) -> str:

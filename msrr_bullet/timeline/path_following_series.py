@@ -1,4 +1,4 @@
-"""The long-distance phase of one trial as time series, and the paper's figures of it."""
+"""Time series of the long-distance phase of one trial, and the measures that the paper reports of it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,20 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, AssemblyProgress, LosObservation, PoseEstimate, seconds
 
 #: Stages of the long-distance phase in which a path is followed.
-_UNDER_WAY = ("drive", "settle")
+_FOLLOWING = ("drive", "settle")
 
 
 @dataclass(slots=True)
 class Instant:
-    """One control instant: the decision, what it was taken on, and the truth then."""
+    """One control instant of a trial.
+
+    Attributes:
+        action: Decision of the robot.
+        estimate: Pose estimate on which it was taken.
+        los: Line of sight on which it was taken.
+        assembly: Progress of the long-distance phase.
+        true: True poses ``X_WB`` by the name of the body.
+    """
 
     action: Action
     estimate: PoseEstimate | None = None
@@ -31,17 +39,18 @@ class Instant:
 
 @dataclass(frozen=True, eq=False)
 class PathFollowingSeries:
-    """The long-distance phase of one trial, truth in W.
+    """Time series of the long-distance phase of one trial, in the world frame W.
 
     Attributes:
         time: Shape (T,) [s].
         pose: True axle pose, shape (T, 3).
         tip: True controlled point, shape (T, 2) [m].
-        desired: Desired point, as the unit had it, shape (T, 2) [m].
-        command: (v, w), shape (T, 2).
-        path: Number of the path under way, shape (T,).
+        desired: Desired point on the path, as logged by the unit, shape (T, 2) [m].
+        command: Commanded forward velocity and turn rate, shape (T, 2) [m/s, rad/s].
+        path: Number of the path that is followed, shape (T,).
         walled: An obstacle was being passed, shape (T,).
-        arc_end: When the desired point ended the last arc of the last path [s]; NaN if it never did.
+        arc_end: Time at which the desired point reached the end of the last arc of the last path [s]; NaN if
+            it never did.
     """
 
     time: Array
@@ -55,39 +64,51 @@ class PathFollowingSeries:
 
     @classmethod
     def of(cls, instants: list[Instant], unit: str, offset: float) -> PathFollowingSeries | None:
-        """Select the instants at which a path was followed; None if there were not any."""
-        way = [(i, i.assembly) for i in instants if i.assembly is not None and i.assembly.stage in _UNDER_WAY]
-        way = [(i, a) for i, a in way if unit in i.true]
-        if not way:
+        """Select the instants at which a path was followed.
+
+        Args:
+            instants: Control instants of the trial, in order.
+            unit: Name of the docking unit.
+            offset: Distance of the controlled point ahead of the axle [m].
+
+        Returns:
+            The series; None when no path was followed.
+        """
+        followed = [
+            (i, i.assembly)
+            for i in instants
+            if i.assembly is not None and i.assembly.stage in _FOLLOWING and unit in i.true
+        ]
+        if not followed:
             return None
-        pose = np.array([i.true[unit].as_array() for i, _ in way])
-        last = way[-1][1].path
-        past = [i for i, a in way if a.path == last and 0.0 < a.arc_end <= a.s]
+        pose = np.array([i.true[unit].as_array() for i, _ in followed])
+        last = followed[-1][1].path
+        past = [i for i, a in followed if a.path == last and 0.0 < a.arc_end <= a.s]
         return cls(
-            time=np.array([seconds(i.action.stamp_ns) for i, _ in way]),
+            time=np.array([seconds(i.action.stamp_ns) for i, _ in followed]),
             pose=pose,
             tip=offset_point(pose, offset),
-            desired=np.array([a.desired for _, a in way]),
-            command=np.array([[i.action.twist.v, i.action.twist.w] for i, _ in way]),
-            path=np.array([a.path for _, a in way]),
-            walled=np.array([a.avoiding is not None for _, a in way]),
+            desired=np.array([a.desired for _, a in followed]),
+            command=np.array([[i.action.twist.v, i.action.twist.w] for i, _ in followed]),
+            path=np.array([a.path for _, a in followed]),
+            walled=np.array([a.avoiding is not None for _, a in followed]),
             arc_end=seconds(past[0].action.stamp_ns) if past else math.nan,
         )
 
     def from_path(self) -> Array:
-        """Distance of the controlled point from the path under way, shape (T,) [m].
+        """Return the distance of the controlled point from the path that is followed, shape (T,) [m].
 
-        The path is what the desired point went along, every few millimetres of it; between two instants an
-        arc of this size is straight to some micrometres.
+        The path is taken as the polygon through the desired points, which lie a few millimetres apart. An arc
+        of this size is straight between two of them to within some micrometres.
         """
         distance = np.empty(len(self.time))
         for number in np.unique(self.path):
-            under_way = self.path == number
-            distance[under_way] = metrics.from_line(self.tip[under_way], self.desired[under_way])
+            rows = self.path == number
+            distance[rows] = metrics.from_line(self.tip[rows], self.desired[rows])
         return distance
 
     def measures(self) -> dict[str, float]:
-        """Return the measures of the long phase that this trial has."""
+        """Return the measures of the long-distance phase that are defined for this trial, by name."""
         off, beside = metrics.deviation(self.tip, self.desired), self.from_path()
         episode = metrics.obstacle_episode(self.time, off, self.walled)
         found = {

@@ -1,16 +1,17 @@
-"""The time series of a trial: what plots show and tables list, from the instants of its log."""
+"""Time series of a trial, which plots show and tables list, computed from its snapshots."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_bullet.timeline.snapshot import Snapshot, meant_to_touch
+from msrr_bullet.timeline.log_snapshots import target_frame
+from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
@@ -19,28 +20,31 @@ from msrr_scenes.specs.scene import Scene
 
 Mask = NDArray[np.bool_]
 
+_UNKNOWN = (math.nan, math.nan)
+
 
 @dataclass(frozen=True, eq=False)
-class Series:
-    """One row for each decision; NaN where there is nothing to tell.
+class TrialSeries:
+    """Time series of one trial with one row per snapshot. Unknown values are NaN.
 
     Attributes:
-        time: Since the start, shape (T,) [s].
+        time: Time since the start, shape (T,) [s].
         phases: Phase of the docking unit.
-        true_port: Where its active port truly is before the target's: gap between the faces along the axis
-            of the dock frame D [m], offset to the left of the axis on the way in [m], heading [rad]; (T, 3).
-        believed_port: The same as the unit believes, shape (T, 3).
-        commanded: Forward velocity and turn rate that it commands, shape (T, 2) [m/s, rad/s].
-        driven: The same as it truly moves, shape (T, 2).
+        true_port: True pose of the active port before the target's port, shape (T, 3): gap between the faces
+            along the axis of the dock frame D [m], offset to the left of that axis on the way in [m],
+            heading [rad].
+        believed_port: Estimate of ``true_port``, shape (T, 3).
+        commanded: Commanded forward velocity and turn rate, shape (T, 2) [m/s, rad/s].
+        driven: True forward velocity and turn rate, shape (T, 2) [m/s, rad/s].
         sight: Angles of the target's left and right edge, shape (T, 2) [rad].
-        seen: Where these were measured in an image, shape (T,).
+        seen: Both angles were measured in an image, shape (T,).
         clearance: Smallest distance between any two bodies, shape (T,) [m].
-        docking_pair: Where that is the distance of a pair that is meant to touch, shape (T,).
-        off_path: Distance of the controlled point from where on the path it should be, as the unit has it,
+        docking_pair: That distance is the one of the docking pair, which may touch, shape (T,).
+        off_path: Distance of the controlled point from the desired point on the path, by the unit's estimate,
             shape (T,) [m].
-        truly_off_path: The same from the unit's true pose, shape (T,) [m].
-        avoiding: Where a wall beside an obstacle stands, shape (T,).
-        new_step: Where a step of the plan begins, shape (T,).
+        true_off_path: That distance by the unit's true pose, shape (T,) [m].
+        avoiding: A wall beside an obstacle is in force, shape (T,).
+        new_step: A step of the plan begins, shape (T,).
     """
 
     time: Array
@@ -54,96 +58,102 @@ class Series:
     clearance: Array
     docking_pair: Mask
     off_path: Array
-    truly_off_path: Array
+    true_off_path: Array
     avoiding: Mask
     new_step: Mask
 
     @property
-    def assembles(self) -> bool:
-        """The trial has a long-distance phase that got as far as following a path."""
+    def follows_path(self) -> bool:
+        """Whether a path was followed at any time of the trial."""
         return bool(np.isfinite(self.off_path).any())
 
-    def torn(self, values: Array) -> Array:
-        """Return one of the series with a gap where another unit takes over: no line joins the two."""
-        torn = np.array(values)
-        torn[1:][self.new_step[1:]] = np.nan
-        return torn
+    def with_gaps(self, values: Array) -> Array:
+        """Return one of the series with NaN where another unit takes over, so that no line joins the two."""
+        values = np.array(values)
+        values[1:][self.new_step[1:]] = np.nan
+        return values
 
     @classmethod
-    def of(cls, scene: Scene, frames: Sequence[Snapshot]) -> Series:
-        """Gather the series.
+    def of(cls, scene: Scene, snapshots: Sequence[Snapshot]) -> TrialSeries:
+        """Compute the series.
 
         Args:
-            scene: The scene of the trial.
-            frames: Instants in order, at any rate.
+            scene: Scene of the trial.
+            snapshots: Snapshots in order of time, at any rate.
 
         Raises:
-            MsrrError: There is not a single one.
+            MsrrError: There is no snapshot.
         """
-        if not frames:
-            raise MsrrError("a trial without a single frame has no time series")
-        off = np.array([_off_path(scene, f) for f in frames])
+        if not snapshots:
+            raise MsrrError("a trial without a single snapshot has no time series")
+        off = np.array([_off_path(scene, s) for s in snapshots])
         return cls(
-            time=np.array([seconds(f.stamp_ns - frames[0].stamp_ns) for f in frames]),
-            phases=tuple(f.phase for f in frames),
-            true_port=np.array([port_in_dock(scene, f, acting_pose(f)) for f in frames]),
-            believed_port=np.array([port_in_dock(scene, f, f.estimate) for f in frames]),
-            commanded=np.array([(f.twist.v, f.twist.w) if f.twist else _NOTHING for f in frames]),
-            driven=_driven(frames),
-            sight=np.array([(f.los.left, f.los.right) if f.los else _NOTHING for f in frames]),
-            seen=np.array([f.los is not None and f.los.status is LosStatus.SEEN for f in frames]),
-            clearance=np.array([f.clearance.distance if f.clearance else math.nan for f in frames]),
-            docking_pair=np.array([meant_to_touch(f) for f in frames]),
+            time=np.array([seconds(s.stamp_ns - snapshots[0].stamp_ns) for s in snapshots]),
+            phases=tuple(s.phase for s in snapshots),
+            true_port=np.array([_port_in_dock(scene, s, s.docking_pose) for s in snapshots]),
+            believed_port=np.array([_port_in_dock(scene, s, s.estimate) for s in snapshots]),
+            commanded=np.array([(s.twist.v, s.twist.w) if s.twist else _UNKNOWN for s in snapshots]),
+            driven=_driven(snapshots),
+            sight=np.array([(s.los.left, s.los.right) if s.los else _UNKNOWN for s in snapshots]),
+            seen=np.array([s.los is not None and s.los.status is LosStatus.SEEN for s in snapshots]),
+            clearance=np.array([s.clearance.distance if s.clearance else math.nan for s in snapshots]),
+            docking_pair=np.array([s.docking_pair_is_nearest for s in snapshots]),
             off_path=off[:, 0],
-            truly_off_path=off[:, 1],
-            avoiding=np.array([f.assembly is not None and f.assembly.avoiding is not None for f in frames]),
-            new_step=np.array([True, *(a.step != b.step for a, b in pairwise(frames))]),
+            true_off_path=off[:, 1],
+            avoiding=np.array(
+                [s.assembly is not None and s.assembly.avoiding is not None for s in snapshots]
+            ),
+            new_step=np.array([True, *(a.step != b.step for a, b in pairwise(snapshots))]),
         )
 
 
-_NOTHING = (math.nan, math.nan)
+def phase_spans(
+    times: Sequence[float], phases: Sequence[Phase | None]
+) -> Iterator[tuple[Phase, float, float]]:
+    """Yield every phase with start and end time, for phases given at a sequence of times [s]."""
+    start = 0
+    for phase, run in groupby(phases):
+        end = start + len(list(run))
+        if phase is not None:
+            yield phase, times[start], times[min(end, len(times) - 1)]
+        start = end
 
 
-def acting_pose(frame: Snapshot) -> SE2 | None:
-    """Return the true pose of the docking unit, ``X_WU``."""
-    return frame.units.get(frame.step.unit) if frame.step else None
-
-
-def port_in_dock(scene: Scene, frame: Snapshot, X_WU: SE2 | None) -> tuple[float, float, float]:
+def _port_in_dock(scene: Scene, snapshot: Snapshot, X_WU: SE2 | None) -> tuple[float, float, float]:
     """Return gap [m], lateral offset [m] and heading [rad] of the active port in the target's dock frame D.
 
     Args:
-        scene: The scene of the trial.
-        frame: Says where the target truly is.
-        X_WU: Where the docking unit is, or is believed.
+        scene: Scene of the trial.
+        snapshot: Instant of the trial, with the true pose of the target.
+        X_WU: True or estimated pose of the docking unit.
     """
-    step = frame.step
-    if step is None or X_WU is None or step.target_unit not in frame.units:
+    step = snapshot.step
+    if step is None or X_WU is None or step.target_unit not in snapshot.units:
         return math.nan, math.nan, math.nan
-    X_WD = frame.units[step.target_unit] @ scene.geometry(step.target_unit).dock_frame(step.target_port)
+    X_WD = target_frame(scene, step, snapshot.units)
     X_DP = X_WD.inverse() @ X_WU @ scene.geometry(step.unit).port(step.port)
     return -X_DP.x, X_DP.y, X_DP.yaw
 
 
-def _off_path(scene: Scene, frame: Snapshot) -> tuple[float, float]:
-    """Return how far the controlled point is off the desired one [m], as believed and in truth."""
-    assembly, X_WU = frame.assembly, acting_pose(frame)
-    if assembly is None or assembly.path == 0 or frame.step is None or X_WU is None:
-        return _NOTHING
-    offset = scene.geometry(frame.step.unit).control_offset(frame.step.port)
+def _off_path(scene: Scene, snapshot: Snapshot) -> tuple[float, float]:
+    """Return the estimated and the true distance of the controlled point from the desired one [m]."""
+    assembly, X_WU = snapshot.assembly, snapshot.docking_pose
+    if assembly is None or assembly.path == 0 or snapshot.step is None or X_WU is None:
+        return _UNKNOWN
+    offset = scene.geometry(snapshot.step.unit).control_offset(snapshot.step.port)
     tips = np.array([assembly.tip, X_WU.act([offset, 0.0])])
-    believed, true = np.linalg.norm(tips - np.array(assembly.desired), axis=1)
-    return float(believed), float(true)
+    estimated, true = np.linalg.norm(tips - np.array(assembly.desired), axis=1)
+    return float(estimated), float(true)
 
 
-def _driven(frames: Sequence[Snapshot]) -> Array:
-    """Return the true velocities, each between a frame and the next; the last one repeats."""
+def _driven(snapshots: Sequence[Snapshot]) -> Array:
+    """Return the true velocities, each from one snapshot to the next. The last row repeats the one before."""
     rows = []
-    for a, b in pairwise(frames):
-        X, Y = acting_pose(a), acting_pose(b)
+    for a, b in pairwise(snapshots):
+        X, Y = a.docking_pose, b.docking_pose
         if X is None or Y is None or a.step != b.step or a.stamp_ns >= b.stamp_ns:
-            rows.append(_NOTHING)
+            rows.append(_UNKNOWN)
             continue
         forward, _, turn = (X.inverse() @ Y).log() / seconds(b.stamp_ns - a.stamp_ns)
         rows.append((float(forward), float(turn)))
-    return np.array([*rows, rows[-1] if rows else _NOTHING])
+    return np.array([*rows, rows[-1] if rows else _UNKNOWN])

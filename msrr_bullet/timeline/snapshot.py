@@ -1,7 +1,8 @@
-"""One instant of a trial as the viewer and the picture show it: truth and belief side by side."""
+"""One instant of a trial, with truth and belief side by side: what viewer, figures and tables show."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -18,6 +19,9 @@ from msrr_scenes.messages import (
 )
 from msrr_scenes.specs.plan import DockStep
 
+#: Phases in which the docking pair may come close.
+_DOCKING = (Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.RETREAT, Phase.DONE, Phase.FAILED)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
@@ -25,19 +29,19 @@ class Snapshot:
 
     Attributes:
         stamp_ns: Simulated time.
-        units: Truth, ``X_WU`` of every unit.
-        obstacles: Truth, ``X_WB`` of every obstacle that is there.
-        step: The step of the plan in progress: who docks to which port.
-        estimate: Where the docking unit believes to be, ``X_WU``; None while it believes nothing.
-        phase: Its phase.
-        attempt: Counted from 1; 0 before the first.
-        los: Its line of sight to the target.
-        clearance: The smallest clearance of any pair, docking pair included.
-        twist: What the docking unit commands; None before its first decision.
-        reason: Why its phase was entered.
-        situation: What it knows of the whole arena; None when it does not look from above.
-        assembly: What its long-distance phase does; None while that is not at work.
-        path: The path which that phase follows, or followed last.
+        units: True poses ``X_WU`` of all units.
+        obstacles: True poses ``X_WB`` of the obstacles that have appeared.
+        step: Step of the plan in progress: which unit docks to which port.
+        estimate: Pose ``X_WU`` that the docking unit believes to have; None without an estimate.
+        phase: Phase of the docking unit; None before its first decision.
+        attempt: Number of the docking attempt, from 1; 0 before the first.
+        los: Line of sight of the docking unit to its target.
+        clearance: Smallest clearance of all pairs of bodies, the docking pair included.
+        twist: Velocity command of the docking unit; None before its first decision.
+        reason: Why the phase was entered.
+        situation: Estimates of all bodies in the arena; None without an overhead camera in use.
+        assembly: Progress of the long-distance phase; None outside that phase.
+        path: Path that the long-distance phase follows or followed last.
     """
 
     stamp_ns: int
@@ -55,32 +59,57 @@ class Snapshot:
     assembly: AssemblyProgress | None = None
     path: AssemblyPath | None = None
 
+    @property
+    def docking_unit(self) -> str | None:
+        """Name of the unit that docks."""
+        return self.step.unit if self.step else None
 
-#: Phases in which the docking pair may come close.
-_DOCKING = (Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.RETREAT, Phase.DONE, Phase.FAILED)
+    @property
+    def docking_pose(self) -> SE2 | None:
+        """True pose ``X_WU`` of the unit that docks."""
+        return self.units.get(self.step.unit) if self.step else None
+
+    @property
+    def docking_pair_is_nearest(self) -> bool:
+        """Whether the nearest pair is the docking pair, in a phase in which it may come close."""
+        if self.clearance is None or self.step is None or self.phase not in _DOCKING:
+            return False
+        return self.clearance.pair == {self.step.unit, self.step.target_unit}
+
+    @property
+    def phase_text(self) -> str:
+        """Phase, and stage of the long-distance phase, in words; empty before the first decision."""
+        stage = f", {self.assembly.stage}" if self.assembly else ""
+        return phase_name(self.phase) + stage if self.phase else ""
+
+    @property
+    def path_text(self) -> str:
+        """Progress along the planned path in words; empty while no path is followed."""
+        if self.assembly is None or self.path is None:
+            return ""
+        error = math.dist(self.assembly.tip, self.assembly.desired)
+        return f"{self.assembly.s:.2f} of {self.assembly.length:.2f} m, {1e3 * error:.0f} mm off"
 
 
-def meant_to_touch(snapshot: Snapshot) -> bool:
-    """Say whether the nearest pair is the docking pair in a phase in which it may come close."""
-    if snapshot.clearance is None or snapshot.step is None or snapshot.phase not in _DOCKING:
-        return False
-    return snapshot.clearance.pair == {snapshot.step.unit, snapshot.step.target_unit}
+def phase_name(phase: Phase) -> str:
+    """Return the name of a phase in words."""
+    return phase.value.replace("_", " ")
 
 
-def planned_paths(frames: Iterable[Snapshot]) -> list[AssemblyPath]:
+def planned_paths(snapshots: Iterable[Snapshot]) -> list[AssemblyPath]:
     """Return every path that the long-distance phase chose, in order."""
-    found: list[AssemblyPath] = []
-    for frame in frames:
-        if frame.path is not None and (not found or frame.path is not found[-1]):
-            found.append(frame.path)
-    return found
+    paths: list[AssemblyPath] = []
+    for snapshot in snapshots:
+        if snapshot.path is not None and (not paths or snapshot.path is not paths[-1]):
+            paths.append(snapshot.path)
+    return paths
 
 
 class Viewer(Protocol):
-    """Something that a running trial is shown to. It learns everything and answers nothing."""
+    """Display of a running trial. It receives snapshots and has no influence on the trial."""
 
     def update(self, snapshot: Snapshot) -> None:
-        """Show the trial at one instant; instants come in order."""
+        """Show one instant of the trial. Instants come in order."""
 
     def close(self) -> None:
-        """Release what the viewer holds; calling it twice is fine."""
+        """Release all resources. A second call does nothing."""

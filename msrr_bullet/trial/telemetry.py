@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
-from msrr_bullet.log.records import JUDGE, Event, Level, StartPoses, TruePose
-from msrr_bullet.log.records import Clearance as ClearanceRecord
+from msrr_bullet.log.records import JUDGE, ClearanceRecord, Event, Level, StartPoses, TruePose
 from msrr_bullet.robot.interface import Robot
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.timeline.snapshot import Snapshot, Viewer

@@ -1,14 +1,14 @@
-"""Commands to meshcat's page in the form in which it takes them: msgpack, one per change.
+"""Commands to meshcat's page: msgpack messages, one for each change of the scene.
 
 Meshcat's own Python client starts a server that listens on every interface and outlives its parent, and its
-``static_html`` needs that server. Its page needs neither: it takes the same bytes from any websocket, or from
-the page itself. So this project uses meshcat's geometry and page, and brings the bytes there by itself.
+``static_html`` needs that server. The page of meshcat accepts the same bytes from any websocket, or from data
+in the page itself. This project therefore uses meshcat's geometry and page, and transports the bytes itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import Any
 
@@ -26,8 +26,8 @@ class Command:
     """One change of the scene in the page.
 
     Attributes:
-        key: What it changes; of two commands with one key only the later counts.
-        data: The message.
+        key: Name of what changes. A later command with the same key replaces an earlier one.
+        data: Message to the page.
     """
 
     key: str
@@ -35,7 +35,7 @@ class Command:
 
 
 def viewer_script() -> str:
-    """Return meshcat's page script, which is all the code that a page needs."""
+    """Return the script of meshcat's page, which is all the code that a page needs."""
     return (files("meshcat") / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")
 
 
@@ -55,10 +55,10 @@ def _uuids(value: Any) -> list[str]:
 
 
 def set_object(path: str, geometry: Geometry, material: Material, kind: type[Object] = Mesh) -> Command:
-    """Put a shape at ``path``.
+    """Place a shape at a node of the scene tree.
 
-    Meshcat names the parts of a shape by clock and machine; here ``path`` names them, so that the same trial
-    gives the same page.
+    Meshcat identifies the parts of a shape by random numbers. They are replaced by numbers derived from
+    ``path``, so that the same trial gives the same page.
     """
     lowered = kind(geometry, material).lower()
     names = {uuid: f"{path}#{i}" for i, uuid in enumerate(dict.fromkeys(_uuids(lowered)))}
@@ -67,22 +67,45 @@ def set_object(path: str, geometry: Geometry, material: Material, kind: type[Obj
 
 
 def set_transform(path: str, X: SE3, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> Command:
-    """Place ``path`` in its parent, stretched along its own axes by ``scale``."""
+    """Set the pose of a node in its parent, and its scale along its own axes."""
     matrix: Array = X.matrix() @ np.diag([*scale, 1.0])
     message = {"type": "set_transform", "path": path, "matrix": matrix.T.ravel().tolist()}
     return Command(f"transform {path}", umsgpack.packb(message))
 
 
 def set_property(path: str, name: str, value: bool | float | Sequence[float]) -> Command:
-    """Set a property of ``path``, such as ``visible``."""
+    """Set a property of a node, such as ``visible``."""
     listed = value if isinstance(value, (bool, float)) else [float(v) for v in value]
     message = {"type": "set_property", "path": path, "property": name, "value": listed}
     return Command(f"property {path} {name}", umsgpack.packb(message))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Placement:
+    """Pose, visibility and scale of a node at one instant."""
+
+    X: SE3 = field(default_factory=SE3)
+    visible: bool = True
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+HIDDEN = Placement(visible=False)
+
+
+def place(path: str, old: Placement | None, new: Placement) -> Iterator[Command]:
+    """Yield the commands that take a node from its old placement, if it has one, to a new one."""
+    if old is None or old.visible != new.visible:
+        yield set_property(path, "visible", new.visible)
+    moved = old is None or not (
+        np.array_equal(old.X.p, new.X.p) and np.array_equal(old.X.R, new.X.R) and old.scale == new.scale
+    )
+    if moved and new.visible:
+        yield set_transform(path, new.X, new.scale)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """One animated property of one path: ``values`` (N, k) at ``times`` (N,) [s]."""
+    """One animated property of one node: ``values`` (N, k) at ``times`` (N,) [s]."""
 
     path: str
     name: str
@@ -91,7 +114,7 @@ class Track:
     values: NDArray[np.float64] | NDArray[np.bool_]
 
     def thinned(self) -> Track:
-        """Return the track without the keys in the middle of a stretch of equal values."""
+        """Return the track without the keys between two equal neighbours."""
         if len(self.times) < 3:
             return self
         same = (self.values[1:] == self.values[:-1]).reshape(len(self.times) - 1, -1).all(axis=1)
@@ -101,7 +124,7 @@ class Track:
 
 
 def set_animation(tracks: Sequence[Track]) -> Command:
-    """Animate; the page is told to stand still at the beginning."""
+    """Set the animation of the page from its tracks."""
     clips: dict[str, list[dict[str, Any]]] = {}
     for track in tracks:
         clips.setdefault(track.path, []).append(
@@ -112,7 +135,7 @@ def set_animation(tracks: Sequence[Track]) -> Command:
                 "values": track.values.ravel().tolist(),
             }
         )
-    # One frame a second: the times of the keys are seconds.
+    # At one frame per second the times of the keys are in seconds.
     animations = [
         {"path": path, "clip": {"fps": 1, "name": "trial", "tracks": entries}}
         for path, entries in clips.items()

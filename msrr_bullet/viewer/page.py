@@ -1,4 +1,4 @@
-"""The web page around the scene: title, readings, legend; and the timeline of a replay."""
+"""Web page around the scene: title, readings, legend, and the timeline of a replay."""
 
 from __future__ import annotations
 
@@ -6,11 +6,21 @@ import base64
 import json
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from importlib.resources import files
 
-from msrr_bullet.timeline.palette import ALARM, BELIEF, CLEARANCE, DOCKING_UNIT, PATH, PLAN, SIGHT, css
-from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.timeline.palette import (
+    ALARM,
+    BELIEF,
+    CLEARANCE,
+    DOCKING_UNIT,
+    PATH,
+    PHASE_COLOURS,
+    PLAN,
+    SIGHT,
+    css,
+)
+from msrr_bullet.timeline.series import phase_spans
+from msrr_bullet.timeline.snapshot import Snapshot, phase_name
 from msrr_bullet.viewer.commands import Command, viewer_script
 from msrr_scenes.messages import seconds
 from msrr_scenes.specs.scene import Scene
@@ -33,75 +43,56 @@ _LEGEND = (
     ("camera and line of sight", SIGHT),
     ("smallest clearance", CLEARANCE),
 )
-#: What only a trial with a camera above the arena has.
-_LEGEND_FROM_ABOVE = (("planned path and desired point", PLAN), ("clearance within the guard's reach", ALARM))
-
-
-@dataclass(frozen=True, slots=True)
-class PhaseSpan:
-    """A stretch of the timeline [s]."""
-
-    name: str
-    start: float
-    end: float
-    colour: str
-
-
-@dataclass(frozen=True, slots=True)
-class Timeline:
-    """What a replay shows beside the scene: readings at times [s], and the phases."""
-
-    times: Sequence[float]
-    values: Sequence[Sequence[str]]
-    phases: Sequence[PhaseSpan]
+#: Entries of the legend for scenes with an overhead camera.
+_LEGEND_OVERHEAD = (("planned path and desired point", PLAN), ("clearance within the guard's reach", ALARM))
 
 
 def readings(snapshot: Snapshot) -> tuple[str, ...]:
-    """Return the readings of an instant as text, in the order of :data:`READINGS`."""
-    phase = snapshot.phase.value.replace("_", " ") if snapshot.phase else "–"
-    path, los, error, clearance, pair = "–", "–", "–", "–", "–"
-    if snapshot.assembly is not None:
-        phase += f", {snapshot.assembly.stage}"
-        if snapshot.path is not None:
-            off = math.dist(snapshot.assembly.tip, snapshot.assembly.desired)
-            path = f"{snapshot.assembly.s:.2f} of {snapshot.assembly.length:.2f} m, {1e3 * off:.0f} mm off"
+    """Return the readings of a snapshot as text, in the order of :data:`READINGS`."""
+    los, error, clearance, pair = "–", "–", "–", "–"
     if snapshot.los is not None:
         left, right = math.degrees(snapshot.los.left), math.degrees(snapshot.los.right)
         los = snapshot.los.status.value
         if math.isfinite(left) and math.isfinite(right):
             los += f" {left:+.0f}° {right:+.0f}°"
-    truth = snapshot.units.get(snapshot.step.unit) if snapshot.step else None
-    if truth is not None and snapshot.estimate is not None:
-        error_pose = truth.inverse() @ snapshot.estimate
+    if snapshot.docking_pose is not None and snapshot.estimate is not None:
+        error_pose = snapshot.docking_pose.inverse() @ snapshot.estimate
         distance, yaw = math.hypot(error_pose.x, error_pose.y), math.degrees(error_pose.yaw)
         error = f"{1e3 * distance:.1f} mm {yaw:+.1f}°"
     if snapshot.clearance is not None:
         clearance = f"{1e3 * snapshot.clearance.distance:.0f} mm"
         pair = f"{snapshot.clearance.body_a} – {snapshot.clearance.body_b}"
     attempt = str(snapshot.attempt) if snapshot.attempt else "–"
+    phase, path = snapshot.phase_text or "–", snapshot.path_text or "–"
     return f"{seconds(snapshot.stamp_ns):.2f} s", phase, attempt, path, los, error, clearance, pair
 
 
-def render_page(scene: Scene, commands: Iterable[Command] = (), timeline: Timeline | None = None) -> str:
-    """Return the page: a replay when it has a timeline, else one that waits for a feed."""
-    replay = None
-    if timeline is not None:
-        spans = [{"name": s.name, "from": s.start, "to": s.end, "colour": s.colour} for s in timeline.phases]
-        replay = {"times": timeline.times, "values": timeline.values, "phases": spans}
-    above = scene.cameras.overhead is not None
+def render_page(
+    scene: Scene, commands: Iterable[Command] = (), snapshots: Sequence[Snapshot] | None = None
+) -> str:
+    """Return the page: a replay of snapshots, or without them a live page that connects to the server."""
+    legend = _LEGEND + (_LEGEND_OVERHEAD if scene.cameras.overhead is not None else ())
     data = {
         "title": scene.name,
         "description": scene.description,
-        "legend": [
-            (name, css(colour)) for name, colour in (*_LEGEND, *(_LEGEND_FROM_ABOVE if above else ()))
-        ],
+        "legend": [(name, css(colour)) for name, colour in legend],
         "readings": READINGS,
         "commands": [base64.b64encode(command.data).decode("ascii") for command in commands],
-        "replay": replay,
+        "replay": _timeline(snapshots) if snapshots else None,
     }
-    # "<" is escaped because "</script>" in a scene's description would end the element that holds it.
+    # "<" is escaped because "</script>" in the description of a scene would end the element that holds it.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     template = (files("msrr_bullet.viewer") / "page.html").read_text(encoding="utf-8")
     head, rest = template.split("{{meshcat}}")
     middle, tail = rest.split("{{data}}")
     return "".join((head, viewer_script(), middle, text, tail))
+
+
+def _timeline(snapshots: Sequence[Snapshot]) -> dict[str, object]:
+    """Return times [s], readings and phases of a replay."""
+    times = [seconds(snapshot.stamp_ns - snapshots[0].stamp_ns) for snapshot in snapshots]
+    phases = [
+        {"name": phase_name(phase), "from": start, "to": end, "colour": css(PHASE_COLOURS[phase])}
+        for phase, start, end in phase_spans(times, [snapshot.phase for snapshot in snapshots])
+    ]
+    return {"times": times, "values": [readings(snapshot) for snapshot in snapshots], "phases": phases}

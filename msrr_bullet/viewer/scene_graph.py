@@ -1,7 +1,7 @@
-"""The scene as the page draws it: what is built once, and what an instant of the trial moves.
+"""Tree of nodes that the page draws of a scene: built once, then moved for every snapshot of the trial.
 
-Truth is solid, belief is orange. Everything that says how far, how wide or where comes from the scene and the
-URDFs; only colours, line widths and heights of drawings above the floor are chosen here.
+Truth is drawn as solid bodies, belief in orange. All dimensions come from the scene and the URDFs, except
+line widths, lengths of lines of sight, and heights of drawings above the floor.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import numpy as np
 
 from msrr_bullet.timeline.palette import (
     ALARM,
-    BACKGROUND,
     BELIEF,
     CLEARANCE,
     DARK,
@@ -23,14 +22,14 @@ from msrr_bullet.timeline.palette import (
     OBSTACLE,
     PATH,
     SIGHT,
-    TYRE,
+    SIGHT_RANGE,
+    link_colour,
     unit_colour,
 )
-from msrr_bullet.timeline.snapshot import Snapshot, meant_to_touch
+from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import shapes
 from msrr_bullet.viewer.arena_belief import ArenaBelief
-from msrr_bullet.viewer.commands import Command, set_object, set_property, set_transform
-from msrr_bullet.viewer.nodes import HIDDEN, Placement
+from msrr_bullet.viewer.commands import HIDDEN, Command, Placement, set_object, set_property, set_transform
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import R_BODY_OPTICAL
 from msrr_scenes.geometry.se2 import SE2
@@ -41,37 +40,38 @@ from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.plan import GuardSpec
 from msrr_scenes.specs.scene import Scene
 
-#: Lengths [m] to which the frustum and, on the floor, the lines of sight are drawn.
-FRUSTUM_RANGE, SIGHT_RANGE = 0.22, 0.7
-#: Spacing of the floor's grid lines [m].
+#: Top and bottom colours of the background, RGB in [0, 1].
+BACKGROUND = ((0.93, 0.95, 0.97), (0.80, 0.84, 0.88))
+#: Length to which the frustum of the camera is drawn [m].
+FRUSTUM_RANGE = 0.22
+#: Spacing of the grid lines on the floor [m].
 GRID_STEP = 0.25
-#: Widths [m] and heights above the floor [m] of the two paths.
+#: Widths and heights above the floor of the driven and the believed path [m].
 TRUTH_WIDTH, TRUTH_Z = 0.012, 0.0030
 BELIEF_WIDTH, BELIEF_Z = 0.005, 0.0045
-#: Points of a path closer together than this are one [m].
+#: Smallest distance between two points of a drawn path [m].
 PATH_STEP = 0.002
-#: Height at which the clearance is drawn, half-way up a unit [m].
-CLEARANCE_Z = 0.12
-SIGHT_Z = 0.0015
-#: How far the ghost's top lies above the unit's highest frame [m].
+#: Heights at which the clearance, half-way up a unit, and the lines of sight are drawn [m].
+CLEARANCE_Z, SIGHT_Z = 0.12, 0.0015
+#: Height of the top of the ghost above the highest frame of the unit [m]. The ghost shows the estimated pose.
 GHOST_MARGIN = 0.004
-#: Zoom of the view: a longer lens, from farther away, than the page's own.
+#: Zoom of the view, seen from correspondingly farther away.
 ZOOM = 2.2
 
 
 class SceneGraph:
-    """Nodes of one scene."""
+    """Tree of nodes of one scene."""
 
     def __init__(self, scene: Scene) -> None:
-        """Read the shapes; nothing is drawn yet."""
+        """Read the shapes of the scene. Nothing is drawn yet."""
         self._scene = scene
         self._geometries = {name: scene.geometry(name) for name in scene.units}
         self._docking = tuple(dict.fromkeys(step.unit for step in scene.plan))
         self._belief = ArenaBelief(scene)
 
     def build(self) -> Iterator[Command]:
-        """Yield what is drawn once: floor, units, ghosts, obstacles, lines of sight, the clearance bar."""
-        yield from self._surroundings()
+        """Yield the commands that draw everything once."""
+        yield from self._arena()
         hidden = {fault.unit for fault in self._scene.faults if isinstance(fault, MarkerHidden)}
         for index, name in enumerate(self._scene.units):
             yield from self._unit(name, unit_colour(index, name in self._docking), blank=name in hidden)
@@ -81,35 +81,28 @@ class SceneGraph:
         yield from self._sight()
         yield from self._belief.build()
         for node, colour in (("clearance/free", CLEARANCE), ("clearance/guarded", ALARM)):
-            yield set_object(node, g.Box([1.0, 0.006, 0.006]), shapes.ink(colour))
+            yield set_object(node, g.Box([1.0, 0.006, 0.006]), shapes.flat_material(colour))
             yield set_property(node, "visible", False)
 
-    def _surroundings(self) -> Iterator[Command]:
+    def _arena(self) -> Iterator[Command]:
         yield set_property("Background", "top_color", BACKGROUND[0])
         yield set_property("Background", "bottom_color", BACKGROUND[1])
         for node in ("Grid", "Axes"):
             yield set_property(node, "visible", False)
         (x0, x1), (y0, y1) = self._scene.arena.x_m, self._scene.arena.y_m
         middle = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1), -0.01])
-        yield set_object("arena/floor", g.Box([x1 - x0, y1 - y0, 0.018]), shapes.ink(FLOOR))
+        yield set_object("arena/floor", g.Box([x1 - x0, y1 - y0, 0.018]), shapes.flat_material(FLOOR))
         yield set_transform("arena/floor", SE3(p=middle))
-        lines = [
-            [x, y, 0.0]
-            for a in _multiples(x0, x1)
-            for x, y in ((a, y0), (a, y1))
-        ] + [
-            [x, y, 0.0]
-            for b in _multiples(y0, y1)
-            for x, y in ((x0, b), (x1, b))
-        ]  # fmt: skip
-        yield shapes.wires("arena/grid", lines, GRID)
+        ends = [[x, y, 0.0] for x in _grid(x0, x1) for y in (y0, y1)]
+        ends += [[x, y, 0.0] for y in _grid(y0, y1) for x in (x0, x1)]
+        yield shapes.line_segments("arena/grid", ends, GRID)
         border = [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]]
-        yield set_object("arena/border", shapes.strip(border, 0.02, 0.001), shapes.ink(DARK))
+        yield set_object("arena/border", shapes.band(border, 0.02, 0.001), shapes.flat_material(DARK))
 
     def _unit(self, name: str, colour: int, blank: bool) -> Iterator[Command]:
         geometry = self._geometries[name]
         for i, shape in enumerate(geometry.solids):
-            material = shapes.paint(TYRE if shape.link.startswith(("wheel", "caster")) else colour)
+            material = shapes.shaded_material(link_colour(shape.link, colour))
             yield from shapes.solid(f"units/{name}/{shape.link}_{i}", shape, material)
         for slot, tag_id in self._scene.tag_ids(name).items():
             size = self._scene.tag_size(slot)
@@ -121,10 +114,12 @@ class SceneGraph:
         outline = geometry.footprint
         height = max(float(frame.p[2]) for frame in geometry.frames.values()) + GHOST_MARGIN
         closed = np.concatenate([outline, outline[:1]])
-        yield set_object(f"ghost/{name}", shapes.extrusion(outline, height), shapes.ink(BELIEF, 0.12))
+        yield set_object(
+            f"ghost/{name}", shapes.extrusion(outline, height), shapes.flat_material(BELIEF, 0.12)
+        )
         for level, z in (("foot", BELIEF_Z), ("top", height)):
             yield set_object(
-                f"ghost/{name}/{level}", shapes.strip(closed, BELIEF_WIDTH, z), shapes.ink(BELIEF)
+                f"ghost/{name}/{level}", shapes.band(closed, BELIEF_WIDTH, z), shapes.flat_material(BELIEF)
             )
         yield set_property(f"ghost/{name}", "visible", False)
 
@@ -133,70 +128,71 @@ class SceneGraph:
             path = f"obstacles/{name}"
             if isinstance(spec, CylinderSpec):
                 yield from shapes.cylinder(
-                    f"{path}/body", spec.radius_m, spec.height_m, shapes.paint(OBSTACLE)
+                    f"{path}/body", spec.radius_m, spec.height_m, shapes.shaded_material(OBSTACLE)
                 )
             else:
                 size = (spec.length_m, spec.width_m, spec.height_m)
-                yield from shapes.box(f"{path}/body", size, shapes.paint(OBSTACLE))
+                yield from shapes.box(f"{path}/body", size, shapes.shaded_material(OBSTACLE))
             if spec.tag_id is not None:
-                # Flat on top, readable from above: T is x right, y down, z into the tag.
+                # The tag lies flat on top, readable from above: T is x right, y down, z into the tag.
                 X_BT = SE3(rotation_from_rpy(math.pi, 0.0, 0.0), np.array([0.0, 0.0, spec.height_m + 0.001]))
                 yield from shapes.tag_plate(f"{path}/tag", X_BT, spec.tag_m, spec.tag_id)
             yield set_property(path, "visible", False)
 
     def _sight(self) -> Iterator[Command]:
-        """Draw the cone and the target's edges on the floor below the camera, the frustum at the camera."""
+        """Draw cone and edges of the target on the floor, and the frustum of the camera."""
         los, camera = self._scene.los, self._scene.cameras.onboard.pinhole
         reach = SIGHT_RANGE
         bands = ((-los.outer, -los.inner, 0.10), (-los.inner, los.inner, 0.18), (los.inner, los.outer, 0.10))
         for i, (start, end, opacity) in enumerate(bands):
             yield set_object(
-                f"sight/floor/cone_{i}", shapes.sector(start, end, reach), shapes.ink(SIGHT, opacity)
+                f"sight/floor/cone_{i}",
+                shapes.sector(start, end, reach),
+                shapes.flat_material(SIGHT, opacity),
             )
         for side in (-1.0, 1.0):
             edge = reach * np.array([math.cos(camera.half_fov), side * math.sin(camera.half_fov), 0.0])
-            yield shapes.wires(f"sight/floor/fov_{int(side)}", [[0.0, 0.0, 0.0], edge.tolist()], SIGHT)
+            yield shapes.line_segments(
+                f"sight/floor/fov_{int(side)}", [[0.0, 0.0, 0.0], edge.tolist()], SIGHT
+            )
         ray = [[0.0, 0.0], [reach, 0.0]]
         for status, opacity in ((LosStatus.SEEN, 1.0), (LosStatus.PREDICTED, 0.35)):
             for edge_name in ("left", "right"):
                 yield set_object(
                     f"sight/floor/{edge_name}_{status.value}",
-                    shapes.strip(ray, 0.004, 0.001),
-                    shapes.ink(SIGHT, opacity),
+                    shapes.band(ray, 0.004, 0.001),
+                    shapes.flat_material(SIGHT, opacity),
                 )
         w, h = camera.width - 0.5, camera.height - 0.5
         corners = camera.rays([[-0.5, -0.5], [w, -0.5], [w, h], [-0.5, h]]) @ R_BODY_OPTICAL.T * FRUSTUM_RANGE
         rays = [point for corner in corners for point in (np.zeros(3), corner)]
         rim = [corners[k % 4] for i in range(4) for k in (i, i + 1)]
-        yield shapes.wires("sight/camera", np.array(rays + rim), SIGHT)
+        yield shapes.line_segments("sight/camera", np.array(rays + rim), SIGHT)
         yield set_property("sight", "visible", False)
 
     def placements(self, snapshot: Snapshot) -> Mapping[str, Placement]:
-        """Return where every moving node is at an instant; the same nodes for every snapshot of a scene."""
+        """Return the placements of all moving nodes. All snapshots of a scene have the same nodes."""
         nodes: dict[str, Placement] = {}
         for name in self._scene.units:
             X = snapshot.units.get(name)
             nodes[f"units/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
-        acting = snapshot.step.unit if snapshot.step else None
         for name in self._docking:
-            shown = name == acting and snapshot.estimate is not None
-            nodes[f"ghost/{name}"] = (
-                Placement(SE3.from_se2(snapshot.estimate)) if shown and snapshot.estimate else HIDDEN
-            )
+            X = snapshot.estimate if name == snapshot.docking_unit else None
+            nodes[f"ghost/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
         for name in self._scene.obstacles:
             X = snapshot.obstacles.get(name)
             nodes[f"obstacles/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
-        nodes.update(_bars(snapshot, self._scene.control.guard))
+        nodes.update(_clearance_placements(snapshot, self._scene.control.guard))
         nodes.update(self._belief.placements(snapshot))
-        nodes.update(self._sight_placements(snapshot, acting))
+        nodes.update(self._sight_placements(snapshot))
         return nodes
 
-    def _sight_placements(self, snapshot: Snapshot, acting: str | None) -> Iterator[tuple[str, Placement]]:
-        X_WU = snapshot.units.get(acting) if acting else None
+    def _sight_placements(self, snapshot: Snapshot) -> Iterator[tuple[str, Placement]]:
+        unit, X_WU = snapshot.docking_unit, snapshot.docking_pose
         yield "sight", Placement(visible=X_WU is not None)
         X_WC, X_WF = SE3(), SE3()
-        if acting is not None and X_WU is not None:
-            X_WC = SE3.from_se2(X_WU) @ self._geometries[acting].frame("camera")
+        if unit is not None and X_WU is not None:
+            X_WC = SE3.from_se2(X_WU) @ self._geometries[unit].frame("camera")
             X_WF = SE3.from_se2(X_WC.to_se2(), SIGHT_Z)
         yield "sight/camera", Placement(X_WC)
         yield "sight/floor", Placement(X_WF)
@@ -207,39 +203,42 @@ class SceneGraph:
                 X_FE = SE3.from_se2(SE2(yaw=angle))
                 yield f"sight/floor/{name}_{status.value}", Placement(X_FE, visible=shown)
 
-    def path_commands(self, name: str, points: Sequence[Array]) -> Iterator[Command]:
-        """Yield the band of a driven (``truth...``) or believed path through ``points``, each (2,) [m]."""
-        width, z, colour = (
-            (TRUTH_WIDTH, TRUTH_Z, PATH) if name.startswith("truth") else (BELIEF_WIDTH, BELIEF_Z, BELIEF)
-        )
-        if len(points) > 1:
-            yield set_object(f"path/{name}", shapes.strip(points, width, z), shapes.ink(colour))
+
+def _grid(low: float, high: float) -> Iterator[float]:
+    return (k * GRID_STEP for k in range(math.ceil(low / GRID_STEP), math.floor(high / GRID_STEP) + 1))
 
 
-def _multiples(low: float, high: float) -> Iterable[float]:
-    return [k * GRID_STEP for k in range(math.ceil(low / GRID_STEP), math.floor(high / GRID_STEP) + 1)]
-
-
-def _bars(snapshot: Snapshot, guard: GuardSpec) -> Iterator[tuple[str, Placement]]:
-    """Yield the bar between the nearest points of the nearest pair, alarming where the guard acts."""
+def _clearance_placements(snapshot: Snapshot, guard: GuardSpec) -> Iterator[tuple[str, Placement]]:
+    """Yield the bar between the nearest points, in red where the collision monitor acts."""
     nearest = snapshot.clearance
-    bar, guarded = HIDDEN, False
+    bar, limited = HIDDEN, False
     if nearest is not None and nearest.distance > 0.0:
         (ax, ay), (bx, by) = nearest.point_a, nearest.point_b
         X = SE2(0.5 * (ax + bx), 0.5 * (ay + by), math.atan2(by - ay, bx - ax))
         bar = Placement(SE3.from_se2(X, CLEARANCE_Z), scale=(nearest.distance, 1.0, 1.0))
-        guarded = guard.enabled and nearest.distance < guard.slow_m and not meant_to_touch(snapshot)
-    yield "clearance/free", HIDDEN if guarded else bar
-    yield "clearance/guarded", bar if guarded else HIDDEN
+        limited = guard.enabled and nearest.distance < guard.slow_m and not snapshot.docking_pair_is_nearest
+    yield "clearance/free", HIDDEN if limited else bar
+    yield "clearance/guarded", bar if limited else HIDDEN
 
 
-def look_at(points: Array) -> Iterator[Command]:
-    """Yield the view of ``points``, shape (N, 2) [m], from the left, from behind and from above."""
+def path_commands(name: str, points: Sequence[Array]) -> Iterator[Command]:
+    """Yield the command that draws a driven (``truth...``) or believed path through points (2,) [m]."""
+    if len(points) > 1:
+        driven = name.startswith("truth")
+        width, z = (TRUTH_WIDTH, TRUTH_Z) if driven else (BELIEF_WIDTH, BELIEF_Z)
+        material = shapes.flat_material(PATH if driven else BELIEF)
+        yield set_object(f"path/{name}", shapes.band(points, width, z), material)
+
+
+def look_at(snapshots: Iterable[Snapshot]) -> Iterator[Command]:
+    """Yield the commands that show all bodies of some snapshots from the left, behind and above."""
+    poses = [X for snapshot in snapshots for X in (*snapshot.units.values(), *snapshot.obstacles.values())]
+    points = np.array([[X.x, X.y] for X in poses])
     low, high = points.min(axis=0), points.max(axis=0)
     middle = 0.5 * (low + high)
     radius = 0.14 + 0.5 * float(np.linalg.norm(high - low))
     yield set_transform("Cameras/default", SE3(p=np.array([middle[0], middle[1], 0.06])))
-    # The camera's own node is y-up, so world (x, y, z) is (x, z, -y) there.
+    # The node of the camera has its y axis up, so world (x, y, z) is (x, z, -y) there.
     away = 1.3 * ZOOM * radius * np.array([-0.42, 0.72, 0.55])
     camera = "Cameras/default/rotated/<object>"
     yield set_property(camera, "position", (away[0], away[2], -away[1]))

@@ -1,9 +1,9 @@
-"""The server behind the live page: loopback only, fed through its standard input, gone when that ends.
+"""Server of the live page. It listens on loopback only and ends when its standard input ends.
 
-Run as a program of its own by :mod:`msrr_bullet.viewer.live`. It needs tornado and nothing of this project,
-and so starts quickly. Its standard input is a stream of frames, each a :data:`HEADER` (kind, length of the
-key, length of the data), a key and the data. Whatever ends the parent, a signal that cannot be caught
-included, closes that stream and with it the server.
+:mod:`msrr_bullet.viewer.live` runs it as a separate program. It needs tornado and nothing of this project,
+and therefore starts quickly. Its standard input is a stream of packets, each with a :data:`HEADER` (kind,
+length of the key, length of the data), a key and the data. When the parent ends, even by a signal that cannot
+be caught, that stream is closed, and the server ends.
 """
 
 from __future__ import annotations
@@ -28,77 +28,78 @@ HEADER = struct.Struct(">cII")
 PAGE, COMMAND, READING = b"p", b"c", b"r"
 #: Written to standard output when a browser has opened the page.
 OPENED = "opened"
-#: How often the parent is looked for [s]. Its end closes the input at once, unless a fork holds a copy of it.
+#: Interval at which the server checks that its parent runs [s]. The end of the parent closes the input at
+#: once, unless a fork of the parent holds a copy of the pipe.
 PARENT_CHECK = 0.5
 
 
-class Board:
-    """The present state of the page, and who looks at it."""
+class PageState:
+    """Present state of the page, and the browsers that show it."""
 
     def __init__(self) -> None:
         self.page = b""
-        self.state: dict[bytes, bytes | str] = {}
-        self.browsers: set[Feed] = set()
+        self.messages: dict[bytes, bytes | str] = {}
+        self.browsers: set[Browser] = set()
 
     def put(self, kind: bytes, key: bytes, data: bytes) -> None:
-        """Take one frame of the parent's."""
+        """Process one packet of the parent."""
         if kind == PAGE:
             self.page = data
             return
         message: bytes | str = data.decode() if kind == READING else data
-        # Put in at the end, so that a browser that comes late gets them in the order of their last changes.
-        self.state.pop(key, None)
-        self.state[key] = message
+        # The key moves to the end, so that a browser that connects late gets the changes in their order.
+        self.messages.pop(key, None)
+        self.messages[key] = message
         for browser in self.browsers:
             browser.put(key, message)
 
 
 class Page(tornado.web.RequestHandler):
-    """Serves the page."""
+    """Handler that serves the page."""
 
-    def initialize(self, board: Board) -> None:
-        """Keep the board."""
-        self.board = board
+    def initialize(self, state: PageState) -> None:
+        """Store the state of the page."""
+        self.state = state
 
     def get(self) -> None:
         """Return the page."""
         self.set_header("Cache-Control", "no-store")
-        self.finish(self.board.page)
+        self.finish(self.state.page)
 
 
-class Feed(tornado.websocket.WebSocketHandler):
-    """One browser. Of what it is too slow to take, only the latest of each key waits for it."""
+class Browser(tornado.websocket.WebSocketHandler):
+    """Connection to one browser. For a slow one, only the latest message of every key is kept waiting."""
 
-    def initialize(self, board: Board) -> None:
-        """Keep the board."""
-        self.board = board
+    def initialize(self, state: PageState) -> None:
+        """Store the state of the page."""
+        self.state = state
         self.waiting: dict[bytes, bytes | str] = {}
-        self.news = asyncio.Event()
+        self.message_waits = asyncio.Event()
 
     def open(self, *args: str, **kwargs: str) -> None:
-        """Send everything that is there, then what comes."""
-        for key, message in self.board.state.items():
+        """Send the present state, then every change."""
+        for key, message in self.state.messages.items():
             self.put(key, message)
-        self.board.browsers.add(self)
+        self.state.browsers.add(self)
         self.sender = asyncio.create_task(self._send())
         sys.stdout.write(f"{OPENED}\n")
         sys.stdout.flush()
 
     def on_close(self) -> None:
-        """Forget the browser."""
-        self.board.browsers.discard(self)
+        """Remove the browser."""
+        self.state.browsers.discard(self)
         self.sender.cancel()
 
     def put(self, key: bytes, message: bytes | str) -> None:
-        """Queue a message in place of an older one of that key."""
+        """Queue a message in place of an older one with the same key."""
         self.waiting.pop(key, None)
         self.waiting[key] = message
-        self.news.set()
+        self.message_waits.set()
 
     async def _send(self) -> None:
         while True:
-            await self.news.wait()
-            self.news.clear()
+            await self.message_waits.wait()
+            self.message_waits.clear()
             batch, self.waiting = self.waiting, {}
             for message in batch.values():
                 try:
@@ -107,8 +108,8 @@ class Feed(tornado.websocket.WebSocketHandler):
                     return  # on_close follows
 
 
-def read_frames(stream: BinaryIO, put: Callable[[bytes, bytes, bytes], None]) -> None:
-    """Hand on the frames of ``stream`` until it ends, in the middle of a frame or not."""
+def read_packets(stream: BinaryIO, put: Callable[[bytes, bytes, bytes], None]) -> None:
+    """Call ``put`` with every packet of a stream until the stream ends, even in the middle of a packet."""
     while len(header := stream.read(HEADER.size)) == HEADER.size:
         kind, key_length, data_length = HEADER.unpack(header)
         body = stream.read(key_length + data_length)
@@ -118,11 +119,11 @@ def read_frames(stream: BinaryIO, put: Callable[[bytes, bytes, bytes], None]) ->
 
 
 async def serve(port: int) -> None:
-    """Serve until the input ends or the parent is gone."""
-    board, loop, done = Board(), asyncio.get_running_loop(), asyncio.Event()
-    # Only these names: a page elsewhere whose name is made to point here is refused.
+    """Serve until the input or the parent ends."""
+    state, loop, done = PageState(), asyncio.get_running_loop(), asyncio.Event()
+    # Other host names are refused, so that a foreign page whose name resolves to this address gets nothing.
     application = tornado.web.Application()
-    handlers = [(r"/", Page, {"board": board}), (r"/feed", Feed, {"board": board})]
+    handlers = [(r"/", Page, {"state": state}), (r"/feed", Browser, {"state": state})]
     application.add_handlers(r"(127\.0\.0\.1|localhost)", handlers)
     try:
         sockets = tornado.netutil.bind_sockets(port, HOST)
@@ -131,10 +132,10 @@ async def serve(port: int) -> None:
     tornado.httpserver.HTTPServer(application).add_sockets(sockets)
 
     def put(kind: bytes, key: bytes, data: bytes) -> None:
-        loop.call_soon_threadsafe(board.put, kind, key, data)
+        loop.call_soon_threadsafe(state.put, kind, key, data)
 
     def read() -> None:
-        read_frames(sys.stdin.buffer, put)
+        read_packets(sys.stdin.buffer, put)
         loop.call_soon_threadsafe(done.set)
 
     threading.Thread(target=read, daemon=True).start()
@@ -153,10 +154,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--port", type=int, default=0)
     arguments = parser.parse_args()
-    # A browser asks for a favicon and goes away when it likes; neither is news.
+    # Requests for a favicon and closed connections are not worth a warning.
     logging.getLogger("tornado").setLevel(logging.ERROR)
     asyncio.run(serve(arguments.port))
-    # The reading thread may be inside read(); leave without waiting for it.
+    # The reading thread may be blocked in read(), so the process ends without waiting for it.
     sys.stdout.flush()
     os._exit(0)
 

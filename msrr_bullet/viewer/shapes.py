@@ -1,4 +1,4 @@
-"""Shapes of the page: solids of a URDF, tag plates, ribbons, sectors, wireframes."""
+"""Shapes in the page: solids of a URDF, tag plates, flat bands and sectors, extrusions, thin lines."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ _X_FRONT = SE3(rotation_from_rpy(math.pi, 0.0, 0.0))
 PLATE_THICKNESS = 0.001
 
 
-def paint(colour: int, opacity: float = 1.0) -> g.Material:
-    """Return a shaded, matt material of an RGB ``colour``."""
+def shaded_material(colour: int, opacity: float = 1.0) -> g.Material:
+    """Return a matt material that is shaded by the light, for bodies."""
     return g.MeshLambertMaterial(color=colour, opacity=opacity, transparent=opacity < 1.0)
 
 
-def ink(colour: int, opacity: float = 1.0) -> g.Material:
-    """Return a material that shows exactly its ``colour``, whatever the light; for drawings, not bodies."""
-    see_through = opacity < 1.0
+def flat_material(colour: int, opacity: float = 1.0) -> g.Material:
+    """Return a material that shows exactly its colour in any light, for drawings."""
+    transparent = opacity < 1.0
     return g.MeshBasicMaterial(
-        color=colour, opacity=opacity, transparent=see_through, depthWrite=not see_through
+        color=colour, opacity=opacity, transparent=transparent, depthWrite=not transparent
     )
 
 
 def solid(path: str, shape: Solid, material: g.Material) -> Iterator[Command]:
-    """Draw a collision shape of a URDF under the node of its body."""
+    """Draw a collision shape of a URDF in the frame of its body."""
     X_UG, scale = shape.X_UG, (1.0, 1.0, 1.0)
     if shape.kind == "box":
         geometry: g.Geometry = g.Box(list(shape.size))
@@ -54,7 +54,7 @@ def solid(path: str, shape: Solid, material: g.Material) -> Iterator[Command]:
 
 
 def tag_plate(path: str, X_BT: SE3, size: float, tag_id: int | None) -> Iterator[Command]:
-    """Draw a tag whose black square has edge ``size`` [m] at frame T of body B; ``None`` is a blank plate."""
+    """Draw a tag with a black square of edge ``size`` [m] at frame T of body B, or a blank plate."""
     encoded, png = cv2.imencode(".png", plate_texture(tag_id))
     assert encoded
     texture = g.ImageTexture(image=g.PngImage(png.tobytes()))
@@ -64,21 +64,21 @@ def tag_plate(path: str, X_BT: SE3, size: float, tag_id: int | None) -> Iterator
 
 
 def cylinder(path: str, radius: float, height: float, material: g.Material) -> Iterator[Command]:
-    """Draw an upright cylinder that stands in its origin."""
+    """Draw an upright cylinder whose foot is in the origin."""
     yield set_object(path, g.Cylinder(height, radius), material)
     yield set_transform(path, SE3(p=np.array([0.0, 0.0, 0.5 * height])) @ _X_CYLINDER)
 
 
 def box(path: str, size: tuple[float, float, float], material: g.Material) -> Iterator[Command]:
-    """Draw a box of full edges ``size`` [m] that stands in its origin."""
+    """Draw a box of full edges ``size`` [m] whose foot is in the origin."""
     yield set_object(path, g.Box(list(size)), material)
     yield set_transform(path, SE3(p=np.array([0.0, 0.0, 0.5 * size[2]])))
 
 
-def strip(points: ArrayLike, width: float, z: float) -> g.Geometry:
-    """Return a flat band of ``width`` [m] at height ``z`` along ``points``, shape (N >= 2, 2) [m].
+def band(points: ArrayLike, width: float, z: float) -> g.Geometry:
+    """Return a flat band of ``width`` [m] at height ``z`` [m] along ``points``, shape (N >= 2, 2) [m].
 
-    WebGL draws lines one pixel wide whatever is asked, so paths are bands.
+    Paths are bands because WebGL draws lines one pixel wide, whatever width is requested.
     """
     p = np.asarray(points, dtype=np.float64)
     a, b = p[:-1], p[1:]
@@ -86,7 +86,7 @@ def strip(points: ArrayLike, width: float, z: float) -> g.Geometry:
     length = np.linalg.norm(along, axis=1, keepdims=True)
     along = 0.5 * width * np.divide(along, length, out=np.zeros_like(along), where=length > 0.0)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    # Square ends, half a width beyond the point, close the gaps at the bends.
+    # Square ends that reach half a width beyond the point close the gaps at the bends.
     corners = np.stack([a - along + across, a - along - across, b + along - across, b + along + across], 1)
     vertices = np.column_stack([corners.reshape(-1, 2), np.full(4 * len(a), z)])
     first = 4 * np.arange(len(a))[:, None]
@@ -104,7 +104,7 @@ def sector(start: float, end: float, radius: float) -> g.Geometry:
 
 
 def extrusion(outline: ArrayLike, height: float) -> g.Geometry:
-    """Return the walls and the top over a convex ``outline``, shape (N, 2) [m]."""
+    """Return the walls and the top over a convex outline, shape (N, 2) [m]."""
     p = np.asarray(outline, dtype=np.float64)
     n = len(p)
     vertices = np.concatenate(
@@ -116,8 +116,8 @@ def extrusion(outline: ArrayLike, height: float) -> g.Geometry:
     return g.TriangularMeshGeometry(vertices, np.concatenate([walls, top]))
 
 
-def wires(path: str, ends: ArrayLike, colour: int, opacity: float = 1.0) -> Command:
-    """Draw thin lines between pairs of points, shape (2 N, 3) [m]."""
+def line_segments(path: str, ends: ArrayLike, colour: int, opacity: float = 1.0) -> Command:
+    """Draw thin lines between consecutive pairs of points, shape (2 N, 3) [m]."""
     points = np.asarray(ends, dtype=np.float32).T
     material = g.LineBasicMaterial(color=colour, opacity=opacity, transparent=opacity < 1.0)
     return set_object(path, g.PointsGeometry(points), material, g.LineSegments)

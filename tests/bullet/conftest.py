@@ -12,11 +12,12 @@ from typing import Any
 import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
-from msrr_bullet.log import LOG_NAME, LogHeader, McapRecorder
+from msrr_bullet.log import LOG_NAME, Log, LogHeader, McapRecorder, read_log
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.plant.plant import Plant
 from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.world import BulletWorld
+from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.geometry.se2 import SE2
@@ -36,22 +37,22 @@ PHASES = (
 
 @dataclass(frozen=True)
 class Drive:
-    """A scene and the instants of a made-up trial in it."""
+    """A scene and the snapshots of an invented trial in it."""
 
     scene: Scene
-    frames: tuple[Snapshot, ...]
+    snapshots: tuple[Snapshot, ...]
 
 
 @pytest.fixture(scope="session")
 def drive() -> Drive:
-    """Unit a of scene ``bystander`` drives to the rear of b in 8 s; it believes to be up to 12 mm left."""
+    """Unit a of scene ``bystander`` drives to the rear of b in 8 s; its estimate is up to 12 mm off."""
     scene = load_scene("bystander")
     step, los = scene.plan[0], scene.los
     bystanders = {name: scene.units[name].pose.nominal for name in ("b", "c")}
     posts = {name: spec.pose.nominal for name, spec in scene.obstacles.items()}
     model = ClearanceModel(scene)
     X_WD = bystanders["b"] @ scene.geometry("b").dock_frame("rear")
-    frames = []
+    snapshots = []
     count = 200
     for i in range(count):
         done = i / (count - 1)
@@ -63,7 +64,7 @@ def drive() -> Drive:
         status = LosStatus.SEEN if i % 20 < 16 else LosStatus.PREDICTED
         stamp_ns = round(8e9 * done)
         units = {"a": X_WU, **bystanders}
-        frames.append(
+        snapshots.append(
             Snapshot(
                 stamp_ns=stamp_ns,
                 units=units,
@@ -76,12 +77,12 @@ def drive() -> Drive:
                 clearance=model.minimum({**units, **posts}),
             )
         )
-    return Drive(scene, tuple(frames))
+    return Drive(scene, tuple(snapshots))
 
 
 @pytest.fixture(scope="session")
 def short_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run folder with the log of 8 s seen from above and from the unit, up to half-way through docking."""
+    """Run folder with the log of 8 s, seen by both cameras, which ends half-way through docking."""
     scene = load_scene(
         "two_units",
         {
@@ -103,8 +104,20 @@ def short_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def short_log(short_run: Path) -> Log:
+    """Log of ``short_run``."""
+    return read_log(short_run)
+
+
+@pytest.fixture(scope="session")
+def short_snapshots(short_log: Log) -> list[Snapshot]:
+    """Snapshots of ``short_run``."""
+    return read_snapshots(short_log)
+
+
+@pytest.fixture(scope="session")
 def blind_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run folder with the log of a trial without a single pixel."""
+    """Run folder with the log of a trial with parametric perception, without any pixels."""
     scene = load_scene("close_range", {"plant": "unicycle", "perception": "parametric"})
     folder = tmp_path_factory.mktemp("blind_run")
     with McapRecorder(folder / LOG_NAME, LogHeader.of(scene, 1, {})) as recorder:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from msrr_scenes.geometry.assets import shipped_scenes
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+DOCS = Path(__file__).resolve().parents[3] / "docs"
 MEND = "run `python docs/make_gallery.py` with the names of the scenes that are new"
 
 

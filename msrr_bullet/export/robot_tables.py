@@ -1,0 +1,167 @@
+"""Tables of what the robot decided and believed; described in ``docs/csv.md``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msrr_bullet.export.table import (
+    POSE,
+    SIGMA,
+    STAMP,
+    TIME,
+    UNIT,
+    Row,
+    Table,
+    columns,
+    pose,
+    sigma,
+    time,
+    unit,
+)
+from msrr_bullet.log import LogRecord, StepStart
+from msrr_scenes.messages import (
+    Action,
+    ArenaEstimate,
+    AssemblyPath,
+    AssemblyProgress,
+    Belief,
+    GlobalPose,
+    LosObservation,
+    ObstacleEstimate,
+    PoseEstimate,
+)
+
+
+def _situation_rows(record: LogRecord, m: ArenaEstimate) -> Iterator[Row]:
+    bodies: list[tuple[str, GlobalPose | ObstacleEstimate]] = [("own", m.own), ("target", m.target)]
+    bodies += [("other", body) for body in m.others] + [("obstacle", body) for body in m.obstacles]
+    for role, body in bodies:
+        radius = body.radius if isinstance(body, ObstacleEstimate) else None
+        values = (*pose(body.X_WB), *sigma(body.covariance), radius)
+        yield (*unit(record), role, body.name, time(body.stamp_ns), *values)
+
+
+ROBOT_TABLES = (
+    Table(
+        "steps",
+        "A step of the plan begins.",
+        StepStart,
+        columns(**TIME, step="index in the plan, from 0", unit="name of the docking unit"),
+        lambda record, m: [(time(record.stamp_ns), m.index, m.unit)],
+    ),
+    Table(
+        "decisions",
+        "Decision of the unit at one control instant.",
+        Action,
+        columns(
+            **UNIT,
+            attempt="number of the attempt, from 1",
+            phase="phase of the docking step",
+            v_mps="commanded forward velocity",
+            w_radps="commanded turn rate",
+            lock="1 closes the lock, 0 opens it",
+            reason="why the phase was entered",
+        ),
+        lambda record, m: [(*unit(record), m.attempt, m.phase, m.twist.v, m.twist.w, m.lock, m.reason)],
+    ),
+    Table(
+        "beliefs",
+        "What the unit believed of its step after each decision.",
+        Belief,
+        columns(
+            **UNIT,
+            conviction="verdict of the unit so far",
+            setback="why the last attempt failed",
+            reason="why the last attempt failed, in words",
+        ),
+        lambda record, m: [(*unit(record), m.conviction, m.setback, m.reason)],
+    ),
+    Table(
+        "estimates",
+        "Estimated pose of the unit in the dock frame D of its target.",
+        PoseEstimate,
+        columns(**UNIT, **STAMP, **POSE, **SIGMA, last_seen_s="exposure of the last frame that was used"),
+        lambda record, m: [
+            (
+                *unit(record),
+                time(m.stamp_ns),
+                *pose(m.X_DU),
+                *sigma(m.covariance),
+                time(m.last_seen_ns),
+            )
+        ],
+    ),
+    Table(
+        "sight",
+        "Line of sight to the target.",
+        LosObservation,
+        columns(
+            **UNIT,
+            **STAMP,
+            status="seen, predicted or lost",
+            left_rad="angle of the left edge of the target",
+            right_rad="angle of the right edge of the target",
+            margin_rad="angle between the border of the field of view and the nearer edge",
+        ),
+        lambda record, m: [(*unit(record), time(m.stamp_ns), m.status, m.left, m.right, m.margin)],
+    ),
+    Table(
+        "situation",
+        "Estimated pose of a body in the world; one row for each body and decision.",
+        ArenaEstimate,
+        columns(
+            **UNIT,
+            role="own, target, other or obstacle",
+            body="name of the body",
+            **STAMP,
+            **POSE,
+            **SIGMA,
+            radius_m="radius of the circle about the footprint of an obstacle",
+        ),
+        _situation_rows,
+    ),
+    Table(
+        "assembly",
+        "State of the long-distance phase at one decision; points in the world.",
+        AssemblyProgress,
+        columns(
+            **UNIT,
+            stage="stage of the long-distance phase",
+            path="number of the path, 0 before the first",
+            tip_x_m="controlled point, estimated",
+            tip_y_m="controlled point, estimated",
+            desired_x_m="desired point on the path",
+            desired_y_m="desired point on the path",
+            reference_x_m="reference point of the upper control layer",
+            reference_y_m="reference point of the upper control layer",
+            s_m="arc length of the desired point",
+            arc_end_m="arc length at which the last arc ends",
+            length_m="length of the path",
+            avoiding="obstacle whose wall is in force",
+            reason="why the stage was entered",
+        ),
+        lambda record, m: [
+            (
+                *(*unit(record), m.stage, m.path, *m.tip, *m.desired, *m.reference),
+                *(m.s, m.arc_end, m.length, m.avoiding, m.reason),
+            )
+        ],
+    ),
+    Table(
+        "paths",
+        "Point of a path that the long-distance phase chose.",
+        AssemblyPath,
+        columns(
+            **UNIT,
+            path="number of the path, from 1",
+            shape="arc, around or staged",
+            reason="why it was chosen",
+            point="number of the point, from 0",
+            x_m="position",
+            y_m="position",
+        ),
+        lambda record, m: [
+            (*unit(record), m.number, m.shape, m.reason, i, *point) for i, point in enumerate(m.points)
+        ],
+    ),
+)

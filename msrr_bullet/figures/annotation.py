@@ -1,0 +1,130 @@
+"""Common parts of annotated frames of both cameras: pixels, windows, tags, and the text above them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from msrr_bullet.figures.canvas import Canvas, Image, Key, titled
+from msrr_bullet.figures.perspective import Perspective, Solids, scene_solids
+from msrr_bullet.figures.schematic import draw_scene
+from msrr_bullet.timeline.camera_views import CameraView
+from msrr_bullet.timeline.palette import DETECTION, GRID, WINDOW
+from msrr_bullet.timeline.snapshot import Snapshot, phase_name
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.messages import seconds
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
+
+#: Width up to which small frames are enlarged [px].
+WIDTH = 1280
+
+READ_KEY = Key(WINDOW, "window read (elsewhere: drawn from truth)")
+DETECTION_KEY = Key(DETECTION, "tag detected")
+
+
+@dataclass(frozen=True, eq=False)
+class DrawingContext:
+    """Scene and models with which the frames of a run are drawn, built once per run.
+
+    Attributes:
+        scene: Scene of the run.
+        seed: Seed of the run.
+    """
+
+    scene: Scene
+    seed: int
+
+    @cached_property
+    def solids(self) -> Mapping[str, Solids]:
+        """Solids of every body of the scene by name."""
+        return scene_solids(self.scene)
+
+    @cached_property
+    def targets(self) -> Mapping[DockStep, TargetModel]:
+        """Model that the docking unit has of its target, for each step of the plan."""
+        return {step: TargetModel.from_scene(self.scene, step) for step in self.scene.plan}
+
+
+@dataclass(frozen=True, eq=False)
+class AnnotatedFrame:
+    """Camera frame with drawings on it.
+
+    Attributes:
+        image: BGR image, shape (height, width, 3), without text around it.
+        title: Lines of text above the image.
+        caption: Short title.
+        legend: Meanings of the colours.
+    """
+
+    image: Image
+    title: tuple[str, ...]
+    caption: str
+    legend: tuple[Key, ...]
+
+    def titled(self) -> Image:
+        """Return the image with title and legend."""
+        return titled(self.image, self.title, self.legend)
+
+
+def draw_frame(
+    context: DrawingContext, view: CameraView, perspective: Perspective, snapshot: Snapshot
+) -> Canvas:
+    """Draw a frame: its pixels where they were read, a schematic elsewhere, and outlines of windows and tags.
+
+    Args:
+        context: Scene and models of the run.
+        view: Frame as far as it was read.
+        perspective: Camera at its pose.
+        snapshot: Trial at the time of exposure.
+    """
+    camera = view.camera
+    canvas = Canvas(camera.width, camera.height, max(1, WIDTH // camera.width), GRID)
+    poses = {**snapshot.units, **snapshot.obstacles}
+    unit = snapshot.docking_unit
+    own = unit if unit and view.exposure.camera.startswith(unit) else None
+    draw_scene(canvas, perspective, context.scene.arena, context.solids, poses, own)
+    frame, read = view.mosaic()
+    canvas.paste(frame, read)
+    for window, _ in view.windows:
+        x0, y0, x1, y1 = window.x - 0.5, window.y - 0.5, window.x_end - 0.5, window.y_end - 0.5
+        canvas.line([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], WINDOW, 1, closed=True)
+    for tag in view.tags:
+        canvas.line(tag.corners, DETECTION, 2, closed=True)
+        canvas.text([tag.corners[:, 0].mean(), tag.corners[:, 1].min()], str(tag.tag_id), DETECTION)
+    return canvas
+
+
+def annotate(
+    context: DrawingContext,
+    view: CameraView,
+    snapshot: Snapshot,
+    canvas: Canvas,
+    details: str,
+    legend: Sequence[Key],
+) -> AnnotatedFrame:
+    """Return a drawn frame with three title lines: scene and time, phase, detections and details."""
+    time, exposure = f"{seconds(view.stamp_ns):.2f} s", view.exposure
+    number = f"frame {exposure.frame}" if exposure.frame >= 0 else "not looking"
+    first = f"{context.scene.name}, seed {context.seed}    {exposure.camera}, {number}    {time}"
+    second = "before the first decision"
+    if snapshot.phase is not None:
+        reason = snapshot.assembly.reason if snapshot.assembly is not None else snapshot.reason
+        second = f"attempt {snapshot.attempt}, {snapshot.phase_text}: {reason}"
+    title = (first, second, "; ".join(filter(None, (_detection_text(view), details))))
+    caption = f"{time} {phase_name(snapshot.phase) if snapshot.phase else ''}, {exposure.camera}"
+    return AnnotatedFrame(canvas.image, title, caption, tuple(legend))
+
+
+def _detection_text(view: CameraView) -> str:
+    """Return how many tags were found, and how much of the frame was read, in words."""
+    if view.exposure.frame < 0:
+        return "drawn from truth alone"
+    read = 100.0 * float(view.mosaic()[1].mean())
+    tags, windows = _counted(len(view.tags), "tag"), _counted(len(view.windows), "window")
+    return f"{tags} found, read {read:.0f} % of the frame in {windows}"
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -1,0 +1,40 @@
+"""Annotated frames of the overhead camera."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from msrr_bullet.figures.canvas import bgr
+from msrr_bullet.figures.overhead_frame import draw_overhead
+from msrr_bullet.figures.perspective import Perspective, scene_solids
+from msrr_bullet.timeline import palette
+from msrr_bullet.timeline.camera_views import CameraView
+from msrr_perception.pose.overhead_model import OVERHEAD
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+
+
+def test_an_overhead_frame_shows_truth_belief_plan_and_detections(count_pixels, views, trial, context):
+    view = [v for v in views if v.exposure.camera == OVERHEAD and v.tags][5]
+    snapshot = trial.at(view.stamp_ns)
+    picture = draw_overhead(context, view, snapshot, trial.until(view.stamp_ns))
+    for name in ("PATH", "BELIEF", "PLAN", "DETECTION", "WINDOW", "CLEARANCE"):
+        assert count_pixels(picture.image, getattr(palette, name)) > 20, name
+    title = " ".join(picture.title)
+    for text in ("two_units, seed 3", "overhead", "assemble", "attempt 1", "mm off"):
+        assert text in title
+
+
+def test_belief_is_drawn_where_it_is(views, trial, context):
+    """A belief 20 cm off is drawn 20 cm off."""
+    view = [v for v in views if v.exposure.camera == OVERHEAD and v.tags][5]
+    snapshot = trial.at(view.stamp_ns)
+    wrong = replace(snapshot, estimate=snapshot.estimate @ SE2(0.0, 0.2), assembly=None, clearance=None)
+    image = draw_overhead(context, CameraView(view.exposure, view.camera), wrong, ()).image
+    ghost = SE3.from_se2(wrong.estimate).act(scene_solids(context.scene)["a"].points)
+    hull = Perspective.overhead(context.scene).hull(ghost)
+    for x, y in hull:
+        near = image[int(y) - 2 : int(y) + 4, int(x) - 2 : int(x) + 4]
+        assert (np.abs(near.astype(int) - bgr(palette.BELIEF)).max(axis=2) < 60).any()

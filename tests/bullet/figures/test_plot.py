@@ -1,0 +1,40 @@
+"""Plots of a run: repeatable, in three formats."""
+
+from __future__ import annotations
+
+import pytest
+
+from msrr_bullet.cli.app import run
+from msrr_bullet.cli.exit_codes import BAD_INPUT
+from msrr_bullet.figures.plot import write_plot
+from msrr_bullet.timeline import palette
+from msrr_scenes.errors import MsrrError
+
+
+def test_the_plot_shows_belief_on_truth_and_the_clearance(count_pixels, short_log, short_snapshots, tmp_path):
+    path = write_plot(tmp_path / "plot.png", short_log.header.scene, short_snapshots, "timeout")
+    for name in ("PATH", "BELIEF", "CLEARANCE", "GREEN", "VERMILLION", "PLAN"):
+        assert count_pixels(path, getattr(palette, name), 3) > 100, name
+    again = write_plot(tmp_path / "again.png", short_log.header.scene, short_snapshots, "timeout")
+    assert path.read_bytes() == again.read_bytes()
+
+
+@pytest.mark.parametrize("ending", ["pdf", "svg"])
+def test_other_formats(short_log, short_snapshots, tmp_path, ending):
+    path = write_plot(tmp_path / f"plot.{ending}", short_log.header.scene, short_snapshots[::10])
+    assert path.stat().st_size > 10_000
+    again = write_plot(tmp_path / f"again.{ending}", short_log.header.scene, short_snapshots[::10])
+    assert path.read_bytes() == again.read_bytes()
+
+
+def test_a_run_without_pixels_or_long_distance_phase_is_plotted(blind_run, capsys):
+    assert run(["plot", str(blind_run)]) == 0
+    assert (blind_run / "plot.png").is_file()
+
+
+def test_what_cannot_be_plotted_is_refused(short_log, tmp_path, short_run, capsys):
+    with pytest.raises(MsrrError, match="without a single snapshot"):
+        write_plot(tmp_path / "none.png", short_log.header.scene, [])
+    assert run(["plot", str(short_run), "--out", str(tmp_path / "plot.docx")]) == BAD_INPUT
+    assert ".png" in capsys.readouterr().err
+    assert run(["plot", str(tmp_path)]) == BAD_INPUT

@@ -1,0 +1,64 @@
+"""Header of a log: scene, seed, and the files that the scene refers to."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msrr_bullet.log import (
+    LogError,
+    LogHeader,
+    McapRecorder,
+    read_log,
+)
+from msrr_scenes.specs.scene import Scene
+
+
+def test_the_header_gives_back_scene_seed_and_geometry(
+    tmp_path: Path, scene: Scene, header: LogHeader, bits: Callable[[object], object]
+) -> None:
+    with McapRecorder(tmp_path / "t.mcap", header):
+        pass
+    read = read_log(tmp_path / "t.mcap").header
+    assert (read.seed, read.versions) == (17, header.versions)
+    assert read.scene == scene
+    assert list(read.scene.units) == ["b", "a"]  # the order of the scene file
+    unpacked = read.unpacked(tmp_path / "files").scene
+    for unit in scene.units:
+        there, here = unpacked.geometry(unit), scene.geometry(unit)
+        assert there.urdf.is_relative_to(tmp_path)
+        assert there.frames.keys() == here.frames.keys()
+        assert all(bits(there.frames[k]) == bits(here.frames[k]) for k in here.frames)
+
+
+def test_a_urdf_is_stored_with_its_meshes(tmp_path: Path, scene: Scene) -> None:
+    home = tmp_path / "home" / "robots"
+    home.mkdir(parents=True)
+    (tmp_path / "home" / "nose.obj").write_text("v 0 0 0\nv 0.15 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 2 3\n")
+    text = scene.geometry("a").urdf.read_text()
+    nose = (
+        '<link name="nose"><collision><geometry><mesh filename="../nose.obj"/></geometry></collision></link>'
+        '<joint name="nose" type="fixed"><parent link="axle"/><child link="nose"/></joint>'
+    )
+    (home / "own.urdf").write_text(text.replace("</robot>", f"{nose}</robot>"))
+    units = {"a": scene.units["a"].model_copy(update={"urdf": "own.urdf"}), "b": scene.units["b"]}
+    own = scene.model_copy(update={"units": units, "source": home / "scene.yaml"})
+    with McapRecorder(tmp_path / "t.mcap", LogHeader.of(own, 0, {})):
+        pass
+    footprint = own.geometry("a").footprint
+    for path in sorted((tmp_path / "home").rglob("*.*")):
+        path.unlink()
+    back = read_log(tmp_path / "t.mcap").header.unpacked(tmp_path / "files").scene
+    assert np.array_equal(back.geometry("a").footprint, footprint)
+    assert back.geometry("a").circumradius > 0.14
+
+
+def test_a_file_name_outside_of_the_folder_is_refused(tmp_path: Path, header: LogHeader) -> None:
+    for name in ("../evil", "/tmp/evil", "a/../../evil"):
+        bad = dataclasses.replace(header, files={name: b""})
+        with pytest.raises(LogError, match="unsafe"):
+            bad.unpacked(tmp_path / "files")

@@ -1,0 +1,90 @@
+"""Files of the recorder: repeatable, readable after a crash, with one clear error on a full disk."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from msrr_bullet.log import (
+    Event,
+    LogError,
+    LogHeader,
+    McapRecorder,
+    read_log,
+    topics,
+)
+
+Record = Callable[..., None]
+
+
+def test_the_same_messages_give_the_same_file(
+    tmp_path: Path, header: LogHeader, record_trial: Record
+) -> None:
+    for name in ("one", "two"):
+        with McapRecorder(tmp_path / name, header) as recorder:
+            record_trial(recorder, 3.0)
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
+    with McapRecorder(tmp_path / "other", header) as recorder:
+        record_trial(recorder, 3.0, seed=1)
+    assert (tmp_path / "one").read_bytes() != (tmp_path / "other").read_bytes()
+
+
+def test_a_killed_process_leaves_a_readable_log(tmp_path: Path) -> None:
+    code = f"""
+import os, signal, sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from pathlib import Path
+from conftest import LogHeader, McapRecorder, Scene, record_trial
+scene = Scene.model_validate({{"name": "x", "units": {{"a": {{"number": 0}}}},
+    "plan": [{{"unit": "a", "to": "a.rear"}}]}})
+recorder = McapRecorder(Path({str(tmp_path / "t.mcap")!r}), LogHeader.of(scene, 0, {{}}))
+record_trial(recorder, 20.0)
+[batch.result() for batch in recorder._waiting]
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True)
+    assert done.returncode == -signal.SIGKILL, done.stderr.decode()
+    log = read_log(tmp_path / "t.mcap")
+    last = list(log.records())[-1]
+    assert not log.complete
+    assert 18.9e9 < last.stamp_ns < 19e9  # the last second is lost
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device /dev/full")
+def test_a_full_disk_is_one_error_that_names_the_file(header: LogHeader) -> None:
+    with pytest.raises(LogError, match=r"/dev/full: cannot write the log: No space left"):
+        McapRecorder(Path("/dev/full"), header)
+
+
+def test_a_full_disk_raises_while_recording_and_closing_still_works(
+    tmp_path: Path, header: LogHeader, record_trial: Record
+) -> None:
+    recorder = McapRecorder(tmp_path / "t.mcap", header, flush_every_s=0.1)
+    full = os.open("/dev/full", os.O_WRONLY)
+    os.dup2(full, recorder._file.fileno())
+    os.close(full)
+    with pytest.raises(LogError, match=r"t\.mcap: cannot write the log: No space left"):
+        record_trial(recorder, 60.0)
+    with pytest.raises(LogError, match="No space left"):
+        recorder.write(topics.EVENTS, 0, Event(0, "trial", "on"))
+    recorder.close()
+    assert recorder._file.closed
+
+
+def test_a_missing_folder_is_refused(tmp_path: Path, header: LogHeader) -> None:
+    with pytest.raises(LogError, match=r"gone/t\.mcap: cannot write the log: No such file"):
+        McapRecorder(tmp_path / "gone" / "t.mcap", header)
+
+
+def test_a_closed_log_refuses_messages(tmp_path: Path, header: LogHeader) -> None:
+    recorder = McapRecorder(tmp_path / "t.mcap", header)
+    recorder.close()
+    recorder.close()
+    with pytest.raises(LogError, match="closed"):
+        recorder.write(topics.EVENTS, 0, Event(0, "trial", "on"))

@@ -1,0 +1,119 @@
+"""Reading of complete, interrupted and damaged logs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msrr_bullet.log import (
+    LogError,
+    LogHeader,
+    McapRecorder,
+    MemoryRecorder,
+    read_log,
+    topics,
+)
+from msrr_bullet.log.foxglove import scene_frames
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import (
+    Exposure,
+    PoseMeasurement,
+    WheelOdometry,
+)
+
+Record = Callable[..., None]
+
+
+def test_a_log_reads_back_in_its_order(
+    tmp_path: Path, header: LogHeader, record_trial: Record, bits: Callable[[object], object]
+) -> None:
+    path = tmp_path / "trial.mcap"
+    memory = MemoryRecorder()
+    memory.write(topics.FRAMES, 0, scene_frames(header.scene))
+    with McapRecorder(path, header) as recorder:
+        record_trial(recorder, 2.5)
+    record_trial(memory, 2.5)
+    log = read_log(tmp_path)
+    records = list(log.records())
+    assert log.complete
+    assert [r.sequence for r in records] == list(range(len(memory.messages)))
+    for record, (topic, stamp_ns, message) in zip(records, memory.messages, strict=True):
+        assert (record.topic, record.stamp_ns) == (topic, stamp_ns)
+        assert bits(record.message) == bits(message)
+    assert len(list(log.messages(WheelOdometry))) == 250
+    some = list(log.records("/camera/*", start_ns=1_000_000_000, end_ns=2_000_000_000))
+    assert {r.topic for r in some} == {"/camera/a/onboard/exposure", "/camera/a/onboard/window"}
+    assert len(some) == 50
+    assert {r.topic for r in log.records()} == {topic for topic, _, _ in memory.messages}
+
+
+def test_a_file_that_was_cut_off_anywhere_is_read_up_to_the_cut(
+    tmp_path: Path, header: LogHeader, record_trial: Record
+) -> None:
+    whole = tmp_path / "whole"
+    with McapRecorder(whole, header, flush_every_s=0.2) as recorder:
+        record_trial(recorder, 2.0)
+    content = whole.read_bytes()
+    texts = [r.data for r in read_log(whole).records()]
+    head = next(i for i in range(0, len(content), 64) if _opens(tmp_path, content[:i]))
+    counts = []
+    for size in np.linspace(head, len(content) - 1, 40).astype(int):
+        (tmp_path / "cut").write_bytes(content[:size])
+        log = read_log(tmp_path / "cut")
+        got = [r.data for r in log.records()]
+        assert not log.complete
+        assert got == texts[: len(got)]
+        counts.append(len(got))
+    assert counts == sorted(counts)
+    assert counts[0] == 0
+    assert counts[-1] == len(texts)
+
+
+def _opens(folder: Path, content: bytes) -> bool:
+    (folder / "cut").write_bytes(content)
+    try:
+        read_log(folder / "cut")
+    except LogError:
+        return False
+    return True
+
+
+def test_damage_is_not_mistaken_for_an_early_end(
+    tmp_path: Path, header: LogHeader, record_trial: Record
+) -> None:
+    path = tmp_path / "t.mcap"
+    with McapRecorder(path, header) as recorder:
+        record_trial(recorder, 1.0)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    path.write_bytes(content)
+    with pytest.raises(LogError, match="damaged"):
+        list(read_log(path).records())
+
+
+def test_an_error_names_the_file_that_is_no_log(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"nothing\.mcap"):
+        read_log(tmp_path / "nothing.mcap")
+    (tmp_path / "text.mcap").write_text("hello")
+    with pytest.raises(LogError, match=r"text\.mcap: not an MCAP file"):
+        read_log(tmp_path / "text.mcap")
+    from mcap.writer import Writer
+
+    with (tmp_path / "other.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.finish()
+    with pytest.raises(LogError, match=r"other\.mcap: this file has no header"):
+        read_log(tmp_path / "other.mcap")
+
+
+def test_parametric_measurements_keep_their_missing_edges(tmp_path: Path, header: LogHeader) -> None:
+    message = PoseMeasurement(Exposure("a/onboard", 3, 7), SE2(-1.0, 0.1, 3.0), np.eye(3), (None, -0.3))
+    with McapRecorder(tmp_path / "t.mcap", header) as recorder:
+        recorder.write(topics.sensor("a", message), 47, message)
+    (record,) = read_log(tmp_path / "t.mcap").records("/sensors/*")
+    assert (record.topic, record.stamp_ns) == ("/sensors/a/pose", 47)
+    assert record.message.edge_bearings == (None, -0.3)

@@ -1,0 +1,255 @@
+"""Live view of a trial in a browser, and the life of its server."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+
+import psutil
+import pytest
+import tornado.httpclient
+import tornado.websocket
+import umsgpack
+
+from msrr_bullet.viewer import live
+from msrr_bullet.viewer.live import LiveViewer, ViewerError
+from msrr_scenes.loading.load import load_scene
+
+
+def test_it_shows_units_tags_and_paths(browser, drive, tmp_path):
+    with LiveViewer(drive.scene, port=0) as viewer:
+        for snapshot in drive.snapshots[:120]:
+            viewer.update(snapshot)
+        viewer.show(drive.snapshots[119])
+        image = browser.screenshot(viewer.url, tmp_path, budget_ms=15_000)
+        assert viewer.wait_for_browser(0.0)
+    browser.assert_shows_the_trial(image, drive.scene)
+
+
+def test_the_command_shows_its_running_trial_in_a_browser(browser, tmp_path):
+    """``msrr dock --view`` waits for a browser, runs at the pace of real time, leaves no server behind."""
+    command = [sys.executable, "-u", "-m", "msrr_bullet.cli", "dock", "close_range", "--view"]
+    program = subprocess.Popen(
+        [*command, "--out", str(tmp_path / "run")],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "BROWSER": "true"},  # a browser of the desktop's has no place in a test
+    )
+    try:
+        url = next(found[0] for line in program.stdout if (found := re.findall(r"http://\S+", line)))
+
+        async def watch(seconds):
+            connection = await tornado.websocket.websocket_connect(url.replace("http:", "ws:") + "feed")
+            await asyncio.sleep(seconds)
+            connection.close()
+
+        asyncio.run(watch(5.0))
+        image = browser.screenshot(url, tmp_path, budget_ms=15_000)
+        output = program.stdout.read()
+        assert program.wait(60) == 0, output
+    finally:
+        program.kill()
+        program.wait()
+        program.stdout.close()
+    assert "docked" in output
+    with pytest.raises(urllib.error.URLError):
+        urllib.request.urlopen(url, timeout=5)
+    browser.assert_shows_the_trial(image, load_scene("close_range"))
+
+
+def server_of(viewer):
+    return psutil.Process(viewer._process.pid)
+
+
+def test_nothing_listens_off_loopback(drive):
+    with LiveViewer(drive.scene, port=0) as viewer:
+        viewer.update(drive.snapshots[0])
+        mine, theirs = psutil.Process(), server_of(viewer)
+        sockets = [c for p in (mine, theirs, *theirs.children()) for c in p.net_connections("all")]
+        listening = [c.laddr.ip for c in sockets if c.status == psutil.CONN_LISTEN]
+        assert listening == ["127.0.0.1"]
+        assert viewer.url.startswith("http://127.0.0.1:")
+
+
+def test_pages_from_elsewhere_are_refused(drive):
+    with LiveViewer(drive.scene, port=0) as viewer:
+        foreign_name = urllib.request.Request(viewer.url, headers={"Host": "evil.example"})
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(foreign_name, timeout=10)
+        with urllib.request.urlopen(viewer.url, timeout=10) as answer:
+            assert b"MeshCat" in answer.read()
+
+        async def connect_from(origin):
+            url = viewer.url.replace("http:", "ws:") + "feed"
+            request = tornado.httpclient.HTTPRequest(url, headers={"Origin": origin})
+            (await tornado.websocket.websocket_connect(request)).close()
+
+        with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
+            asyncio.run(connect_from("http://evil.example"))
+        asyncio.run(connect_from(viewer.url.rstrip("/")))
+
+
+def test_a_browser_that_connects_late_gets_the_whole_scene(drive):
+    async def first_messages(url):
+        connection = await tornado.websocket.websocket_connect(url)
+        messages = []
+        while not (messages and isinstance(messages[-1], str)):
+            messages.append(await asyncio.wait_for(connection.read_message(), 10))
+        connection.close()
+        return messages
+
+    with LiveViewer(drive.scene, port=0) as viewer:
+        for snapshot in drive.snapshots:
+            viewer.update(snapshot)
+        viewer.show(drive.snapshots[-1])
+        *commands, last = asyncio.run(first_messages(viewer.url.replace("http:", "ws:") + "feed"))
+    state = [umsgpack.unpackb(command) for command in commands]
+    objects = {m["path"] for m in state if m["type"] == "set_object"}
+    assert {f"units/{unit}/tag_top" for unit in drive.scene.units} <= objects
+    assert {"path/truth_0", "path/belief_0"} <= objects
+    final = [m for m in state if m["type"] == "set_transform" and m["path"] == "units/a"]
+    assert len(final) == 1, "only the latest of each change is kept"
+    assert final[0]["matrix"][12] == pytest.approx(drive.snapshots[-1].units["a"].x)
+    assert json.loads(last)[1] == "done"
+
+
+def test_pace_holds_the_trial_back(drive):
+    with LiveViewer(drive.scene, port=0, pace=8.0) as viewer:
+        start = time.monotonic()
+        for snapshot in drive.snapshots[:101]:
+            viewer.update(snapshot)
+        simulated = (drive.snapshots[100].stamp_ns - drive.snapshots[0].stamp_ns) / 1e9
+        assert time.monotonic() - start >= simulated / 8.0 - 1e-3
+
+
+def test_a_taken_port_is_replaced_by_a_free_one(drive):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with LiveViewer(drive.scene, port=port) as viewer:
+            assert f":{port}/" not in viewer.url
+
+
+def show_for_ever(viewer, snapshots):
+    while True:
+        for snapshot in snapshots:
+            viewer.show(snapshot)
+
+
+def test_a_server_that_hangs_raises_an_error(drive, monkeypatch):
+    monkeypatch.setattr(live, "WRITE_TIMEOUT", 0.3)
+    monkeypatch.setattr(live, "CLOSE_TIMEOUT", 0.3)
+    viewer = LiveViewer(drive.scene, port=0)
+    process = server_of(viewer)
+    process.suspend()
+    with pytest.raises(ViewerError, match="has not read"):
+        show_for_ever(viewer, drive.snapshots)
+    viewer.close()
+    assert not process.is_running()
+
+
+def test_a_server_that_ends_raises_an_error(drive):
+    viewer = LiveViewer(drive.scene, port=0)
+    server_of(viewer).kill()
+    with pytest.raises(ViewerError, match="has ended"):
+        show_for_ever(viewer, drive.snapshots)
+    viewer.close()
+    viewer.close()
+    with pytest.raises(ViewerError, match="closed"):
+        viewer.show(drive.snapshots[0])
+
+
+OWNER = """
+import os, sys, time
+from msrr_bullet.viewer.live import LiveViewer
+from msrr_scenes.loading.load import load_scene
+how = sys.argv[1]
+viewer = LiveViewer(load_scene("close_range"), port=0)
+child = 0
+if how == "forked":
+    child = os.fork()
+    if child == 0:  # holds copies of all pipes, and outlives its parent
+        time.sleep(30)
+        os._exit(0)
+print(viewer._process.pid, child, flush=True)
+if how == "closed":
+    viewer.close()
+elif how == "exception":
+    raise RuntimeError("on purpose")
+elif how == "hard exit":
+    os._exit(3)
+elif how == "with block":
+    with viewer:
+        raise KeyboardInterrupt
+elif how != "returned":
+    time.sleep(60)
+"""
+
+#: How the owner of a viewer ends: by itself (None) or by a signal.
+ENDS = {
+    "returned": None,
+    "closed": None,
+    "exception": None,
+    "hard exit": None,
+    "with block": None,
+    "Ctrl-C": signal.SIGINT,
+    "terminated": signal.SIGTERM,
+    "killed": signal.SIGKILL,
+    "forked": signal.SIGKILL,
+}
+
+
+def gone(pid):
+    try:
+        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
+
+
+def end_owner(owner, end):
+    """End an owner; return the seconds that its server outlived it."""
+    server, child = (int(pid) for pid in owner.stdout.readline().split())
+    try:
+        if end is not None:
+            assert not gone(server)
+            owner.send_signal(end)
+        owner.wait(30)
+        ended = time.monotonic()
+        while not gone(server) and time.monotonic() < ended + 15.0:
+            time.sleep(0.02)
+        return time.monotonic() - ended
+    finally:
+        if child:
+            os.kill(child, signal.SIGKILL)
+
+
+def test_no_server_outlives_its_owner_whatever_ends_it(tmp_path):
+    script = tmp_path / "owner.py"
+    script.write_text(OWNER)
+    owners = {}
+    try:
+        for how in ENDS:  # all at once: what takes long is to import
+            owners[how] = subprocess.Popen(
+                [sys.executable, str(script), how],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                text=True,
+                # A shell's background jobs are deaf to Ctrl-C, and so are these tests when they run in one.
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+            )
+        outlived = {how: end_owner(owner, ENDS[how]) for how, owner in owners.items()}
+    finally:
+        for owner in owners.values():
+            owner.kill()
+            owner.wait()
+            owner.stdout.close()
+    assert max(outlived.values()) < 10.0, outlived
