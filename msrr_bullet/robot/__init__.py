@@ -1,4 +1,4 @@
-"""The software of a docking unit: perception, control, collision monitor; it does not import the simulator."""
+"""The software of a docking unit: perception, control, collision monitor. It never imports the simulator."""
 
 from msrr_bullet.robot.autonomy import Autonomy
 from msrr_bullet.robot.collision_monitor import CollisionMonitor, MonitorDecision, MonitorState
