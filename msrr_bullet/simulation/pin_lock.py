@@ -153,7 +153,7 @@ class PinLock(PortMechanism):
             self._constraint = None
 
     def _depth_left(self, pair: int) -> float:
-        """Return the distance of a pin from the bottom of the hole [m]; infinite if out of reach of the lock."""
+        """Return the distance of a pin from the bottom of the hole [m]; infinite beyond the lock reach."""
         pin, hole = self._pairs[pair]
         points = pybullet.getClosestPoints(
             self._unit.body,
