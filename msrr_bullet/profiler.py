@@ -1,6 +1,6 @@
-"""The wall-clock time of a trial by named stage.
+"""Measurement of the wall-clock time that a trial spends in named stages.
 
-Only the bench reads the figures. Nothing in a trial may depend on them.
+Only the benchmarks read the times. Nothing in a trial may depend on them.
 """
 
 from __future__ import annotations
@@ -37,14 +37,13 @@ class StageProfiler:
 
     def __call__(self, stage: str) -> _Stage:
         """Return the context manager that times ``stage``."""
-        found = self._stages.get(stage)
-        if found is None:
-            found = self._stages[stage] = _Stage(self)
-        return found
+        if stage not in self._stages:
+            self._stages[stage] = _Stage(self)
+        return self._stages[stage]
 
     @property
     def spent_ns(self) -> dict[str, int]:
-        """Wall-clock time of each stage [ns], in the order in which they were first named."""
+        """Wall-clock time of each stage [ns], in the order of first use."""
         return {name: stage.spent_ns for name, stage in self._stages.items()}
 
     @property
@@ -54,7 +53,7 @@ class StageProfiler:
 
     @property
     def span_ns(self) -> int:
-        """Wall-clock time from the first entry into a stage to the last entry or exit [ns]; 0 before."""
+        """Wall-clock time from the first entry into a stage to the last entry or exit [ns]; 0 without one."""
         return 0 if self._first is None else self._since - self._first
 
     def _enter(self, stage: _Stage) -> None:
@@ -73,7 +72,7 @@ class StageProfiler:
 
 
 class _Stage:
-    """Context manager of one stage; entered any number of times."""
+    """The context manager of one stage, which may be entered any number of times."""
 
     __slots__ = ("_profiler", "spent_ns")
 

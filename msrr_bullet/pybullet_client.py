@@ -1,4 +1,4 @@
-"""Loads PyBullet without the line that it writes to the terminal when it is imported."""
+"""Import of PyBullet without the line that PyBullet writes to the terminal when it is imported."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ from contextlib import contextmanager
 
 
 def load_simulator() -> None:
-    """Import pybullet; a failure to do so is raised as usual."""
+    """Import PyBullet silently.
+
+    Raises:
+        ImportError: PyBullet is not installed.
+    """
     if "pybullet" not in sys.modules:
         with _silence():
             importlib.import_module("pybullet")
@@ -18,17 +22,17 @@ def load_simulator() -> None:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    # The line comes from C, past sys.stdout: only the descriptors themselves can hold it back.
+    # The line is written from C and bypasses sys.stdout, so the file descriptors are redirected.
     sys.stdout.flush()
     sys.stderr.flush()
     kept = {descriptor: os.dup(descriptor) for descriptor in (1, 2)}
-    nowhere = os.open(os.devnull, os.O_WRONLY)
+    null = os.open(os.devnull, os.O_WRONLY)
     try:
         for descriptor in kept:
-            os.dup2(nowhere, descriptor)
+            os.dup2(null, descriptor)
         yield
     finally:
         for descriptor, original in kept.items():
             os.dup2(original, descriptor)
             os.close(original)
-        os.close(nowhere)
+        os.close(null)

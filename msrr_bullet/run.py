@@ -1,4 +1,4 @@
-"""Runs a trial and leaves a run folder: the log, the verdict, and what is derived from the log."""
+"""Runs a trial and writes a run folder: the log, the result, and what is derived from the log."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PICTURE_NAME = "picture.png"
 
 
 class RunFolderError(MsrrError):
-    """A run folder that cannot be written."""
+    """A run folder cannot be written."""
 
 
 def run_trial(
@@ -41,16 +41,16 @@ def run_trial(
     """Run one trial.
 
     Args:
-        scene: What to run, from :func:`msrr_scenes.loading.load.load_scene`.
-        seed: Together with the scene and the installed versions it determines every bit of the log.
-        out: Run folder to leave ``trial.mcap``, ``result.json``, ``replay.html`` and ``picture.png`` in; None
-            keeps nothing but the returned result. What is there already is overwritten.
+        scene: The scene, from :func:`msrr_scenes.loading.load.load_scene`.
+        seed: Seed of all random streams. Scene, seed and installed versions determine every bit of the log.
+        out: Run folder for ``trial.mcap``, ``result.json``, ``replay.html`` and ``picture.png``, which are
+            overwritten if they exist; None writes nothing.
         viewer: Gets a snapshot at every control instant; :class:`~msrr_bullet.viewer.live.LiveViewer` is one.
         observer: Called with the progress at every control instant.
         profiler: Measures the time of each stage of the loop.
 
     Returns:
-        The verdict. A docking that fails is a result, not an error.
+        The result. A docking that fails is a result, not an error.
 
     Raises:
         MsrrError: The scene names something that does not exist, or the folder cannot be written.
@@ -58,27 +58,27 @@ def run_trial(
     with ExitStack() as stack:
         recorder: Recorder = NullRecorder()
         if out is not None:
-            _make(out)
+            _make_folder(out)
             header = LogHeader.of(scene, seed, package_versions())
             recorder = stack.enter_context(McapRecorder(out / LOG_NAME, header))
         trial = Trial(scene, seed, recorder=recorder, viewer=viewer, observer=observer, profiler=profiler)
         result = trial.run()
     if out is not None:
-        _derive(out, result)
+        _write_derived_files(out, result)
     return result
 
 
-def _make(out: Path) -> None:
+def _make_folder(out: Path) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RunFolderError(
-            f"{out}: cannot be made a run folder ({error.strerror}); choose another --out"
+            f"{out}: the run folder cannot be made ({error.strerror}); choose another --out"
         ) from None
 
 
-def _derive(out: Path, result: TrialResult) -> None:
-    """Write everything that follows from the log. The verdict comes first: it is the least replaceable."""
+def _write_derived_files(out: Path, result: TrialResult) -> None:
+    """Write what follows from the log; the result comes first, in case a later file cannot be written."""
     from msrr_bullet.figures.summary import write_picture
     from msrr_bullet.viewer.replay_page import write_replay
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from msrr_bullet.bench.detection_metrics import Candidate, FullFrameReader, RecordingDetector
-from msrr_bullet.robot.autonomy import FULL_LOOK_EVERY
+from msrr_bullet.robot.autonomy import FULL_FRAME_PERIOD
 from msrr_perception.detection.detector import Detector, PupilDetector
 from msrr_perception.detection.onboard_vision import OnboardVision
 from msrr_perception.detection.overhead_vision import OVERHEAD_POLICY, OverheadVision, default_search_detector
@@ -72,7 +72,7 @@ def onboard_candidates(target: TargetModel) -> dict[str, Candidate[PoseEstimate]
     """Return the candidates for the docking unit's camera, by label."""
 
     def windows(
-        detector: Detector, policy: WindowPolicy = DEFAULT_POLICY, full_every: int = FULL_LOOK_EVERY
+        detector: Detector, policy: WindowPolicy = DEFAULT_POLICY, full_every: int = FULL_FRAME_PERIOD
     ) -> Candidate[PoseEstimate]:
         recording = RecordingDetector(detector)
         return Candidate(OnboardVision(target, recording, policy, full_every=full_every), recording)

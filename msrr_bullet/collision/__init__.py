@@ -1,4 +1,4 @@
-"""Footprints of units and obstacles, and exact distances between them, measured with FCL."""
+"""Footprints of units and obstacles, and exact distances between them, computed with FCL."""
 
 from msrr_bullet.collision.clearance import Clearance, Pair
 from msrr_bullet.collision.clearance_model import ClearanceModel

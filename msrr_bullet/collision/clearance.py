@@ -1,4 +1,4 @@
-"""The distance between two bodies, as it is measured, logged and drawn."""
+"""The clearance record: the distance between two bodies and their nearest points."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 #: A point in the plane [m].
 Point = tuple[float, float]
 
-#: The names of two bodies, in no order.
+#: The unordered names of two bodies.
 Pair = frozenset[str]
 
 
@@ -16,11 +16,11 @@ class Clearance:
     """The distance between two bodies.
 
     Attributes:
-        distance: [m]; 0 or less where they touch: minus the way that would part the deepest pair of parts.
+        distance: Distance [m]; in an overlap, minus the penetration depth of the deepest pair of parts.
         body_a: Name of one body.
-        body_b: Name of the other.
-        point_a: The nearest point of ``body_a`` in W [m]; in an overlap, its deepest one.
-        point_b: The nearest point of ``body_b`` in W [m].
+        body_b: Name of the other body.
+        point_a: Nearest point of ``body_a`` in W [m]; in an overlap, the deepest point.
+        point_b: Nearest point of ``body_b`` in W [m]; in an overlap, the deepest point.
     """
 
     distance: float
@@ -31,5 +31,5 @@ class Clearance:
 
     @property
     def pair(self) -> Pair:
-        """The two names, in no order."""
+        """The unordered names of the two bodies."""
         return frozenset((self.body_a, self.body_b))

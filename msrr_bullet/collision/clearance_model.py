@@ -1,8 +1,8 @@
-"""How far the bodies are apart, and where.
+"""Clearances between the bodies of a scene.
 
-A body is as far from another as the nearest two of their parts
-(:mod:`msrr_bullet.collision.convex_distance`). Where the
-smallest clearance alone is asked for, only those parts are measured that may be the nearest.
+The clearance of two bodies is the smallest distance between their parts
+(:mod:`msrr_bullet.collision.convex_distance`). Where only the smallest clearance is asked for, only those
+parts are measured that may be the nearest.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from msrr_scenes.specs.scene import Scene
 
 
 class _Body:
-    """A body's parts, moved together."""
+    """The parts of a body at its present pose."""
 
     def __init__(self, name: str, parts: Sequence[Part]) -> None:
         self.name = name
         self.parts = tuple(PlacedPart(part) for part in parts)
-        self.reach = max(math.hypot(*part.middle) + part.circumradius for part in self.parts)
+        self.reach = max(math.hypot(*part.centre) + part.circumradius for part in self.parts)
         self.pose = SE2()
 
     def place(self, X_WB: SE2) -> None:
@@ -46,26 +46,26 @@ class _BodyPair:
         self._parts = tuple(PartPair(p, q) for p in a.parts for q in b.parts)
         self._nearest: PartPair | None = None
 
-    def circles_apart(self) -> float:
-        """Return a distance [m] that the two bodies have at least, from the circles about them."""
+    def circle_distance(self) -> float:
+        """Return a lower bound of the distance of the two bodies [m], from circles about them."""
         a, b = self._a.pose, self._b.pose
         return math.hypot(a.x - b.x, a.y - b.y) - self._reach
 
     def clearance(self, below: float) -> Clearance | None:
-        """Return their clearance where they are, or None when it is not below ``below`` [m].
+        """Return the clearance of the two bodies, or None when it is not below ``below`` [m].
 
-        Those parts that were nearest the last time come first, for they tell best what need not be measured.
-        What is found does not depend on it.
+        The pair of parts that was nearest the last time is measured first, because it excludes most of the
+        others. The result does not depend on the order.
         """
-        first = self._nearest or min(self._parts, key=PartPair.circles_apart)
-        found = None if first.farther_than(below) else first.measure()
+        first = self._nearest or min(self._parts, key=PartPair.circle_distance)
+        first_gap = None if first.farther_than(below) else first.measure()
         nearest, gap = None, None
         for parts in self._parts:
             if parts is first:
-                measured = found
+                measured = first_gap
             else:
-                enough = below if found is None else min(below, found.distance)
-                measured = None if parts.farther_than(enough) else parts.measure()
+                limit = below if first_gap is None else min(below, first_gap.distance)
+                measured = None if parts.farther_than(limit) else parts.measure()
             if measured is not None and measured.distance < below:
                 nearest, gap, below = parts, measured, measured.distance
         if gap is None:
@@ -75,30 +75,25 @@ class _BodyPair:
 
 
 class ClearanceModel:
-    """The shapes of a scene, ready to be placed and measured.
+    """The footprints of named bodies, which are placed and measured against each other."""
 
-    Two obstacles are never measured against each other: neither moves.
-    """
+    def __init__(self, footprints: Mapping[str, Sequence[Part]], fixed: Collection[str] = ()) -> None:
+        """Build the model.
 
-    def __init__(self, scene: Scene) -> None:
-        """Take the units' shapes from their URDFs and the obstacles' from the scene."""
-        footprints = {name: unit_parts(scene.geometry(name)) for name in scene.units}
-        footprints |= {name: obstacle_parts(spec) for name, spec in scene.obstacles.items()}
-        self._build(footprints, scene.obstacles)
-
-    @classmethod
-    def from_footprints(
-        cls, footprints: Mapping[str, Sequence[Part]], fixed: Collection[str] = ()
-    ) -> ClearanceModel:
-        """Build from footprints by name; the ``fixed`` ones are not measured against each other."""
-        model = cls.__new__(cls)
-        model._build(footprints, fixed)
-        return model
-
-    def _build(self, footprints: Mapping[str, Sequence[Part]], fixed: Collection[str]) -> None:
+        Args:
+            footprints: Parts of every body, by name, in the frame of the body.
+            fixed: Names of bodies that never move and are not measured against each other.
+        """
         self._bodies = {name: _Body(name, parts) for name, parts in footprints.items()}
         self._fixed = frozenset(fixed)
-        self._met: dict[tuple[str, str], _BodyPair] = {}
+        self._body_pairs: dict[tuple[str, str], _BodyPair] = {}
+
+    @classmethod
+    def from_scene(cls, scene: Scene) -> ClearanceModel:
+        """Build the model of a scene, with the obstacles fixed."""
+        footprints = {name: unit_parts(scene.geometry(name)) for name in scene.units}
+        footprints |= {name: obstacle_parts(spec) for name, spec in scene.obstacles.items()}
+        return cls(footprints, scene.obstacles)
 
     def query(
         self, poses: Mapping[str, SE2], exempt: Collection[Pair] = frozenset()
@@ -106,25 +101,24 @@ class ClearanceModel:
         """Return the clearance of every pair of bodies, nearest first.
 
         Args:
-            poses: ``X_WB`` by name: frame U of a unit, the middle of an obstacle. Bodies that are not named
-                are not there (yet).
-            exempt: Pairs to leave out, such as two units whose contact is authorised.
+            poses: ``X_WB`` of every present body, by name; B is frame U of a unit, the middle of an obstacle.
+            exempt: Pairs that are left out, such as two units that may touch.
 
         Raises:
-            UnknownNameError: A pose for a body that the scene does not have.
+            UnknownNameError: A name is not that of a body of the model.
         """
         found = [pair.clearance(math.inf) for pair in self._pairs(poses, exempt)]
         return tuple(sorted((c for c in found if c is not None), key=lambda c: c.distance))
 
     def minimum(self, poses: Mapping[str, SE2], exempt: Collection[Pair] = frozenset()) -> Clearance | None:
-        """Return the smallest clearance, cheaper than by :meth:`query`; None when there is no pair."""
+        """Return the smallest clearance of all pairs, cheaper than :meth:`query`; None without a pair."""
         return self._smallest(self._pairs(poses, exempt))
 
     def nearest(self, name: str, X_WB: SE2, others: Mapping[str, SE2]) -> Clearance | None:
-        """Return the smallest clearance of one body, of pose ``X_WB``, from others; None if there are none.
+        """Return the smallest clearance of one body at ``X_WB`` from others; None if there are none.
 
         Raises:
-            UnknownNameError: A body that the scene does not have.
+            UnknownNameError: A name is not that of a body of the model.
         """
         own = self._placed(name, X_WB)
         return self._smallest(self._pair(own, self._placed(other, X)) for other, X in others.items())
@@ -138,9 +132,9 @@ class ClearanceModel:
 
     def _pair(self, a: _Body, b: _Body) -> _BodyPair:
         names = (a.name, b.name)
-        pair = self._met.get(names)
+        pair = self._body_pairs.get(names)
         if pair is None:
-            pair = self._met[names] = _BodyPair(a, b)
+            pair = self._body_pairs[names] = _BodyPair(a, b)
         return pair
 
     def _pairs(self, poses: Mapping[str, SE2], exempt: Collection[Pair]) -> Iterator[_BodyPair]:
@@ -152,9 +146,9 @@ class ClearanceModel:
                 yield self._pair(a, b)
 
     def _smallest(self, pairs: Iterable[_BodyPair]) -> Clearance | None:
-        """Take pairs in the order of what the circles about them promise, until none can be nearer."""
+        """Return the smallest clearance; pairs are measured in order of lower bounds, as far as needed."""
         best: Clearance | None = None
-        bounded = sorted(((pair.circles_apart(), i, pair) for i, pair in enumerate(pairs)))
+        bounded = sorted(((pair.circle_distance(), i, pair) for i, pair in enumerate(pairs)))
         for bound, _, pair in bounded:
             if best is not None and bound >= best.distance:
                 break

@@ -1,13 +1,13 @@
-"""How far two convex parts of footprints are apart, and where: nearest points from FCL.
+"""Distance and nearest points of two convex parts of footprints, from FCL.
 
-FCL measures in space, and its distance between upright prisms is not to be trusted: where two vertical
-edges are nearest every height is as good, and the search may end with points at different heights,
-decimetres too far apart (often with prisms of different heights, now and then with prisms of one height).
-So every convex part of a footprint becomes a spindle: widest at height 0, where it has the part's outline,
-pointed above and below. Two spindles are nearest, and meet first, at height 0 alone, and their distance is
-that of the outlines. A disc is handed over as its centre and its radius subtracted here, for on curved
-shapes the search is inexact too. Where two parts overlap FCL gives no distance; the depth is then found on
-the separating axes of the polygons (Ericson, Real-Time Collision Detection, 2005, section 5.2).
+FCL measures in space, and its distance between upright prisms is not reliable: where two vertical edges are
+nearest, every height is equally good, and the search may end with points at different heights, decimetres too
+far apart (often with prisms of different heights, sometimes with prisms of equal height). Therefore every
+convex part becomes a spindle: widest at height 0, where it has the outline of the part, pointed above and
+below. Two spindles are nearest at height 0 alone, and their distance is that of the outlines. A disc becomes
+a point, and its radius is subtracted here, because the search is inexact on curved shapes too. Where two
+parts overlap FCL gives no distance; the penetration depth is then found on the separating axes of the
+polygons (Ericson, Real-Time Collision Detection, 2005, section 5.2).
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from msrr_bullet.collision.footprint import Part
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 
-#: Half the height of every spindle [m]. Any value serves: the distance does not depend on it.
+#: Half the height of every spindle [m]; the distance does not depend on it.
 SPINDLE_HEIGHT = 1.0
-#: Radius of the sphere that stands for a point [m].
+#: Radius of the sphere that represents a point [m].
 POINT_RADIUS = 1e-9
 #: Below this distance [m] the nearest points are too close together to tell the direction between them.
 TOUCHING = 1e-9
-#: How much wider than the gap between two supporting lines a distance may be and still be believed [m].
-CERTAIN = 1e-6
-#: What bounds from circles give away [m], so that neither rounding nor a sphere that stands for a point makes
-#: one larger than the distance that is measured.
+#: Largest difference between a distance of FCL and the gap between the supporting lines [m].
+SUPPORT_TOLERANCE = 1e-6
+#: Margin of lower bounds [m], so that neither rounding nor the spheres that represent points make a bound
+#: larger than the measured distance.
 ROUNDING = 1e-8
 
 
@@ -49,52 +49,52 @@ def _spindle(core: Array) -> fcl.CollisionGeometry:
 
 
 class PlacedPart:
-    """One part of a body at the body's present pose; its FCL object follows when it is measured."""
+    """A part of a body at the present pose of the body; the FCL object is moved only when it is measured."""
 
     def __init__(self, part: Part) -> None:
-        """Stand at the origin."""
+        """Place the part with the body frame at the origin of W."""
         self.part = part
         self.radius = part.radius
         self.circumradius = part.circumradius
-        # Two or eight points: plain floats are faster than arrays.
+        # Plain floats are faster than arrays for so few points.
         self._core: list[list[float]] = part.core.tolist()
-        self.middle: list[float] = part.centre.tolist()
-        # A sphere lies about its own origin, so a disc's centre goes into the placement instead.
+        self.centre: list[float] = part.centre.tolist()
+        # The centre of an FCL sphere is its origin, so the centre of a disc is part of the transform.
         self._offset = self._core[0] if len(self._core) == 1 else [0.0, 0.0]
         self._object = fcl.CollisionObject(_spindle(part.core), fcl.Transform())
-        self._left_behind = False
+        self._outdated = False
         self.place(SE2(), 1.0, 0.0)
 
     def place(self, X_WB: SE2, c: float, s: float) -> None:
-        """Move to a pose whose heading has the cosine ``c`` and the sine ``s``."""
-        mx, my = self.middle
+        """Move the body to a pose whose heading has the cosine ``c`` and the sine ``s``."""
+        mx, my = self.centre
         self.x, self.y = X_WB.x + c * mx - s * my, X_WB.y + s * mx + c * my
         self._pose, self._c, self._s = X_WB, c, s
-        self._left_behind = True
+        self._outdated = True
 
     @property
     def object(self) -> fcl.CollisionObject:
-        """The FCL object, at the present pose."""
-        if self._left_behind:
+        """The FCL object at the present pose."""
+        if self._outdated:
             X, c, s = self._pose, self._c, self._s
             ox, oy = self._offset
             rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-            place = np.array([X.x + c * ox - s * oy, X.y + s * ox + c * oy, 0.0])
-            self._object.setTransform(fcl.Transform(rotation, place))
-            self._left_behind = False
+            position = np.array([X.x + c * ox - s * oy, X.y + s * ox + c * oy, 0.0])
+            self._object.setTransform(fcl.Transform(rotation, position))
+            self._outdated = False
         return self._object
 
     def core(self) -> Array:
-        """Return the core's vertices in W, shape (N, 2) [m]."""
+        """Return the vertices of the core in W [m], shape (N, 2)."""
         return self._pose.act(self.part.core)
 
     def corners(self) -> list[Point]:
-        """Return the same as points."""
+        """Return the vertices of the core in W [m] as a list of points."""
         X, c, s = self._pose, self._c, self._s
         return [(X.x + c * x - s * y, X.y + s * x + c * y) for x, y in self._core]
 
-    def front(self, nx: float, ny: float) -> float:
-        """Return how far the core reaches along a direction of W, from W's origin [m]."""
+    def support(self, nx: float, ny: float) -> float:
+        """Return the largest coordinate of the core along a unit vector of W, from the origin of W [m]."""
         c, s = self._c, self._s
         bx, by = c * nx + s * ny, c * ny - s * nx
         return self._pose.x * nx + self._pose.y * ny + max([x * bx + y * by for x, y in self._core])
@@ -104,9 +104,9 @@ class Gap(NamedTuple):
     """The distance between two parts.
 
     Attributes:
-        distance: [m]; 0 or less where they touch: minus the way that would part them.
-        point_a: The nearest point of one part in W [m]; in an overlap, its deepest one.
-        point_b: The nearest point of the other in W [m].
+        distance: Distance [m]; in an overlap, minus the penetration depth.
+        point_a: Nearest point of one part in W [m]; in an overlap, the deepest point.
+        point_b: Nearest point of the other part in W [m]; in an overlap, the deepest point.
     """
 
     distance: float
@@ -115,42 +115,41 @@ class Gap(NamedTuple):
 
 
 class PartPair:
-    """Two parts of two bodies, and the direction in which they were apart when last measured.
+    """Two parts of two bodies, and the direction of their distance when they were last measured.
 
-    Whatever has moved since, they are at least as far apart as that direction tells: no measurement is needed
-    to know that they cannot be the nearest.
+    The gap of the two parts along that direction is a lower bound of their distance at any later pose.
     """
 
     def __init__(self, a: PlacedPart, b: PlacedPart) -> None:
-        """Begin with nothing measured."""
+        """Start without a measured direction."""
         self._a, self._b = a, b
         self._reach = a.circumradius + b.circumradius + ROUNDING
         self._direction: Point | None = None
 
-    def circles_apart(self) -> float:
-        """Return a distance [m] that the two parts have at least, from the circles about them."""
+    def circle_distance(self) -> float:
+        """Return a lower bound of the distance of the two parts [m], from circles about them."""
         return math.hypot(self._a.x - self._b.x, self._a.y - self._b.y) - self._reach
 
     def farther_than(self, distance: float) -> bool:
-        """Say whether the two parts are surely farther apart than ``distance`` [m]; False where in doubt."""
-        if self.circles_apart() > distance:
+        """Return whether a lower bound exceeds ``distance`` [m]; False does not mean that they are nearer."""
+        if self.circle_distance() > distance:
             return True
         if self._direction is None:
             return False
         a, b, (nx, ny) = self._a, self._b, self._direction
-        return -b.front(-nx, -ny) - a.front(nx, ny) - a.radius - b.radius - ROUNDING > distance
+        return -b.support(-nx, -ny) - a.support(nx, ny) - a.radius - b.radius - ROUNDING > distance
 
     def measure(self) -> Gap:
-        """Return how far apart they are."""
+        """Return the distance and the nearest points."""
         a, b = self._a, self._b
         result = fcl.DistanceResult()
         distance = fcl.distance(a.object, b.object, fcl.DistanceRequest(enable_nearest_points=True), result)
         if distance > TOUCHING:
             (ax, ay, _), (bx, by, _) = (p.tolist() for p in result.nearest_points)
             nx, ny = (bx - ax) / distance, (by - ay) / distance
-            # FCL's search ends early where two shapes face each other to within micrometres, up to 95 mm too
-            # far apart. The cores are as far apart as found if no point of either lies in between.
-            if -b.front(-nx, -ny) - a.front(nx, ny) < distance - CERTAIN:
+            # The search of FCL ends early where two shapes face each other to within micrometres, with a
+            # distance up to 95 mm too large. It is right if no point of either core lies in between.
+            if -b.support(-nx, -ny) - a.support(nx, ny) < distance - SUPPORT_TOLERANCE:
                 distance, core_a, core_b = _nearest_points(a.core(), b.core())
                 (ax, ay), (bx, by) = core_a.tolist(), core_b.tolist()
                 nx, ny = (bx - ax) / distance, (by - ay) / distance
@@ -167,22 +166,22 @@ class PartPair:
 
 
 def _overlap(p: Sequence[Point], q: Sequence[Point]) -> tuple[float, Point, Point, Point]:
-    """Return two cores' overlap [m], the direction from ``p`` to ``q`` and their deepest points, in W."""
+    """Return the penetration depth of two cores [m], the direction from p to q, and the deepest points."""
     best: tuple[float, float, float] | None = None
-    for own, other, sign in ((p, q, 1.0), (q, p, -1.0)):
-        for (x, y), (x_next, y_next) in pairwise((*own, own[0])):
+    for polygon, other, sign in ((p, q, 1.0), (q, p, -1.0)):
+        for (x, y), (x_next, y_next) in pairwise((*polygon, polygon[0])):
             ex, ey = x_next - x, y_next - y
             length = math.sqrt(ex * ex + ey * ey)
             if length == 0.0:  # a point has no edges
                 continue
-            nx, ny = ey / length, -ex / length  # outwards: the edge's own side reaches farthest along it
+            nx, ny = ey / length, -ex / length  # the outward normal of the edge
             depth = nx * x + ny * y - min([nx * u + ny * v for u, v in other])
             if best is None or depth < best[0]:
                 best = (depth, sign * nx, sign * ny)
-    if best is None:  # two centres in one place: every direction is as good
+    if best is None:  # two coincident points: every direction is equally good
         return 0.0, (1.0, 0.0), p[0], q[0]
     depth, nx, ny = best
-    # Each core is deepest in a vertex or along an edge; the points lie face to face where the two overlap.
+    # The deepest points of a core are a vertex or an edge; the middle of their common interval is taken.
     front, back = max([nx * x + ny * y for x, y in p]), min([nx * x + ny * y for x, y in q])
     along_p = [nx * y - ny * x for x, y in p if nx * x + ny * y >= front - TOUCHING]
     along_q = [nx * y - ny * x for x, y in q if nx * x + ny * y <= back + TOUCHING]
@@ -192,16 +191,16 @@ def _overlap(p: Sequence[Point], q: Sequence[Point]) -> tuple[float, Point, Poin
 
 
 def _nearest_points(p: Array, q: Array) -> tuple[float, Array, Array]:
-    """Return distance [m] and nearest points (2,) of two separate cores (N, 2): a vertex and an edge."""
+    """Return the distance [m] and the nearest points, shape (2,), of two separate cores, shape (N, 2)."""
     best = (math.inf, p[0], q[0])
     for vertices, polygon, swapped in ((p, q, False), (q, p, True)):
         edge = np.roll(polygon, -1, axis=0) - polygon
-        to = vertices[:, None, :] - polygon[None, :, :]
+        offset = vertices[:, None, :] - polygon[None, :, :]
         length2 = np.maximum((edge**2).sum(axis=1), TOUCHING**2)
-        foot = polygon + np.clip((to * edge).sum(axis=2) / length2, 0.0, 1.0)[..., None] * edge
-        apart = np.linalg.norm(vertices[:, None, :] - foot, axis=2)
-        i, j = np.unravel_index(int(np.argmin(apart)), apart.shape)
-        if apart[i, j] < best[0]:
+        foot = polygon + np.clip((offset * edge).sum(axis=2) / length2, 0.0, 1.0)[..., None] * edge
+        distance = np.linalg.norm(vertices[:, None, :] - foot, axis=2)
+        i, j = np.unravel_index(int(np.argmin(distance)), distance.shape)
+        if distance[i, j] < best[0]:
             pair = (vertices[i], foot[i, j])
-            best = (float(apart[i, j]), *(pair[::-1] if swapped else pair))
+            best = (float(distance[i, j]), *(pair[::-1] if swapped else pair))
     return best

@@ -1,7 +1,7 @@
-"""The shadow of a body on the floor, as a few convex parts.
+"""Footprints: the vertical projections of bodies onto the floor, as a few convex parts.
 
-Everything here stands on the floor and moves in the plane, so two bodies are as far apart as their shadows:
-what overhangs counts as if it reached the ground, which errs on the safe side only.
+All bodies stand on the floor and move in the plane, so the distance of two bodies is that of their
+footprints. An overhang counts as if it reached the floor, which can only make the distance smaller.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.unit_geometry import Solid, UnitGeometry
 from msrr_scenes.specs.bodies import BoxSpec, CylinderSpec
 
-#: Two parts become one when their common hull adds no point farther than this from the body [m].
+#: Two parts are merged when no point of their common hull is farther than this from the body [m].
 MERGE_TOLERANCE = 1e-4
-#: A part goes when the others cover its border up to this [m].
+#: A part is removed when the other parts cover the border up to this distance [m].
 COVER_TOLERANCE = 1e-6
-#: Step with which borders are sampled to decide that [m].
+#: Step with which the borders of parts are sampled [m].
 BORDER_STEP = 5e-4
-#: Decimals to which vertices are rounded [m]: a micrometre, so that a corner given twice is one corner.
+#: Decimals to which vertices are rounded [m]: a micrometre, so that duplicates of a corner coincide.
 DECIMALS = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A convex part of a footprint: a core polygon, grown by a radius.
+    """A convex part of a footprint: all points within a radius of a core polygon.
 
     Attributes:
-        core: Vertices, counter-clockwise, shape (N, 2) [m]; a disc has its centre for a core, N = 1.
-        radius: [m].
+        core: Vertices, counter-clockwise, shape (N, 2) [m]; the core of a disc is the centre, N = 1.
+        radius: Radius [m]; 0 for a polygon.
     """
 
     core: Array
@@ -44,7 +44,7 @@ class Part:
 
     @classmethod
     def polygon(cls, points: ArrayLike) -> Part:
-        """Return the convex hull of ``points``, shape (N, 2) [m], which must not lie on one line."""
+        """Return the convex hull of ``points``, shape (N, 2) [m], not all on one line."""
         p = np.asarray(points, dtype=np.float64).round(DECIMALS)
         hull: Array = p[ConvexHull(p).vertices]
         return cls(hull)
@@ -56,17 +56,17 @@ class Part:
 
     @cached_property
     def centre(self) -> Array:
-        """Middle of the core's bounding box, shape (2,) [m]."""
-        middle: Array = 0.5 * (self.core.min(axis=0) + self.core.max(axis=0))
-        return middle
+        """Centre of the bounding box of the core, shape (2,) [m]."""
+        centre: Array = 0.5 * (self.core.min(axis=0) + self.core.max(axis=0))
+        return centre
 
     @cached_property
     def circumradius(self) -> float:
-        """Radius of a circle about :attr:`centre` that holds the part [m]."""
+        """Radius of a circle about :attr:`centre` that contains the part [m]."""
         return float(np.linalg.norm(self.core - self.centre, axis=1).max()) + self.radius
 
     def gap(self, points: ArrayLike) -> Array:
-        """Return the distances [m], shape (N,), of ``points``, shape (N, 2), from the part; 0 inside."""
+        """Return the distances of ``points``, shape (N, 2), from the part [m], shape (N,); 0 inside."""
         p = np.asarray(points, dtype=np.float64)[:, None]
         a, b = self.core[None], np.roll(self.core, -1, axis=0)[None]
         edge, to_p = b - a, p - a
@@ -80,7 +80,7 @@ class Part:
         return gap
 
     def border(self) -> Array:
-        """Return points on the part's border, no farther apart than :data:`BORDER_STEP`, shape (N, 2) [m]."""
+        """Return points on the border of the part at most :data:`BORDER_STEP` apart, shape (N, 2) [m]."""
         if len(self.core) == 1:
             n = max(8, int(np.ceil(2.0 * np.pi * self.radius / BORDER_STEP)))
             t = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
@@ -98,7 +98,7 @@ def _gap_to_union(points: Array, parts: Sequence[Part]) -> Array:
     return gaps
 
 
-def _shadow(solid: Solid) -> Part:
+def _projection(solid: Solid) -> Part:
     upright = abs(float(solid.X_UG.R[2, 2])) > 1.0 - 1e-12
     if solid.kind == "sphere" or (solid.kind == "cylinder" and upright):
         return Part.disc(float(solid.X_UG.p[0]), float(solid.X_UG.p[1]), solid.size[0])
@@ -106,9 +106,9 @@ def _shadow(solid: Solid) -> Part:
 
 
 def _common_hull(a: Part, b: Part, body: Sequence[Part]) -> Part | None:
-    """Return the hull of two polygons, or None when it leaves the body."""
+    """Return the common hull of two polygons, or None when it is not inside the body."""
     hull = Part.polygon(np.concatenate([a.core, b.core]))
-    # The middles of the edges settle nearly every case, at a small part of the cost.
+    # The middles of the edges decide nearly every case, at a small fraction of the cost.
     middles = 0.5 * (hull.core + np.roll(hull.core, -1, axis=0))
     for points in (middles, hull.border()):
         if _gap_to_union(points, body).max() > MERGE_TOLERANCE:
@@ -116,51 +116,51 @@ def _common_hull(a: Part, b: Part, body: Sequence[Part]) -> Part | None:
     return hull
 
 
-def _join_one_pair(kept: Sequence[Part], body: Sequence[Part]) -> list[Part] | None:
+def _merge_one_pair(kept: Sequence[Part], body: Sequence[Part]) -> list[Part] | None:
     for a, b in combinations([p for p in kept if p.radius == 0.0], 2):
         if (hull := _common_hull(a, b, body)) is not None:
             return [p for p in kept if p is not a and p is not b] + [hull]
     return None
 
 
-def _without_covered(parts: Sequence[Part], one_suffices: bool) -> list[Part]:
-    """Drop the parts, smallest first, that lie in a single other one, or in the union of all the others."""
+def _without_covered(parts: Sequence[Part], by_one_part: bool) -> list[Part]:
+    """Remove the parts, smallest first, that lie in one other part, or in the union of all other parts."""
     kept = list(parts)
     for part in sorted(parts, key=lambda p: p.circumradius):
         others = [p for p in kept if p is not part]
-        points = part.core if one_suffices and part.radius == 0.0 else part.border()
-        groups = [[p] for p in others] if one_suffices else [others] if others else []
+        points = part.core if by_one_part and part.radius == 0.0 else part.border()
+        groups = [[p] for p in others] if by_one_part else [others] if others else []
         if any(_gap_to_union(points, group).max() <= COVER_TOLERANCE for group in groups):
             kept = others
     return kept
 
 
 def simplify(parts: Sequence[Part]) -> tuple[Part, ...]:
-    """Return fewer parts with the same union, up to :data:`MERGE_TOLERANCE` outwards.
+    """Return fewer parts whose union is that of ``parts``, up to :data:`MERGE_TOLERANCE` outwards.
 
-    Polygons are joined while the border of their common hull stays on the body; covered parts go.
-    A hole that the parts enclose may be filled: nothing outside can be nearest to its rim.
+    Polygons are merged while the border of their common hull stays on the body; covered parts are removed.
+    A hole that the parts enclose may be filled, because its rim is never nearest to another body.
     """
-    body = kept = _without_covered(parts, one_suffices=True)
-    while (fewer := _join_one_pair(kept, body)) is not None:
-        kept = _without_covered(fewer, one_suffices=True)
-    return tuple(_without_covered(kept, one_suffices=False))
+    body = kept = _without_covered(parts, by_one_part=True)
+    while (fewer := _merge_one_pair(kept, body)) is not None:
+        kept = _without_covered(fewer, by_one_part=True)
+    return tuple(_without_covered(kept, by_one_part=False))
 
 
 @lru_cache(maxsize=32)
 def unit_parts(geometry: UnitGeometry) -> tuple[Part, ...]:
-    """Return the footprint of a unit in U: the pins of its front port stick out of it as they do in reality.
+    """Return the footprint of a unit in U, with the pins of the front port.
 
     Raises:
         GeometryError: The unit has no collision shape.
     """
     if not geometry.solids:
-        raise GeometryError(f"{geometry.urdf}: no collision shapes, so it can keep no clearance")
-    return simplify([_shadow(solid) for solid in geometry.solids])
+        raise GeometryError(f"{geometry.urdf}: no collision shapes, so that no clearance can be measured")
+    return simplify([_projection(solid) for solid in geometry.solids])
 
 
 def obstacle_parts(spec: CylinderSpec | BoxSpec) -> tuple[Part, ...]:
-    """Return the footprint of an obstacle in its own frame, the middle of its base."""
+    """Return the footprint of an obstacle in frame B, whose origin is the middle of the base."""
     if isinstance(spec, CylinderSpec):
         return (Part.disc(0.0, 0.0, spec.radius_m),)
     x, y = 0.5 * spec.length_m, 0.5 * spec.width_m

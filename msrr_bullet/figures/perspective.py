@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from msrr_bullet.simulation.camera_mount import camera_pose
+from msrr_bullet.simulation.simulation import camera_pose
 from msrr_bullet.simulation.tag_plates import PLATE_RATIO
 from msrr_bullet.timeline.palette import OBSTACLE, link_colour, unit_colour
 from msrr_perception.pose.global_pose import flat_tags, overhead_pose

@@ -1,4 +1,4 @@
-"""The port mechanism without contact: what the pins and the funnel do to a unit, as plain geometry."""
+"""The port mechanism without contact: the effect of the pins and the funnel on a unit, as geometry."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_bullet.plant.lock_actuator import CAM_REACH, PULL_SLACK, SWITCH_TRAVEL, LockActuator, PullResult
+from msrr_bullet.plant.lock_actuator import LOCK_REACH, MAX_PULL_DISPLACEMENT, SWITCH_TRAVEL, PullResult
+from msrr_bullet.plant.plant import PortMechanism
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
-from msrr_scenes.messages import LockPosition
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.vehicle import LockSpec
 
-#: How far a plug reaches up from the bottom of the hole [m]: well over what a switch or the cam forgives.
+#: Height of a plug above the bottom of the hole [m]: well beyond the reach of the switch and of the lock.
 PLUG_LENGTH = 0.010
 
-#: What counts as being at the mouth [m]: far more than rounding, far less than a tick's motion.
-_ROUNDING = 1e-9
+#: Distance within which a pin is at the mouth [m]: far more than rounding, far less than the way of a tick.
+_AT_MOUTH = 1e-9
 
-#: How far from its seat a unit may stand at first and still be taken for seated [m, rad].
-_RESTING = 1e-5
+#: Deviation up to which a start pose in the funnel is taken to lie in it [m, rad].
+_START_TOLERANCE = 1e-5
 
-#: What of a unit comes this close to the plane of a port's face is part of that face [m].
+#: A point of a unit that is this close to the plane of a port's face is part of the face [m].
 _FACE_DEPTH = 1e-3
 
 
@@ -32,13 +32,13 @@ _FACE_DEPTH = 1e-3
 class CaptureRange:
     """The idealised funnel.
 
-    The defaults are what the shipped unit does in PyBullet: drawn in from up to 13 mm and 8 degrees off, and
-    stopped at the mouth from 16 mm on.
+    The defaults are those of the shipped unit in PyBullet, which is drawn in from up to 13 mm and 8 degrees
+    and stopped at the mouth from 16 mm on.
 
     Attributes:
-        lateral_m: Largest lateral error that is drawn in when the tips pass the mouth.
-        yaw_rad: Largest yaw error that is drawn in there.
-        play_m: Lateral play of seated pins.
+        lateral_m: Largest lateral error that is drawn in when the tips of the pins pass the mouth [m].
+        yaw_rad: Largest yaw error that is drawn in at the mouth [rad].
+        play_m: Lateral play of seated pins [m].
     """
 
     lateral_m: float = 0.013
@@ -47,7 +47,7 @@ class CaptureRange:
 
 
 def pin_length(geometry: UnitGeometry, port: str) -> float:
-    """Return how far the pins stick out of an active port [m]."""
+    """Return the length of the pins of an active port, from the plane of the face to the tips [m]."""
     X_PU = geometry.frame(f"port_{port}").inverse()
     tips = [
         float((X_PU @ solid.X_UG).p[0] + 0.5 * abs((X_PU @ solid.X_UG).R[0]) @ solid.size)
@@ -55,12 +55,14 @@ def pin_length(geometry: UnitGeometry, port: str) -> float:
         if solid.link.startswith("pin_") and solid.kind == "box"
     ]
     if not tips:
-        raise GeometryError(f"{geometry.urdf}: no pins made of boxes; the unicycle plant needs their length")
+        raise GeometryError(
+            f"{geometry.urdf}: no pins made of boxes; the unicycle plant needs the length of the pins"
+        )
     return max(tips)
 
 
 def face_half_width(geometry: UnitGeometry, port: str) -> float:
-    """Return how far the face of a port reaches to either side of its axis [m]."""
+    """Return half the width of the face of a port [m]."""
     X_DU = geometry.dock_frame(port).inverse()
     points = X_DU.act(np.concatenate([solid.outline() for solid in geometry.solids]))
     face = points[np.abs(points[:, 0]) <= _FACE_DEPTH]
@@ -69,15 +71,17 @@ def face_half_width(geometry: UnitGeometry, port: str) -> float:
     return float(np.abs(face[:, 1]).max())
 
 
-class KinematicPort:
-    """One active port before one passive port: a gate at the mouth, a funnel behind it, and a lock.
+class KinematicPort(PortMechanism):
+    """An active port in front of a passive port: a gate at the mouth, a funnel behind it, and a lock.
 
-    The mouth is the face of the passive port and no wider. It minds only pins that come into it from outside.
-    A unit beside it, behind it or on the other side of its target has nothing to do with it; where bodies
-    overlap there, the clearance judge sees that.
+    The mouth is as wide as the face of the passive port. It affects only pins that enter from outside, not a
+    unit beside or behind the target; an overlap of bodies there is for the judge to notice.
 
-    All poses are those of the active port's frame P in the dock frame D of its target: ``x`` is minus the gap
-    between the faces.
+    All poses are those of frame P of the active port in the dock frame D of the target; ``x`` is minus the
+    gap between the faces.
+
+    Attributes:
+        plugged: Whether the holes of the passive port are plugged.
     """
 
     def __init__(
@@ -89,45 +93,43 @@ class KinematicPort:
         capture: CaptureRange,
         X_TU: SE2,
     ) -> None:
-        """Start open.
+        """Start with an open lock.
 
         Args:
-            step: Which port docks to which.
-            geometry: Of the docking unit.
-            target: Of the unit docked to.
-            spec: Of the lock.
-            capture: Of the funnel.
-            X_TU: Where the docking unit stands in the frame of the other one; if its pins are in the funnel,
-                they are held there.
+            step: Step of the plan: which port docks to which.
+            geometry: Geometry of the docking unit.
+            target: Geometry of the target unit.
+            spec: Closing time and strength of the lock.
+            capture: Dimensions of the funnel.
+            X_TU: Start pose of the docking unit in the frame of the target unit; pins that are in the funnel
+                at the start are held there.
         """
-        self.step = step
-        self._spec = spec
+        super().__init__(step, spec)
         self._capture = capture
         self._length = pin_length(geometry, step.port)
         self._X_UP = geometry.port(step.port)
         self._X_TD = target.dock_frame(step.target_port)
-        self._cam = LockActuator(spec.close_time_s)
         self._half_width = face_half_width(target, step.target_port)
-        self.engaged = False
-        self.touching = False
+        self._engaged = False
+        self._touching = False
         self.plugged = False
         self._X_DP = self._X_TD.inverse() @ X_TU @ self._X_UP
         self._inside = self._in_funnel(self._X_DP)
 
     @property
-    def position(self) -> LockPosition:
-        """What the cam's encoder says."""
-        return self._cam.position
+    def engaged(self) -> bool:
+        """Whether the lock holds the other unit."""
+        return self._engaged
 
     def constrain(self, X_WU: SE2, X_WT: SE2) -> SE2:
-        """Return the pose of the docking unit after the port has had its say.
+        """Return the pose of the docking unit that the port allows.
 
         Args:
-            X_WU: Where the wheels would take the unit.
-            X_WT: The unit docked to.
+            X_WU: Pose that the docking unit would have without the port.
+            X_WT: Pose of the target unit.
         """
         X_WD = X_WT @ self._X_TD
-        if self.engaged:
+        if self._engaged:
             return X_WD @ self._X_DP @ self._X_UP.inverse()
         X_DP = X_WD.inverse() @ X_WU @ self._X_UP
         held = self._guide(X_DP)
@@ -136,70 +138,72 @@ class KinematicPort:
 
     @property
     def _gap(self) -> float:
-        """Distance of the faces [m]."""
+        """Distance between the faces [m]."""
         return -self._X_DP.x
 
     def switches(self) -> tuple[bool, bool]:
-        """State of the two seat switches: both or none, as the idealised port knows no tilt."""
+        """Return whether the seat switches (left, right) are closed; an ideal port closes both or none."""
         closed = self._inside and self._gap <= SWITCH_TRAVEL
         return closed, closed
 
-    def command(self, close: bool) -> None:
-        """Close the cam, or open it and let go."""
-        self._cam.command(close)
-        if not close:
-            self.engaged = False
+    def pins_touch(self) -> bool:
+        """Return whether the pins are stopped at the mouth, guided by the funnel, or seated."""
+        return self._touching
 
-    def step_cam(self, dt: float) -> None:
-        """Advance the cam by ``dt`` [s]."""
-        if self._cam.step(dt):
-            self.engaged = self._inside and self._gap <= CAM_REACH
+    def step(self, dt: float) -> None:
+        """Advance the lock actuator by ``dt`` [s]."""
+        if self._actuator.step(dt):
+            self._engaged = self._inside and self._gap <= LOCK_REACH
 
-    def pull(self) -> PullResult:
-        """Compare the pull with what the lock can hold."""
+    def pull_test(self) -> PullResult:
+        """Compare the pull with the strength of the lock; a lock that is too weak releases the unit."""
         force = self._spec.pull_force_n
-        if self.engaged and force <= self._spec.strength_n:
+        if self._engaged and force <= self._spec.strength_n:
             return PullResult(force, 0.0, True)
-        self.engaged = False
-        return PullResult(force, PULL_SLACK, False)
+        self._engaged = False
+        return PullResult(force, MAX_PULL_DISPLACEMENT, False)
+
+    def _release(self) -> None:
+        self._engaged = False
 
     def _tips(self, X_DP: SE2) -> SE2:
-        """Return the middle between the tips of the pins."""
+        """Return the pose of the middle between the tips of the pins in D."""
         return X_DP @ SE2(self._length)
 
     def _guide(self, X_DP: SE2) -> SE2:
+        """Return the pose that mouth and funnel allow, given the pose without them."""
         before, tips = self._tips(self._X_DP), self._tips(X_DP)
-        if tips.x < -_ROUNDING:
-            self._inside = self.touching = False
+        if tips.x < -_AT_MOUTH:
+            self._inside = self._touching = False
             return X_DP
         if not self._inside:
-            if self.touching:
-                # Stopped at the mouth: friction keeps it there until it backs out.
+            if self._touching:
+                # A port that is stopped at the mouth is kept there by friction until it backs out.
                 return self._X_DP
-            entering = before.x < -_ROUNDING and math.cos(X_DP.yaw) > 0.0
+            entering = before.x < -_AT_MOUTH and math.cos(X_DP.yaw) > 0.0
             if not entering or abs(tips.y) > self._half_width:
                 return X_DP
             if abs(X_DP.y) > self._capture.lateral_m or abs(X_DP.yaw) > self._capture.yaw_rad:
-                self.touching = True
+                self._touching = True
                 return SE2(X_DP.x - tips.x, X_DP.y, X_DP.yaw)
             self._inside = True
         held = self._centred(X_DP)
         seated = -held.x <= SWITCH_TRAVEL
-        self.touching = seated or held != X_DP
+        self._touching = seated or held != X_DP
         return held
 
     def _centred(self, X_DP: SE2) -> SE2:
-        """Return the pose within the room that the funnel leaves: narrowing with depth, for the yaw to 0."""
+        """Return the nearest pose inside the funnel, whose room narrows with depth, for the yaw to 0."""
         c = self._capture
         x = min(X_DP.x, -PLUG_LENGTH if self.plugged else 0.0)
-        left = min(max(-x / self._length, 0.0), 1.0)
-        room = c.play_m + left * (c.lateral_m - c.play_m)
+        share = min(max(-x / self._length, 0.0), 1.0)
+        room = c.play_m + share * (c.lateral_m - c.play_m)
         y = min(max(X_DP.y, -room), room)
-        yaw = min(max(X_DP.yaw, -left * c.yaw_rad), left * c.yaw_rad)
+        yaw = min(max(X_DP.yaw, -share * c.yaw_rad), share * c.yaw_rad)
         return SE2(x, y, yaw)
 
     def _in_funnel(self, X_DP: SE2) -> bool:
-        """Say whether pins that are first seen there are in the funnel."""
-        near = self._centred(X_DP)
-        off = (near.x - X_DP.x, near.y - X_DP.y, near.yaw - X_DP.yaw)
-        return self._tips(X_DP).x >= 0.0 and max(map(abs, off)) < _RESTING
+        """Return whether a port that starts at ``X_DP`` has its pins in the funnel."""
+        inside = self._centred(X_DP)
+        deviation = (inside.x - X_DP.x, inside.y - X_DP.y, inside.yaw - X_DP.yaw)
+        return self._tips(X_DP).x >= 0.0 and max(map(abs, deviation)) < _START_TOLERANCE

@@ -1,4 +1,4 @@
-"""The cam of a lock, the travel of its switches, and what a pull at it shows: the same for every plant."""
+"""The lock actuator, the travel of the seat switches and the result of a pull test, for every plant."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ from dataclasses import dataclass
 
 from msrr_scenes.messages import LockPosition
 
-#: A seat switch closes when its pin is this close to the bottom of the hole [m].
+#: A seat switch closes when the pin is this close to the bottom of the hole [m].
 SWITCH_TRAVEL = 0.002
-#: The cam catches a pin that is this close to the bottom of its hole [m]; a little beyond the switch's
-#: travel, so that a closed switch means a pin in reach.
-CAM_REACH = 0.0025
-#: A lock that gives this much under the pull has given way [m].
-PULL_SLACK = 0.002
+#: The lock catches a pin that is this close to the bottom of the hole [m]: a little more than the travel of
+#: the switch, so that a closed switch means a pin in reach.
+LOCK_REACH = 0.0025
+#: A lock whose units come apart by this much under the pull has failed [m].
+MAX_PULL_DISPLACEMENT = 0.002
 
 
 @dataclass(frozen=True, slots=True)
 class PullResult:
-    """What a pull along the docking axis showed.
+    """The result of pulling two units apart along the docking axis.
 
     Attributes:
-        force_n: Force on each of the two bodies, apart.
-        displacement_m: How far they came apart along the axis, up to where the test was broken off.
-        holds: The lock did not give way.
+        force_n: Force on each of the two units [N].
+        displacement_m: Distance by which the units came apart until the end of the test [m].
+        holds: Whether the lock still holds.
     """
 
     force_n: float
@@ -31,23 +31,23 @@ class PullResult:
 
 
 class LockActuator:
-    """The cam's own motion, whatever it may hold: open at once, closed after its closing time."""
+    """The motion of a lock, whether or not it catches a pin: opens at once, closes after a closing time."""
 
     def __init__(self, close_time_s: float) -> None:
-        """Start open."""
+        """Start open; closing takes ``close_time_s`` [s]."""
         self._close_time_s = close_time_s
         self._closing_s = 0.0
         self.position = LockPosition.OPEN
 
     def command(self, close: bool) -> None:
-        """Start to close, or open. A cam that is closing or closed goes on when told to close again."""
+        """Start to close, or open. A command to close changes nothing in a lock that is not open."""
         if not close:
             self.position = LockPosition.OPEN
         elif self.position is LockPosition.OPEN:
             self.position, self._closing_s = LockPosition.CLOSING, 0.0
 
     def step(self, dt: float) -> bool:
-        """Advance by ``dt`` [s]; say whether the cam has just reached its end."""
+        """Advance by ``dt`` [s]; return whether the lock has just become closed."""
         if self.position is not LockPosition.CLOSING:
             return False
         self._closing_s += dt

@@ -1,105 +1,185 @@
-"""What the loop knows of the physics: the one interface behind which every plant stands.
+"""The interface of the physics, and what every plant has in common: time, commands, locks.
 
-Everything a plant tells is truth. The loop hands it to the sensors' models, the judge and the log, never to
+A plant returns the truth. The trial passes it to the models of the sensors, the judge and the log, never to
 perception or control.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from abc import ABC, abstractmethod
 
-from msrr_bullet.plant.lock_actuator import PullResult
-from msrr_scenes.errors import MsrrError
+from msrr_bullet.plant.limited_drive import LimitedDrive
+from msrr_bullet.plant.lock_actuator import LockActuator, PullResult
+from msrr_scenes.errors import MsrrError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import NS_PER_S, LockPosition, Twist
 from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.vehicle import LockSpec
 
 
-class Plant(Protocol):
-    """Units that move, port mechanisms and locks; time is counted in physics ticks.
+class PortMechanism(ABC):
+    """The pins, the seat switches and the lock of an active port that docks to a passive port.
 
-    A command stays in force until the next one. A unit that is not commanded brakes. A unit's mechanism
-    exists from its first :meth:`begin_dock` on; before that its switches are open and its lock holds nothing.
+    Attributes:
+        dock_step: Step of the plan: which port docks to which.
     """
 
+    def __init__(self, dock_step: DockStep, spec: LockSpec) -> None:
+        """Start with an open lock that closes and holds as ``spec`` says."""
+        self.dock_step = dock_step
+        self._spec = spec
+        self._actuator = LockActuator(spec.close_time_s)
+
     @property
-    def tick(self) -> int:
-        """Number of ticks since the start."""
-        ...
+    def position(self) -> LockPosition:
+        """Position that the lock actuator reports."""
+        return self._actuator.position
+
+    @property
+    @abstractmethod
+    def engaged(self) -> bool:
+        """Whether the lock holds the other unit."""
+
+    @abstractmethod
+    def switches(self) -> tuple[bool, bool]:
+        """Return whether the seat switches (left, right) are closed."""
+
+    @abstractmethod
+    def pins_touch(self) -> bool:
+        """Return whether a pin touches the other unit or what plugs the port."""
+
+    @abstractmethod
+    def pull_test(self) -> PullResult:
+        """Pull the two units apart; simulated time may pass, and the lock may fail."""
+
+    def command(self, close: bool) -> None:
+        """Close the lock, or open it and release the other unit."""
+        self._actuator.command(close)
+        if not close:
+            self._release()
+
+    @abstractmethod
+    def _release(self) -> None: ...
+
+
+class Plant(ABC):
+    """Units that move, with port mechanisms and locks; time is counted in physics ticks.
+
+    A command stays in force until the next one. A unit without a command brakes. The port mechanism of a unit
+    exists from the first :meth:`begin_dock` on; before that the switches are open and the lock holds nothing.
+
+    Attributes:
+        tick: Number of physics ticks since the start.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Start with all drives at rest and no port mechanism."""
+        self.tick = 0
+        self._scene = scene
+        self._dt = 1.0 / scene.physics_hz
+        self._commands = dict.fromkeys(scene.units, Twist())
+        self._drives = {name: LimitedDrive(scene.limits) for name in scene.units}
+        self._mechanisms: dict[str, PortMechanism] = {}
 
     def now_ns(self) -> int:
-        """Return the time of the present tick."""
-        ...
+        """Return the time of the present tick [ns]."""
+        return tick_ns(self.tick, self._scene.physics_hz)
 
+    @abstractmethod
     def step(self) -> None:
         """Advance by one tick."""
-        ...
 
     def command(self, unit: str, twist: Twist) -> None:
-        """Ask the drive of ``unit`` for a velocity."""
-        ...
+        """Command a velocity to the drive of ``unit``."""
+        self._check_unit(unit)
+        self._commands[unit] = twist
+
+    @abstractmethod
+    def pose(self, unit: str) -> SE2:
+        """Return the true ``X_WU``."""
+
+    @abstractmethod
+    def pose3(self, unit: str) -> SE3:
+        """Return the true ``X_WU`` with pitch, roll and height."""
+
+    @abstractmethod
+    def wheel_angles(self, unit: str) -> tuple[float, float]:
+        """Return the true angles of the left and the right wheel [rad]."""
+
+    @abstractmethod
+    def twist(self, unit: str) -> Twist:
+        """Return the true velocity of frame U, expressed in U."""
+
+    def begin_dock(self, step: DockStep) -> None:
+        """Assign the target port of ``step`` to the port mechanism of the docking unit.
+
+        Raises:
+            MsrrError: The lock of the unit still holds another unit.
+        """
+        if self.lock_engaged(step.unit):
+            raise MsrrError(f"unit {step.unit!r} is still locked; open its lock before it docks to {step.to}")
+        self._mechanisms[step.unit] = self._build_mechanism(step)
 
     def set_lock(self, unit: str, close: bool) -> None:
         """Close the lock of ``unit``, or open it."""
-        ...
-
-    def pose(self, unit: str) -> SE2:
-        """Return ``X_WU``."""
-        ...
-
-    def pose3(self, unit: str) -> SE3:
-        """Return ``X_WU`` with pitch, roll and height."""
-        ...
-
-    def wheel_angles(self, unit: str) -> tuple[float, float]:
-        """Return the angles of the left and the right wheel [rad]."""
-        ...
-
-    def twist(self, unit: str) -> Twist:
-        """Return the velocity of U, seen from U."""
-        ...
+        self._mechanism(unit).command(close)
 
     def switches(self, unit: str) -> tuple[bool, bool]:
-        """Return the true state of the seat switches (left, right) of the port ``unit`` docks to."""
-        ...
+        """Return whether the seat switches (left, right) of the port that ``unit`` docks to are closed."""
+        mechanism = self._mechanisms.get(unit)
+        return mechanism.switches() if mechanism else (False, False)
 
     def lock_position(self, unit: str) -> LockPosition:
-        """Return what the cam of ``unit`` says."""
-        ...
+        """Return the position that the lock of ``unit`` reports."""
+        mechanism = self._mechanisms.get(unit)
+        return mechanism.position if mechanism else LockPosition.OPEN
 
     def lock_engaged(self, unit: str) -> bool:
-        """Say whether the lock of ``unit`` holds the other unit."""
-        ...
+        """Return whether the lock of ``unit`` holds the other unit."""
+        mechanism = self._mechanisms.get(unit)
+        return mechanism is not None and mechanism.engaged
 
     def pins_touch(self, unit: str) -> bool:
-        """Say whether a pin of ``unit`` touches the unit it docks to."""
-        ...
-
-    def begin_dock(self, step: DockStep) -> None:
-        """Name the port that the unit's pins, switches and lock have to do with from now on."""
-        ...
+        """Return whether a pin of ``unit`` touches the unit that it docks to."""
+        mechanism = self._mechanisms.get(unit)
+        return mechanism is not None and mechanism.pins_touch()
 
     def pull_test(self, unit: str) -> PullResult:
-        """Pull at the lock of ``unit``; time goes on meanwhile, and the units may come apart."""
-        ...
+        """Pull at the lock of ``unit``; simulated time may pass, and the units may come apart."""
+        return self._mechanism(unit).pull_test()
 
+    @abstractmethod
     def set_plug(self, unit: str, port: str, present: bool) -> None:
-        """Stop up the holes of a passive port, or clear them."""
-        ...
+        """Plug the holes of a passive port, or clear them."""
 
+    @abstractmethod
     def close(self) -> None:
-        """Give back what the plant owns."""
-        ...
+        """Release the resources of the plant."""
+
+    @abstractmethod
+    def _build_mechanism(self, step: DockStep) -> PortMechanism: ...
+
+    def _check_unit(self, unit: str) -> None:
+        if unit not in self._commands:
+            raise UnknownNameError("unit", unit, self._commands)
+
+    def _mechanism(self, unit: str) -> PortMechanism:
+        self._check_unit(unit)
+        try:
+            return self._mechanisms[unit]
+        except KeyError:
+            raise NoDockError(unit) from None
 
 
 def tick_ns(tick: int, physics_hz: float) -> int:
-    """Return the time of a physics tick, rounded to the nanosecond."""
+    """Return the time of a physics tick, rounded to a nanosecond."""
     return round(tick * NS_PER_S / physics_hz)
 
 
 class NoDockError(MsrrError):
-    """A unit's mechanism is asked for something before the unit has begun to dock."""
+    """A port mechanism is used before the unit has begun to dock."""
 
     def __init__(self, unit: str) -> None:
         """Name the unit."""

@@ -1,9 +1,9 @@
-"""The record of a robot, and the proof that the robot does the same again from it."""
+"""Recording of everything that a robot gets and does, and replay of a recording without the simulator."""
 
-from msrr_bullet.replay.comparison import Mismatch, ReplayError, ReplayReport, RobotFactory
+from msrr_bullet.replay.comparison import Mismatch, ReplayError, ReplayReport
 from msrr_bullet.replay.isolation import replay_isolated
 from msrr_bullet.replay.recorded_robot import RecordedRobot
-from msrr_bullet.replay.replayer import replay
+from msrr_bullet.replay.replayer import RobotFactory, replay
 
 __all__ = [
     "Mismatch",

@@ -1,4 +1,4 @@
-"""Replays a run without the simulator and writes the report as JSON; see :func:`replay_isolated`."""
+"""Replays a run without the simulator and writes the report as JSON; run by :func:`replay_isolated`."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A replay in a process of its own that cannot import the simulator."""
+"""A replay in a new process that cannot import the simulator."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def replay_isolated(run: Path) -> ReplayReport:
     """Replay a run in a new process that cannot import the simulator.
 
     Raises:
-        ReplayError: The replay could not be made; the message gives the reason.
+        ReplayError: The replay cannot be made; the message gives the reason.
     """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     finished = subprocess.run(
@@ -32,24 +32,24 @@ def replay_isolated(run: Path) -> ReplayReport:
         check=False,
     )
     if finished.returncode not in (0, 1) or not finished.stdout:
-        raise ReplayError(f"{run}: the replay broke off: {finished.stderr.strip()}")
+        raise ReplayError(f"{run}: the replay failed: {finished.stderr.strip()}")
     return ReplayReport.model_validate_json(finished.stdout)
 
 
 class SimulatorBarrier(MetaPathFinder):
-    """An import hook that refuses to import the simulator, at any depth."""
+    """An import hook that refuses to import the simulator, whoever imports it."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Raise ImportError for the packages of the simulator; leave the others to the usual finders."""
+        """Raise ImportError for the packages of the simulator, and leave all others to the usual finders."""
         if fullname.partition(".")[0] in SIMULATOR:
             raise ImportError(f"{fullname} is not available in a replay, which runs without the simulator")
         return None
 
     @classmethod
     def install(cls) -> None:
-        """Install the hook in this process until the process ends.
+        """Install the hook for the rest of this process.
 
         Raises:
             ReplayError: A package of the simulator has been imported already.

@@ -1,4 +1,4 @@
-"""Records everything that passes between a trial and its robot, in the order in which a replay needs it."""
+"""Records everything that passes between a trial and a robot, in the order in which a replay needs it."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class RecordedRobot:
     def __init__(
         self, robot: Robot, unit: str, recorder: Recorder, index: int, now_ns: Callable[[], int]
     ) -> None:
-        """Record the beginning of a step of the plan, and from now on everything that the robot does.
+        """Record the start of a step of the plan.
 
         Args:
-            robot: The robot.
-            unit: The unit that docks.
+            robot: The robot of the step.
+            unit: Name of the docking unit.
             recorder: Gets the messages.
             index: Index of the step in the plan.
-            now_ns: Returns the simulated time, at which messages arrive.
+            now_ns: Returns the simulated time [ns].
         """
         self._robot = robot
         self._unit = unit
@@ -49,48 +49,48 @@ class RecordedRobot:
 
     @property
     def estimate(self) -> PoseEstimate | None:
-        """Belief on which the last decision was taken."""
+        """Pose estimate on which the last decision was based."""
         return self._robot.estimate
 
     @property
     def los(self) -> LosObservation | None:
-        """Line of sight on which the last decision was taken."""
+        """Line of sight on which the last decision was based."""
         return self._robot.los
 
     @property
     def belief(self) -> Belief:
-        """Verdict on the step as of the last decision."""
+        """Belief of the robot about the outcome of the step."""
         return self._robot.belief
 
     @property
-    def situation(self) -> ArenaEstimate | None:
-        """What global localisation knew when the last decision was taken."""
-        return self._robot.situation
+    def arena(self) -> ArenaEstimate | None:
+        """Estimate of all bodies in the arena on which the last decision was based."""
+        return self._robot.arena
 
     @property
     def assembly(self) -> AssemblyProgress | None:
-        """What the long-distance phase did; None when it is not at work."""
+        """Progress of the long-distance phase at the last decision; None in other phases."""
         return self._robot.assembly
 
     @property
     def path(self) -> AssemblyPath | None:
-        """The path that the long-distance phase follows."""
+        """Path that the long-distance phase follows or followed last."""
         return self._robot.path
 
-    def wants(self, camera: str) -> bool:
-        """Say whether the robot has a use for the frames of ``camera`` now."""
-        return self._robot.wants(camera)
+    def uses_camera(self, camera: str) -> bool:
+        """Return whether the robot uses the frames of ``camera`` now."""
+        return self._robot.uses_camera(camera)
 
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
-        """Record the exposure and the windows that the robot asks for."""
+        """Record an exposure and the windows that the robot fetches from it."""
         self._recorder.write(topics.exposure(exposure.camera), exposure.stamp_ns, exposure)
 
-        def recorded(window: Window) -> Pixels:
+        def fetch_and_record(window: Window) -> Pixels:
             pixels = fetch(window)
             self._recorder.window(exposure, window, pixels)
             return pixels
 
-        return self._robot.expose(exposure, recorded)
+        return self._robot.expose(exposure, fetch_and_record)
 
     def receive(self, message: SensorMessage) -> None:
         """Record a message as it arrives."""
@@ -98,15 +98,15 @@ class RecordedRobot:
         self._robot.receive(message)
 
     def step(self, now_ns: int) -> Action:
-        """Record the decision, and the belief it was taken on."""
+        """Record the action of one control instant, and the estimates on which it is based."""
         action = self._robot.step(now_ns)
         self._recorder.write(topics.action(self._unit), now_ns, action)
         if (estimate := self._robot.estimate) is not None:
             self._recorder.write(topics.estimate(self._unit), now_ns, estimate)
         if (los := self._robot.los) is not None:
             self._recorder.write(topics.los(self._unit), now_ns, los)
-        if (situation := self._robot.situation) is not None:
-            self._recorder.write(topics.situation(self._unit), now_ns, situation)
+        if (arena := self._robot.arena) is not None:
+            self._recorder.write(topics.situation(self._unit), now_ns, arena)
         if (assembly := self._robot.assembly) is not None:
             self._recorder.write(topics.assembly(self._unit), now_ns, assembly)
         if (path := self._robot.path) is not None and path is not self._path:

@@ -1,19 +1,58 @@
-"""A replay runs the robot again from a log and compares everything that it does, bit for bit.
+"""A replay runs the robot again from a log and compares all outputs, bit for bit.
 
-The robot gets what the log says that it got, in the same order: exposures with the pixels of the windows that
-it asked for, sensor messages as they arrived, and the clock. Nothing else of the log reaches it. If its
-decisions come out the same in a process that cannot import the simulator, it saw nothing else in the trial
-either. The recording of a real robot would be replayed in the same way.
+The robot gets the inputs of the log in their order: exposures with the pixels of the windows that it fetched,
+sensor messages at their arrival, and the time. It gets nothing else of the log. If its outputs are equal in a
+process that cannot import the simulator, the robot had no other inputs in the trial either. The recording of
+a real robot would be replayed in the same way.
 """
 
 from __future__ import annotations
 
 import tempfile
+from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 
-from msrr_bullet.log.reader import read_log
-from msrr_bullet.replay.comparison import Comparison, ReplayReport, RobotFactory
+from msrr_bullet.log.reader import Log, LogRecord, read_log
+from msrr_bullet.log.records import CameraWindow, StepStart
+from msrr_bullet.replay.comparison import Comparison, Diverged, ReplayError, ReplayReport, encoded
 from msrr_bullet.robot.autonomy import Autonomy
+from msrr_bullet.robot.interface import Robot
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.messages import (
+    Action,
+    ArenaEstimate,
+    AssemblyPath,
+    AssemblyProgress,
+    Belief,
+    Detections,
+    Exposure,
+    GlobalPose,
+    Localisation,
+    LockFeedback,
+    LosObservation,
+    Pixels,
+    PoseEstimate,
+    PoseMeasurement,
+    SeatSwitches,
+    WheelOdometry,
+)
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
+
+_SENSOR_MESSAGES = (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, GlobalPose, Localisation)
+
+#: The estimates that a robot shows after a decision, and their names in the report.
+_ESTIMATES: dict[type, str] = {
+    PoseEstimate: "estimate",
+    LosObservation: "los",
+    ArenaEstimate: "situation",
+    AssemblyProgress: "assembly",
+    AssemblyPath: "path",
+    Belief: "belief",
+}
+
+RobotFactory = Callable[[Scene, DockStep], Robot]
 
 
 def replay(run: Path, robot: RobotFactory = Autonomy) -> ReplayReport:
@@ -25,8 +64,142 @@ def replay(run: Path, robot: RobotFactory = Autonomy) -> ReplayReport:
 
     Raises:
         LogError: The log cannot be read.
-        ReplayError: The log is not one of a trial.
+        ReplayError: The log is not that of a trial.
     """
     log = read_log(run)
     with tempfile.TemporaryDirectory(prefix="msrr-replay-") as folder:
-        return Comparison(log, log.header.unpacked(Path(folder)).scene, robot).run()
+        return Replayer(log, log.header.unpacked(Path(folder)).scene, robot).run()
+
+
+class Replayer:
+    """One pass over a log."""
+
+    def __init__(self, log: Log, scene: Scene, factory: RobotFactory) -> None:
+        """Compare ``log``, of a trial of ``scene``, with the robots that ``factory`` builds."""
+        self._log = log
+        self._scene = scene
+        self._factory = factory
+        self._robot: Robot | None = None
+        self._exposure: LogRecord | None = None
+        self._windows: list[LogRecord] = []
+        self._detections: dict[tuple[str, int], Detections] = {}
+        self._estimates: dict[type, bytes] = {}
+        self._path: AssemblyPath | None = None
+        self._comparison = Comparison()
+        self._counts = dict.fromkeys(
+            ("steps", "sensor_messages", "commands", "estimates", "windows", "detections"), 0
+        )
+
+    def run(self) -> ReplayReport:
+        """Read the log to its end, or to where the robot leaves it."""
+        last: LogRecord | None = None
+        try:
+            for record in self._log.records():
+                expected = 0 if last is None else last.sequence + 1
+                if record.sequence != expected:
+                    self._comparison.add("log", record, f"message {expected}", None)
+                    raise Diverged
+                last = record
+                self._process(record)
+            if last is not None and self._log.complete:  # else windows or estimates may be missing at the end
+                self._expose()
+                self._report_unlogged_estimates(last)
+        except Diverged:
+            pass  # the difference is in the list
+        if not self._counts["steps"]:
+            raise ReplayError(f"{self._log.path}: nothing to replay, the log holds no step of a plan")
+        return ReplayReport(
+            log=self._log.path,
+            complete=self._log.complete,
+            mismatches=tuple(self._comparison.mismatches),
+            **self._counts,
+        )
+
+    def _process(self, record: LogRecord) -> None:
+        kind = record.kind
+        if kind is CameraWindow:
+            self._windows.append(record)
+            return
+        self._expose()
+        if kind in _ESTIMATES:
+            self._compare_estimate(record)
+        elif kind is Exposure:
+            self._exposure = record
+        elif kind is StepStart:
+            self._start(record)
+        elif kind is Detections:
+            self._deliver(record)
+        elif kind in _SENSOR_MESSAGES:
+            self._counts["sensor_messages"] += 1
+            self._robot_of(record).receive(record.message)
+        elif kind is Action:
+            self._decide(record)
+
+    def _robot_of(self, record: LogRecord) -> Robot:
+        if self._robot is None:
+            raise ReplayError(
+                f"{self._log.path}: message {record.sequence} on {record.topic} comes before the first step"
+            )
+        return self._robot
+
+    def _start(self, record: LogRecord) -> None:
+        start: StepStart = record.message
+        if not 0 <= start.index < len(self._scene.plan):
+            raise ReplayError(f"{self._log.path}: step {start.index} is not in the plan of the scene")
+        self._report_unlogged_estimates(record)
+        self._counts["steps"] += 1
+        self._robot = self._factory(self._scene, self._scene.plan[start.index])
+
+    def _expose(self) -> None:
+        """Give the robot the last exposure, whose windows have all been read from the log by now."""
+        record, self._exposure = self._exposure, None
+        if record is None:
+            return
+        exposure: Exposure = record.message
+        logged, self._windows = deque(self._windows), []
+
+        def fetch(window: Window) -> Pixels:
+            self._counts["windows"] += 1
+            expected: CameraWindow | None = logged.popleft().message if logged else None
+            if expected is None or expected.window != window or expected.exposure != exposure:
+                name = None if expected is None else str(expected.window)
+                self._comparison.add("window", record, name, str(window))
+                raise Diverged
+            return expected.pixels
+
+        detections = self._robot_of(record).expose(exposure, fetch)
+        for unused in logged:
+            self._comparison.add("window", unused, str(unused.message.window), None)
+        if detections is not None:
+            self._detections[exposure.camera, exposure.frame] = detections
+
+    def _deliver(self, record: LogRecord) -> None:
+        logged: Detections = record.message
+        detections = self._detections.pop((logged.exposure.camera, logged.exposure.frame), None)
+        self._counts["detections"] += 1
+        if not self._comparison.compare("detections", record, detections) or detections is None:
+            raise Diverged
+        self._robot_of(record).receive(detections)
+
+    def _decide(self, record: LogRecord) -> None:
+        self._report_unlogged_estimates(record)
+        robot = self._robot_of(record)
+        self._counts["commands"] += 1
+        self._comparison.compare("command", record, robot.step(record.stamp_ns))
+        path, self._path = (None if robot.path is self._path else robot.path), robot.path
+        for estimate in (robot.estimate, robot.los, robot.arena, robot.assembly, path, robot.belief):
+            if estimate is not None:
+                self._estimates[type(estimate)] = encoded(estimate, record.topic)
+
+    def _compare_estimate(self, record: LogRecord) -> None:
+        self._counts["estimates"] += 1
+        data = self._estimates.pop(record.kind, None)
+        if data != record.data:
+            logged, replayed = record.data.decode(), None if data is None else data.decode()
+            self._comparison.add(_ESTIMATES[record.kind], record, logged, replayed)
+
+    def _report_unlogged_estimates(self, record: LogRecord) -> None:
+        """Report the estimates of the last decision that the log does not hold."""
+        for kind, data in self._estimates.items():
+            self._comparison.add(_ESTIMATES[kind], record, None, data.decode())
+        self._estimates = {}

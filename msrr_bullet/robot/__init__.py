@@ -1,4 +1,4 @@
-"""The programs that run on board of a docking unit. They import nothing of the simulator."""
+"""The software of a docking unit: perception, control, collision monitor. It never imports the simulator."""
 
 from msrr_bullet.robot.autonomy import Autonomy
 from msrr_bullet.robot.collision_monitor import CollisionMonitor, MonitorDecision, MonitorState

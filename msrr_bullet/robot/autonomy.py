@@ -1,7 +1,7 @@
-"""The robot: what runs on the docking unit's computer.
+"""The robot: the software that runs on the computer of the docking unit.
 
-It is made of the perception and the control room and sees images, wheel odometry, its own switches and the
-clock. It imports nothing of the simulator, and a replay runs it again from a log.
+It joins perception and control and gets images, wheel odometry, seat switches, lock reports and the time. It
+imports nothing of the simulator, and a replay runs it again from a log.
 """
 
 from __future__ import annotations
@@ -48,41 +48,45 @@ from msrr_scenes.registry import build
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
-#: Period of the onboard camera's routine look at its full frame [frames].
-FULL_LOOK_EVERY = 50
+#: Period with which the onboard camera searches the full frame [frames].
+FULL_FRAME_PERIOD = 50
 
-#: Phases that go by the overhead camera.
-_GLOBAL = frozenset({Phase.ASSEMBLE, Phase.HAND_OVER})
+#: Phases in which the unit is localised by the overhead camera.
+_FAR_PHASES = frozenset({Phase.ASSEMBLE, Phase.HAND_OVER})
 
-#: Phases in which the overhead camera exposes: also where the unit drives where its own does not look.
-_OVERLOOKED = _GLOBAL | {Phase.RETREAT}
+#: Phases that use every frame of the overhead camera: also the retreat, which the onboard camera cannot see.
+_OVERHEAD_PHASES = _FAR_PHASES | {Phase.RETREAT}
 
-#: Period of the glances from above at what stands around a unit that drives to the port [ns].
-_GLANCE_NS = NS_PER_S
+#: Period with which the overhead camera checks the surroundings of a unit that drives to the port [ns].
+_CHECK_PERIOD_NS = NS_PER_S
 
-#: Middle of a glance in the unit's frame: a post of 8 cm is wholly seen before a unit at 0.25 m/s, twice what
-#: the laws drive in front of a port, comes as near as it could still stop.
-_GLANCED = SE2(0.2, 0.0, 0.0)
+#: Middle of the checked square in frame U: at 0.25 m/s, twice the speed of the laws in front of a port, a
+#: post of 8 cm is completely in the square while the unit can still stop.
+_CHECK_CENTRE = SE2(0.2, 0.0, 0.0)
 
 
 class Autonomy:
     """One docking unit during one step of the plan.
 
-    The scene tells it what its makers would: geometry, calibration, sensor data sheets, the plan. It never
-    looks at where the scene puts anybody.
+    From the scene it takes geometry, calibration, data sheets and the plan, never the poses of bodies.
+
+    Attributes:
+        estimate: Pose estimate on which the last decision was based.
+        los: Line of sight on which the last decision was based.
+        arena: Estimate of all bodies in the arena on which the last decision was based.
     """
 
     def __init__(self, scene: Scene, step: DockStep, profiler: Profiler | None = None) -> None:
         """Set up the robot for one step.
 
         Args:
-            scene: What its makers know.
-            step: What it is to do.
+            scene: Geometry, data sheets and parameters.
+            step: The step of the plan.
             profiler: Measures the time of the collision monitor.
 
         Raises:
-            UnknownNameError: Detector, estimator or controller that nobody answers to.
-            SceneError: Their parameters are wrong, or the target cannot be docked to by sight.
+            UnknownNameError: The scene names an unknown detector, estimator or controller.
+            SceneError: Parameters are wrong, or the target port shows no tags.
         """
         target = TargetModel.from_scene(scene, step)
         detector: Detector = build("detector", scene.control.detector, DETECTORS)
@@ -94,79 +98,81 @@ class Autonomy:
             scene.odometry,
             delay_compensation=scene.control.delay_compensation,
         )
-        whole = scene.cameras.onboard.readout == "frames"  # then a window saves nothing
-        self._vision = OnboardVision(target, detector, full_every=1 if whole else FULL_LOOK_EVERY)
+        frames_only = scene.cameras.onboard.readout == "frames"  # then windows save nothing
+        self._vision = OnboardVision(target, detector, full_every=1 if frames_only else FULL_FRAME_PERIOD)
         self._los_estimator = LosEstimator(target)
-        self._above = OverheadLocalizer.of(scene, step, detector)
         setup = DockSetup.of(scene, step)
+        self._overhead: OverheadLocalizer | None = None
         self._assembler: Assembler | None = None
-        if self._above is not None:
+        self._monitor: CollisionMonitor | None = None
+        if scene.cameras.overhead is not None:
+            self._overhead = OverheadLocalizer(scene, step, detector)
             self._assembler = build_assembler(scene.control.assembly, AssemblySetup.of(scene, step))
+            self._monitor = CollisionMonitor(scene, step)
         controller = build_controller(scene.control.docking, setup)
         self._phases = PhaseMachine(scene.docking, setup, controller, self._assembler)
-        self._guard = CollisionMonitor(scene, step) if self._above else None
         self._profiler = profiler or NullProfiler()
         self._onboard = target.camera_name
         self._wheel_radius, self._track = target.wheel_radius, target.track
         self._readings: tuple[WheelOdometry, WheelOdometry] | None = None
-        self._newest: WheelOdometry | None = None
+        self._last_reading: WheelOdometry | None = None
         self._switches: SeatSwitches | None = None
         self._lock: LockFeedback | None = None
         self._now_ns = 0
-        self._glanced_ns = 0
+        self._checked_ns = 0
         self.estimate: PoseEstimate | None = None
         self.los: LosObservation | None = None
-        self.situation: ArenaEstimate | None = None
+        self.arena: ArenaEstimate | None = None
 
     @property
     def belief(self) -> Belief:
-        """What the robot says about this step."""
+        """Belief of the robot about the outcome of the step."""
         return self._phases.belief
 
     @property
     def assembly(self) -> AssemblyProgress | None:
-        """What the long-distance phase did at the last instant; None when it is not at work."""
+        """Progress of the long-distance phase at the last decision; None in other phases."""
         if self._phases.phase is not Phase.ASSEMBLE:
             return None
         return getattr(self._assembler, "progress", None)
 
     @property
     def path(self) -> AssemblyPath | None:
-        """The path that the long-distance phase follows or followed last."""
+        """Path that the long-distance phase follows or followed last."""
         return getattr(self._assembler, "path", None)
 
-    def wants(self, camera: str) -> bool:
-        """Say whether the frames of a camera are of any use in this phase; the others need not expose."""
+    def uses_camera(self, camera: str) -> bool:
+        """Return whether the robot uses the frames of ``camera`` now; other cameras need not expose."""
         if camera == self._onboard:
             return self._phases.phase is not Phase.ASSEMBLE
-        return self._phases.phase in _OVERLOOKED or self._glances()
+        return self._phases.phase in _OVERHEAD_PHASES or self._check_is_due()
 
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
-        """Look at a frame at the instant of its exposure; the result is known only when it is received."""
+        """Read windows of an exposure and return the detections, which are used only when received."""
         if exposure.camera == self._onboard:
             return self._vision.look(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
-        if self._above is None:
+        if self._overhead is None:
             return None
-        if self._phases.phase is Phase.DOCK and self.situation is not None:
-            self._glanced_ns = exposure.stamp_ns
-            return self._above.glance(exposure, self.situation.own.X_WB @ _GLANCED, fetch)
-        return self._above.look(exposure, fetch)
+        if self._phases.phase is Phase.DOCK and self.arena is not None:
+            self._checked_ns = exposure.stamp_ns
+            return self._overhead.detect_near(exposure, self.arena.own.X_WB @ _CHECK_CENTRE, fetch)
+        return self._overhead.detect(exposure, fetch)
 
-    def _glances(self) -> bool:
-        """Say whether it is time for a glance: the unit's own camera shows the port, and no obstacle."""
-        if self._phases.phase is not Phase.DOCK or self._above is None or self.situation is None:
+    def _check_is_due(self) -> bool:
+        """Return whether the overhead camera has to check what the onboard camera does not see."""
+        if self._phases.phase is not Phase.DOCK or self._overhead is None or self.arena is None:
             return False
-        newest_ns = max(self._glanced_ns, self._above.newest_ns or 0)
-        return self._now_ns - newest_ns >= _GLANCE_NS
+        newest_ns = max(self._checked_ns, self._overhead.newest_ns or 0)
+        return self._now_ns - newest_ns >= _CHECK_PERIOD_NS
 
     def receive(self, message: SensorMessage) -> None:
-        """Take in a message that has arrived."""
+        """Process a message that arrives now."""
         match message:
             case WheelOdometry():
                 self._estimator.add_odometry(message)
-                if self._newest is not None:
-                    self._readings = (self._newest, message)
-                self._newest = message
+                if self._last_reading is not None:
+                    self._readings = (self._last_reading, message)
+                self._last_reading = message
             case Detections() if message.exposure.camera == self._onboard:
                 self._estimator.add_detections(message)
                 self._los_estimator.add_detections(message)
@@ -177,17 +183,17 @@ class Autonomy:
                 self._switches = message
             case LockFeedback():
                 self._lock = message
-        if self._above is not None:
-            self._above.receive(message)
+        if self._overhead is not None:
+            self._overhead.receive(message)
 
     def step(self, now_ns: int) -> Action:
-        """Decide at one control instant."""
+        """Return the action of one control instant."""
         self._now_ns = now_ns
         self.estimate = self._estimator.estimate(now_ns)
         self.los = self._los_estimator.observe(now_ns, self._estimator)
-        if self._above is not None:
-            near = self._phases.phase not in _GLOBAL
-            self.situation = self._above.situation(now_ns, self.estimate if near else None)
+        if self._overhead is not None:
+            by_onboard_camera = self._phases.phase not in _FAR_PHASES
+            self.arena = self._overhead.estimate(now_ns, self.estimate if by_onboard_camera else None)
         before = self._phases.phase
         action = self._phases.step(
             Observation(
@@ -197,29 +203,29 @@ class Autonomy:
                 switches=self._switches,
                 lock=self._lock,
                 twist=self._twist(),
-                situation=self.situation,
-                looked_around_ns=self._above.newest_ns if self._above else None,
+                situation=self.arena,
+                looked_around_ns=self._overhead.newest_ns if self._overhead else None,
             )
         )
         if action.phase is Phase.ASSEMBLE and before is not Phase.ASSEMBLE:
-            # What the camera on board saw from somewhere else is of no use for the next look.
+            # Estimates by the onboard camera from another place are of no use for the next docking phase.
             for part in (self._estimator, self._los_estimator, self._vision):
                 part.reset()
-        if self._above is not None and action.phase is Phase.RETREAT and before is not Phase.RETREAT:
-            self._above.search_next()  # something may have come up behind the unit since the last look
+        if self._overhead is not None and action.phase is Phase.RETREAT and before is not Phase.RETREAT:
+            self._overhead.restart_search()  # an obstacle may have appeared behind the unit
         return self._limit_by_clearance(action)
 
     def _limit_by_clearance(self, action: Action) -> Action:
-        """Let the clearance guard have the last word on the command."""
-        if self._guard is None:
+        """Limit the command so that the unit can stop before it reaches any known body."""
+        if self._monitor is None:
             return action
-        docking = action.phase not in _GLOBAL
-        with self._profiler("guard"):
-            decision = self._guard.limit(action.twist, self.situation, action.stamp_ns, docking)
+        docking = action.phase not in _FAR_PHASES
+        with self._profiler("collision monitor"):
+            decision = self._monitor.limit(action.twist, self.arena, action.stamp_ns, docking)
         return action if decision.twist is action.twist else replace(action, twist=decision.twist)
 
     def _twist(self) -> Twist:
-        """Return the velocity that the last two encoder readings tell."""
+        """Return the velocity measured by the last two encoder readings."""
         if self._readings is None:
             return Twist()
         before, after = self._readings

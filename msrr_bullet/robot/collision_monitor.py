@@ -1,7 +1,7 @@
-"""The clearance guard: slows and stops what would bring the docking unit too close to anything it knows of.
+"""The collision monitor: slows and stops commands that bring the docking unit too close to a known body.
 
-It works on estimates alone and stands between the law and the drive. What it does not know of it cannot keep
-away from, and it takes off every clearance what the estimates may be wrong by.
+It works on estimates alone, between the control law and the drive. It cannot avoid bodies that it does not
+know, and it subtracts the uncertainty of the estimates from every clearance.
 """
 
 from __future__ import annotations
@@ -12,22 +12,22 @@ from enum import Enum
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
-from msrr_bullet.robot.stopping_trajectory import StoppingTrajectory, Surroundings
+from msrr_bullet.robot.stopping_trajectory import LocalMap, StoppingTrajectory
 from msrr_scenes.messages import ArenaEstimate, Twist
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
-#: A way that loses no more clearance than this [m] counts as one that keeps it: rounding, and no more, for a
-#: small loss allowed with every command adds up.
+#: Loss of clearance along a trajectory that still counts as none [m]: no more than rounding, because a small
+#: loss with every command would add up.
 _LOSS_M = 1e-6
-#: Halvings with which the largest harmless share of a command is found.
-_HALVINGS = 4
-#: Share of a command that is left where the clearance ahead has fallen to ``stop_m``.
+#: Steps of the bisection for the largest share of a command that is allowed.
+_BISECTIONS = 4
+#: Share of a command that passes where the clearance ahead has fallen to ``stop_m``.
 _CREEP = 0.25
 
 
 class MonitorState(Enum):
-    """What the guard does with a command."""
+    """The effect of the collision monitor on a command."""
 
     FREE = "free"
     SLOW = "slow"
@@ -36,15 +36,15 @@ class MonitorState(Enum):
 
 @dataclass(frozen=True, slots=True)
 class MonitorDecision:
-    """The guard's answer to one command.
+    """The decision of the collision monitor on one command.
 
     Attributes:
-        twist: What may be commanded.
-        clearance: The smallest clearance of the unit at present, by the estimates; None when the guard is
-            off and where nothing known is so near that it could matter.
-        state: Whether the command passed as it was, slower (or in part), or not at all.
-        ahead: Smallest clearance along the way that the whole command would lead [m], with what the
-            estimates may be wrong by taken off; where ``clearance`` is None, what it is at least.
+        twist: Command that may be sent to the drive.
+        clearance: Smallest present clearance of the unit by the estimates; None when the monitor is disabled
+            or every known body is too far away to matter.
+        state: Whether the command passes unchanged, slower (or in part), or not at all.
+        ahead: Smallest clearance along the trajectory of the whole command [m], less the uncertainty of the
+            estimates; a lower bound where ``clearance`` is None.
     """
 
     twist: Twist
@@ -54,84 +54,78 @@ class MonitorDecision:
 
 
 class CollisionMonitor:
-    """Limits commands of one docking unit during one step of the plan.
+    """Limits the commands of one docking unit during one step of the plan.
 
-    It looks ahead to where the unit would stand if it braked as soon as the next command could make it
-    (:class:`~msrr_bullet.robot.stopping_trajectory.StoppingTrajectory`) and takes the smallest clearance on
-    that way:
+    It predicts the trajectory of a unit that brakes as soon as the next command could arrive
+    (:class:`~msrr_bullet.robot.stopping_trajectory.StoppingTrajectory`). The smallest clearance along the
+    trajectory decides:
 
-    - at least ``slow_m``, or no less than at present: the command passes;
-    - between ``stop_m`` and ``slow_m``: it passes slower, down to a creep;
-    - less than ``stop_m``: the largest share of a creep passes that keeps ``stop_m``; if there is none, the
-      turn alone when that keeps it; else nothing.
+    - at least ``slow_m``, or no less than the present clearance: the command passes;
+    - between ``stop_m`` and ``slow_m``: a share of it passes, which falls to a quarter at ``stop_m``;
+    - less than ``stop_m``: the largest share below a quarter passes that keeps ``stop_m``; if there is none,
+      the turn alone if it keeps ``stop_m``; else nothing.
 
-    A command that leads away always passes, however near the unit is.
+    A command that leads away from a body always passes, however near the unit is.
     """
 
     def __init__(self, scene: Scene, step: DockStep) -> None:
-        """Take shapes, limits and latencies from the scene; where bodies stand is not read."""
+        """Take shapes, limits and latencies from the scene; the poses of bodies are not used."""
         self._spec = scene.control.guard
-        self._own = step.unit
         self._target = step.target_unit
-        self._model = ClearanceModel(scene)
+        self._model = ClearanceModel.from_scene(scene)
         self._reaches = {unit: scene.geometry(unit).circumradius for unit in scene.units}
         self._reaches |= {name: spec.radius_m for name, spec in scene.obstacles.items()}
-        self._way = StoppingTrajectory(scene)
-
-    def reset(self) -> None:
-        """Forget how fast the unit is: it stands."""
-        self._way.reset()
+        self._trajectory = StoppingTrajectory(scene)
 
     def limit(
-        self, twist: Twist, situation: ArenaEstimate | None, now_ns: int, docking: bool = False
+        self, twist: Twist, arena: ArenaEstimate | None, now_ns: int, docking: bool = False
     ) -> MonitorDecision:
-        """Return what of a command may pass; to be asked for every command, in the order of time.
+        """Decide on one command; to be called for every command, in order of time.
 
         Args:
-            twist: What the law commands.
-            situation: What is known of the arena; None while nothing is, and everything passes.
+            twist: Command of the control law.
+            arena: Estimate of all bodies in the arena; None while there is none, and every command passes.
             now_ns: Time of the command.
-            docking: Whether contact with the target unit is wanted or just over: that pair is left out.
+            docking: Whether the target unit may be touched, which is then ignored.
         """
-        self._way.advance(now_ns)
-        decision = self._decide(twist, situation, now_ns, docking)
-        self._way.passed(decision.twist)
+        self._trajectory.advance(now_ns)
+        decision = self._decide(twist, arena, now_ns, docking)
+        self._trajectory.send(decision.twist)
         return decision
 
     def _decide(
-        self, twist: Twist, situation: ArenaEstimate | None, now_ns: int, docking: bool
+        self, twist: Twist, arena: ArenaEstimate | None, now_ns: int, docking: bool
     ) -> MonitorDecision:
-        free = MonitorDecision(twist, None, MonitorState.FREE, math.inf)
-        if situation is None or not self._spec.enabled:
-            return free
-        around = Surroundings(self._model, situation, self._reaches, self._target if docking else None)
-        X_WU = self._way.present_pose(situation.own, now_ns)
-        unsure = self._spec.sigmas * around.sigma
-        slow, stop = self._spec.slow_m + unsure, self._spec.stop_m + unsure
-        at_least = around.at_least(X_WU) - self._way.longest(twist, around.reach)
-        present = around.clearance(X_WU) if at_least < slow else None
+        if arena is None or not self._spec.enabled:
+            return MonitorDecision(twist, None, MonitorState.FREE, math.inf)
+        local_map = LocalMap(self._model, arena, self._reaches, self._target if docking else None)
+        X_WU = self._trajectory.present_pose(arena.own, now_ns)
+        uncertainty = self._spec.sigmas * local_map.sigma
+        slow, stop = self._spec.slow_m + uncertainty, self._spec.stop_m + uncertainty
+        lower_bound = local_map.lower_bound(X_WU) - self._trajectory.max_travel(twist, local_map.reach)
+        present = local_map.clearance(X_WU) if lower_bound < slow else None
         if present is None:
-            return MonitorDecision(twist, None, MonitorState.FREE, at_least - unsure)
+            return MonitorDecision(twist, None, MonitorState.FREE, lower_bound - uncertainty)
 
-        def ahead(wish: Twist) -> float:
-            return self._way.closest(wish, X_WU, present.distance, around, slow)
+        def min_clearance(command: Twist) -> float:
+            return self._trajectory.min_clearance(command, X_WU, present.distance, local_map, slow)
 
-        nearest = ahead(twist)
-        keeps = present.distance - _LOSS_M
-        if nearest >= min(slow, keeps):
-            return MonitorDecision(twist, present, MonitorState.FREE, nearest - unsure)
-        if nearest >= stop:
-            share = _CREEP + (1.0 - _CREEP) * (nearest - stop) / (slow - stop)
-            return MonitorDecision(_scaled(twist, share), present, MonitorState.SLOW, nearest - unsure)
+        ahead = min_clearance(twist)
+        no_loss = present.distance - _LOSS_M
+        if ahead >= min(slow, no_loss):
+            return MonitorDecision(twist, present, MonitorState.FREE, ahead - uncertainty)
+        if ahead >= stop:
+            share = _CREEP + (1.0 - _CREEP) * (ahead - stop) / (slow - stop)
+            return MonitorDecision(_scaled(twist, share), present, MonitorState.SLOW, ahead - uncertainty)
         low, high = 0.0, _CREEP
-        for _ in range(_HALVINGS):
+        for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if ahead(_scaled(twist, middle)) >= stop else (low, middle)
-        passed = _scaled(twist, low)
-        if low == 0.0 and twist.v and twist.w and ahead(Twist(0.0, twist.w)) >= min(stop, keeps):
-            passed = Twist(0.0, twist.w)
-        state = MonitorState.STOP if passed == Twist() else MonitorState.SLOW
-        return MonitorDecision(passed, present, state, nearest - unsure)
+            low, high = (middle, high) if min_clearance(_scaled(twist, middle)) >= stop else (low, middle)
+        allowed = _scaled(twist, low)
+        if low == 0.0 and twist.v and twist.w and min_clearance(Twist(0.0, twist.w)) >= min(stop, no_loss):
+            allowed = Twist(0.0, twist.w)
+        state = MonitorState.STOP if allowed == Twist() else MonitorState.SLOW
+        return MonitorDecision(allowed, present, state, ahead - uncertainty)
 
 
 def _scaled(twist: Twist, share: float) -> Twist:

@@ -1,4 +1,4 @@
-"""The robot as a trial, its sensors, its recorder and a replay see it."""
+"""The interface of a robot, which the trial, the sensors, the recorder and the replay use."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from msrr_scenes.messages import (
 class Robot(Protocol):
     """One docking unit during one step of the plan, such as :class:`msrr_bullet.robot.autonomy.Autonomy`."""
 
-    def wants(self, camera: str) -> bool:
+    def uses_camera(self, camera: str) -> bool:
         """Return whether the robot uses the frames of ``camera`` in its present phase."""
         ...
 
@@ -34,11 +34,11 @@ class Robot(Protocol):
         ...
 
     def receive(self, message: SensorMessage) -> None:
-        """Take in a sensor message at the time of its arrival."""
+        """Process a sensor message that arrives now."""
         ...
 
     def step(self, now_ns: int) -> Action:
-        """Return the decision of one control instant."""
+        """Return the action of one control instant."""
         ...
 
     @property
@@ -52,7 +52,7 @@ class Robot(Protocol):
         ...
 
     @property
-    def situation(self) -> ArenaEstimate | None:
+    def arena(self) -> ArenaEstimate | None:
         """Estimate of all bodies in the arena on which the last decision was based."""
         ...
 

@@ -1,4 +1,4 @@
-"""What the robot makes of the overhead camera: where everything stands in the arena."""
+"""Localisation of all bodies in the arena with the overhead camera, on board of a docking unit."""
 
 from __future__ import annotations
 
@@ -21,72 +21,67 @@ from msrr_scenes.messages import (
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
-#: Half the edge of the square that a glance looks at [m].
-GLANCE_HALF_M = 0.5
+#: Half the edge of the square on the floor that :meth:`OverheadLocalizer.detect_near` reads [m].
+NEAR_HALF_M = 0.5
 
 
 class OverheadLocalizer:
-    """Vision and estimator of the overhead camera, for one step of the plan."""
+    """Vision and estimator of the overhead camera during one step of the plan.
+
+    Attributes:
+        newest_ns: Exposure time of the newest measurement that has arrived; None before the first.
+    """
 
     def __init__(self, scene: Scene, step: DockStep, detector: Detector) -> None:
         """Set up for a scene that has an overhead camera.
 
         Raises:
-            SceneError: The scene has none, or it cannot find a unit of the step.
+            SceneError: The scene has no overhead camera, or a unit of the step has no tag for it.
         """
-        self._model = OverheadModel.from_scene(scene, step)
-        self._vision = OverheadVision(self._model, detector)
+        model = OverheadModel.from_scene(scene, step)
+        self._vision = OverheadVision(model, detector)
         self._estimator = GlobalEstimator(
-            self._model, scene.odometry, delay_compensation=scene.control.delay_compensation
+            model, scene.odometry, delay_compensation=scene.control.delay_compensation
         )
-        self._newest_ns: int | None = None
+        self.newest_ns: int | None = None
 
-    @property
-    def newest_ns(self) -> int | None:
-        """Exposure time of the newest picture that has arrived; None before the first."""
-        return self._newest_ns
-
-    @classmethod
-    def of(cls, scene: Scene, step: DockStep, detector: Detector) -> OverheadLocalizer | None:
-        """Return the global sight of a scene; None when it has no overhead camera."""
-        return cls(scene, step, detector) if scene.cameras.overhead is not None else None
-
-    def look(self, exposure: Exposure, fetch: Fetch) -> Detections:
-        """Look at an overhead exposure."""
+    def detect(self, exposure: Exposure, fetch: Fetch) -> Detections:
+        """Detect all known bodies in an exposure, and new ones when a search is due."""
         return self._vision.look(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
 
-    def glance(self, exposure: Exposure, place: SE2, fetch: Fetch) -> Detections:
-        """Look only at what stands around a place."""
-        return self._vision.glance(exposure, place.translation, GLANCE_HALF_M, fetch)
+    def detect_near(self, exposure: Exposure, place: SE2, fetch: Fetch) -> Detections:
+        """Detect the bodies in a square of the floor around ``place``, in W."""
+        return self._vision.glance(exposure, place.translation, NEAR_HALF_M, fetch)
 
     def receive(self, message: SensorMessage) -> None:
-        """Take in a message; those that say nothing of the arena change nothing."""
+        """Process a sensor message; one that says nothing about the arena changes nothing."""
         match message:
             case WheelOdometry():
                 self._estimator.add_odometry(message)
+                return
             case Detections() if message.exposure.camera == OVERHEAD:
                 self._estimator.add_detections(message)
-                self._arrived(message.exposure.stamp_ns)
+                stamp_ns = message.exposure.stamp_ns
             case Localisation():
                 self._estimator.add_detections(message.detections)
-                self._arrived(message.detections.exposure.stamp_ns)
+                stamp_ns = message.detections.exposure.stamp_ns
             case GlobalPose():
                 self._estimator.add_global(message)
-                self._arrived(message.stamp_ns)
+                stamp_ns = message.stamp_ns
+            case _:
+                return
+        self.newest_ns = stamp_ns if self.newest_ns is None else max(self.newest_ns, stamp_ns)
 
-    def _arrived(self, stamp_ns: int) -> None:
-        self._newest_ns = stamp_ns if self._newest_ns is None else max(self._newest_ns, stamp_ns)
-
-    def search_next(self) -> None:
-        """Search the next exposure for what is new, however short ago the last one was searched."""
+    def restart_search(self) -> None:
+        """Search the next exposure for new bodies, however recent the last search was."""
         self._vision.search_next()
 
-    def situation(self, now_ns: int, by_sight: PoseEstimate | None) -> ArenaEstimate | None:
-        """Return where everything is.
+    def estimate(self, now_ns: int, own: PoseEstimate | None) -> ArenaEstimate | None:
+        """Return the estimated poses of all bodies; None before unit and target are known.
 
         Args:
-            now_ns: The time.
-            by_sight: The unit in the dock frame as its own camera sees it, when that is to be believed
-                rather than the view from above; None for the latter.
+            now_ns: Time of the estimate.
+            own: Estimate of the unit in the dock frame by the onboard camera, which replaces that by the
+                overhead camera; None to use the latter.
         """
-        return self._estimator.situation(now_ns, by_sight)
+        return self._estimator.situation(now_ns, own)

@@ -1,4 +1,4 @@
-"""Sensors turn truth into messages: cameras, encoders and switches with rates, latencies, errors, faults."""
+"""Models of the sensors, which turn truth into messages: cameras, encoders, switches and command links."""
 
 from msrr_bullet.sensors.camera import Camera, CameraError
 from msrr_bullet.sensors.camera_sensors import CameraSensor, RenderedCameraSensor

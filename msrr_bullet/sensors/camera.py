@@ -1,10 +1,8 @@
-"""A camera: exposes full frames, renders only the windows that are fetched from them."""
+"""A rendered camera: it exposes full frames, of which only the windows that are fetched are rendered."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 from msrr_bullet.render.renderer import Renderer
 from msrr_bullet.sensors.frame_dropout import FrameDropout
@@ -19,38 +17,14 @@ from msrr_scenes.specs.sensors import CameraSpec
 
 
 class CameraError(MsrrError):
-    """Pixels asked for that the camera does not have."""
-
-
-@dataclass(slots=True)
-class CameraStats:
-    """What a camera has done so far, and what it cost.
-
-    Attributes:
-        exposures: Frames that were due.
-        lost: Frames of those that never reached the computer.
-        windows: Windows rendered.
-        reused: Windows answered from what was rendered of the same exposure.
-        pixels: Pixels rendered.
-        render_ns: Wall time of the renderer.
-        sensor_ns: Wall time of blur and noise.
-    """
-
-    exposures: int = 0
-    lost: int = 0
-    windows: int = 0
-    reused: int = 0
-    pixels: int = 0
-    render_ns: int = 0
-    sensor_ns: int = 0
+    """Pixels are fetched that the camera does not have."""
 
 
 class Camera:
     """A camera of the simulated world.
 
-    When it exposes, the pose is taken and the frame exists in principle; pixels come into being when a
-    window is fetched. That has to happen before the world moves on: the renderer sees the world as it
-    stands.
+    An exposure takes the pose; the pixels of a window are rendered when the window is fetched. This has to
+    happen before the next physics tick, because the renderer sees the present state of the world.
     """
 
     def __init__(
@@ -69,46 +43,40 @@ class Camera:
             spec: Optics, noise, blur and dropout of the camera.
             renderer: Renders the noise-free pixels.
             pose: Returns the true ``X_WC`` at the instant of exposure.
-            seed: Seed of the trial; noise and dropout have streams of their own.
+            seed: Seed of the trial; noise and dropout use separate random streams.
             faults: Faults of the scene; blackouts of other cameras are ignored.
         """
         self.name = name
         self.spec = spec
         self.pinhole: PinholeCamera = spec.pinhole
-        self.stats = CameraStats()
         self._renderer = renderer
         self._pose = pose
         key = stream_key(seed, f"camera/{name}/noise")
-        self._sensor = ImageNoise(key, spec.blur_px, spec.noise_grey, spec.shot_grey)
-        rng = stream(seed, f"camera/{name}/dropout")
-        self._dropout = FrameDropout(name, spec.dropout, rng, faults)
+        self._noise = ImageNoise(key, spec.blur_px, spec.noise_grey, spec.shot_grey)
+        self._dropout = FrameDropout(name, spec.dropout, stream(seed, f"camera/{name}/dropout"), faults)
         self._exposure: Exposure | None = None
         self._X_WC = SE3()
         self._read_out: list[tuple[Window, Pixels]] = []
 
     def expose(self, stamp_ns: int) -> Exposure | None:
-        """Take the frame that is due at ``stamp_ns``; None when it is lost on its way to the computer.
+        """Expose the frame that is due at ``stamp_ns``; return None when the frame is lost.
 
-        Lost frames are numbered too, so that the number of a frame does not depend on earlier losses.
+        Lost frames are numbered too, so that the number of a frame does not depend on losses.
         """
         frame, lost = self._dropout.next_frame(stamp_ns)
-        self.stats.exposures += 1
         self._read_out = []
-        if lost:
-            self.stats.lost += 1
-            self._exposure = None
-            return None
-        self._X_WC = self._pose()
-        self._exposure = Exposure(self.name, frame, stamp_ns)
+        self._exposure = None if lost else Exposure(self.name, frame, stamp_ns)
+        if not lost:
+            self._X_WC = self._pose()
         return self._exposure
 
     def fetch(self, window: Window) -> Pixels:
-        """Return the mono8 pixels of a window of the exposure at hand, shape (height, width), read-only.
+        """Return the mono8 pixels of a window of the last exposure, shape (height, width), read-only.
 
-        A sensor that delivers whole frames only reads out the whole frame for it.
+        A sensor without regions of interest reads out the whole frame.
 
         Raises:
-            CameraError: The window is empty or leaves the frame, or there is no exposure to read.
+            CameraError: The window is empty or not inside the frame, or the last frame was lost.
         """
         if self._exposure is None:
             raise CameraError(f"camera {self.name!r} has no exposure to read")
@@ -117,33 +85,17 @@ class Camera:
                 f"{window} is not part of the {self.pinhole.width} x {self.pinhole.height} frame of camera "
                 f"{self.name!r}; intersect it with camera.pinhole.frame first"
             )
-        for have, pixels in self._read_out:
-            if have.contains(window):
-                self.stats.reused += 1
-                return _crop(have, pixels, window)
-        whole = window if self.spec.readout == "windows" else self.pinhole.frame
-        pixels = self._render(whole, self._exposure.frame)
-        self._read_out.append((whole, pixels))
-        return _crop(whole, pixels, window)
-
-    @property
-    def read_out(self) -> tuple[tuple[Window, Pixels], ...]:
-        """What was read out of the exposure at hand so far, in order."""
-        return tuple(self._read_out)
-
-    def _render(self, window: Window, frame: int) -> Pixels:
-        start = time.perf_counter_ns()
-        ideal = self._renderer.render(self.pinhole, self._X_WC, window.padded(self._sensor.margin))
-        rendered = time.perf_counter_ns()
-        pixels = self._sensor.read_out(ideal, window, frame)
-        pixels.setflags(write=False)  # handed out to several readers, and to the log
-        self.stats.windows += 1
-        self.stats.pixels += window.area
-        self.stats.render_ns += rendered - start
-        self.stats.sensor_ns += time.perf_counter_ns() - rendered
-        return pixels
+        for region, pixels in self._read_out:
+            if region.contains(window):
+                return _crop(region, pixels, window)
+        region = window if self.spec.readout == "windows" else self.pinhole.frame
+        ideal = self._renderer.render(self.pinhole, self._X_WC, region.padded(self._noise.margin))
+        pixels = self._noise.read_out(ideal, region, self._exposure.frame)
+        pixels.setflags(write=False)  # several readers share the array
+        self._read_out.append((region, pixels))
+        return _crop(region, pixels, window)
 
 
-def _crop(have: Window, pixels: Pixels, window: Window) -> Pixels:
-    row, column = window.y - have.y, window.x - have.x
+def _crop(region: Window, pixels: Pixels, window: Window) -> Pixels:
+    row, column = window.y - region.y, window.x - region.x
     return pixels[row : row + window.height, column : column + window.width]

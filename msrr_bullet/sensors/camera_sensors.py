@@ -1,4 +1,4 @@
-"""The cameras of a trial as sources of messages: rendered pixels that the robot reads."""
+"""The cameras of a trial as sources of sensor messages."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class CameraSensor(Protocol):
         ...
 
     def capture(self, now_ns: int, robot: Robot) -> tuple[SensorMessage, ...]:
-        """Expose one frame; return what was measured, nothing when the frame was lost or empty."""
+        """Expose one frame and return the measurements; none when the frame was lost or shows no tag."""
         ...
 
 
 class RenderedCameraSensor:
-    """A rendered camera whose pixels the robot reads."""
+    """A rendered camera, whose pixels the robot reads."""
 
     def __init__(
         self,
@@ -40,12 +40,12 @@ class RenderedCameraSensor:
         profiler: Profiler,
         error_model: Callable[[Detections], Detections] | None = None,
     ) -> None:
-        """Show the frames of a camera to the robot.
+        """Let the robot read the frames of a camera.
 
         Args:
-            camera: The camera.
+            camera: The rendered camera.
             profiler: Measures the time of rendering and of perception.
-            error_model: Adds the errors of a global localisation to what was detected; None adds none.
+            error_model: Adds the errors of a global localisation to detections; None adds none.
         """
         self.camera = camera
         self._profiler = profiler
@@ -62,7 +62,7 @@ class RenderedCameraSensor:
         return self.camera.spec
 
     def capture(self, now_ns: int, robot: Robot) -> tuple[SensorMessage, ...]:
-        """Expose one frame and let the robot read the windows that it asks for."""
+        """Expose one frame, from which the robot fetches windows, and return the detections of the robot."""
         exposure = self.camera.expose(now_ns)
         if exposure is None:
             return ()

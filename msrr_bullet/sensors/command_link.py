@@ -1,4 +1,4 @@
-"""The command link between a robot's computer and its wheels: it delays, and it loses."""
+"""The command link from the computer of a robot to the drive and the lock, with latency and loss."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from msrr_scenes.specs.vehicle import LinkSpec
 
 
 class CommandLink:
-    """Carries one unit's actions to its drive. A lost action leaves the last one in force."""
+    """The command link of one unit. After a lost action the last one stays in force."""
 
     def __init__(self, spec: LinkSpec, rng: np.random.Generator) -> None:
-        """Use ``rng`` (stream ``unit/<name>/link``) for the losses."""
+        """Draw the losses from ``rng``, the generator of the stream ``unit/<name>/link``."""
         self._loss = spec.loss
         self._latency_ns = duration_ns(spec.latency_ms * 1e-3)
         self._rng = rng
-        self._under_way: Delayed[Action] = Delayed()
+        self._queue: Delayed[Action] = Delayed()
 
     def send(self, action: Action) -> None:
-        """Send an action; one number is drawn whether or not links lose, so that streams stay aligned."""
+        """Send an action; one number is drawn per action whether or not the link loses any."""
         if self._rng.random() >= self._loss:
-            self._under_way.send(action.stamp_ns + self._latency_ns, action)
+            self._queue.send(action.stamp_ns + self._latency_ns, action)
 
     def arrived(self, now_ns: int) -> Action | None:
-        """Return the newest action that has arrived since the last call, if any."""
-        actions = self._under_way.arrived(now_ns)
+        """Return the newest action that has arrived since the last call; None when none has."""
+        actions = self._queue.arrived(now_ns)
         return actions[-1] if actions else None

@@ -15,8 +15,7 @@ from msrr_bullet.sensors.frame_dropout import FrameDropout
 from msrr_bullet.sensors.localisation_error import LocalisationError
 from msrr_bullet.sensors.parametric_cameras import ParametricOnboardCamera, ParametricOverheadCamera
 from msrr_bullet.sensors.wheel_encoders import WheelEncoders
-from msrr_bullet.simulation.camera_mount import camera_pose
-from msrr_bullet.simulation.simulation import Simulation
+from msrr_bullet.simulation.simulation import Simulation, camera_pose
 from msrr_perception.pose.global_pose import overhead_pose
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.geometry.pinhole import optical_pose
@@ -28,10 +27,9 @@ from msrr_scenes.specs.sensors import CameraSpec
 
 
 class Devices:
-    """The devices that exist from the beginning of a trial to its end.
+    """The devices of a trial, which keep their state from one step of the plan to the next.
 
-    Every step of the plan finds the devices as the steps before it left them, so that encoders go on
-    counting, frames are numbered through and no sequence of random numbers begins again.
+    Encoders go on counting, frames are numbered through and no sequence of random numbers starts again.
 
     Attributes:
         encoders: Wheel encoders by unit.
@@ -39,7 +37,7 @@ class Devices:
     """
 
     def __init__(self, simulation: Simulation, seed: int) -> None:
-        """Build encoders and links of all units; cameras are built when a step first needs them."""
+        """Build the encoders and links of all units; a camera is built when a step first needs it."""
         scene = simulation.scene
         self._simulation = simulation
         self._seed = seed
@@ -56,10 +54,10 @@ class Devices:
         self._localisation: LocalisationError | None = None
 
     def cameras(self, step: DockStep, X_DU: Callable[[], SE2], profiler: Profiler) -> list[CameraSensor]:
-        """Return the cameras of a step of the plan: the overhead camera, if there is one, and the onboard.
+        """Return the cameras of a step of the plan: overhead, if the scene has one, and onboard.
 
         Args:
-            step: The step.
+            step: The step of the plan.
             X_DU: Returns the true pose of the docking unit in the dock frame.
             profiler: Measures the time of rendering and of perception.
         """
@@ -78,7 +76,7 @@ class Devices:
     def _overhead(self, step: DockStep, profiler: Profiler) -> CameraSensor:
         scene = self._simulation.scene
         spec = scene.cameras.overhead
-        assert spec is not None, "asked for only when the scene has one"
+        assert spec is not None, "the scene has an overhead camera"
         X_WC = overhead_pose(spec)
         camera = self._camera(OVERHEAD, spec, lambda: X_WC)
         if spec.localisation == type(spec.localisation)():
@@ -95,7 +93,7 @@ class Devices:
 
     def _parametric_overhead(self) -> CameraSensor:
         spec = self._simulation.scene.cameras.overhead
-        assert spec is not None, "asked for only when the scene has one"
+        assert spec is not None, "the scene has an overhead camera"
         return ParametricOverheadCamera(
             self._simulation.scene,
             spec,
@@ -115,7 +113,7 @@ class Devices:
         return self._cameras[name]
 
     def _errors(self, camera: str) -> np.random.Generator:
-        """Return the generator of a parametric camera's errors; all steps share its sequence."""
+        """Return the generator of the errors of a parametric camera; all steps share the sequence."""
         name = f"camera/{camera}/parametric"
         return self._generators.setdefault(name, stream(self._seed, name))
 

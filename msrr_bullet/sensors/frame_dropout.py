@@ -1,4 +1,4 @@
-"""The frames of a camera that never reach the computer."""
+"""The loss of camera frames on the way to the computer."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from msrr_scenes.specs.faults import CameraBlackout, Fault
 
 
 class FrameDropout:
-    """Numbers the frames of a camera and draws for every frame whether it is lost.
+    """A counter of the frames of a camera that also draws which of them are lost.
 
-    One number is drawn per frame even during a blackout, so that other faults do not change the sequence.
+    One number is drawn per frame even during a blackout, so that blackouts do not change the sequence.
     """
 
     def __init__(
         self, camera: str, probability: float, rng: np.random.Generator, faults: Iterable[Fault] = ()
     ) -> None:
-        """Begin with frame 0.
+        """Start with frame 0.
 
         Args:
             camera: Name of the camera.
             probability: Probability that a frame is lost.
-            rng: Generator of the stream ``camera/<name>/dropout``, used by nobody else.
-            faults: The faults of the scene; blackouts of other cameras are ignored.
+            rng: Generator of the stream ``camera/<name>/dropout``, used by no other object.
+            faults: Faults of the scene; blackouts of other cameras are ignored.
         """
         self._probability = probability
         self._rng = rng

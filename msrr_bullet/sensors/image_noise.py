@@ -1,10 +1,10 @@
-"""What lens and sensor do to an ideal image: Gaussian blur, shot and read noise, whole grey levels.
+"""The errors of lens and image sensor: Gaussian blur, shot noise, read noise, whole grey levels.
 
-Every pixel is a function of the camera's key, the frame's number and the pixel's place in the full frame;
-so a window read out alone equals the crop of the whole frame, noise included. Library normal generators
-cannot give that (they use a varying number of random words per sample) and cost 3 ms per VGA frame; here a
-tile of noise is drawn once per camera, and a hash of the frame number says where on the periodic tile the
-frame lies and which of its eight mirror images is laid.
+Every pixel is a function of the key of the camera, the number of the frame and the position in the full
+frame; so a window read out alone equals the crop of the full frame, noise included. The normal generators of
+libraries cannot give that (they use a varying number of random words per sample) and take 3 ms per VGA frame.
+Here a tile of noise is drawn once per camera; a hash of the frame number gives the position of the frame on
+the periodic tile and one of eight mirror images of the tile.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from msrr_scenes.messages import Pixels
 #: Edge of the noise tile [px].
 _TILE = 1024
 
-#: Sum of the blur's kernel. 255 times its square has to stay below 2**24.
-_UNIT = 256
+#: Sum of the blur kernel; 255 times the square of this has to stay below 2**24.
+_KERNEL_SUM = 256
 
 
 class ImageNoise:
     """Lens blur, shot noise and read noise of one camera.
 
-    Read noise is Gaussian and independent of the light. Shot noise is that of a great many photons: Gaussian,
-    its variance in proportion to the light.
+    Read noise is Gaussian and independent of the light. Shot noise of many photons is Gaussian too, with a
+    variance in proportion to the light.
     """
 
     def __init__(self, key: int, blur_px: float, noise_grey: float, shot_grey: float = 0.0) -> None:
-        """Set up a sensor.
+        """Set up the noise of a camera.
 
         Args:
-            key: Up to 128 bits that stand for the seed and the camera.
+            key: Number of up to 128 bits, derived from the seed and the name of the camera.
             blur_px: Standard deviation of the lens blur [px]; 0 is a perfect lens.
             noise_grey: Standard deviation of the read noise [grey levels]; 0 is a perfect sensor.
             shot_grey: Standard deviation of the shot noise at white, 255 [grey levels].
@@ -55,29 +55,29 @@ class ImageNoise:
 
     @property
     def margin(self) -> int:
-        """Pixels around a window that its blur draws on."""
+        """Width of the margin around a window that the blur needs [px]."""
         return self._radius
 
     def read_out(self, ideal: Pixels, window: Window, frame: int) -> Pixels:
-        """Return what the sensor delivers for ``window`` of frame number ``frame``.
+        """Return the pixels of ``window`` of frame number ``frame`` with blur and noise.
 
         Args:
             ideal: Noise-free pixels of ``window.padded(self.margin)``.
-            window: The pixels wanted, in the full frame.
+            window: The window in the full frame.
             frame: Number of the frame.
 
         Raises:
-            ValueError: ``ideal`` has not the shape of the padded window.
+            ValueError: The shape of ``ideal`` is not that of the padded window.
         """
         r = self._radius
         if ideal.shape != (window.height + 2 * r, window.width + 2 * r):
             raise ValueError(f"{ideal.shape} pixels given for {window} with a margin of {r}")
         pixels = ideal
         if r:
-            # Whole numbers below 2**24, which single precision holds exactly: no rounding can depend on the
-            # place in the image, nor on how OpenCV cuts it up.
+            # The sums are whole numbers below 2**24, which single precision holds exactly, so that rounding
+            # does not depend on how OpenCV divides the image.
             sums = cv2.sepFilter2D(ideal, cv2.CV_32F, self._kernel, self._kernel)[r:-r, r:-r]
-            pixels = np.rint(sums * np.float32(1.0 / _UNIT**2)).astype(np.uint8)
+            pixels = np.rint(sums * np.float32(1.0 / _KERNEL_SUM**2)).astype(np.uint8)
         if self._tile is None:
             return np.ascontiguousarray(pixels)
         return self._add_noise(pixels, self._tile, window, frame)
@@ -108,29 +108,29 @@ class ImageNoise:
 
 
 def _runs(start: int, length: int) -> list[tuple[int, int, int]]:
-    """Split ``length`` pixels from ``start`` on the periodic tile: (offset, place on the tile, length)."""
+    """Split ``length`` pixels from ``start`` on the periodic tile: (offset, position on the tile, length)."""
     runs, offset = [], 0
     while offset < length:
-        place = (start + offset) % _TILE
-        step = min(length - offset, _TILE - place)
-        runs.append((offset, place, step))
+        position = (start + offset) % _TILE
+        step = min(length - offset, _TILE - position)
+        runs.append((offset, position, step))
         offset += step
     return runs
 
 
 def blur_kernel(sigma: float) -> NDArray[np.float32]:
-    """Return the blur's one-dimensional kernel, shape (2 r + 1,), whole numbers that sum to 256.
+    """Return the one-dimensional blur kernel, shape (2 r + 1,), whole numbers that sum to 256.
 
-    The discrete Gaussian (Lindeberg, Scale-space for discrete signals, PAMI 1990): its variance is
-    sigma**2 at any sigma, where a sampled Gaussian of 0.4 px blurs by 0.28 px only.
+    It is the discrete Gaussian (Lindeberg, Scale-space for discrete signals, PAMI 1990), whose variance is
+    sigma**2 at any sigma; a sampled Gaussian of 0.4 px blurs by only 0.28 px.
 
     Args:
         sigma: Standard deviation [px].
     """
     angle = 2.0 * np.pi * np.arange(129) / 256.0
-    half = np.rint(_UNIT * np.fft.irfft(np.exp(sigma**2 * (np.cos(angle) - 1.0)))[:128])
+    half = np.rint(_KERNEL_SUM * np.fft.irfft(np.exp(sigma**2 * (np.cos(angle) - 1.0)))[:128])
     radius = int(np.flatnonzero(half)[-1])
-    half[0] = _UNIT - 2.0 * half[1 : radius + 1].sum()
+    half[0] = _KERNEL_SUM - 2.0 * half[1 : radius + 1].sum()
     return np.concatenate([half[radius:0:-1], half[: radius + 1]]).astype(np.float32)
 
 
@@ -143,9 +143,8 @@ def _unit_tile(key: int) -> NDArray[np.float32]:
 def _noise_tile(key: int, sigma: float) -> NDArray[np.int16]:
     """Return Gaussian noise in whole grey levels, shape (1024, 1024).
 
-    What it is added to is whole already, so rounding here is the sensor's own rounding, once per trial
-    instead of once per pixel.
+    The pixels that it is added to are whole, so that rounding the tile once equals rounding every pixel.
     """
     noise = sigma * _unit_tile(key)
-    whole: NDArray[np.int16] = np.rint(np.clip(noise, -255.0, 255.0)).astype(np.int16)
-    return whole
+    rounded: NDArray[np.int16] = np.rint(np.clip(noise, -255.0, 255.0)).astype(np.int16)
+    return rounded

@@ -1,8 +1,7 @@
-"""What an outdoor global localisation gets wrong, put on top of what the overhead camera really sees.
+"""The errors of an outdoor global localisation, added to the detections of the overhead camera.
 
-It lives beside the plant because it is part of the simulated world: the robot gets its result and never
-learns of it. It needs no truth: a pose in error is a tag in another place of the image, so the corners are
-moved.
+They belong to the simulated world: the robot gets the result and does not learn the errors. An error of a
+pose is a tag at another place of the image, so that moving the corners needs no truth.
 """
 
 from __future__ import annotations
@@ -22,14 +21,14 @@ from msrr_scenes.specs.sensors import LocalisationErrorSpec
 
 
 class LocalisationError:
-    """Bias, drift, noise and dropout of one trial."""
+    """The bias, drift, noise and dropout of the localisation in one trial."""
 
     def __init__(self, spec: LocalisationErrorSpec, seed: int) -> None:
-        """Set up; the drift starts at zero with the first exposure.
+        """Start with a drift of zero at the first exposure.
 
         Args:
-            spec: How large the errors are.
-            seed: The trial's seed; the errors are drawn from the stream ``camera/overhead/localisation``.
+            spec: Sizes of the errors.
+            seed: Seed of the trial; the errors are drawn from the stream ``camera/overhead/localisation``.
         """
         self._spec = spec
         self._rng = stream(seed, f"camera/{OVERHEAD}/localisation")
@@ -37,56 +36,56 @@ class LocalisationError:
         self._stamp_ns: int | None = None
 
     def apply(self, detections: Detections, model: OverheadModel) -> Detections:
-        """Return what localisation delivers of an overhead exposure: tags moved, and some left out.
+        """Return detections of the overhead camera with moved tags, and without those that drop out.
 
-        Exposures have to come in the order of their time. Tags that belong to nobody stay as they are.
+        Exposures have to come in order of time. Tags that belong to no body are not changed.
 
         Args:
-            detections: What was seen.
-            model: Camera, tags, and which unit is the docking one: the one with bias and drift.
+            detections: Tags that were detected in one exposure.
+            model: Camera, tags and bodies; only the docking unit has bias and drift.
         """
-        errors, dropped = self._draw(detections.exposure.stamp_ns, model)
+        errors, dropped_tags = self._draw(detections.exposure.stamp_ns, model)
         tags = tuple(
             _moved(model, tag, errors[tag.tag_id]) if tag.tag_id in errors else tag
             for tag in detections.tags
-            if tag.tag_id not in dropped
+            if tag.tag_id not in dropped_tags
         )
         return replace(detections, tags=tags)
 
     def _draw(self, stamp_ns: int, model: OverheadModel) -> tuple[dict[int, Array], frozenset[int]]:
-        """Return the error (x, y, yaw) of every tag's body in W [m, rad], and the tags that drop out."""
+        """Return the errors (x, y, yaw) in W [m, rad] by tag, each shape (3,), and the tags that drop out."""
         spec = self._spec
-        bodies = tuple(sorted(model.tags))
-        # The same number of draws per exposure, whatever is seen and however large the errors are.
+        tags = tuple(sorted(model.tags))
+        # The number of draws per exposure does not depend on what is detected or how large the errors are.
         walk = self._rng.standard_normal(3)
-        noise = self._rng.standard_normal((len(bodies), 3))
-        luck = self._rng.random(len(bodies))
+        noise = self._rng.standard_normal((len(tags), 3))
+        uniform = self._rng.random(len(tags))
         elapsed = 0.0 if self._stamp_ns is None else seconds(stamp_ns - self._stamp_ns)
         self._stamp_ns = stamp_ns
         drift = np.array([spec.drift_m, spec.drift_m, math.radians(spec.drift_yaw_deg)])
         self._drift += math.sqrt(elapsed) * drift * walk
         bias = np.array([spec.bias_x_m, spec.bias_y_m, math.radians(spec.bias_yaw_deg)])
         sigma = np.array([spec.noise_m, spec.noise_m, math.radians(spec.noise_yaw_deg)])
-        errors = dict(zip(bodies, sigma * noise, strict=True))
+        errors = dict(zip(tags, sigma * noise, strict=True))
         own = model.tag_of[model.own]
         errors[own] = errors[own] + bias + self._drift
-        lost = luck < spec.dropout
-        return errors, frozenset(i for i, gone in zip(bodies, lost, strict=True) if gone)
+        dropped = uniform < spec.dropout
+        return errors, frozenset(tag for tag, drop in zip(tags, dropped, strict=True) if drop)
 
 
-def _moved(model: OverheadModel, seen: TagDetection, error: Array) -> TagDetection:
-    """Return the detection of a body that stands off by ``error`` from where this one was seen."""
+def _moved(model: OverheadModel, detected: TagDetection, error: Array) -> TagDetection:
+    """Return the detection of a tag whose body is moved by ``error``, shape (3,), in W [m, rad]."""
     if not error.any():
-        return seen
-    tag = model.tags[seen.tag_id]
-    points, _ = rays_to_plane(model.camera, model.X_WC, seen.corners, tag.height)
-    return replace(seen, corners=_pixels(model, tag, points, error))
+        return detected
+    tag = model.tags[detected.tag_id]
+    points, _ = rays_to_plane(model.camera, model.X_WC, detected.corners, tag.height)
+    return replace(detected, corners=_pixels(model, tag, points, error))
 
 
 def _pixels(model: OverheadModel, tag: FlatTag, points_W: Array, error: Array) -> Array:
     X_WB = fit_se2(tag.corners_B[:, :2], points_W)
     X_WE = SE2(*(X_WB.as_array() + error))
-    # What the corners are off from the fitted tag goes with them, so that image noise stays in the image.
+    # The residuals of the fitted tag are moved with the corners, so that image noise stays in the image.
     p_W = X_WE.act(X_WB.inverse().act(points_W))
     p_W = np.column_stack([p_W, np.full(len(p_W), tag.height)])
     return model.camera.project(model.X_WC.inverse().act(p_W))

@@ -1,4 +1,8 @@
-"""Cameras without pixels: models of a camera and its detector together, the true pose with stated errors."""
+"""Cameras without pixels: models of camera and detector together that add stated errors to the true pose.
+
+They belong to the simulation and not to perception, because they read the truth. A trial that uses them says
+so in the result. They serve to study controllers in thousands of trials and to attribute failures.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +12,20 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from msrr_bullet.robot.interface import Robot
-from msrr_bullet.sensors import parametric_pose
 from msrr_bullet.sensors.frame_dropout import FrameDropout
-from msrr_bullet.simulation.camera_mount import camera_pose
+from msrr_bullet.simulation.simulation import camera_pose
 from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Exposure, GlobalPose, SensorMessage
+from msrr_scenes.messages import Exposure, GlobalPose, PoseMeasurement, SensorMessage
 from msrr_scenes.specs.faults import MarkerHidden
+from msrr_scenes.specs.los_geometry import LosSpec
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
+
+#: Smallest standard deviation that a measurement states [m, rad]: with 0 a filter would ignore everything
+#: else.
+MIN_SIGMA = 1e-4
 
 
 class ParametricOnboardCamera:
@@ -31,37 +39,57 @@ class ParametricOnboardCamera:
         rng: np.random.Generator,
         dropout: FrameDropout,
     ) -> None:
-        """Measure the unit of ``step`` in the dock frame of its target.
+        """Measure the docking unit of ``step`` in the dock frame of the target.
 
         Args:
             scene: The scene; ``scene.parametric`` states the errors.
             step: The step of the plan.
-            X_DU: Returns the true pose of the unit in the dock frame.
-            rng: Generator of the measurement errors, used by nobody else.
-            dropout: The lost frames of this camera.
+            X_DU: Returns the true pose of the docking unit in the dock frame.
+            rng: Generator of the measurement errors, used by no other object.
+            dropout: Draws the lost frames of this camera.
         """
         self.name = f"{step.unit}/onboard"
         self.spec: CameraSpec = scene.cameras.onboard
-        self._scene = scene
+        self._los = scene.los
         self._X_DU = X_DU
         self._X_UC = camera_pose(scene, step.unit).to_se2()
         self._rng = rng
         self._dropout = dropout
         self._hidden = any(isinstance(f, MarkerHidden) and f.unit == step.target_unit for f in scene.faults)
+        errors = scene.parametric
+        self._sigma_bearing = math.radians(errors.sigma_bearing_deg)
+        self._sigma_pose = (errors.sigma_xy_m, errors.sigma_xy_m, math.radians(errors.sigma_yaw_deg))
+        self._covariance = np.diag([max(sigma, MIN_SIGMA) ** 2 for sigma in self._sigma_pose])
 
     def capture(self, now_ns: int, robot: Robot) -> tuple[SensorMessage, ...]:
-        """Draw one measurement; nothing when the frame was lost or shows no marker."""
+        """Draw one measurement; none when the frame was lost or neither edge of the target is in view."""
         frame, lost = self._dropout.next_frame(now_ns)
-        measured = parametric_pose.measure(
-            Exposure(self.name, frame, now_ns),
-            self._X_DU(),
-            self._X_UC,
-            self.spec.pinhole,
-            self._scene.los,
-            self._scene.parametric,
-            self._rng,
+        noise = self._rng.standard_normal(5).tolist()  # as many for every frame, whatever is seen
+        X_DU = self._X_DU()
+        true = edge_bearings(X_DU @ self._X_UC, self._los)
+        in_view = [abs(bearing) <= self.spec.pinhole.half_fov for bearing in true]
+        if lost or self._hidden or not any(in_view):
+            return ()
+        left, right = (
+            bearing + self._sigma_bearing * n if seen else None
+            for bearing, n, seen in zip(true, noise[3:], in_view, strict=True)
         )
-        return () if lost or self._hidden or measured is None else (measured,)
+        dx, dy, dyaw = (sigma * n for sigma, n in zip(self._sigma_pose, noise[:3], strict=True))
+        X_measured = SE2(X_DU.x + dx, X_DU.y + dy, X_DU.yaw + dyaw)
+        exposure = Exposure(self.name, frame, now_ns)
+        return (PoseMeasurement(exposure, X_measured, self._covariance, (left, right)),)
+
+
+def edge_bearings(X_DC: SE2, los: LosSpec) -> tuple[float, float]:
+    """Return the true bearings (left, right) [rad] of the edges of the line-of-sight target.
+
+    Args:
+        X_DC: Pose of the camera in the dock frame; x of C is the optical axis.
+        los: Half-width b and setback s_b of the target.
+    """
+    edges = np.array([[los.setback_m, los.half_width_m], [los.setback_m, -los.half_width_m]])
+    p_C = X_DC.inverse().act(edges)
+    return math.atan2(p_C[0, 1], p_C[0, 0]), math.atan2(p_C[1, 1], p_C[1, 0])
 
 
 class ParametricOverheadCamera:
@@ -81,8 +109,8 @@ class ParametricOverheadCamera:
             scene: The scene; ``scene.parametric`` states the errors.
             spec: Data sheet of the camera.
             poses: Returns the true ``X_WB`` of every body that stands in the world now.
-            rng: Generator of the measurement errors, used by nobody else.
-            dropout: The lost frames of this camera.
+            rng: Generator of the measurement errors, used by no other object.
+            dropout: Draws the lost frames of this camera.
         """
         self.name = OVERHEAD
         self.spec = spec
@@ -92,12 +120,12 @@ class ParametricOverheadCamera:
         self._dropout = dropout
         xy, yaw = scene.parametric.sigma_xy_m, math.radians(scene.parametric.sigma_yaw_deg)
         self._sigma = np.array([xy, xy, yaw])
-        self._covariance = np.diag(np.maximum(self._sigma, parametric_pose.LEAST_SIGMA) ** 2)
+        self._covariance = np.diag(np.maximum(self._sigma, MIN_SIGMA) ** 2)
 
     def capture(self, now_ns: int, robot: Robot) -> tuple[SensorMessage, ...]:
-        """Draw one measurement of every body; nothing when the frame was lost."""
+        """Draw one measurement of every body; none when the frame was lost."""
         _, lost = self._dropout.next_frame(now_ns)
-        # Errors are drawn for all bodies of the scene, so that one that appears late changes no other's.
+        # Errors are drawn for all bodies of the scene, so that the errors do not depend on who has appeared.
         errors = {name: self._sigma * self._rng.standard_normal(3) for name in self._bodies}
         if lost:
             return ()

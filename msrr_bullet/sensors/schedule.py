@@ -1,4 +1,4 @@
-"""When things happen: periodic events and messages under way, on an integer clock."""
+"""Periodic events and delayed messages on an integer time axis of nanoseconds."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ def duration_ns(time_s: float) -> int:
 
 
 class Periodic:
-    """An event of any rate; it happens at the first tick at or after each due time k / rate."""
+    """A periodic event of any rate; it happens at the first tick at or after each due time k / rate."""
 
     def __init__(self, rate_hz: float, start_ns: int = 0) -> None:
-        """Start counting at ``start_ns``, where the first event is due."""
+        """Start at ``start_ns``, when the first event is due."""
         self._rate = rate_hz
         self._start = start_ns
         self._count = 0
 
     def due(self, now_ns: int) -> bool:
-        """Say whether an event falls on this tick, and step on to the next one.
+        """Return whether an event is due at this tick, and advance to the next event.
 
-        Due times that were passed over (nobody asked) are dropped, not made up for.
+        Events whose due times passed between two calls count as one.
         """
         if now_ns < self._start + round(self._count * NS_PER_S / self._rate):
             return False
@@ -37,20 +37,20 @@ class Periodic:
 
 
 class Delayed(Generic[T]):
-    """Messages under way: each arrives at the first tick at or after its time, ties in order of sending."""
+    """A queue of messages with times of arrival; messages that arrive together keep the order of sending."""
 
     def __init__(self) -> None:
         self._heap: list[tuple[int, int, T]] = []
         self._sent = 0
 
     def send(self, arrival_ns: int, message: T) -> None:
-        """Put ``message`` under way."""
+        """Add a message that arrives at ``arrival_ns``."""
         heapq.heappush(self._heap, (arrival_ns, self._sent, message))
         self._sent += 1
 
     def arrived(self, now_ns: int) -> list[T]:
-        """Take out everything that has arrived by ``now_ns``."""
-        out = []
+        """Remove and return the messages that have arrived by ``now_ns``."""
+        messages = []
         while self._heap and self._heap[0][0] <= now_ns:
-            out.append(heapq.heappop(self._heap)[2])
-        return out
+            messages.append(heapq.heappop(self._heap)[2])
+        return messages

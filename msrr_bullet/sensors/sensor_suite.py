@@ -1,6 +1,6 @@
-"""The sensors of a docking unit with their rates, latencies and faults.
+"""The sensors of a docking unit with rates, latencies and faults.
 
-Sensors, encoders and switches are the only places where truth turns into what a robot may know.
+Only sensors, encoders and switches turn the truth into messages for a robot.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class _MountedCamera:
         self._queue: Delayed[SensorMessage] = Delayed()
 
     def tick(self, now_ns: int, robot: Robot) -> list[SensorMessage]:
-        """Capture a frame if one is due and the robot wants it; return the messages that have arrived."""
-        if self._frames.due(now_ns) and robot.wants(self.sensor.name):
+        """Capture a frame if one is due and the robot uses it; return the messages that have arrived."""
+        if self._frames.due(now_ns) and robot.uses_camera(self.sensor.name):
             for message in self.sensor.capture(now_ns, robot):
                 self._queue.send(now_ns + self._latency_ns, message)
         return self._queue.arrived(now_ns)
@@ -66,7 +66,7 @@ class SensorSuite:
             step: The step of the plan.
             plant: Source of the true wheel angles, switches and lock positions.
             encoders: Wheel encoders of the unit.
-            cameras: Cameras that the unit may read.
+            cameras: Cameras that the unit can read.
             profiler: Measures the time of the odometry and of perception.
         """
         now_ns = plant.now_ns()
@@ -87,11 +87,11 @@ class SensorSuite:
         self.ever_detected = False
 
     def tick(self, now_ns: int, robot: Robot) -> None:
-        """Measure what is due at this tick and hand over what has arrived."""
+        """Make the measurements that are due at this tick and deliver the messages that have arrived."""
         if self._encoder_timer.due(now_ns):
             with self._profiler("odometry"):
                 robot.receive(self._encoders.read(self._plant.wheel_angles(self._unit), now_ns))
-            # Switches and lock report changes only; they are polled as often as the encoders.
+            # Switches and lock are polled at the rate of the encoders and report changes only.
             self._report_mechanism(now_ns, robot)
         for camera in self._cameras:
             for message in camera.tick(now_ns, robot):

@@ -1,11 +1,10 @@
-"""The lock: pins that are caught at the bottom of their holes, a cam, and the pull that proves it.
+"""The port mechanism with contact: pins, seat switches, a lock, and the pull test.
 
-The cam only does what a cam can do. It takes its time to close, it then says that it is closed, and it holds
-something only if the pins were in its reach. What it holds becomes a fixed constraint between the two bodies,
-built from their measured relative pose: one built from the ideal pose would snap across the play of the pins.
-The lock gives way when the tension in that constraint passes its strength. (A cap on the constraint's own
-force would not do: PyBullet caps each axis of the world by itself, so a lock would be up to 1.4 times as
-strong in one heading as in another.)
+The lock takes time to close, and it holds the other unit only if both pins are in reach when it becomes
+closed. A lock that holds is a fixed constraint between the two bodies, built from their measured relative
+pose: one built from the ideal pose would make the units jump by the play of the pins. The lock fails when the
+tension in the constraint exceeds its strength. (A limit on the force of the constraint would not do: PyBullet
+limits each axis of the world separately, so the strength would depend on the heading by a factor of 1.4.)
 """
 
 from __future__ import annotations
@@ -16,44 +15,53 @@ from typing import Protocol
 import numpy as np
 import pybullet
 
-from msrr_bullet.plant.lock_actuator import CAM_REACH, PULL_SLACK, SWITCH_TRAVEL, LockActuator, PullResult
+from msrr_bullet.plant.lock_actuator import LOCK_REACH, MAX_PULL_DISPLACEMENT, SWITCH_TRAVEL, PullResult
+from msrr_bullet.plant.plant import PortMechanism
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import LockPosition
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.vehicle import LockSpec
 
 SIDES = ("left", "right")
-#: Cap on the constraint's force on each axis [N]: far above any load, so that the strength alone decides.
-WELD_FORCE = 1e4
-#: Bodies may touch again after unlocking once they overlap by less than this [m].
+#: Largest force of the constraint on each axis [N]: far above any load, so that the strength alone decides.
+MAX_CONSTRAINT_FORCE = 1e4
+#: After unlocking, contact between the units is restored once they overlap by less than this [m].
 RELEASE_OVERLAP = 0.0002
 
 
-class Rig(Protocol):
-    """What a pull test needs besides the two bodies: wheels that roll freely, and time that goes on."""
+class LockPlant(Protocol):
+    """The plant that a lock belongs to, such as :class:`msrr_bullet.simulation.bullet_plant.BulletPlant`."""
 
     def step_freewheeling(self) -> None:
-        """Advance the plant by one tick with all wheels released."""
+        """Advance by one tick with all wheels released."""
+        ...
+
+    def plug_bodies(self, unit: str, port: str) -> Sequence[int]:
+        """Return the PyBullet ids of the bodies that plug a passive port."""
         ...
 
 
-class PinLock:
-    """The mechanism between one active port and one passive port in PyBullet."""
+class PinLock(PortMechanism):
+    """The mechanism between an active port and a passive port in PyBullet."""
 
-    def __init__(self, world: BulletWorld, step: DockStep, spec: LockSpec) -> None:
-        """Look up the pins of the docking unit and the holes of the port it docks to.
+    def __init__(self, world: BulletWorld, step: DockStep, spec: LockSpec, plant: LockPlant) -> None:
+        """Look up the pins of the docking unit and the holes of the port that it docks to.
+
+        Args:
+            world: The PyBullet world with both units.
+            step: Step of the plan: which port docks to which.
+            spec: Closing time, strength and pull test of the lock.
+            plant: The plant that steps the world.
 
         Raises:
-            GeometryError: A URDF has no pins, or no holes at that port.
+            GeometryError: A URDF has no pins, or no holes at the passive port.
         """
+        super().__init__(step, spec)
         self._world = world
-        self.dock_step = step
-        self._spec = spec
-        self._cam = LockActuator(spec.close_time_s)
+        self._plant = plant
         self._unit, self._target = world.unit(step.unit), world.unit(step.target_unit)
         names = [(f"pin_{side}", f"port_{step.target_port}_hole_{side}") for side in SIDES]
         for pin, hole in names:
@@ -63,40 +71,33 @@ class PinLock:
                 )
         self._pairs = tuple((self._unit.link(pin), self._target.link(hole)) for pin, hole in names)
         self._constraint: int | None = None
-        self._apart = False
-
-    @property
-    def position(self) -> LockPosition:
-        """What the cam's encoder says."""
-        return self._cam.position
+        self._contact_disabled = False
 
     @property
     def engaged(self) -> bool:
-        """Truth: the lock holds the other unit."""
+        """Whether the lock holds the other unit."""
         return self._constraint is not None
 
     @property
-    def settled(self) -> bool:
-        """The two units are free of each other: not held, and in contact again wherever they touch."""
-        return not self.engaged and not self._apart
+    def parted(self) -> bool:
+        """Whether the lock holds nothing and contact between the two units is restored."""
+        return not self.engaged and not self._contact_disabled
 
     def switches(self) -> tuple[bool, bool]:
-        """State of the two seat switches (left, right): is the pin close to the bottom of its hole?"""
+        """Return whether the seat switches (left, right) are closed: pins near the bottom of the holes."""
         left, right = (self._depth_left(i) <= SWITCH_TRAVEL for i in range(2))
         return left, right
 
-    def pins_touch(self, in_the_holes: Sequence[int] = ()) -> bool:
-        """Say whether a pin touches the unit that is docked to: its walls, its face, or a seat switch.
+    def pins_touch(self) -> bool:
+        """Return whether a pin touches the other unit (walls, face, seat switch) or a plug in the port.
 
-        A pin that is well aligned enters without touching anything before the switch.
-
-        Args:
-            in_the_holes: Bodies that stop up the holes and count as part of the port.
+        A well-aligned pin enters the hole without touching anything before the switch.
         """
+        plugs = self._plant.plug_bodies(self.dock_step.target_unit, self.dock_step.target_port)
         return any(self.switches()) or any(
             contact[8] <= 0.0 or contact[9] > 0.0
             for pin, _ in self._pairs
-            for body in (self._target.body, *in_the_holes)
+            for body in (self._target.body, *plugs)
             for contact in pybullet.getContactPoints(
                 bodyA=self._unit.body,
                 bodyB=body,
@@ -105,62 +106,59 @@ class PinLock:
             )
         )
 
-    def command(self, close: bool) -> None:
-        """Close the cam, or open it and let go."""
-        self._cam.command(close)
-        if not close:
-            self._let_go()
-
     def tension_n(self) -> float:
-        """Return the force with which the lock kept the units together in the last tick [N]; < 0: apart."""
+        """Return the force with which the lock pulled the units together in the last tick [N].
+
+        It is negative when the lock pushed them apart, and 0 when it holds nothing.
+        """
         if self._constraint is None:
             return 0.0
         force = pybullet.getConstraintState(self._constraint, physicsClientId=self._world.client)
-        axis, _ = self._axis()
+        axis, _ = self._docking_axis()
         return float(axis @ np.array(force[:3]))
 
     def step(self, dt: float) -> None:
-        """Advance the cam by ``dt`` [s] after the physics has been stepped; an overloaded lock gives way."""
+        """Advance the lock by ``dt`` [s] after the physics has been stepped; an overloaded lock fails."""
         if self.tension_n() > self._spec.strength_n:
-            self._let_go()
-        if self._cam.step(dt) and all(self._depth_left(i) <= CAM_REACH for i in range(2)):
+            self._release()
+        if self._actuator.step(dt) and all(self._depth_left(i) <= LOCK_REACH for i in range(2)):
             self._engage()
-        # Contact comes back only where it finds nothing to push apart.
-        if self._apart and not self.engaged and self._overlap() < RELEASE_OVERLAP:
-            self._let_collide(True)
+        # Units that still overlap would be thrown apart by the contact.
+        if self._contact_disabled and not self.engaged and self._overlap() < RELEASE_OVERLAP:
+            self._set_contact(True)
 
-    def pull_test(self, rig: Rig) -> PullResult:
+    def pull_test(self) -> PullResult:
         """Pull the two units apart along the docking axis and measure by how much they come apart.
 
-        The wheels roll freely meanwhile, or the floor would hold what the lock does not.
+        The wheels roll freely during the test; otherwise the floor could hold units that the lock does not.
         """
         spec = self._spec
         hz = self._world.scene.physics_hz
         start = self._gap()
         opened = 0.0
         for _ in range(max(round(spec.pull_time_s * hz), 1)):
-            axis, point = self._axis()
+            axis, point = self._docking_axis()
             for unit, sign in ((self._unit, -1.0), (self._target, 1.0)):
                 self._push(unit, sign * spec.pull_force_n * axis, point)
-            rig.step_freewheeling()
+            self._plant.step_freewheeling()
             opened = max(opened, self._gap() - start)
-            if opened > PULL_SLACK:
-                self._let_go()
+            if opened > MAX_PULL_DISPLACEMENT:
+                self._release()
                 break
         return PullResult(spec.pull_force_n, opened, self.engaged)
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         if self._constraint is not None:
             pybullet.removeConstraint(self._constraint, physicsClientId=self._world.client)
             self._constraint = None
 
     def _depth_left(self, pair: int) -> float:
-        """Distance of a pin's tip to the bottom of its hole [m], infinite beyond the cam's reach."""
+        """Return the distance of a pin from the bottom of the hole [m]; infinite beyond the lock reach."""
         pin, hole = self._pairs[pair]
         points = pybullet.getClosestPoints(
             self._unit.body,
             self._target.body,
-            CAM_REACH,
+            LOCK_REACH,
             linkIndexA=pin,
             linkIndexB=hole,
             physicsClientId=self._world.client,
@@ -185,17 +183,19 @@ class PinLock:
             child.quaternion_xyzw().tolist(),
             physicsClientId=self._world.client,
         )
-        pybullet.changeConstraint(self._constraint, maxForce=WELD_FORCE, physicsClientId=self._world.client)
-        # The weld takes over from the contact: a tenth of a millimetre of overlap would fight it.
-        self._let_collide(False)
+        pybullet.changeConstraint(
+            self._constraint, maxForce=MAX_CONSTRAINT_FORCE, physicsClientId=self._world.client
+        )
+        # Contact is disabled, because an overlap of 0.1 mm would work against the constraint.
+        self._set_contact(False)
 
-    def _let_collide(self, collide: bool) -> None:
+    def _set_contact(self, enabled: bool) -> None:
         for a in self._unit.links.values():
             for b in self._target.links.values():
                 pybullet.setCollisionFilterPair(
-                    self._unit.body, self._target.body, a, b, int(collide), physicsClientId=self._world.client
+                    self._unit.body, self._target.body, a, b, int(enabled), physicsClientId=self._world.client
                 )
-        self._apart = not collide
+        self._contact_disabled = not enabled
 
     def _overlap(self) -> float:
         points = pybullet.getClosestPoints(
@@ -209,16 +209,16 @@ class PinLock:
         )
         return SE3.from_quaternion_xyzw(position, quaternion)
 
-    def _axis(self) -> tuple[Array, Array]:
-        """Docking axis, into the target, and the middle of its holes, in W; shapes (3,)."""
+    def _docking_axis(self) -> tuple[Array, Array]:
+        """Return the docking axis into the target and the middle of the holes [m], in W, shapes (3,)."""
         target, port = self.dock_step.target_unit, f"port_{self.dock_step.target_port}"
         X_WP = self._world.link_pose(target, port)
         holes = [self._world.link_pose(target, f"{port}_hole_{side}").p for side in SIDES]
         return -X_WP.R[:, 0], np.mean(holes, axis=0)
 
     def _gap(self) -> float:
-        """Distance of the two faces along the docking axis [m]."""
-        axis, _ = self._axis()
+        """Return the distance between the two faces along the docking axis [m]."""
+        axis, _ = self._docking_axis()
         own = self._world.link_pose(self.dock_step.unit, f"port_{self.dock_step.port}").p
         other = self._world.link_pose(self.dock_step.target_unit, f"port_{self.dock_step.target_port}").p
         return float(axis @ (other - own))

@@ -1,4 +1,4 @@
-"""Bodies in the holes of a port that keep the pins out (the fault ``port_plugged``)."""
+"""Bodies in the holes of a passive port that keep the pins out (the fault ``port_plugged``)."""
 
 from __future__ import annotations
 
@@ -14,18 +14,26 @@ PLUG_RGBA = (0.2, 0.2, 0.2, 1.0)
 
 
 class PortPlug:
-    """Two small fixed bodies at the bottom of the holes of one passive port."""
+    """Two small fixed bodies at the bottom of the holes of a passive port.
+
+    Attributes:
+        bodies: PyBullet ids of the bodies.
+    """
 
     def __init__(self, world: BulletWorld, unit: str, port: str) -> None:
-        """Put the bodies where the unit stands now; the unit itself does not collide with them."""
+        """Place the bodies by the present pose of the unit, which does not collide with them.
+
+        Raises:
+            GeometryError: The port has no holes.
+        """
         self._client = world.client
         owner = world.unit(unit)
         holes = [s for s in owner.geometry.solids if s.link.startswith(f"port_{port}_hole_")]
         if not holes:
-            raise GeometryError(f"unit {unit!r}: port {port!r} has no holes to stop up")
+            raise GeometryError(f"unit {unit!r}: port {port!r} has no holes to plug")
         self.bodies: list[int] = []
         for hole in holes:
-            # The bottom plate is a box with x out of the face; the plug stands on it.
+            # The bottom of a hole is a box whose x axis points out of the face; the plug stands on it.
             thickness, width, height = hole.size
             half = [0.5 * PLUG_LENGTH, 0.5 * width, 0.5 * height]
             X_WH = world.pose3(unit) @ hole.X_UG

@@ -1,7 +1,8 @@
-"""The simulated world of one trial: the plant that moves the units, and the bodies that the cameras see."""
+"""The simulated world of one trial: the plant, the PyBullet world, and the true poses."""
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -14,14 +15,16 @@ from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import seconds
 from msrr_scenes.placement.placement import Placement
+from msrr_scenes.specs.faults import CameraMisaligned
 from msrr_scenes.specs.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """The truth of a running trial.
+    """The true state of a running trial.
 
     Attributes:
         scene: The scene.
@@ -36,7 +39,7 @@ class Simulation:
     world: BulletWorld | None
 
     def poses(self) -> dict[str, SE2]:
-        """Return the true ``X_WB`` of every unit and of every obstacle that stands in the world now."""
+        """Return the true ``X_WB`` of every unit and of every obstacle that has appeared."""
         now_s = seconds(self.plant.now_ns())
         poses = {unit: self.plant.pose(unit) for unit in self.scene.units}
         for name, X_WB in self.placement.obstacles.items():
@@ -47,7 +50,7 @@ class Simulation:
 
 @contextmanager
 def open_simulation(scene: Scene, placement: Placement) -> Iterator[Simulation]:
-    """Build the plant of a scene and, where it is needed, the PyBullet world; close them at the end."""
+    """Build the plant of a scene and, if a renderer or the plant needs it, the PyBullet world."""
     with ExitStack() as stack:
         world = None
         if scene.plant == "bullet" or scene.perception == "images":
@@ -58,8 +61,20 @@ def open_simulation(scene: Scene, placement: Placement) -> Iterator[Simulation]:
             world = stack.enter_context(BulletWorld(scene, placement, tags=tags))
         plant: Plant
         if scene.plant == "bullet":
-            assert world is not None
+            assert world is not None, "the bullet plant has a world"
             plant = BulletPlant(world)
         else:
             plant = KinematicPlant(scene, placement, world)
         yield Simulation(scene, placement, plant, world)
+
+
+def camera_pose(scene: Scene, unit: str) -> SE3:
+    """Return the true pose ``X_UB`` of the camera body of a unit; x of B is the optical axis.
+
+    It differs from the pose in the URDF, which the robot knows, by the fault ``camera_misaligned``.
+    """
+    X_UB = scene.geometry(unit).frame("camera")
+    for fault in scene.faults:
+        if isinstance(fault, CameraMisaligned) and fault.unit == unit:
+            X_UB = X_UB @ SE3.from_se2(SE2(0.0, 0.0, math.radians(fault.yaw_deg)))
+    return X_UB

@@ -1,35 +1,40 @@
-"""The tags on the units and obstacles of a scene, as visual shapes in a folder that belongs to the trial."""
+"""The tags on the units and obstacles of a scene, as visual shapes in a folder that belongs to one trial."""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
+import pybullet
 
-from msrr_bullet.simulation.tag_plates import apply_textures, build_unit_urdf, load_tag_plate
+from msrr_bullet.simulation.tag_plates import load_tag_plate, set_texture, write_plate
+from msrr_bullet.simulation.urdf_welding import read_urdf, weld
+from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
 
-#: How far an obstacle's plate floats above its lid [m], so that the two do not fight for the same depth:
-#: TinyRenderer draws a cylinder 1 mm too tall.
+#: Height of the plate of an obstacle above the lid [m], so that the lid does not hide it: TinyRenderer draws
+#: a cylinder 1 mm too tall.
 PLATE_LIFT_M = 0.002
 
-#: A tag that lies face up: T's z points down into the obstacle, its top edge towards the obstacle's +y.
+#: A tag that lies face up: z of T points down into the obstacle, the top edge points to +y of the obstacle.
 R_BT = rotation_from_rpy(math.pi, 0.0, 0.0)
 
 
 def obstacle_tag_pose(height_m: float) -> SE3:
-    """Return ``X_BT`` of the tag on an obstacle's lid; B stands on the floor under its middle."""
+    """Return ``X_BT`` of the tag on the lid of an obstacle; the origin of B is the middle of the base."""
     return SE3(R_BT, np.array([0.0, 0.0, height_m + PLATE_LIFT_M]))
 
 
 class TagVisuals:
     """Adds tags to the visual shapes of units and obstacles.
 
-    The folder holds the meshes and textures; it has to exist for as long as the world.
+    The folder holds meshes, textures and URDFs; it has to exist for as long as the world.
     """
 
     def __init__(self, scene: Scene, folder: Path) -> None:
@@ -39,16 +44,57 @@ class TagVisuals:
         self._hidden = {f.unit for f in scene.faults if isinstance(f, MarkerHidden)}
 
     def unit_urdf(self, unit: str) -> Path:
-        """Return a copy of the unit's URDF that carries quads for its tags."""
-        return build_unit_urdf(self._scene, unit, self._folder, self._hidden)
+        """Write a welded copy of the URDF of a unit with plates for all tags, and return the path.
+
+        Raises:
+            GeometryError: A tag slot has no link in the URDF.
+        """
+        scene, geometry = self._scene, self._scene.geometry(unit)
+        tree = read_urdf(geometry.urdf)
+        links = {e.attrib["name"]: e for e in tree.getroot().findall("link")}
+        for slot, tag_id in scene.tag_ids(unit).items():
+            if slot not in links:
+                raise GeometryError(
+                    f"{geometry.urdf}: no link for tag {tag_id} at {slot!r}; tag links: {geometry.tag_slots}"
+                )
+            shown = None if unit in self._hidden else tag_id
+            mesh, _ = write_plate(self._folder, f"{unit}_{slot}", scene.tag_size(slot), shown)
+            _add_visual(links[slot], mesh)
+        weld(tree, geometry.mechanism)
+        path = self._folder / f"{unit}.urdf"
+        tree.write(path, encoding="utf-8", xml_declaration=True)
+        return path
 
     def add_to_unit(self, client: int, body: int, unit: str) -> None:
-        """Put the textures on the quads of a body loaded from :meth:`unit_urdf`."""
-        apply_textures(client, body, self._scene, unit, self._folder)
+        """Set the textures of the plates of a body that was loaded from the file of :meth:`unit_urdf`.
+
+        Raises:
+            GeometryError: The body has no plate for a tag, because it was loaded from another file.
+        """
+        plates: dict[str, tuple[int, int]] = {}
+        shapes: Counter[int] = Counter()
+        for shape in pybullet.getVisualShapeData(body, physicsClientId=client):
+            link, mesh = shape[1], shape[4].decode()
+            plates[mesh] = (link, shapes[link])
+            shapes[link] += 1
+        for slot in self._scene.tag_ids(unit):
+            file = self._folder / f"{unit}_{slot}.obj"
+            plate = plates.get(str(file.resolve()))
+            if plate is None:
+                raise GeometryError(f"body {body} of unit {unit!r} has no plate for {slot!r}")
+            set_texture(client, body, *plate, file.with_suffix(".png"))
 
     def add_to_obstacle(self, client: int, obstacle: str, X_WO: SE2) -> None:
-        """Lay the tag of an obstacle that stands at ``X_WO`` on its lid."""
+        """Put the tag of an obstacle, if it has one, on the lid of the obstacle that stands at ``X_WO``."""
         spec = self._scene.obstacles[obstacle]
         if spec.tag_id is not None:
             X_WT = SE3.from_se2(X_WO) @ obstacle_tag_pose(spec.height_m)
             load_tag_plate(client, self._folder, spec.tag_id, spec.tag_m, X_WT)
+
+
+def _add_visual(link: Element, mesh: Path) -> None:
+    visual = SubElement(link, "visual")
+    SubElement(visual, "origin", xyz="0 0 0", rpy="0 0 0")
+    SubElement(SubElement(visual, "geometry"), "mesh", filename=str(mesh.resolve()))
+    material = SubElement(visual, "material", name=f"plate_{mesh.stem}")
+    SubElement(material, "color", rgba="1 1 1 1")

@@ -1,4 +1,4 @@
-"""A unit as the physics engine knows it, and how it gets there."""
+"""A unit as a PyBullet body, and the loading of its URDF."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class UnitBody:
     """A unit in the world.
 
     Attributes:
-        body: PyBullet's id.
-        links: Index of every link that the engine knows (:mod:`msrr_bullet.simulation.urdf_welding` welds
-            most of them); the root link has :data:`ROOT`.
-        geometry: Read from the unit's URDF.
-        X_IU: Frame U seen from the root's *inertial* frame, which is what PyBullet calls the base pose.
-        wheels: Indices of the left and the right wheel's joint.
+        body: Body id of PyBullet.
+        links: Index of every link that remains after welding (:mod:`msrr_bullet.simulation.urdf_welding`);
+            that of the root link is :data:`ROOT`.
+        geometry: Geometry of the URDF.
+        X_IU: Pose of frame U in the inertial frame of the root, whose pose PyBullet calls the base pose.
+        wheels: Indices of the joints of the left and the right wheel.
     """
 
     body: int
@@ -40,37 +40,37 @@ class UnitBody:
 
     @cached_property
     def origin(self) -> tuple[float, float, float]:
-        """Origin of U seen from the root's inertial frame [m]."""
+        """Origin of U in the inertial frame of the root [m]."""
         x, y, z = self.X_IU.p.tolist()
         return x, y, z
 
     @cached_property
     def forward(self) -> tuple[float, float, float]:
-        """Axis x of U seen from the root's inertial frame."""
+        """Axis x of U in the inertial frame of the root."""
         x, y, z = self.X_IU.R[:, 0].tolist()
         return x, y, z
 
     def link(self, name: str) -> int:
-        """Return the index of a link; an unknown name lists the ones that exist."""
+        """Return the index of a link; an unknown name lists the links."""
         try:
             return self.links[name]
         except KeyError:
             raise UnknownNameError("link", name, self.links) from None
 
 
-def load_unit(client: int, geometry: UnitGeometry, copy: Path | None = None) -> UnitBody:
-    """Load a unit into the world's origin.
+def load_unit(client: int, geometry: UnitGeometry, welded: Path | None = None) -> UnitBody:
+    """Load a unit at the origin of the world.
 
     Args:
         client: PyBullet client.
-        geometry: The unit's, as read from its URDF.
-        copy: A welded copy of that URDF (:mod:`msrr_bullet.simulation.urdf_welding`) with looks of its own;
-            None for a bare one.
+        geometry: Geometry of the URDF of the unit.
+        welded: A welded copy of the URDF (:mod:`msrr_bullet.simulation.urdf_welding`); None makes a temporary
+            one.
 
     Raises:
         GeometryError: PyBullet cannot load the URDF.
     """
-    body = _load_bare(geometry, client) if copy is None else _load(copy, client)
+    body = _weld_and_load(geometry, client) if welded is None else _load(welded, client)
     root = pybullet.getBodyInfo(body, physicsClientId=client)[0].decode()
     links = {root: ROOT}
     for joint in range(pybullet.getNumJoints(body, physicsClientId=client)):
@@ -81,7 +81,7 @@ def load_unit(client: int, geometry: UnitGeometry, copy: Path | None = None) -> 
     return UnitBody(body, links, geometry, X_IU, (links["wheel_left"], links["wheel_right"]))
 
 
-def _load_bare(geometry: UnitGeometry, client: int) -> int:
+def _weld_and_load(geometry: UnitGeometry, client: int) -> int:
     tree = read_urdf(geometry.urdf)
     weld(tree, geometry.mechanism)
     with tempfile.TemporaryDirectory(prefix="msrr-") as folder:

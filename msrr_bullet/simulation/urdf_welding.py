@@ -1,9 +1,9 @@
-"""The copy of a unit's URDF that the physics engine loads: rigid pieces welded, frames without shapes gone.
+"""Welding of a URDF for the physics engine: links behind fixed joints are merged.
 
-PyBullet steps every link of a body as a link of its own, fixed joints included; a unit has some thirty, most
-of which only name a frame, and two units would cost more than twice as much as they have to. PyBullet's own
-``URDF_MERGE_FIXED_LINKS`` goes too far: it gives all shapes of a rigid piece the friction of one of them,
-and forgets which of them is a pin.
+PyBullet steps every link separately, even those behind fixed joints. A unit has some thirty links, most of
+which only name a frame, and two units would take more than twice the time. The flag
+``URDF_MERGE_FIXED_LINKS`` of PyBullet is no alternative: it gives all shapes of a merged body the friction
+of one of them, and contacts can no longer be assigned to a pin.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 def read_urdf(path: Path) -> ElementTree[Element]:
-    """Read a URDF so that a copy of it may lie elsewhere: what it names beside itself is named in full."""
+    """Read a URDF and make its file names absolute, so that a copy can be written to another folder."""
     tree = parse(path)
     for element in tree.iter():
         if element.tag in ("mesh", "texture") and "filename" in element.attrib:
@@ -33,34 +33,34 @@ def read_urdf(path: Path) -> ElementTree[Element]:
     return tree
 
 
-def weld(tree: ElementTree[Element], apart: Collection[str]) -> None:
+def weld(tree: ElementTree[Element], separate: Collection[str]) -> None:
     """Merge links behind fixed joints into the links that carry them, in place.
 
-    A link is merged if its contacts do not need it: it has no collision shapes, or the same contact
-    properties as the shapes that it joins. Mass, centre of mass and inertia of the whole are those of its
-    parts, shapes stay where they are. A link without inertial data weighs nothing when it is merged.
+    A link is merged if it has no collision shapes, or the same contact properties as the link that carries
+    it. Mass, centre of mass and inertia of a merged link are those of the parts, and shapes stay where they
+    are. A link without inertial data has no mass.
 
     Args:
         tree: A URDF whose links form a tree (:func:`msrr_scenes.geometry.unit_geometry.read_unit` has
             checked it).
-        apart: Links that stay links of their own, because somebody asks the engine about their contacts.
+        separate: Links that are not merged, because contacts of each of them are queried.
     """
     robot = tree.getroot()
     links = {e.attrib["name"]: e for e in robot.findall("link")}
     joints = {_end(joint, "child").attrib["link"]: joint for joint in robot.findall("joint")}
-    # A carrier without shapes takes the contact properties of the first that joins it: of the largest part.
+    # A carrier without shapes gets the contact properties of the first link merged into it: the largest one.
     order = sorted(joints, key=lambda name: -len(links[name].findall("collision")))
     for name in (*(n for n in order if links[n].find("collision") is None), *order):
         if name not in joints:
             continue
         joint, link = joints[name], links[name]
         carrier = links[_end(joint, "parent").attrib["link"]]
-        if joint.get("type") != "fixed" or name in apart or not _may_join(link, carrier):
+        if joint.get("type") != "fixed" or name in separate or not _may_join(link, carrier):
             continue
         X_CL = urdf_origin(joint.find("origin"))
         _add_mass(carrier, link, X_CL)
         if link.find("collision") is not None and carrier.find("collision") is None:
-            _take_contact(carrier, link)
+            _copy_contact(carrier, link)
         for shape in (*link.findall("visual"), *link.findall("collision")):
             _set_origin(shape, X_CL @ urdf_origin(shape.find("origin")))
             carrier.append(shape)
@@ -76,7 +76,7 @@ def weld(tree: ElementTree[Element], apart: Collection[str]) -> None:
 
 def _end(joint: Element, tag: str) -> Element:
     end = joint.find(tag)
-    assert end is not None, "read_unit refuses joints without ends"
+    assert end is not None, "read_unit has checked that every joint has a parent and a child"
     return end
 
 
@@ -86,11 +86,11 @@ def _contact(link: Element) -> dict[str, str | None]:
 
 
 def _may_join(link: Element, carrier: Element) -> bool:
-    either_untouchable = link.find("collision") is None or carrier.find("collision") is None
-    return either_untouchable or _contact(link) == _contact(carrier)
+    one_without_shapes = link.find("collision") is None or carrier.find("collision") is None
+    return one_without_shapes or _contact(link) == _contact(carrier)
 
 
-def _take_contact(carrier: Element, link: Element) -> None:
+def _copy_contact(carrier: Element, link: Element) -> None:
     for old in carrier.findall("contact"):
         carrier.remove(old)
     carrier.extend(link.findall("contact"))
@@ -98,7 +98,7 @@ def _take_contact(carrier: Element, link: Element) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Mass:
-    """Mass [kg], centre (3,) [m] and inertia (3, 3) about the centre [kg m^2], in a link's frame."""
+    """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m^2], in the frame of a link."""
 
     mass: float
     centre: Array
@@ -117,11 +117,12 @@ class _Mass:
         J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         return cls(m, X_LI.p, X_LI.R @ J @ X_LI.R.T)
 
-    def seen_from(self, X_CL: SE3) -> _Mass:
+    def in_frame(self, X_CL: SE3) -> _Mass:
+        """Return the mass expressed in frame C, given that it is expressed in frame L."""
         return _Mass(self.mass, X_CL.act(self.centre), X_CL.R @ self.inertia @ X_CL.R.T)
 
-    def about(self, point: Array) -> Array:
-        """Inertia about another point, by the parallel axis theorem."""
+    def inertia_about(self, point: Array) -> Array:
+        """Return the inertia (3, 3) about another point, by the parallel axis theorem."""
         d = self.centre - point
         shifted: Array = self.inertia + self.mass * (d @ d * np.eye(3) - np.outer(d, d))
         return shifted
@@ -131,18 +132,18 @@ class _Mass:
         if mass == 0.0:
             return self
         centre = (self.mass * self.centre + other.mass * other.centre) / mass
-        return _Mass(mass, centre, self.about(centre) + other.about(centre))
+        return _Mass(mass, centre, self.inertia_about(centre) + other.inertia_about(centre))
 
 
 def _add_mass(carrier: Element, link: Element, X_CL: SE3) -> None:
     inertial = carrier.find("inertial")
-    whole = _Mass.of(inertial) + _Mass.of(link.find("inertial")).seen_from(X_CL)
+    total = _Mass.of(inertial) + _Mass.of(link.find("inertial")).in_frame(X_CL)
     if inertial is not None:
         carrier.remove(inertial)
     inertial = SubElement(carrier, "inertial")
-    SubElement(inertial, "origin", xyz=_numbers(whole.centre), rpy="0 0 0")
-    SubElement(inertial, "mass", value=repr(float(whole.mass)))
-    upper = whole.inertia[np.triu_indices(3)]
+    SubElement(inertial, "origin", xyz=_numbers(total.centre), rpy="0 0 0")
+    SubElement(inertial, "mass", value=repr(float(total.mass)))
+    upper = total.inertia[np.triu_indices(3)]
     SubElement(inertial, "inertia", {name: repr(float(j)) for name, j in zip(_INERTIA, upper, strict=True)})
 
 
@@ -150,7 +151,7 @@ def _set_origin(element: Element, X: SE3) -> None:
     for old in element.findall("origin"):
         element.remove(old)
     with warnings.catch_warnings():
-        # Pitched by a right angle a rotation has many such triples; any of them will do.
+        # At a pitch of 90 deg the angles are not unique; any of them will do.
         warnings.simplefilter("ignore", UserWarning)
         roll_pitch_yaw = Rotation.from_matrix(X.R).as_euler("xyz")
     element.insert(0, Element("origin", xyz=_numbers(X.p), rpy=_numbers(roll_pitch_yaw)))

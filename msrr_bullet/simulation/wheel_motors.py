@@ -9,7 +9,7 @@ from msrr_bullet.simulation.unit_body import UnitBody
 from msrr_scenes.messages import Twist
 from msrr_scenes.specs.vehicle import WheelMotorSpec
 
-#: Below these speeds a drive counts as standing: the nested limits let it creep towards zero for ever.
+#: Below these speeds a drive counts as stopped, because the nested limits approach zero asymptotically.
 STANDSTILL_MPS = 1e-4
 STANDSTILL_RADPS = 1e-3
 
@@ -18,7 +18,7 @@ class WheelMotors:
     """The two velocity-controlled wheel motors of a unit, with limited torque."""
 
     def __init__(self, client: int, unit: UnitBody, spec: WheelMotorSpec) -> None:
-        """Take over the wheels of ``unit``; they brake until told otherwise."""
+        """Brake the wheels of ``unit`` until the first command."""
         self._client = client
         self._unit = unit
         self._torque = spec.torque_nm
@@ -27,10 +27,10 @@ class WheelMotors:
         self.drive(Twist())
 
     def drive(self, twist: Twist) -> None:
-        """Turn the wheels for ``twist``, with no more than the motors' torque [N m]."""
-        # A drive that has come to rest is held by its gear, which is stronger than its motor.
-        stands = abs(twist.v) < STANDSTILL_MPS and abs(twist.w) < STANDSTILL_RADPS
-        self._control(wheel_speeds(twist, self._unit.geometry), self._holding if stands else self._torque)
+        """Turn the wheels at the speeds of ``twist`` with limited torque."""
+        # A drive at rest is held by the gear, which is stronger than the motor.
+        stopped = abs(twist.v) < STANDSTILL_MPS and abs(twist.w) < STANDSTILL_RADPS
+        self._control(wheel_speeds(twist, self._unit.geometry), self._holding if stopped else self._torque)
 
     def release(self) -> None:
         """Let the wheels roll freely."""
@@ -38,7 +38,7 @@ class WheelMotors:
 
     def _control(self, speeds: tuple[float, float], torque: float) -> None:
         if (speeds, torque) == self._last_target:
-            return  # the engine keeps a motor's target until it gets another
+            return  # PyBullet keeps the target of a motor until it gets another
         self._last_target = (speeds, torque)
         for joint, speed in zip(self._unit.wheels, speeds, strict=True):
             pybullet.setJointMotorControl2(

@@ -1,8 +1,8 @@
-"""The PyBullet world: floor, units and obstacles in one DIRECT client, nothing else.
+"""The PyBullet world: floor, units and obstacles in one DIRECT client.
 
-One world owns one client; it is closed by leaving the ``with`` block. The same scene, placement and commands
-give the same bits in any process: PyBullet has no random numbers, all its settings are given here explicitly,
-and bodies are created in the order of the scene.
+A world owns one client, which is closed at the end of the ``with`` block. The same scene, placement and
+commands give the same bits in any process: PyBullet has no random numbers, all settings are made here, and
+bodies are created in the order of the scene.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from msrr_scenes.specs.bodies import CylinderSpec
 from msrr_scenes.specs.scene import Scene
 
 GRAVITY_MPS2 = 9.80665
-#: Friction of the floor; PyBullet multiplies it with the other body's.
+#: Friction of the floor; PyBullet multiplies it with that of the other body.
 FLOOR_FRICTION = 1.0
 OBSTACLE_FRICTION = 0.5
 OBSTACLE_RGBA = (0.55, 0.55, 0.55, 1.0)
-#: Converged, in contact: with 50 the pins of a unit that jams at the mouth are pressed in, and the target
-#: creeps away by millimetres; with 400 the median case moves by less than 0.1 mm against 150.
+#: Enough for contacts to converge: with 50 iterations a unit that jams at the mouth is pressed in and the
+#: target creeps away by millimetres; with 400 the median case differs by less than 0.1 mm from 150.
 SOLVER_ITERATIONS = 150
 
 
@@ -40,11 +40,11 @@ class BulletWorld:
     The floor is a plane for contact only and has no visual mesh: the cameras composite it.
 
     Attributes:
-        client: PyBullet's physics client id; pass it to every call.
-        scene: What the world was built from.
+        client: Physics client id of PyBullet, an argument of every PyBullet call.
+        scene: The scene of the world.
         floor: Body id of the floor.
         units: Every unit, by name.
-        obstacles: Body id of every obstacle that stands in the world at this time, by name.
+        obstacles: Body id of every obstacle that stands in the world now, by name.
     """
 
     def __init__(self, scene: Scene, placement: Placement, *, tags: TagVisuals | None = None) -> None:
@@ -52,8 +52,8 @@ class BulletWorld:
 
         Args:
             scene: A checked scene.
-            placement: Where units and obstacles stand at the start.
-            tags: Adds the tags of units and obstacles to their visual shapes; None leaves the plates blank.
+            placement: Start poses of units and obstacles.
+            tags: Adds tags to the visual shapes of units and obstacles; None adds none.
         """
         self.scene = scene
         self._placement = placement
@@ -61,14 +61,14 @@ class BulletWorld:
         self.units: dict[str, UnitBody] = {}
         self.obstacles: dict[str, int] = {}
         self._planar: dict[str, SE2] = {}
-        # Latest first; of those that appear together, the scene's first is last and comes first.
+        # The next obstacle to appear is last; obstacles that appear together keep the order of the scene.
         self._waiting = sorted(
             ((spec.appears_at_s, name) for name, spec in reversed(scene.obstacles.items())),
             key=lambda entry: -entry[0],
         )
         self.client: int = pybullet.connect(pybullet.DIRECT)
         if self.client < 0:
-            raise MsrrError("PyBullet gave no DIRECT client; too many are open in this process")
+            raise MsrrError("PyBullet opens no further DIRECT client; too many are open in this process")
         try:
             self._configure()
             self.floor = self._add_floor()
@@ -90,7 +90,7 @@ class BulletWorld:
     def close(self) -> None:
         """Close the client; a second call does nothing."""
         if self.client >= 0:
-            with suppress(pybullet.error):  # the process may be on its way out and the client gone already
+            with suppress(pybullet.error):  # at the end of the process the client may be gone already
                 pybullet.disconnect(physicsClientId=self.client)
             self.client = -1
 
@@ -100,14 +100,14 @@ class BulletWorld:
         pybullet.stepSimulation(physicsClientId=self.client)
 
     def unit(self, name: str) -> UnitBody:
-        """Return a unit by name."""
+        """Return a unit by name; an unknown name lists the units."""
         try:
             return self.units[name]
         except KeyError:
             raise UnknownNameError("unit", name, self.units) from None
 
     def reveal(self, now_s: float) -> None:
-        """Put up the obstacles whose time has come and that are not there yet."""
+        """Add the obstacles that have appeared by ``now_s`` [s] and are not in the world yet."""
         while self._waiting and self._waiting[-1][0] <= now_s:
             _, name = self._waiting.pop()
             self.obstacles[name] = self._add_obstacle(name)
@@ -119,17 +119,17 @@ class BulletWorld:
         return SE3.from_quaternion_xyzw(position, quaternion) @ unit.X_IU
 
     def pose(self, name: str) -> SE2:
-        """Return the true ``X_WU`` in the plane; asked for often, so it is kept until the world moves on."""
-        known = self._planar.get(name)
-        if known is None:
-            known = self._planar[name] = self._pose_in_plane(self.unit(name))
-        return known
+        """Return the true ``X_WU`` in the plane, which is cached until the world changes."""
+        pose = self._planar.get(name)
+        if pose is None:
+            pose = self._planar[name] = self._pose_in_plane(self.unit(name))
+        return pose
 
     def _pose_in_plane(self, unit: UnitBody) -> SE2:
         (px, py, _), (x, y, z, w) = pybullet.getBasePositionAndOrientation(
             unit.body, physicsClientId=self.client
         )
-        # The first two rows of R_WI are all that the plane needs; matrices would take ten times as long.
+        # Only the first two rows of R_WI are needed; with matrices this would take ten times as long.
         r00, r01, r02 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
         r10, r11, r12 = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
         ax, ay, az = unit.origin
@@ -141,10 +141,10 @@ class BulletWorld:
         )
 
     def link_pose(self, name: str, link: str) -> SE3:
-        """Return the true pose ``X_WL`` of a unit's link, joints included; of any link of its URDF."""
+        """Return the true pose ``X_WL`` of a link of a unit, the wheels by their present angles."""
         unit = self.unit(name)
         if link not in unit.links and link in unit.geometry.frames:
-            # Welded to the root: the wheels carry nothing.
+            # The link was welded, and to the root, because the wheels carry no other link.
             return self.pose3(name) @ unit.geometry.frame(link)
         index = unit.link(link)
         if index == ROOT:
@@ -155,7 +155,7 @@ class BulletWorld:
         return SE3.from_quaternion_xyzw(state[4], state[5])
 
     def twist(self, name: str) -> Twist:
-        """Return the true velocity of U, seen from U: forward and counter-clockwise."""
+        """Return the true velocity of frame U, expressed in U: forward and counter-clockwise."""
         unit = self.unit(name)
         linear, angular = (
             np.array(a) for a in pybullet.getBaseVelocity(unit.body, physicsClientId=self.client)
@@ -176,10 +176,10 @@ class BulletWorld:
         return left, right
 
     def place(self, name: str, X_WU: SE2, wheels: tuple[float, float]) -> None:
-        """Put a unit on the floor at ``X_WU`` with its wheels at these angles [rad], all at rest."""
+        """Put a unit on the floor at ``X_WU`` and at rest, the wheels (left, right) at these angles [rad]."""
         unit = self.unit(name)
         self._planar.clear()
-        # PyBullet moves the centre of mass here, not the link frame.
+        # PyBullet sets the pose of the centre of mass, not of the link frame.
         X_WI = SE3.from_se2(X_WU) @ unit.X_IU.inverse()
         pybullet.resetBasePositionAndOrientation(
             unit.body, X_WI.p.tolist(), X_WI.quaternion_xyzw().tolist(), physicsClientId=self.client
@@ -201,8 +201,8 @@ class BulletWorld:
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], physicsClientId=self.client
         )
-        # A body without a visual shape is drawn as its collision shape, so it gets one too small to be seen.
-        unseen = pybullet.createVisualShape(
+        # Without a visual shape PyBullet would draw the collision shape; this one is too small to be seen.
+        invisible = pybullet.createVisualShape(
             pybullet.GEOM_SPHERE,
             radius=1e-6,
             visualFramePosition=[0.0, 0.0, -1.0],
@@ -211,15 +211,15 @@ class BulletWorld:
         floor: int = pybullet.createMultiBody(
             baseMass=0.0,
             baseCollisionShapeIndex=shape,
-            baseVisualShapeIndex=unseen,
+            baseVisualShapeIndex=invisible,
             physicsClientId=self.client,
         )
         pybullet.changeDynamics(floor, ROOT, lateralFriction=FLOOR_FRICTION, physicsClientId=self.client)
         return floor
 
     def _add_unit(self, name: str, X_WU: SE2) -> None:
-        copy = self._tags.unit_urdf(name) if self._tags else None
-        unit = self.units[name] = load_unit(self.client, self.scene.geometry(name), copy)
+        urdf = self._tags.unit_urdf(name) if self._tags else None
+        unit = self.units[name] = load_unit(self.client, self.scene.geometry(name), urdf)
         self.place(name, X_WU, (0.0, 0.0))
         if self._tags:
             self._tags.add_to_unit(self.client, unit.body, name)

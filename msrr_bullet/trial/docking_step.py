@@ -23,20 +23,20 @@ _FINISHED = frozenset({Phase.DONE, Phase.FAILED})
 
 @dataclass(frozen=True)
 class StepResult:
-    """The end of a step of the plan.
+    """The result of a step of the plan.
 
     Attributes:
         outcome: Verdict of the judge.
         belief: Belief of the robot.
         action: Last decision of the robot.
         contact: First pin contact of the last attempt; None without contact.
-        seating: True relative pose of the pair before the pull test; None when they were not near.
+        seating: True relative pose of the pair before the pull test; None when the port was not reached.
         lock_closed: Whether the lock reports that it is closed.
         lock_engaged: Whether the lock holds the other unit.
         pull_test_passed: Whether the lock held the pull; None without a pull test.
-        min_clearance_m: Smallest distance between bodies that were not docking [m].
+        min_clearance_m: Smallest clearance of any pair that was not docking [m]; None without such a pair.
         assembly: Figures of the long-distance phase; None without one.
-        records: One record per attempt.
+        records: Record of every attempt.
     """
 
     outcome: Outcome
@@ -53,7 +53,7 @@ class StepResult:
 
 
 class DockingStep:
-    """One step of the plan: a unit docks, from the first look at the arena to the verdict."""
+    """One step of the plan: one unit docks to another one."""
 
     def __init__(
         self, environment: Environment, index: int, telemetry: Telemetry, profiler: Profiler
@@ -79,7 +79,7 @@ class DockingStep:
         self._assembly_instants: list[Instant] = []
 
     def run(self) -> StepResult:
-        """Run until the robot has finished, the judge ends the step, or the time is over."""
+        """Run until the robot finishes, the judge ends the step, or the time limit is reached."""
         plant, profiler = self._plant, self._profiler
         control = Periodic(self._scene.control.rate_hz, plant.now_ns())
         deadline_ns = duration_ns(self._scene.time_limit_s)
@@ -114,7 +114,7 @@ class DockingStep:
                 self._judge.tick(plant.now_ns(), action.attempt, self._robot.estimate)
 
     def _collect_assembly(self, action: Action) -> None:
-        """Keep this instant for the figures of the long-distance phase."""
+        """Store the true pose of the unit during the long-distance phase."""
         assembly = self._robot.assembly
         if assembly is not None:
             true = {self._step.unit: self._plant.pose(self._step.unit)}
@@ -134,14 +134,14 @@ class DockingStep:
         )
 
     def _actuate(self, now_ns: int) -> None:
-        """Pass the newest command that has arrived over the link to drive and lock."""
+        """Command drive and lock as the newest action says that has arrived over the link."""
         action = self._link.arrived(now_ns)
         if action is not None:
             self._plant.command(self._step.unit, action.twist)
             self._plant.set_lock(self._step.unit, action.lock)
 
     def _set_plug(self, attempt: int) -> None:
-        """Plug the target port if the fault ``port_plugged`` concerns this attempt; clear it if not."""
+        """Plug the target port if the fault ``port_plugged`` says so for this attempt; else clear it."""
         target = (self._step.target_unit, self._step.target_port)
         for fault in self._scene.faults:
             if isinstance(fault, PortPlugged) and (fault.unit, fault.port) == target:

@@ -1,4 +1,4 @@
-"""What all steps of a trial share: simulation, devices of the units, pairs that are locked together."""
+"""The environment of a trial: simulation, devices of the units, pairs that are locked together."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class LockedPairs:
 
     Attributes:
         pairs: Names of the two units of every locked pair.
-        docked_units: The units whose own locks have to hold from now on.
+        docked_units: Units whose locks have to hold from now on.
     """
 
     pairs: set[Pair] = field(default_factory=set)
@@ -34,19 +34,19 @@ class LockedPairs:
         self.docked_units.append(step.unit)
 
     def hold(self, plant: Plant) -> bool:
-        """Return whether the locks of all pairs still hold."""
+        """Return whether the locks of all pairs hold."""
         return all(plant.lock_engaged(unit) for unit in self.docked_units)
 
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """What the steps of one trial share.
+    """Everything that the steps of one trial share.
 
     Attributes:
         simulation: Plant, world and true poses.
         devices: Cameras, encoders and command links.
         clearance: Clearance model with the shapes of all bodies.
-        locked: Pairs that earlier steps locked together.
+        locked: Pairs of units that earlier steps locked together.
     """
 
     simulation: Simulation
@@ -57,6 +57,7 @@ class Environment:
 
 @contextmanager
 def open_environment(scene: Scene, seed: int, placement: Placement) -> Iterator[Environment]:
-    """Build everything that a trial of ``scene`` with ``seed`` needs; close it at the end."""
+    """Build the environment of a trial of ``scene`` with ``seed``, and close it at the end."""
     with open_simulation(scene, placement) as simulation:
-        yield Environment(simulation, Devices(simulation, seed), ClearanceModel(scene), LockedPairs())
+        clearance = ClearanceModel.from_scene(scene)
+        yield Environment(simulation, Devices(simulation, seed), clearance, LockedPairs())

@@ -1,4 +1,4 @@
-"""What a trial leaves behind: the verdict, and belief beside truth."""
+"""The result of a trial: the outcome, and belief next to truth."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import Perception, Plant
 
-#: What the robot itself made of the trial when it ended.
+#: Belief of the robot about the trial when it ended.
 Belief = Literal["docked", "gave_up", "undecided"]
 
 Distance = Annotated[float, Field(ge=0.0)]
@@ -39,7 +39,7 @@ def _installed() -> tuple[tuple[str, str], ...]:
         try:
             found.append((name, version(name)))
         except PackageNotFoundError:
-            continue  # an optional one: its absence is part of the answer
+            continue  # an optional distribution that is not installed
     return tuple(found)
 
 
@@ -49,13 +49,13 @@ def package_versions() -> dict[str, str]:
 
 
 class _Record(BaseModel):
-    """A frozen record; no NaN, no unknown keys, so that a stored one is read back as it was written."""
+    """A frozen record without NaN or unknown keys, so that a stored record is read back as it was written."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class PlanarPose(_Record):
-    """A pose in the plane [m, rad]."""
+    """A pose in the plane, in metres and radians."""
 
     x_m: float
     y_m: float
@@ -63,23 +63,23 @@ class PlanarPose(_Record):
 
     @classmethod
     def of(cls, pose: SE2) -> PlanarPose:
-        """Record an SE(2)."""
+        """Return the record of a pose."""
         return cls(x_m=pose.x, y_m=pose.y, yaw_rad=pose.yaw)
 
     @property
     def se2(self) -> SE2:
-        """The pose as SE(2)."""
+        """The pose as an :class:`SE2`."""
         return SE2(self.x_m, self.y_m, self.yaw_rad)
 
 
 class Contact(_Record):
-    """The first touch of a pin and the port, from truth.
+    """The true state at the first contact of a pin with the target.
 
     Attributes:
-        time_s: Simulated time.
-        lateral_m: Distance of the front port from the axis of the dock frame D.
-        yaw_rad: Angle between the unit's heading and that axis, not negative.
-        estimate_error: Estimate minus truth of the unit in D at that instant; None without an estimate.
+        time_s: Simulated time [s].
+        lateral_m: Distance of the docking port from the axis of the dock frame D [m].
+        yaw_rad: Angle between the docking port and the axis of D, not negative [rad].
+        estimate_error: Estimate minus truth of the unit in D; None without an estimate.
     """
 
     time_s: Distance
@@ -89,13 +89,13 @@ class Contact(_Record):
 
 
 class Seating(_Record):
-    """How the pair stood to each other at the end, before the pull test, from truth.
+    """The true relative pose of the pair at the end, before the pull test.
 
     Attributes:
-        axial_gap_m: Gap between the faces along the docking axis; slightly negative when they press.
-        lateral_m: Distance of the front port from the axis of D.
-        yaw_rad: Angle to that axis, not negative.
-        seated: The judge's verdict on the three.
+        axial_gap_m: Distance between the faces along the axis of D [m], slightly negative under pressure.
+        lateral_m: Distance of the docking port from the axis of the dock frame D [m].
+        yaw_rad: Angle between the docking port and the axis of D, not negative [rad].
+        seated: Whether the judge counts the unit as seated.
     """
 
     axial_gap_m: float
@@ -108,13 +108,13 @@ class AttemptRecord(_Record):
     """One attempt of one step of the plan.
 
     Attributes:
-        step: Index in the plan.
-        attempt: Counted from 1.
-        ended_s: Simulated time of its end.
-        phase: Phase in which it ended.
-        reason: Why, in the robot's words.
-        believed: Estimate X_DU at its end; None when there was none.
-        true: True X_DU at its end.
+        step: Index of the step in the plan.
+        attempt: Number of the attempt, from 1.
+        ended_s: Simulated time of the end [s].
+        phase: Phase at the end.
+        reason: Reason of the robot for the end.
+        believed: Estimate X_DU at the end; None without an estimate.
+        true: True X_DU at the end.
     """
 
     step: int = Field(ge=0)
@@ -127,13 +127,14 @@ class AttemptRecord(_Record):
 
 
 class AssemblyFigures(_Record):
-    """The paper's figures of the long-distance phase; see :mod:`msrr_control.studies.metrics`.
+    """The figures of Zheng et al. for the long-distance phase; see :mod:`msrr_control.studies.metrics`.
 
     Attributes:
-        tracking_error_m: Steady tracking error about the end of the arc; None when no arc was ended.
-        amplitude_m: Largest distance from the desired point while passing an obstacle; None when none was
+        tracking_error_m: Steady tracking error at the end of the arc [m]; None without a finished arc.
+        amplitude_m: Largest distance from the desired point while passing an obstacle [m]; None when no
+            obstacle was passed.
+        recovery_s: Time from the peak until the distance stays below 5 cm [s]; None when no obstacle was
             passed.
-        recovery_s: From that peak until that distance stays below 5 cm; None when none was passed.
     """
 
     tracking_error_m: Distance | None = None
@@ -142,31 +143,31 @@ class AssemblyFigures(_Record):
 
 
 class TrialResult(_Record):
-    """Verdict of one trial. SI and radians; what was measured is truth unless it says ``believed``.
+    """The result of one trial, in SI units and radians. All values are true values but the beliefs.
 
     Attributes:
         scene: Name of the scene.
         scene_hash: :func:`msrr_scenes.loading.load.scene_hash` of the scene as it was run, overrides
             included.
         seed: Seed of all random streams.
-        plant: What moved the units.
-        perception: What the robot saw with.
-        versions: Packages that ran it, see :func:`package_versions`.
-        outcome: The judge's verdict.
-        belief: What the robot said.
-        belief_reason: Why it said so.
-        attempts: Number of docking attempts begun, over all steps of the plan.
-        duration_s: Simulated time.
+        plant: Kind of the plant.
+        perception: Kind of the perception.
+        versions: Installed versions, from :func:`package_versions`.
+        outcome: Verdict of the judge.
+        belief: Belief of the robot.
+        belief_reason: Reason of the robot for the belief.
+        attempts: Number of docking attempts over all steps of the plan.
+        duration_s: Simulated time [s].
         phase: Phase at the end.
-        contact: First pin contact of the attempt that decided the trial; None without contact.
-        seating: How the pair stood at the end; None when they were not near each other.
-        lock_closed: The cam says that it is closed.
-        lock_engaged: The lock holds the other unit (a cam that closed on nothing does not).
-        pull_test_passed: None when the pull test was not made.
-        min_clearance_m: Smallest distance between bodies that were not docking; None with no such pair.
-        assembly: Figures of the last step's long-distance phase; None without one.
-        start_redraws: Starts thrown away because the target lay outside the outer cone.
-        records: One for each attempt, in order.
+        contact: First pin contact of the last attempt; None without contact.
+        seating: True relative pose of the pair at the end; None when the port was not reached.
+        lock_closed: Whether the lock reports that it is closed.
+        lock_engaged: Whether the lock holds the other unit; a lock that closed on nothing does not.
+        pull_test_passed: Whether the lock held the pull; None without a pull test.
+        min_clearance_m: Smallest clearance of any pair that was not docking; None without such a pair.
+        assembly: Figures of the long-distance phase of the last step; None without one.
+        start_redraws: Number of start poses discarded because the target was outside the outer cone.
+        records: Record of every attempt, in order.
     """
 
     scene: str
@@ -193,7 +194,7 @@ class TrialResult(_Record):
 
     @property
     def docked(self) -> bool:
-        """Seated, locked, pulled at, and believed."""
+        """Whether the unit was seated and locked, passed the pull test, and believed so."""
         return self.outcome is Outcome.DOCKED
 
     def to_json(self) -> str:
@@ -202,7 +203,7 @@ class TrialResult(_Record):
 
     @classmethod
     def from_json(cls, text: str) -> TrialResult:
-        """Read a result back.
+        """Return the result that :meth:`to_json` wrote.
 
         Raises:
             pydantic.ValidationError: The text is not a result.

@@ -16,11 +16,7 @@ from msrr_bullet.trial.environment import Environment
 from msrr_bullet.trial.judge import Judge
 from msrr_perception.estimation.global_estimator import X_DU
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import (
-    Action,
-    Phase,
-    seconds,
-)
+from msrr_scenes.messages import Action, Phase, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.plan import DockStep
@@ -31,13 +27,13 @@ class Progress:
     """The state of a running trial at one control instant, for progress displays.
 
     Attributes:
-        time_s: Simulated time.
+        time_s: Simulated time [s].
         phase: Phase of the robot.
-        attempt: Counted from 1.
-        step: Index in the plan, from 0.
-        believed: Estimate X_DU in the dock frame of the target; None while there is none.
-        true: True X_DU; None when the step has no target yet.
-        reason: Reason for which the phase was entered.
+        attempt: Number of the attempt, from 1.
+        step: Index of the step in the plan, from 0.
+        believed: Estimate X_DU; None without an estimate.
+        true: True X_DU; None before the first step.
+        reason: Reason for entering the phase.
     """
 
     time_s: float
@@ -50,7 +46,7 @@ class Progress:
 
 
 class Telemetry:
-    """Everything that a trial reports. Nothing of it reaches the robot.
+    """Writes the reports of a trial. Nothing of them reaches the robot.
 
     Attributes:
         recorder: Gets every message.
@@ -62,7 +58,7 @@ class Telemetry:
         viewer: Viewer | None = None,
         observer: Callable[[Progress], None] | None = None,
     ) -> None:
-        """Report to a log, to a viewer if there is one, and to an observer if there is one."""
+        """Report to a recorder and, where given, to a viewer and to an observer."""
         self.recorder = recorder
         self._viewer = viewer
         self._observer = observer
@@ -82,15 +78,15 @@ class Telemetry:
         action: Action,
         nearest: Clearance | None,
     ) -> None:
-        """Report one control instant, after the decision.
+        """Report one control instant.
 
         Args:
             environment: The environment of the trial.
             index: Index of the step in the plan.
             judge: The judge of the step.
-            robot: The robot after its decision.
-            action: The decision.
-            nearest: True clearance of the pair that is nearest to each other; None if there is no pair.
+            robot: The robot after the decision.
+            action: Action of the robot.
+            nearest: Smallest true clearance of all pairs; None without a pair.
         """
         simulation = environment.simulation
         step = simulation.scene.plan[index]
@@ -107,8 +103,8 @@ class Telemetry:
             text = f"attempt {action.attempt}: {action.phase.value}: {action.reason}"
             self.event(action.stamp_ns, step.unit, text)
         believed = robot.estimate.X_DU if robot.estimate else None
-        if action.phase is Phase.ASSEMBLE and robot.situation is not None:
-            believed = X_DU(robot.situation, judge.X_TD)
+        if action.phase is Phase.ASSEMBLE and robot.arena is not None:
+            believed = X_DU(robot.arena, judge.X_TD)
         if self._observer is not None:
             now_s = seconds(action.stamp_ns)
             self._observer(
@@ -124,7 +120,7 @@ class Telemetry:
         self.event(stamp_ns, JUDGE, outcome.value, level)
 
     def event(self, stamp_ns: int, source: str, text: str, level: Level = Level.INFO) -> None:
-        """Record an event: one line of text from ``source``."""
+        """Record an event of ``source``, described by one line of text."""
         self.recorder.write(topics.EVENTS, stamp_ns, Event(stamp_ns, source, text, level))
 
 
@@ -149,7 +145,7 @@ def _snapshot(
         clearance=nearest,
         twist=action.twist,
         reason=action.reason,
-        situation=robot.situation,
+        situation=robot.arena,
         assembly=robot.assembly,
         path=robot.path,
     )

@@ -1,4 +1,4 @@
-"""One trial: the plan of a scene, step by step, and the verdict."""
+"""One trial: the steps of the plan of a scene, and the result."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _BELIEFS: dict[Conviction, result.Belief] = {
 
 
 class Trial:
-    """Runs one scene with one seed. Use :func:`msrr_bullet.run.run_trial` unless you want the parts."""
+    """One trial of a scene with a seed, without a run folder; see :func:`msrr_bullet.run.run_trial`."""
 
     def __init__(
         self,
@@ -43,7 +43,7 @@ class Trial:
 
         Args:
             scene: The scene.
-            seed: Seed of all random streams; scene and seed determine every bit of the log.
+            seed: Seed of all random streams; scene, seed and versions determine every bit of the log.
             recorder: Gets every message.
             viewer: Gets a snapshot at every control instant.
             observer: Called with the progress at every control instant.
@@ -59,22 +59,22 @@ class Trial:
         self._profiler = profiler or NullProfiler()
 
     def run(self) -> TrialResult:
-        """Run the trial to its end and return the verdict."""
+        """Run the trial and return the result."""
         placement = draw_placement(self.scene, lambda name: stream(self.seed, name))
         self._telemetry.begin(placement)
-        ends: list[StepResult] = []
+        results: list[StepResult] = []
         with open_environment(self.scene, self.seed, placement) as environment:
             for index, step in enumerate(self.scene.plan):
-                end = DockingStep(environment, index, self._telemetry, self._profiler).run()
-                ends.append(end)
-                if end.outcome is not Outcome.DOCKED:
+                step_result = DockingStep(environment, index, self._telemetry, self._profiler).run()
+                results.append(step_result)
+                if step_result.outcome is not Outcome.DOCKED:
                     break
                 environment.locked.add(step)
-        return self._result(ends, placement.redraws)
+        return self._result(results, placement.redraws)
 
-    def _result(self, ends: list[StepResult], redraws: int) -> TrialResult:
-        last = ends[-1]
-        clearances = [e.min_clearance_m for e in ends if e.min_clearance_m is not None]
+    def _result(self, results: list[StepResult], redraws: int) -> TrialResult:
+        last = results[-1]
+        clearances = [r.min_clearance_m for r in results if r.min_clearance_m is not None]
         return TrialResult(
             scene=self.scene.name,
             scene_hash=scene_hash(self.scene),
@@ -84,7 +84,7 @@ class Trial:
             outcome=last.outcome,
             belief=_BELIEFS.get(last.belief.conviction, "undecided"),
             belief_reason=last.belief.reason or last.action.reason,
-            attempts=sum(e.action.attempt for e in ends),
+            attempts=sum(r.action.attempt for r in results),
             duration_s=seconds(last.action.stamp_ns),
             phase=last.action.phase,
             contact=last.contact,
@@ -95,5 +95,5 @@ class Trial:
             min_clearance_m=min(clearances, default=None),
             assembly=last.assembly,
             start_redraws=redraws,
-            records=tuple(record for e in ends for record in e.records),
+            records=tuple(record for r in results for record in r.records),
         )

@@ -50,7 +50,7 @@ def drive() -> Drive:
     step, los = scene.plan[0], scene.los
     bystanders = {name: scene.units[name].pose.nominal for name in ("b", "c")}
     posts = {name: spec.pose.nominal for name, spec in scene.obstacles.items()}
-    model = ClearanceModel(scene)
+    model = ClearanceModel.from_scene(scene)
     X_WD = bystanders["b"] @ scene.geometry("b").dock_frame("rear")
     snapshots = []
     count = 200

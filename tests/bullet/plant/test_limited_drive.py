@@ -16,7 +16,7 @@ NORMAL = LimitsSpec.model_validate({})
 def test_no_command_makes_a_drive_faster_or_quicker_than_its_limits(commands):
     drive, dt = LimitedDrive(NORMAL), 1.0 / 240.0
     for v, w in commands:
-        before = drive.speed
+        before = drive.velocity
         after = drive.step(Twist(v, w), dt)
         assert abs(after.v) <= NORMAL.v_max_mps + 1e-12
         assert abs(after.w) <= NORMAL.w_max_radps + 1e-12

@@ -1,18 +1,19 @@
+"""Behaviour that both plants have in common: time, drives, docking, locks and misuse."""
+
 import math
 
-import numpy as np
 import pytest
 
-from msrr_bullet.plant.kinematic_plant import KinematicPlant
-from msrr_bullet.plant.kinematic_port import CaptureRange
-from msrr_bullet.plant.plant import Plant, tick_ns
-from msrr_bullet.simulation.world import BulletWorld
+from msrr_bullet.plant.lock_actuator import MAX_PULL_DISPLACEMENT
+from msrr_bullet.plant.plant import NoDockError, Plant, tick_ns
+from msrr_scenes.errors import MsrrError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Twist
-from msrr_scenes.placement.placement import Placement
-from msrr_scenes.random_streams import stream
+from msrr_scenes.messages import LockPosition, Twist
 
 PLANTS = ("bullet", "unicycle")
+BEFORE = SE2(-0.025, 0.0, 0.0)
+#: A start pose from which the seated unit leans against the play of the pins.
+ASKEW = SE2(-0.025, 0.005, math.radians(-3.0))
 
 
 @pytest.mark.parametrize("kind", PLANTS)
@@ -39,17 +40,6 @@ def test_the_funnel_draws_in_10_mm_and_6_degrees(bench, kind):
             assert b.plant.switches("a") == (True, True), (i, j)
 
 
-def test_any_approach_within_the_tolerance_seats(bench):
-    """Eight random ones; on the bench 40 of 40 did."""
-    rng = stream(7, "approach")
-    for _ in range(8):
-        lateral, yaw = rng.uniform(-0.01, 0.01), math.radians(rng.uniform(-6.0, 6.0))
-        port = str(rng.choice(["rear", "left", "right"]))
-        with bench("bullet", SE2(-0.025, lateral, yaw), port) as b:
-            b.drive(0.08, 2.0, until_seated=True)
-            assert b.plant.switches("a") == (True, True), (port, lateral, yaw)
-
-
 @pytest.mark.parametrize("kind", PLANTS)
 @pytest.mark.parametrize("lateral_mm", [17.0, -20.0, 25.0])
 def test_beyond_the_mouth_the_pins_jam(bench, kind, lateral_mm):
@@ -58,31 +48,9 @@ def test_beyond_the_mouth_the_pins_jam(bench, kind, lateral_mm):
         assert b.plant.pins_touch("a")
         assert b.plant.switches("a") == (False, False)
         assert b.gap == pytest.approx(0.018, abs=5e-4)
-        b.drive(-0.1, 0.8)  # and it gets free again
+        b.drive(-0.1, 0.8)  # and it can back out
         assert b.gap > 0.05
         assert not b.plant.pins_touch("a")
-
-
-def test_the_docked_unit_is_not_dragged_away(bench):
-    """Pressed by a unit whose wheels give all they can: from behind, where it is weakest, and from a side."""
-    for port in ("rear", "left"):
-        with bench("bullet", SE2(-0.02, 0.0, 0.0), port) as b:
-            start = b.plant.pose("b")
-            b.drive(0.1, 0.5)
-            hit = b.plant.pose("b")
-            b.drive(0.1, 1.0)
-            pressed = hit.inverse() @ b.plant.pose("b")
-            assert np.hypot(*(start.inverse() @ hit).translation) < 4e-3, port  # the blow of 0.1 m/s
-            assert np.hypot(*pressed.translation) < 5e-4, port
-            assert abs(pressed.yaw) < math.radians(0.1)
-
-
-def test_well_aligned_pins_touch_when_they_reach_the_switches(bench):
-    with bench("bullet", SE2(-0.03, 0.0, 0.0)) as b:
-        while not b.plant.pins_touch("a"):
-            b.drive(0.05, 0.02)
-            assert b.plant.tick < 480
-        assert b.gap < 2e-3
 
 
 @pytest.mark.parametrize("kind", PLANTS)
@@ -93,20 +61,6 @@ def test_time_is_counted_in_whole_ticks(bench, kind):
             b.plant.step()
         assert (b.plant.tick, b.plant.now_ns()) == (7, round(7e9 / 240))
     assert tick_ns(240 * 3600, 240.0) == 3600 * 10**9
-
-
-def test_a_unicycle_moves_on_exact_arcs(two_units):
-    scene = two_units(limits={"a_max_mps2": 1e6, "dw_max_radps2": 1e6, "kappa_per_s": 1e6})
-    plant = KinematicPlant(scene, Placement({"a": SE2(0.1, 0.2, 0.3), "b": SE2(2, 2, 0)}, {}))
-    plant.command("a", Twist(0.2, 0.7))
-    for _ in range(480):
-        plant.step()
-    expected = SE2(0.1, 0.2, 0.3) @ SE2.exp(0.4, 0.0, 1.4)
-    np.testing.assert_allclose(plant.pose("a").as_array(), expected.as_array(), atol=1e-9)
-    assert plant.twist("a").v == pytest.approx(0.2)
-    left, right = plant.wheel_angles("a")
-    assert 0.033 * (left + right) / 2 == pytest.approx(0.4)
-    assert 0.033 * (right - left) / 0.13 == pytest.approx(1.4)
 
 
 def test_both_plants_drive_alike(bench):
@@ -124,34 +78,133 @@ def test_both_plants_drive_alike(bench):
     assert abs(apart.yaw) < math.radians(0.3)
 
 
-def test_a_world_follows_the_unicycles(two_units, before_port):
-    scene = two_units()
-    with BulletWorld(scene, before_port(scene, SE2(-0.3, 0.02, 0.1))) as world:
-        plant = KinematicPlant(scene, before_port(scene, SE2(-0.3, 0.02, 0.1)), world)
-        plant.command("a", Twist(0.2, 0.3))
-        for _ in range(60):
-            plant.step()
-        seen, told = world.pose("a"), plant.pose("a")
-        np.testing.assert_allclose(seen.as_array(), told.as_array(), atol=1e-7)
-        assert world.wheel_angles("a") == pytest.approx(plant.wheel_angles("a"))
+@pytest.mark.parametrize("kind", PLANTS)
+def test_a_seated_unit_is_locked_and_holds_the_pull(bench, kind):
+    with bench(kind, ASKEW) as b:
+        plant = b.plant
+        assert plant.lock_position("a") is LockPosition.OPEN
+        b.drive(0.05, 2.0, until_seated=True)
+        assert plant.switches("a") == (True, True)
+        plant.set_lock("a", True)
+        b.drive(0.05, 0.4)
+        assert plant.lock_position("a") is LockPosition.CLOSING
+        assert not plant.lock_engaged("a")
+        b.drive(0.05, 0.2)
+        assert plant.lock_position("a") is LockPosition.CLOSED
+        assert plant.lock_engaged("a")
+        result = plant.pull_test("a")
+        assert result.holds
+        assert result.displacement_m < 1e-4
+        assert result.force_n == b.scene.lock.pull_force_n
+        assert plant.lock_engaged("a")
 
 
-def test_a_locked_unicycle_follows_the_unit_it_is_locked_to(bench):
-    with bench("unicycle", SE2(-0.02, 0.001, 0.0)) as b:
+@pytest.mark.parametrize("kind", PLANTS)
+@pytest.mark.parametrize(("strength_n", "holds"), [(8.0, False), (24.0, False), (26.0, True)])
+def test_the_pull_test_detects_a_weak_lock(bench, kind, strength_n, holds):
+    """The target stands in a heading that is no axis of the world."""
+    with bench(kind, BEFORE, lock={"strength_n": strength_n, "pull_force_n": 25.0}) as b:
         b.dock()
-        before = b.X_DP()
-        b.plant.command("b", Twist(0.2, 0.5))
-        b.drive(0.0, 1.0)
-        after = b.X_DP()
-        np.testing.assert_allclose(after.as_array(), before.as_array(), atol=1e-3)
+        b.drive(0.0, 0.3)
+        assert b.plant.lock_position("a") is LockPosition.CLOSED
+        result = b.plant.pull_test("a")
+        assert result.holds is holds
+        assert b.plant.lock_engaged("a") is holds
+        assert b.plant.lock_position("a") is LockPosition.CLOSED  # the actuator does not notice
+        assert (result.displacement_m >= MAX_PULL_DISPLACEMENT) is not holds
 
 
-def test_the_capture_of_an_ideal_port_is_what_it_is_told(two_units, before_port):
-    scene = two_units()
-    for capture, seats in ((CaptureRange(0.02, 0.1, 0.001), True), (CaptureRange(0.01, 0.1, 0.001), False)):
-        plant = KinematicPlant(scene, before_port(scene, SE2(-0.03, 0.015, 0.0)), capture=capture)
-        plant.begin_dock(scene.plan[0])
-        plant.command("a", Twist(0.1, 0.0))
-        for _ in range(240):
-            plant.step()
-        assert plant.switches("a") == (seats, seats)
+@pytest.mark.parametrize("kind", PLANTS)
+@pytest.mark.parametrize("pull_n", [5.0, 60.0])
+@pytest.mark.parametrize(("share", "holds"), [(0.99, True), (1.01, False)])
+def test_the_strength_of_the_lock_is_exact_to_one_percent(bench, kind, pull_n, share, holds):
+    """The tension in the constraint is the pull alone; wheels and contact carry no part of it."""
+    with bench(kind, BEFORE, lock={"strength_n": pull_n / share, "pull_force_n": pull_n}) as b:
+        b.dock()
+        b.drive(0.0, 0.3)
+        assert b.plant.lock_engaged("a")
+        assert b.plant.pull_test("a").holds is holds
+
+
+@pytest.mark.parametrize("kind", PLANTS)
+def test_the_pull_test_detects_an_open_lock(bench, kind):
+    with bench(kind, BEFORE) as b:
+        b.drive(0.05, 2.0, until_seated=True)
+        assert not b.plant.pull_test("a").holds
+
+
+@pytest.mark.parametrize("kind", PLANTS)
+def test_a_lock_that_closes_on_half_seated_pins_reports_closed_and_holds_nothing(bench, kind):
+    with bench(kind, SE2(-0.006, 0.0, 0.0)) as b:
+        b.drive(0.0, 0.1)
+        b.plant.set_lock("a", True)
+        b.drive(0.0, 0.6)
+        assert b.plant.lock_position("a") is LockPosition.CLOSED
+        assert b.plant.switches("a") == (False, False)
+        assert not b.plant.lock_engaged("a")
+        assert not b.plant.pull_test("a").holds
+
+
+@pytest.mark.parametrize("kind", PLANTS)
+def test_a_locked_unit_cannot_drive_off_and_an_unlocked_one_backs_out(bench, kind):
+    with bench(kind, ASKEW) as b:
+        b.dock()
+        b.drive(-0.2, 0.8)
+        assert abs(b.gap) < 3e-4
+        assert b.plant.lock_engaged("a")
+        b.drive(0.0, 0.8)
+        b.plant.set_lock("a", False)
+        assert b.plant.lock_position("a") is LockPosition.OPEN
+        b.drive(0.0, 0.1)
+        assert abs(b.gap) < 5e-4  # opening does not throw the units apart
+        b.drive(-0.1, 1.0)
+        assert b.gap > 0.07
+        assert abs(b.X_DP().yaw) < math.radians(1.0)
+        assert b.plant.switches("a") == (False, False)
+        # Contact between the ports is restored, and the lock works a second time.
+        b.dock(v=0.08)
+        assert abs(b.gap) < 5e-4
+        assert b.plant.pull_test("a").holds
+
+
+@pytest.mark.parametrize("kind", PLANTS)
+def test_a_unit_may_dock_again_as_soon_as_its_lock_is_open(bench, kind):
+    """Contact of the parting pair is restored although the unit has a new mechanism."""
+    with bench(kind, BEFORE) as b:
+        b.dock()
+        b.plant.set_lock("a", False)
+        b.plant.begin_dock(b.scene.plan[0])
+        b.drive(-0.1, 0.8)
+        assert b.gap > 0.03
+        b.dock()
+        assert abs(b.gap) < 5e-4  # the faces stop the unit
+        assert b.plant.lock_engaged("a")
+
+
+@pytest.mark.parametrize("kind", PLANTS)
+def test_a_plug_keeps_the_pins_from_the_seat_until_it_is_removed(bench, kind):
+    with bench(kind, BEFORE) as b:
+        b.plant.set_plug("b", "rear", True)
+        b.plant.set_plug("b", "rear", True)  # a second call changes nothing
+        b.drive(0.05, 1.5)
+        assert b.gap > 0.008
+        assert b.plant.switches("a") == (False, False)
+        assert b.plant.pins_touch("a")
+        b.plant.set_plug("b", "rear", False)
+        b.plant.set_plug("b", "rear", False)
+        b.drive(0.05, 1.0)
+        assert b.plant.switches("a") == (True, True)
+
+
+@pytest.mark.parametrize("kind", PLANTS)
+def test_misuse_is_refused_by_name(bench, kind):
+    with bench(kind, BEFORE) as b:
+        with pytest.raises(NoDockError, match="'b' has no docking target"):
+            b.plant.set_lock("b", True)
+        with pytest.raises(UnknownNameError, match="unknown unit 'c'"):
+            b.plant.command("c", Twist())
+        assert b.plant.switches("b") == (False, False)
+        assert b.plant.lock_position("b") is LockPosition.OPEN
+        b.dock()
+        with pytest.raises(MsrrError, match="still locked"):
+            b.plant.begin_dock(b.scene.plan[0])

@@ -60,7 +60,7 @@ def drive(
     ``law`` is given the obstacle as seen from the unit.
     """
     plant = KinematicPlant(scene, Placement({"a": X_WA, "b": X_WB}, {"thing": X_WO}))
-    guard, model = CollisionMonitor(scene, scene.plan[0]), ClearanceModel(scene)
+    guard, model = CollisionMonitor(scene, scene.plan[0]), ClearanceModel.from_scene(scene)
     every = round(scene.physics_hz / 48.0)
     nearest, states = math.inf, []
     while plant.now_ns() < time_s * 1e9:

@@ -23,7 +23,7 @@ def test_driven_at_a_post_at_full_speed_it_stops_before_it(
 ) -> None:
     X_start = SE2(X_WO.x, X_WO.y, course) @ SE2(-0.7, 0.05 * (seed - 2), 0.1)
     arena = open_arena(seed, plant="bullet", start=X_start)
-    guard, model = CollisionMonitor(arena.scene, arena.scene.plan[0]), ClearanceModel(arena.scene)
+    guard, model = CollisionMonitor(arena.scene, arena.scene.plan[0]), ClearanceModel.from_scene(arena.scene)
     states, gaps = [], []
 
     def hostile(t: float, known: ArenaEstimate | None) -> Twist:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from msrr_bullet.profiler import NullProfiler
-from msrr_bullet.simulation.camera_mount import camera_pose
+from msrr_bullet.simulation.simulation import camera_pose
 from msrr_bullet.trial.environment import open_environment
 from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.geometry.se2 import SE2

@@ -1,10 +1,9 @@
-"""Tag plates: the right bits, the right way up, one file each, on the links where the URDF says."""
+"""Tag plates: the published bits, upright, one-sided, and textures that decode."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from xml.etree import ElementTree
 
 import cv2
 import numpy as np
@@ -16,8 +15,6 @@ from msrr_bullet.render.renderer import RenderContext
 from msrr_bullet.render.tiny_renderer import TinyRenderer
 from msrr_bullet.simulation.tag_plates import (
     PLATE_RATIO,
-    apply_textures,
-    build_unit_urdf,
     load_tag_plate,
     plate_texture,
     tag_bitmap,
@@ -28,7 +25,6 @@ from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import obj_vertices, tag_corners
-from msrr_scenes.specs.scene import Scene
 
 #: First codes of tag36h11 as AprilTag 2 lists them: 36 bits, row by row from the top left, 1 is white.
 KNOWN_CODES = {0: 0xD5D628584, 1: 0xD97F18B49, 2: 0xDD280910E, 3: 0xE479E9C98, 4: 0xEBCBCA822}
@@ -44,17 +40,6 @@ def client() -> Iterator[int]:
     pybullet.disconnect(client)
 
 
-@pytest.fixture(scope="module")
-def scene() -> Scene:
-    return Scene.model_validate(
-        {
-            "name": "plates",
-            "units": {"a": {"number": 1}, "b": {"number": 0, "tag_ids": {"tag_top": 400}}},
-            "plan": [{"unit": "a", "to": "b.rear"}],
-        }
-    )
-
-
 def upright_corners(h: float) -> np.ndarray:
     """Corners of a square about the origin in an image (y down): bottom left, then counter-clockwise."""
     return h * np.array([[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]])
@@ -66,7 +51,7 @@ def look_at(X_WT: SE3, distance: float) -> SE3:
 
 
 @pytest.mark.parametrize(("tag_id", "code"), KNOWN_CODES.items())
-def test_bitmap_is_the_published_one(tag_id: int, code: int) -> None:
+def test_bitmaps_are_the_published_codes(tag_id: int, code: int) -> None:
     bits = np.array([int(b) for b in f"{code:036b}"], dtype=bool).reshape(6, 6)
     expected = np.pad(np.pad(bits, 1), 1, constant_values=True)
     np.testing.assert_array_equal(tag_bitmap(tag_id), expected)
@@ -94,11 +79,11 @@ def test_plate_is_a_quarter_larger_than_its_black_square(tmp_path: Path) -> None
     corners = obj_vertices(mesh)
     np.testing.assert_allclose(corners, PLATE_RATIO * tag_corners(0.08), atol=1e-9)
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[1])
-    assert normal[2] < 0.0  # towards the onlooker, who stands at z < 0
+    assert normal[2] < 0.0  # the front faces z < 0
     assert texture.is_file()
 
 
-def test_free_plate_is_seen_from_its_front_only(client: int, tmp_path: Path) -> None:
+def test_a_free_plate_is_visible_from_the_front_only(client: int, tmp_path: Path) -> None:
     X_WT = SE3.from_xyz_rpy([0.3, -0.2, 1.0], [0.4, -0.3, 0.7])
     load_tag_plate(client, tmp_path, 123, 0.1, X_WT)
     renderer = TinyRenderer(RenderContext(client, 2, GREY))
@@ -109,75 +94,3 @@ def test_free_plate_is_seen_from_its_front_only(client: int, tmp_path: Path) -> 
     np.testing.assert_allclose(tag.corners, expected, atol=0.3)
     behind = X_WT @ SE3.from_xyz_rpy([0.0, 0.0, 0.4], [0.0, np.pi, 0.0])
     assert PupilDetector().detect(renderer.render(CAMERA, behind, CAMERA.frame), CAMERA.frame) == ()
-
-
-def test_every_slot_of_two_units_shows_its_own_tag(client: int, scene: Scene, tmp_path: Path) -> None:
-    renderer = TinyRenderer(RenderContext(client, 2, GREY))
-    bodies = {
-        "a": pybullet.loadURDF(str(build_unit_urdf(scene, "a", tmp_path)), useFixedBase=True),
-        "b": pybullet.loadURDF(
-            str(build_unit_urdf(scene, "b", tmp_path)), [0.0, 1.0, 0.0], useFixedBase=True
-        ),
-    }
-    for unit, body in bodies.items():
-        apply_textures(client, body, scene, unit, tmp_path)
-    for unit, body in bodies.items():
-        ids = scene.tag_ids(unit)
-        assert len(set(ids.values())) == 10
-        inertial = pybullet.getDynamicsInfo(body, -1)
-        X_RI = SE3.from_quaternion_xyzw(inertial[3], inertial[4])
-        X_WR = SE3.from_quaternion_xyzw(*pybullet.getBasePositionAndOrientation(body)) @ X_RI.inverse()
-        for slot, tag_id in ids.items():
-            X_WT = X_WR @ scene.geometry(unit).frame(slot)
-            size = scene.tag_size(slot)
-            distance = 3.0 * size
-            image = renderer.render(CAMERA, look_at(X_WT, distance), CAMERA.frame)
-            seen = {t.tag_id: t for t in PupilDetector().detect(image, CAMERA.frame)}
-            expected = CAMERA.project(tag_corners(size) + np.array([0.0, 0.0, distance]))
-            np.testing.assert_allclose(seen[tag_id].corners, expected, atol=0.4, err_msg=f"{unit} {slot}")
-
-
-def test_hidden_units_show_blank_plates(client: int, scene: Scene, tmp_path: Path) -> None:
-    body = pybullet.loadURDF(str(build_unit_urdf(scene, "b", tmp_path, hidden={"b"})), useFixedBase=True)
-    apply_textures(client, body, scene, "b", tmp_path)
-    top = SE3.from_xyz_rpy([0.0, 0.0, 0.2305], [np.pi, 0.0, 0.0])
-    image = TinyRenderer(RenderContext(client, 2, GREY)).render(CAMERA, look_at(top, 0.4), CAMERA.frame)
-    assert PupilDetector().detect(image, CAMERA.frame) == ()
-    middle = image[100:140, 140:180]
-    assert middle.min() > 150, "a blank plate is white"
-    assert np.ptp(middle) <= 1
-
-
-def test_what_a_urdf_names_beside_itself_is_still_found(scene: Scene, tmp_path: Path, client: int) -> None:
-    """A user's URDF with a mesh of its own, given by a relative path."""
-    home, folder = tmp_path / "home", tmp_path / "trial"
-    home.mkdir()
-    folder.mkdir()
-    write_plate(home, "shell", 0.1, None)
-    tree = ElementTree.parse(scene.geometry("a").urdf)
-    visual = ElementTree.SubElement(tree.getroot().find("link"), "visual")  # type: ignore[arg-type]
-    ElementTree.SubElement(ElementTree.SubElement(visual, "geometry"), "mesh", filename="shell.obj")
-    tree.write(home / "mine.urdf")
-    own = scene.model_copy(
-        update={
-            "source": home / "scene.yaml",
-            "units": {"a": scene.units["a"].model_copy(update={"urdf": "mine.urdf"})},
-        }
-    )
-    urdf = build_unit_urdf(own, "a", folder)
-    names = [m.attrib["filename"] for m in ElementTree.parse(urdf).iter("mesh")]
-    assert str((home / "shell.obj").resolve()) in names
-    assert all(Path(name).is_absolute() and Path(name).is_file() for name in names)
-    body = pybullet.loadURDF(str(urdf))
-    apply_textures(client, body, own, "a", folder)
-
-
-def test_a_tag_for_a_link_that_is_not_there_is_refused(scene: Scene, tmp_path: Path, client: int) -> None:
-    wrong = scene.model_copy(
-        update={"units": {"a": scene.units["a"].model_copy(update={"tag_ids": {"nose": 77}})}}
-    )
-    with pytest.raises(GeometryError, match="nose"):
-        build_unit_urdf(wrong, "a", tmp_path)
-    bare = pybullet.createMultiBody(0.0)
-    with pytest.raises(GeometryError, match="tag_top"):
-        apply_textures(client, bare, scene, "a", tmp_path)

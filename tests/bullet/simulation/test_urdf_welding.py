@@ -1,4 +1,4 @@
-"""Welding changes how many links the engine steps, and nothing that it computes."""
+"""Welding changes the number of links that PyBullet steps, and no physical property."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def driven(scene) -> np.ndarray:
     with BulletWorld(scene, APART) as world:
         plant = BulletPlant(world)
         rows = []
-        for wish in (Twist(0.2, 0.0), Twist(0.1, 0.8), Twist(-0.15, -0.4), Twist()):
-            plant.command("a", wish)
+        for command in (Twist(0.2, 0.0), Twist(0.1, 0.8), Twist(-0.15, -0.4), Twist()):
+            plant.command("a", command)
             for _ in range(120):
                 plant.step()
                 X = plant.pose("a")
@@ -36,9 +36,9 @@ def driven(scene) -> np.ndarray:
 
 
 def test_a_welded_unit_moves_as_the_unwelded_one(two_units, monkeypatch) -> None:
-    """Not bit for bit: the solver stops at a tolerance, and the slip of a tyre follows it."""
+    """The solver stops at a tolerance, so that the two are not equal bit for bit."""
     welded = driven(two_units())
-    monkeypatch.setattr(msrr_bullet.simulation.unit_body, "weld", lambda tree, apart: None)
+    monkeypatch.setattr(msrr_bullet.simulation.unit_body, "weld", lambda tree, separate: None)
     unwelded = driven(two_units())
     assert welded[0, -1] == 13
     assert unwelded[0, -1] == 35
@@ -46,7 +46,7 @@ def test_a_welded_unit_moves_as_the_unwelded_one(two_units, monkeypatch) -> None
 
 
 def random_chain(rng: np.random.Generator, links: int) -> ElementTree.ElementTree:
-    """A tree of links behind fixed joints, each with a box of its own mass in a random place."""
+    """A tree of links behind fixed joints, each with a random mass and a box at a random pose."""
 
     def origin(parent) -> None:
         xyz, rpy = rng.uniform(-1, 1, 3), rng.uniform(-np.pi, np.pi, 3)
@@ -80,9 +80,9 @@ def random_chain(rng: np.random.Generator, links: int) -> ElementTree.ElementTre
 
 
 def second_moments(tree: ElementTree.ElementTree) -> np.ndarray:
-    """Sum over all links of the pseudo-inertia (4, 4) in the root's frame; it is linear in the parts.
+    """Sum over all links of the pseudo-inertia, shape (4, 4), in the frame of the root; it is additive.
 
-    [[S, m c], [m c^T, m]] with S the second moment of the mass; J = tr(S) 1 - S about the frame's origin.
+    [[S, m c], [m c^T, m]] with S the second moment of the mass; J = tr(S) 1 - S about the origin.
     """
     parents = {j.find("child").get("link"): j for j in tree.getroot().findall("joint")}
     total = np.zeros((4, 4))
@@ -108,7 +108,7 @@ def second_moments(tree: ElementTree.ElementTree) -> np.ndarray:
 
 
 def shapes(tree: ElementTree.ElementTree, kind: str) -> dict[str, SE3]:
-    """Pose of every box in the root's frame; boxes are told apart by their size."""
+    """Pose of every box in the frame of the root, by the size of the box."""
     parents = {j.find("child").get("link"): j for j in tree.getroot().findall("joint")}
     found = {}
     for link in tree.getroot().findall("link"):
@@ -125,11 +125,11 @@ def shapes(tree: ElementTree.ElementTree, kind: str) -> dict[str, SE3]:
 def test_mass_inertia_and_shapes_stay_where_they_are(seed: int) -> None:
     rng = np.random.default_rng(seed)
     tree = random_chain(rng, 9)
-    apart = {f"l{i}" for i in rng.choice(np.arange(1, 9), size=seed % 3, replace=False)}
+    separate = {f"l{i}" for i in rng.choice(np.arange(1, 9), size=seed % 3, replace=False)}
     moments, before = second_moments(tree), {k: shapes(tree, k) for k in ("visual", "collision")}
-    weld(tree, apart)
+    weld(tree, separate)
     names = {link.get("name") for link in tree.getroot().findall("link")}
-    assert names == {"l0", *apart}
+    assert names == {"l0", *separate}
     np.testing.assert_allclose(second_moments(tree), moments, atol=1e-9)
     for kind, poses in before.items():
         after = shapes(tree, kind)
@@ -138,7 +138,7 @@ def test_mass_inertia_and_shapes_stay_where_they_are(seed: int) -> None:
             np.testing.assert_allclose(after[size].matrix(), X.matrix(), atol=1e-9)
 
 
-def test_links_that_need_their_own_contact_are_not_merged(two_units) -> None:
+def test_links_whose_contacts_are_queried_are_not_merged(two_units) -> None:
     geometry = read_unit(two_units().geometry("a").urdf)
     tree = read_urdf(Path(geometry.urdf))
     weld(tree, geometry.mechanism)

@@ -1,5 +1,8 @@
+"""The wheel motors: speeds, torque, and wheels that are released or held."""
+
 import math
 
+import pybullet
 import pytest
 
 from msrr_bullet.plant.limited_drive import wheel_speeds
@@ -9,9 +12,7 @@ from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement
-from msrr_scenes.specs.vehicle import LimitsSpec
 
-NORMAL = LimitsSpec.model_validate({})
 PLACEMENT = Placement({"a": SE2(0.2, 0.1, 0.7), "b": SE2(3.0, 3.0, 0.0)}, {})
 
 
@@ -31,14 +32,14 @@ def test_a_unit_moves_as_its_kinematics_say(two_units, v, w):
         for _ in range(hz):
             plant.step()
         step = (X_0.inverse() @ plant.pose("a")).log()
-        told = plant.twist("a")
+        twist = plant.twist("a")
         turned = [b - a for a, b in zip(wheels_0, plant.wheel_angles("a"), strict=True)]
         left, right = wheel_speeds(Twist(v, w), scene.geometry("a"))
     assert step[0] == pytest.approx(v, rel=0.01, abs=1e-4)
     assert step[1] == pytest.approx(0.0, abs=5e-3 * max(abs(v), 0.1))
     assert step[2] == pytest.approx(w, rel=0.01, abs=1e-3)
     assert turned == pytest.approx([left, right], rel=0.01, abs=1e-3)
-    assert (told.v, told.w) == pytest.approx((v, w), rel=0.01, abs=1e-3)
+    assert (twist.v, twist.w) == pytest.approx((v, w), rel=0.01, abs=1e-3)
 
 
 def test_a_weak_motor_accelerates_slowly(two_units):
@@ -66,8 +67,6 @@ def test_released_wheels_roll_and_held_wheels_do_not(two_units):
 
 
 def push(world, force, ticks):
-    import pybullet
-
     for _ in range(ticks):
         pybullet.applyExternalForce(
             world.unit("a").body,

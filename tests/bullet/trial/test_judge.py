@@ -72,7 +72,7 @@ def plain_reading(judge: Judge, at: Crowd, docking: bool) -> tuple[Outcome | Non
 def test_the_verdict_is_that_of_a_plain_reading_of_all_pairs(scene: Scene) -> None:
     """600 crowds: before the port or not, docking or not, two of them locked together or not."""
     rng = stream(0, "test_judge/crowds")
-    model = ClearanceModel(scene)
+    model = ClearanceModel.from_scene(scene)
     seat = scene.geometry("b").dock_frame("rear") @ SE2(-scene.geometry("a").control_offset("front"))
     seen = set()
     for i in range(600):
@@ -97,7 +97,7 @@ def test_the_verdict_is_that_of_a_plain_reading_of_all_pairs(scene: Scene) -> No
 
 
 def test_an_empty_arena_has_no_clearance(scene: Scene) -> None:
-    at = crowd(scene, ClearanceModel(scene), {name: SE2(x, 0.0) for x, name in enumerate("abc")}, SE2(0, 2))
+    at = crowd(scene, ClearanceModel.from_scene(scene), {name: SE2(x, 0.0) for x, name in enumerate("abc")}, SE2(0, 2))
     everything = {frozenset(p) for p in ("ab", "bc", "ac")} | {frozenset((u, "post")) for u in "abc"}
     at.locked.pairs |= everything
     judge = at.judge()
@@ -110,7 +110,7 @@ def beside(scene: Scene, x: float, y: float = 0.0, yaw: float = 0.0) -> Crowd:
     X_WD = SE2(0.1, -0.2, 0.5) @ scene.geometry("b").dock_frame("rear")
     X_WA = X_WD @ SE2(x, y, yaw) @ scene.geometry("a").port("front").inverse()
     units = {"a": X_WA, "b": SE2(0.1, -0.2, 0.5), "c": SE2(1.0, 1.0, 0.0)}
-    return crowd(scene, ClearanceModel(scene), units, SE2(-1.0, 1.0, 0.0))
+    return crowd(scene, ClearanceModel.from_scene(scene), units, SE2(-1.0, 1.0, 0.0))
 
 
 def sat(judge: Judge, ticks: int = 200) -> Judge:
@@ -169,7 +169,7 @@ def test_a_pair_that_tried_to_dock_may_stay_close_until_it_has_parted(scene: Sce
 
 def test_a_unit_over_the_edge_has_left_the_arena(scene: Scene) -> None:
     arena = scene.arena
-    model = ClearanceModel(scene)
+    model = ClearanceModel.from_scene(scene)
     for x, y, left in (
         (arena.x_m[1] - 0.01, 0.0, False),
         (arena.x_m[1] + 0.01, 0.0, True),

@@ -1,0 +1,60 @@
+"""Loading a unit: links, wheels and the frame U, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pybullet
+import pytest
+
+from msrr_bullet.simulation.unit_body import ROOT, load_unit
+from msrr_scenes.errors import GeometryError, UnknownNameError
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import UnitGeometry
+
+
+@pytest.fixture
+def client() -> Iterator[int]:
+    client = pybullet.connect(pybullet.DIRECT)
+    yield client
+    pybullet.disconnect(client)
+
+
+@pytest.fixture
+def geometry(two_units) -> UnitGeometry:
+    return two_units().geometry("a")
+
+
+def test_frame_u_follows_from_the_pose_that_pybullet_reports(client: int, geometry: UnitGeometry) -> None:
+    """Wheel axles, as PyBullet computes them, lie on the y axis of U at any pose of the unit."""
+    unit = load_unit(client, geometry)
+    X_WU = SE3.from_xyz_rpy([0.3, -0.7, 0.2], [0.1, -0.2, 2.0])
+    X_WI = X_WU @ unit.X_IU.inverse()
+    pybullet.resetBasePositionAndOrientation(
+        unit.body, X_WI.p.tolist(), X_WI.quaternion_xyzw().tolist(), physicsClientId=client
+    )
+    for joint, side in zip(unit.wheels, (1.0, -1.0), strict=True):
+        state = pybullet.getLinkState(unit.body, joint, computeForwardKinematics=True, physicsClientId=client)
+        p_U = X_WU.inverse().act(np.array(state[4]))
+        assert p_U[0] == pytest.approx(0.0, abs=1e-6)
+        assert p_U[1] == pytest.approx(side * 0.5 * geometry.track, abs=1e-6)
+    np.testing.assert_allclose(unit.origin, unit.X_IU.p)
+    np.testing.assert_allclose(unit.forward, unit.X_IU.R[:, 0])
+
+
+def test_links_are_found_by_name(client: int, geometry: UnitGeometry) -> None:
+    unit = load_unit(client, geometry)
+    assert [name for name, index in unit.links.items() if index == ROOT] == ["base"]
+    assert (unit.link("wheel_left"), unit.link("wheel_right")) == unit.wheels
+    assert set(geometry.mechanism) <= set(unit.links)
+    with pytest.raises(UnknownNameError, match="unknown link 'pin_lft'; did you mean 'pin_left'"):
+        unit.link("pin_lft")
+
+
+def test_a_file_that_is_no_urdf_is_refused(client: int, geometry: UnitGeometry, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.urdf"
+    broken.write_text("no URDF")
+    with pytest.raises(GeometryError, match=r"broken\.urdf: PyBullet cannot load this URDF"):
+        load_unit(client, geometry, broken)
