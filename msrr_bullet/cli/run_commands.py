@@ -68,6 +68,7 @@ def plot(
     _load_simulator_silently()
     from msrr_bullet.figures.plot import write_plot
     from msrr_bullet.log import unpacked_log
+    from msrr_bullet.timeline.log_snapshots import read_snapshots, read_verdict
 
     file = out if out is not None else _run_folder(run) / "plot.png"
     with Console().status(f"{run}: drawing"), unpacked_log(run) as log:

@@ -44,7 +44,9 @@ def _known(X_WA: SE2, own: np.ndarray, target: np.ndarray, post: np.ndarray) -> 
 
 
 def _sigma(scene: Scene, own: np.ndarray, target: np.ndarray = NOTHING, post: np.ndarray = NOTHING) -> float:
-    return Surroundings(ClearanceModel.from_scene(scene), _known(SE2(-1.0, 0.0), own, target, post), REACHES).sigma
+    return Surroundings(
+        ClearanceModel.from_scene(scene), _known(SE2(-1.0, 0.0), own, target, post), REACHES
+    ).sigma
 
 
 @pytest.mark.parametrize(
