@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.trial.result import TrialResult
-from msrr_scenes.geometry.assets import shipped_scenes
+from msrr_scenes.loading.load import shipped_scenes
 from msrr_scenes.outcome import Outcome
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -3,7 +3,7 @@
 Run ``python urdf/draw_unit.py [OUT]`` after a change of the URDF. Every number on the drawing is measured on
 the frames and collision shapes that :func:`msrr_scenes.geometry.unit_geometry.read_unit` reads; only the
 sizes of the
-tags, which are a scene's business, are the defaults of :class:`msrr_scenes.specs.sensors.TagsSpec`.
+tags, which are a scene's business, are the defaults of :class:`msrr_scenes.specs.bodies.TagsSpec`.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from msrr_scenes.arrays import Array
-from msrr_scenes.geometry.assets import find_urdf
-from msrr_scenes.geometry.unit_geometry import Solid, UnitGeometry, read_unit, tag_corners
-from msrr_scenes.specs.sensors import TagsSpec
+from msrr_scenes.geometry.solid import Solid
+from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit, tag_corners
+from msrr_scenes.specs.bodies import TagsSpec
 
 PORT = "rear"
 SHADE, EDGE, TAG, DIMENSION, CAMERA = "#d9d9d9", "#444444", "#2266aa", "#aa3322", "#227744"

@@ -13,7 +13,7 @@ import numpy as np
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Exposure, PoseMeasurement
-from msrr_scenes.specs.los_geometry import LosSpec
+from msrr_scenes.specs.plan import LosSpec
 from msrr_scenes.specs.sensors import ParametricSpec
 
 #: A stated error of zero would make the filter believe a measurement without question [m, rad].

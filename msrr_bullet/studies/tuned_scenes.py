@@ -6,8 +6,7 @@ import yaml
 
 from msrr_bullet.studies.search_space import Part
 from msrr_bullet.studies.tuning import Tuned
-from msrr_scenes.geometry.assets import find_scene, shipped_scenes
-from msrr_scenes.loading.load import load_scene
+from msrr_scenes.loading.load import find_scene, load_scene, shipped_scenes
 from msrr_scenes.specs.spec import Choice
 
 #: Shipped scene under which each part is tuned and shown.

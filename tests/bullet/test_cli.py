@@ -20,7 +20,7 @@ from msrr_bullet.cli.app import run
 from msrr_bullet.cli.options import parse_overrides, parse_seeds
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.errors import SceneError
-from msrr_scenes.geometry.assets import shipped_scenes
+from msrr_scenes.loading.load import shipped_scenes
 
 Capture = pytest.CaptureFixture[str]
 

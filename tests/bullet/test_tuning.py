@@ -13,8 +13,7 @@ from msrr_bullet.studies.tuned_scenes import tuned_choice, tuned_scene
 from msrr_bullet.studies.tuning import Objective, Tuned, tune
 from msrr_control.docking.controller import CONTROLLERS
 from msrr_scenes.errors import UnknownNameError
-from msrr_scenes.geometry.assets import shipped_scenes
-from msrr_scenes.loading.load import load_scene
+from msrr_scenes.loading.load import load_scene, shipped_scenes
 from msrr_scenes.specs.spec import Choice
 
 EVERY = [(part, name) for part, names in KNOBS.items() for name in names]

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from msrr_scenes import load_scene
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.solid import convex_hull
 from msrr_scenes.placement.placement import draw_placement
-from msrr_scenes.placement.start_regions import hull, overlap, spread_over
+from msrr_scenes.placement.start_regions import overlap, spread_over
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec, Spread
 
@@ -109,7 +110,7 @@ def test_a_unit_that_carries_another_is_compared_in_its_own_frame() -> None:
 
 
 polygons = st.integers(0, 10_000).map(
-    lambda seed: hull(
+    lambda seed: convex_hull(
         np.random.default_rng(seed).normal(size=(7, 2)) + np.random.default_rng(seed + 1).uniform(-2, 2, 2)
     )
 )

@@ -6,7 +6,8 @@ import pytest
 
 from msrr_scenes import check_scene, load_scene, scene_hash
 from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
-from msrr_scenes.geometry.assets import shipped_scenes, urdf_folder
+from msrr_scenes.geometry.unit_geometry import urdf_folder
+from msrr_scenes.loading.load import shipped_scenes
 from msrr_scenes.specs.plan import ControlSpec
 
 GOOD = """\

@@ -11,11 +11,11 @@ import pytest
 import yaml
 
 from msrr_bullet.cli.app import run
-from msrr_scenes.geometry.assets import scene_folder, shipped_scenes
+from msrr_scenes.loading.load import LIBRARY, shipped_scenes
 
 Spot = tuple[Any, Any]  # a container and the key or index of one of its values
 
-TEXTS = {name: (scene_folder() / f"{name}.yaml").read_text() for name in shipped_scenes()}
+TEXTS = {name: (LIBRARY / f"{name}.yaml").read_text() for name in shipped_scenes()}
 ODD: list[Any] = [
     float("nan"),
     float("inf"),

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from msrr_scenes.geometry.assets import find_urdf, urdf_folder
-from msrr_scenes.geometry.unit_geometry import read_unit
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit, urdf_folder
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from msrr_scenes.errors import GeometryError
-from msrr_scenes.geometry.assets import find_urdf
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.unit_geometry import read_unit, tag_corners
-from msrr_scenes.specs.los_geometry import LosSpec
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit, tag_corners
+from msrr_scenes.specs.plan import LosSpec
 
 SIDE_TAG, MAST_TAG = 0.05, 0.04
 UNIT = read_unit(find_urdf("unit.urdf"))

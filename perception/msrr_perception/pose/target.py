@@ -15,8 +15,7 @@ from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
-from msrr_scenes.specs.los_geometry import LosSpec
-from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.plan import DockStep, LosSpec
 from msrr_scenes.specs.scene import Scene
 
 #: How far the LOS points of the scene may lie from the tag edges of the URDF [m]; scenes round to 0.1 mm.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 #: Where a value sits in a scene: keys of mappings and indices of lists.
@@ -28,9 +26,3 @@ class Problem:
     path: KeyPath
     text: str
     rank: int = 0
-
-
-def nearest(name: object, valid: Iterable[str]) -> str:
-    """Return ``; did you mean 'x'?`` for the valid name most like ``name``, or just the full stop."""
-    near = difflib.get_close_matches(str(name), list(valid), n=1)
-    return f"; did you mean {near[0]!r}?" if near else "."

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from msrr_scenes.loading.problems import KeyPath, Problem, nearest
+from msrr_scenes.errors import nearest
+from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.placement.placement import split_frame
 from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
 from msrr_scenes.specs.scene import Scene

@@ -10,8 +10,9 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
-from msrr_scenes.loading.marked_yaml import Marked
-from msrr_scenes.loading.problems import KeyPath, Problem, nearest
+from msrr_scenes.errors import nearest
+from msrr_scenes.loading.problems import KeyPath, Problem
+from msrr_scenes.loading.yaml_document import YamlDocument
 from msrr_scenes.specs.scene import Scene
 
 _PATTERNS = {
@@ -22,7 +23,7 @@ _NAME = "a name of lower-case letters, digits and underscores that starts with a
 _NOT_KEYS = {"source"}  # fields that the program fills in
 
 
-def explain(error: ErrorDetails, document: Marked) -> Problem | None:
+def explain(error: ErrorDetails, document: YamlDocument) -> Problem | None:
     """Turn one pydantic error into a problem of the document it was found in.
 
     Returns:

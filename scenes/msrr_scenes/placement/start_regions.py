@@ -12,6 +12,7 @@ import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.solid import convex_hull
 from msrr_scenes.placement.placement import FRONT, split_frame
 from msrr_scenes.specs.bodies import BoxSpec, ObstacleSpec
 from msrr_scenes.specs.scene import Scene
@@ -20,14 +21,6 @@ from msrr_scenes.specs.spec import PoseSpec
 _MAX_TURN = math.radians(5.0)
 _CIRCLE = 48
 _SQUARE: Array = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-
-
-def hull(points: Array) -> Array:
-    """Return the convex outline of points, counter-clockwise."""
-    from scipy.spatial import ConvexHull
-
-    corners: Array = points[ConvexHull(points).vertices]
-    return corners
 
 
 def overlap(a: Array, b: Array) -> bool:
@@ -63,7 +56,7 @@ def spread_over(pose: PoseSpec, points: Array) -> Array:
     turned = np.concatenate([SE2(pose.x_m, pose.y_m, turn).act(grown) for turn in turns])
     half_box = np.array([pose.spread.x_m, pose.spread.y_m])
     corners = half_box * _SQUARE
-    return hull((turned[None] + corners[:, None]).reshape(-1, 2))
+    return convex_hull((turned[None] + corners[:, None]).reshape(-1, 2))
 
 
 def ancestors(scene: Scene, pose: PoseSpec) -> list[str]:
