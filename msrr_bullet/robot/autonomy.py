@@ -144,7 +144,7 @@ class Autonomy:
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
         """Look at a frame at the instant of its exposure; the result is known only when it is received."""
         if exposure.camera == self._onboard:
-            return self._vision.look(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
+            return self._vision.detect(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
         if self._above is None:
             return None
         if self._phases.phase is Phase.DOCK and self.situation is not None:

@@ -53,11 +53,11 @@ class OverheadLocalizer:
 
     def look(self, exposure: Exposure, fetch: Fetch) -> Detections:
         """Look at an overhead exposure."""
-        return self._vision.look(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
+        return self._vision.detect(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
 
     def glance(self, exposure: Exposure, place: SE2, fetch: Fetch) -> Detections:
         """Look only at what stands around a place."""
-        return self._vision.glance(exposure, place.translation, GLANCE_HALF_M, fetch)
+        return self._vision.detect_near(exposure, place.translation, GLANCE_HALF_M, fetch)
 
     def receive(self, message: SensorMessage) -> None:
         """Take in a message; those that say nothing of the arena change nothing."""
@@ -71,7 +71,7 @@ class OverheadLocalizer:
                 self._estimator.add_detections(message.detections)
                 self._arrived(message.detections.exposure.stamp_ns)
             case GlobalPose():
-                self._estimator.add_global(message)
+                self._estimator.add_pose(message)
                 self._arrived(message.stamp_ns)
 
     def _arrived(self, stamp_ns: int) -> None:
@@ -79,7 +79,7 @@ class OverheadLocalizer:
 
     def search_next(self) -> None:
         """Search the next exposure for what is new, however short ago the last one was searched."""
-        self._vision.search_next()
+        self._vision.restart_search()
 
     def situation(self, now_ns: int, by_sight: PoseEstimate | None) -> ArenaEstimate | None:
         """Return where everything is.
@@ -89,4 +89,4 @@ class OverheadLocalizer:
             by_sight: The unit in the dock frame as its own camera sees it, when that is to be believed
                 rather than the view from above; None for the latter.
         """
-        return self._estimator.situation(now_ns, by_sight)
+        return self._estimator.estimate(now_ns, by_sight)

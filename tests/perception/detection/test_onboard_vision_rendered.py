@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,8 +18,7 @@ from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.detection.onboard_vision import OnboardVision
 from msrr_perception.estimation.los import edge_bearings, measured_bearings
 from msrr_perception.pose.joint_pose import joint_pose
-from msrr_perception.pose.tag_camera import pose_vector, project
-from msrr_perception.pose.target import TargetModel
+from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
@@ -38,7 +37,7 @@ class Rig:
     X_WD: SE2
     frame: int = 0
 
-    def look(self, vision: OnboardVision, X_DU: SE2, guess: SE2 | None) -> tuple[Detections, SE2]:
+    def detect(self, vision: OnboardVision, X_DU: SE2, guess: SE2 | None) -> tuple[Detections, SE2]:
         """Expose at a pose; return what was read and where the unit really stood."""
         self.world.place("a", self.X_WD @ X_DU, (0.0, 0.0))
         self.frame += 1
@@ -46,7 +45,7 @@ class Rig:
         assert exposure is not None
         prediction = guess and PoseEstimate(0, guess, np.diag([2e-3, 2e-3, 5e-3]) ** 2, 0)
         truth = self.X_WD.inverse() @ self.world.pose("a")
-        return vision.look(exposure, prediction, self.camera.fetch), truth
+        return vision.detect(exposure, prediction, self.camera.fetch), truth
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +70,7 @@ def _views(n: int) -> list[SE2]:
     return out
 
 
-def test_corners_poses_and_angles_agree_with_truth(rig: Rig) -> None:
+def test_corners_poses_and_angles_agree_with_truth(rig: Rig, project: Callable) -> None:
     """20 views from 0.8 m to 0.2 m, windows asked around a prediction that is a few millimetres off.
 
     Every view gives every tag of the port. Corners: mean residual below 0.05 px, RMS below 0.25 px. Lateral
@@ -80,7 +79,7 @@ def test_corners_poses_and_angles_agree_with_truth(rig: Rig) -> None:
     vision, rng, residuals = OnboardVision(rig.target, PupilDetector()), np.random.default_rng(1), []
     for k, X in enumerate(_views(20)):
         guess = X @ SE2(*rng.normal(0.0, [2e-3, 2e-3, 5e-3]))
-        found, truth = rig.look(vision, X, None if k == 0 else guess)
+        found, truth = rig.detect(vision, X, None if k == 0 else guess)
         seen = {t.tag_id: t.corners for t in found.tags}
         wanted = set(rig.target.port_tags)
         if X.x < -0.3:  # nearer, frames look at the tags in turn
@@ -108,7 +107,7 @@ def test_seated_the_lock_can_be_verified_by_sight(rig: Rig) -> None:
     vision, X = OnboardVision(rig.target, PupilDetector()), SE2(-rig.target.front, 0.0, 0.0)
     tags = {}
     for _ in range(3):
-        found, truth = rig.look(vision, X, X)
+        found, truth = rig.detect(vision, X, X)
         tags |= {t.tag_id: t for t in found.tags}
     assert set(rig.target.port_tags) <= tags.keys()
     pose = joint_pose(rig.target, list(tags.values()))
@@ -126,8 +125,8 @@ def test_windows_see_what_the_full_frame_sees(rig: Rig) -> None:
     """
     neighbours = []
     for X in _views(24)[:16]:
-        full, _ = rig.look(OnboardVision(rig.target, PupilDetector()), X, None)
-        few, _ = rig.look(OnboardVision(rig.target, PupilDetector()), X, X)
+        full, _ = rig.detect(OnboardVision(rig.target, PupilDetector()), X, None)
+        few, _ = rig.detect(OnboardVision(rig.target, PupilDetector()), X, X)
         whole = {t.tag_id: t.corners for t in full.tags}
         assert sum(w.area for w in few.windows) < 0.1 * rig.target.camera.frame.area
         for tag in few.tags:

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from msrr_perception.estimation.corner_filter import CornerEkf
-from msrr_perception.pose.tag_camera import pose_vector
-from msrr_perception.pose.target import TargetModel
+from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, PoseMeasurement, TagDetection
 from msrr_scenes.specs.scene import Scene

@@ -9,8 +9,7 @@ import pytest
 
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.los import LosEstimator, edge_bearings, measured_bearings
-from msrr_perception.pose.tag_camera import pose_vector
-from msrr_perception.pose.target import TargetModel
+from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, LosStatus, PoseMeasurement, TagDetection

@@ -8,57 +8,57 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_perception.estimation.body_filter import StandingBody, StandingNoise
+from msrr_perception.estimation.body_filter import StationaryBody, StationaryNoise
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose
 
-NOISE = StandingNoise()
+NOISE = StationaryNoise()
 S = 1_000_000_000
 HERE = SE2(1.0, -0.5, 3.1)
 P = np.diag([0.003**2, 0.004**2, 0.02**2])
 
 
-def _sight(stamp_ns: int, X_WB: SE2 = HERE) -> GlobalPose:
+def _measured(stamp_ns: int, X_WB: SE2 = HERE) -> GlobalPose:
     return GlobalPose("b", stamp_ns, X_WB, P)
 
 
 def test_it_drifts_by_the_root_of_the_time() -> None:
     """The drift is in metres per square root of a second: 16 s add four times what one second adds."""
-    noise = StandingNoise(drift=0.002, turn_drift=0.01)
-    body = StandingBody.first(_sight(0))
+    noise = StationaryNoise(drift=0.002, turn_drift=0.01)
+    body = StationaryBody.from_measurement(_measured(0))
     for wait_s in (0.25, 1.0, 16.0, 400.0):
-        grown = body.at(round(wait_s * S), noise).covariance - P
+        grown = body.propagate(round(wait_s * S), noise).covariance - P
         deviation = np.sqrt(np.diag(grown))
         np.testing.assert_allclose(deviation, math.sqrt(wait_s) * np.array([0.002, 0.002, 0.01]), rtol=1e-9)
         np.testing.assert_array_equal(grown - np.diag(np.diag(grown)), 0.0)
 
 
 def test_waiting_is_the_same_in_one_go_and_in_many() -> None:
-    body = StandingBody.first(_sight(0))
-    at_once = body.at(7 * S, NOISE)
+    body = StationaryBody.from_measurement(_measured(0))
+    at_once = body.propagate(7 * S, NOISE)
     rng = np.random.default_rng(5)
     for stamp in sorted(rng.integers(1, 7 * S, 40)):
-        body = body.at(int(stamp), NOISE)
-    np.testing.assert_allclose(body.at(7 * S, NOISE).covariance, at_once.covariance, rtol=1e-12)
+        body = body.propagate(int(stamp), NOISE)
+    np.testing.assert_allclose(body.propagate(7 * S, NOISE).covariance, at_once.covariance, rtol=1e-12)
     assert at_once.X_WB == body.X_WB
     assert at_once.last_seen_ns == 0
 
 
 def test_an_earlier_instant_changes_nothing() -> None:
-    body = StandingBody.first(_sight(S))
-    assert body.at(0, NOISE) is body
-    assert body.at(S, NOISE) is body
+    body = StationaryBody.from_measurement(_measured(S))
+    assert body.propagate(0, NOISE) is body
+    assert body.propagate(S, NOISE) is body
 
 
 def test_sights_of_a_body_that_stands_are_averaged() -> None:
     """Without drift n sights leave P / n and the mean of what they said, the seam of the angle included."""
-    still = StandingNoise(drift=0.0, turn_drift=0.0)
+    still = StationaryNoise(drift=0.0, turn_drift=0.0)
     rng = np.random.default_rng(8)
     errors = rng.multivariate_normal(np.zeros(3), P, 20)
-    sights = [_sight(i * S, SE2(1.0 + e[0], -0.5 + e[1], 3.1 + e[2])) for i, e in enumerate(errors)]
-    body = StandingBody.first(sights[0])
+    sights = [_measured(i * S, SE2(1.0 + e[0], -0.5 + e[1], 3.1 + e[2])) for i, e in enumerate(errors)]
+    body = StationaryBody.from_measurement(sights[0])
     for sight in sights[1:]:
-        body = body.seen(sight, still)
+        body = body.update(sight, still)
     np.testing.assert_allclose(body.covariance, P / 20, rtol=1e-9)
     mean = errors.mean(axis=0)
     off = body.X_WB.as_array() - HERE.as_array() - mean
@@ -71,32 +71,32 @@ def test_sights_of_a_body_that_stands_are_averaged() -> None:
 def test_the_gate_is_where_it_says(axis: int) -> None:
     """A first sight and a second one have 2 P between them; the gate is in squares of its deviation."""
     assert pytest.approx(chi2.ppf(0.9999, 3), rel=0.01) == NOISE.gate
-    body = StandingBody.first(_sight(0))
+    body = StationaryBody.from_measurement(_measured(0))
     step = np.zeros(3)
     step[axis] = math.sqrt(NOISE.gate * 2.0 * P[axis, axis])
     for share, inside in ((0.99, True), (1.01, False), (-0.99, True), (-1.01, False)):
         x, y, yaw = HERE.as_array() + share * step
-        after = body.seen(_sight(0, SE2(x, y, yaw)), NOISE)
+        after = body.update(_measured(0, SE2(x, y, yaw)), NOISE)
         assert (after.rejected == 0) is inside
         assert (after.X_WB == body.X_WB) is not inside
 
 
 def test_a_body_that_was_moved_is_believed_after_as_many_sights_as_told() -> None:
     elsewhere = SE2(1.3, -0.5, 3.1)
-    body = StandingBody.first(_sight(0))
+    body = StationaryBody.from_measurement(_measured(0))
     for k in range(1, NOISE.moved_after):
-        body = body.seen(_sight(k * S, elsewhere), NOISE)
+        body = body.update(_measured(k * S, elsewhere), NOISE)
         assert (body.rejected, body.X_WB, body.last_seen_ns) == (k, HERE, 0)
-    body = body.seen(_sight(NOISE.moved_after * S, elsewhere), NOISE)
+    body = body.update(_measured(NOISE.moved_after * S, elsewhere), NOISE)
     assert (body.rejected, body.X_WB, body.last_seen_ns) == (0, elsewhere, NOISE.moved_after * S)
     np.testing.assert_array_equal(body.covariance, P)
     # What was under way since before it was moved is not a sign that it was moved back.
-    assert body.seen(_sight(S), NOISE) is body
+    assert body.update(_measured(S), NOISE) is body
 
 
 def test_a_sight_inside_the_gate_ends_the_count() -> None:
-    body = StandingBody.first(_sight(0))
+    body = StationaryBody.from_measurement(_measured(0))
     for k in range(12):
         off = SE2(1.3, -0.5, 3.1) if k % NOISE.moved_after else HERE
-        body = body.seen(_sight((k + 1) * S, off), NOISE)
+        body = body.update(_measured((k + 1) * S, off), NOISE)
         assert body.X_WB.x == pytest.approx(1.0, abs=0.01)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -13,8 +14,7 @@ from msrr_perception.detection.windows import (
     plan_windows,
     pose_is_known,
 )
-from msrr_perception.pose.tag_camera import pose_vector, project
-from msrr_perception.pose.target import TargetModel
+from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import PoseEstimate
@@ -39,7 +39,7 @@ def _random(seed: int, n: int) -> list[tuple[SE2, tuple[float, float, float]]]:
     return out
 
 
-def test_windows_hold_every_corner_of_the_tags_they_are_for(target: TargetModel) -> None:
+def test_windows_hold_every_corner_of_the_tags_they_are_for(target: TargetModel, project: Callable) -> None:
     """400 predictions that are wrong by a draw from their own covariance.
 
     A corner leaves its window when it strays by 4 sigma and more than 6 px besides: odds below 1e-4 a corner

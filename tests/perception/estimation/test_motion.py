@@ -27,7 +27,7 @@ def _wheels(left: np.ndarray, right: np.ndarray) -> WheelHistory:
 
 def _start(motion: DriveMotion, pose: SE2, history: WheelHistory) -> FilterState:
     mean = np.array([pose.x, pose.y, pose.yaw, 0.0, 0.0])
-    return motion.initial(0, mean, np.diag([1e-6, 1e-6, 1e-6, 1e-5, 1e-5]), history.at(0))
+    return motion.initial(0, mean, np.diag([1e-6, 1e-6, 1e-6, 1e-5, 1e-5]), history.angles_at(0))
 
 
 def test_odometry_alone_is_the_integral_on_se2(target: TargetModel) -> None:

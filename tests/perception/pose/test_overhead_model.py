@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
-from msrr_perception.detection.overhead_vision import search_windows
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.unit_geometry import tag_corners
@@ -49,7 +48,7 @@ def test_the_catalogue_holds_every_tag_and_what_is_still_to_come() -> None:
         500: "post",
         501: "late",
     }
-    assert model.obstacle_radius == {500: 0.06, 501: pytest.approx(0.5 * np.hypot(0.2, 0.1))}
+    assert model.obstacle_radius == {"post": 0.06, "late": pytest.approx(0.5 * np.hypot(0.2, 0.1))}
     assert (model.own, model.target, model.units) == ("a", "b", ("a", "b", "c"))
 
 
@@ -59,7 +58,9 @@ def test_it_is_the_same_wherever_the_bodies_stand() -> None:
     def knowledge(scene: Scene) -> str:
         model = OverheadModel.from_scene(scene, scene.plan[0])
         corners = {tag: (flat.name, flat.corners_B.tolist()) for tag, flat in model.tags.items()}
-        return repr((model.camera, model.X_WC.matrix(), corners, model.radii, model.X_TD, model.noise))
+        return repr(
+            (model.camera, model.X_WC.matrix(), corners, model.obstacle_radius, model.X_TD, model.noise)
+        )
 
     scene = arena()
     moved = scene.model_dump()
@@ -77,18 +78,6 @@ def test_obstacle_tags_lie_where_the_simulated_plates_lie() -> None:
         assert spec.tag_id is not None
         expected = obstacle_tag_pose(spec.height_m).act(tag_corners(spec.tag_m))
         np.testing.assert_allclose(model.tags[spec.tag_id].corners_B, expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("parts", [1, 2, 3, 5, 8])
-def test_every_tag_lies_wholly_in_one_part_of_the_search(parts: int) -> None:
-    scene = arena()
-    model = OverheadModel.from_scene(scene, scene.plan[0])
-    windows = search_windows(model, parts)
-    assert len(windows) == parts
-    size = int(np.ceil(1.2 * model.largest_tag_px))
-    for x in range(model.camera.width - size):
-        assert any(w.x <= x and x + size <= w.x_end for w in windows), x
-    assert all(w.x % 4 == 0 and w.height == model.camera.height for w in windows)
 
 
 def test_what_cannot_be_located_from_above_is_refused() -> None:

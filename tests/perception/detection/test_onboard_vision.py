@@ -42,19 +42,19 @@ def _ids(found: Detections) -> tuple[int, ...]:
 def test_knowing_nothing_it_looks_at_the_full_frame(
     target: TargetModel, vision: OnboardVision, fetch: Fetch
 ) -> None:
-    found = vision.look(_exposure(1), None, fetch)
+    found = vision.detect(_exposure(1), None, fetch)
     assert found.windows == (target.camera.frame,)
     assert _ids(found) == target.port_tags
     assert found.exposure == _exposure(1)
-    vague = vision.look(_exposure(2), _prediction(TRUE, 0.5), fetch)
+    vague = vision.detect(_exposure(2), _prediction(TRUE, 0.5), fetch)
     assert vague.windows == (target.camera.frame,)
 
 
 def test_a_good_prediction_costs_a_window_and_gives_full_frame_corners(
     target: TargetModel, vision: OnboardVision, fetch: Fetch
 ) -> None:
-    full = vision.look(_exposure(1), None, fetch)
-    found = vision.look(_exposure(2), _prediction(TRUE), fetch)
+    full = vision.detect(_exposure(1), None, fetch)
+    found = vision.detect(_exposure(2), _prediction(TRUE), fetch)
     assert len(found.windows) == 1
     assert found.windows[0].area < 0.06 * target.camera.frame.area
     assert _ids(found) == _ids(full)
@@ -67,7 +67,7 @@ def test_a_slightly_wrong_prediction_is_mended_in_a_larger_window(
 ) -> None:
     X = SE2(-0.2, 0.0, 0.0)
     wrong = _prediction(X @ SE2(0.0, 0.0, 0.08), 1e-4)  # 33 px
-    found = vision.look(_exposure(1), wrong, lambda window: draw(X, window))
+    found = vision.detect(_exposure(1), wrong, lambda window: draw(X, window))
     assert len(found.windows) > 1
     assert target.camera.frame not in found.windows
     assert _ids(found)
@@ -76,7 +76,7 @@ def test_a_slightly_wrong_prediction_is_mended_in_a_larger_window(
 def test_a_quite_wrong_prediction_ends_at_the_full_frame(
     target: TargetModel, vision: OnboardVision, fetch: Fetch
 ) -> None:
-    found = vision.look(_exposure(1), _prediction(TRUE @ SE2(0.0, 0.0, 0.4)), fetch)
+    found = vision.detect(_exposure(1), _prediction(TRUE @ SE2(0.0, 0.0, 0.4)), fetch)
     assert found.windows[-1] == target.camera.frame
     assert len(found.windows) > 1
     assert _ids(found) == target.port_tags
@@ -86,10 +86,10 @@ def test_an_empty_scene_is_searched_in_full_each_frame(target: TargetModel, visi
     def grey(window: Window) -> Pixels:
         return np.full((window.height, window.width), 100, np.uint8)
 
-    first = vision.look(_exposure(1), _prediction(TRUE), grey)
+    first = vision.detect(_exposure(1), _prediction(TRUE), grey)
     assert first.tags == ()
     for frame in range(2, 6):
-        found = vision.look(_exposure(frame), _prediction(TRUE), grey)
+        found = vision.detect(_exposure(frame), _prediction(TRUE), grey)
         assert found.tags == ()
         assert found.windows == (target.camera.frame,)
 
@@ -99,17 +99,17 @@ def test_routine_looks_come_every_so_many_frames(target: TargetModel, fetch: Fet
     full = [
         f
         for f in range(12)
-        if vision.look(_exposure(f), _prediction(TRUE), fetch).windows == (target.camera.frame,)
+        if vision.detect(_exposure(f), _prediction(TRUE), fetch).windows == (target.camera.frame,)
     ]
     assert full == [0, 4, 8]
     always = OnboardVision(target, PupilDetector(), full_every=1)
-    assert always.look(_exposure(3), _prediction(TRUE), fetch).windows == (target.camera.frame,)
+    assert always.detect(_exposure(3), _prediction(TRUE), fetch).windows == (target.camera.frame,)
 
 
 def test_looking_away_it_searches_now_and_then(target: TargetModel, fetch: Fetch) -> None:
     vision = OnboardVision(target, PupilDetector(), search_every=5)
     away = _prediction(SE2(-0.5, 0.0, 2.5))
-    looks = [f for f in range(1, 16) if vision.look(_exposure(f), away, fetch).windows]
+    looks = [f for f in range(1, 16) if vision.detect(_exposure(f), away, fetch).windows]
     assert looks == [5, 10, 15]
 
 
@@ -128,7 +128,7 @@ def test_a_hidden_tag_is_left_alone_for_a_while(target: TargetModel, draw: Draw)
         return picture
 
     for frame in range(1, 30):
-        found = vision.look(_exposure(frame), _prediction(X, 5e-4), covered)
+        found = vision.detect(_exposure(frame), _prediction(X, 5e-4), covered)
         assert hidden not in _ids(found)
         asked.append(any(w.x < 200 and w != target.camera.frame for w in found.windows))
     assert at[hidden] == 0
@@ -139,7 +139,9 @@ def test_the_same_calls_give_the_same_windows_and_corners(target: TargetModel, f
     runs = []
     for _ in range(2):
         vision = OnboardVision(target, PupilDetector())
-        looks = [vision.look(_exposure(f), _prediction(TRUE) if f > 1 else None, fetch) for f in range(1, 6)]
+        looks = [
+            vision.detect(_exposure(f), _prediction(TRUE) if f > 1 else None, fetch) for f in range(1, 6)
+        ]
         runs.append([(look.windows, [t.corners.tobytes() for t in look.tags]) for look in looks])
     assert runs[0] == runs[1]
 
@@ -178,7 +180,7 @@ def test_large_tags_are_searched_at_half_the_resolution(
 ) -> None:
     X, detector = SE2(x, 0.01, 0.0), Watched()
     vision = OnboardVision(target, detector)
-    found = vision.look(_exposure(1), _prediction(X, 1e-4), lambda window: draw(X, window))
+    found = vision.detect(_exposure(1), _prediction(X, 1e-4), lambda window: draw(X, window))
     assert _ids(found) == target.port_tags
     assert (detector.calls["half"] > 0) == large
     assert (detector.calls["whole"] > 0) == (not large)
@@ -194,7 +196,7 @@ def test_a_tag_that_half_the_resolution_overlooks_is_found_in_the_same_pixels(
         fetched.append(window)
         return draw(X, window)
 
-    found = vision.look(_exposure(1), _prediction(X, 1e-4), fetch)
+    found = vision.detect(_exposure(1), _prediction(X, 1e-4), fetch)
     assert _ids(found) == target.port_tags
     assert detector.calls["whole"] == detector.calls["half"] == len(fetched)
     assert found.windows == tuple(fetched)

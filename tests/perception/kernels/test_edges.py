@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from msrr_perception.detection.detector import PupilDetector
-from msrr_perception.detection.edge_refinement import refine_corners
+from msrr_perception.kernels.edges import refine_corners
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels
 
