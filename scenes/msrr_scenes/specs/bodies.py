@@ -35,6 +35,12 @@ class TagsSpec(Spec):
     mast_m: Positive = 0.04
     """Edge of the middle tag of a port, on the mast [m]."""
 
+    def size(self, slot: str) -> float:
+        """Return the edge [m] of the black square of the tag on link ``slot``."""
+        if slot == "tag_top":
+            return self.top_m
+        return self.mast_m if slot.endswith("_middle") else self.side_m
+
 
 class UnitSpec(Spec):
     """One unit."""

@@ -81,6 +81,4 @@ class Scene(Spec):
 
     def tag_size(self, slot: str) -> float:
         """Return the edge [m] of the black square of the tag on link ``slot``."""
-        if slot == "tag_top":
-            return self.tags.top_m
-        return self.tags.mast_m if slot.endswith("_middle") else self.tags.side_m
+        return self.tags.size(slot)

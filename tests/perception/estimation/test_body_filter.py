@@ -50,15 +50,15 @@ def test_an_earlier_instant_changes_nothing() -> None:
     assert body.propagate(S, NOISE) is body
 
 
-def test_sights_of_a_body_that_stands_are_averaged() -> None:
-    """Without drift n sights leave P / n and the mean of what they said, the seam of the angle included."""
+def test_measurements_of_a_stationary_body_are_averaged() -> None:
+    """Without drift n measurements leave P / n and their mean, also across the seam of the angle."""
     still = StationaryNoise(drift=0.0, turn_drift=0.0)
     rng = np.random.default_rng(8)
     errors = rng.multivariate_normal(np.zeros(3), P, 20)
-    sights = [_measured(i * S, SE2(1.0 + e[0], -0.5 + e[1], 3.1 + e[2])) for i, e in enumerate(errors)]
-    body = StationaryBody.from_measurement(sights[0])
-    for sight in sights[1:]:
-        body = body.update(sight, still)
+    measurements = [_measured(i * S, SE2(1.0 + e[0], -0.5 + e[1], 3.1 + e[2])) for i, e in enumerate(errors)]
+    body = StationaryBody.from_measurement(measurements[0])
+    for measured in measurements[1:]:
+        body = body.update(measured, still)
     np.testing.assert_allclose(body.covariance, P / 20, rtol=1e-9)
     mean = errors.mean(axis=0)
     off = body.X_WB.as_array() - HERE.as_array() - mean
@@ -69,7 +69,7 @@ def test_sights_of_a_body_that_stands_are_averaged() -> None:
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_the_gate_is_where_it_says(axis: int) -> None:
-    """A first sight and a second one have 2 P between them; the gate is in squares of its deviation."""
+    """A first measurement and a second one have 2 P between them; the gate is in squares of its deviation."""
     assert pytest.approx(chi2.ppf(0.9999, 3), rel=0.01) == NOISE.gate
     body = StationaryBody.from_measurement(_measured(0))
     step = np.zeros(3)
@@ -81,7 +81,7 @@ def test_the_gate_is_where_it_says(axis: int) -> None:
         assert (after.X_WB == body.X_WB) is not inside
 
 
-def test_a_body_that_was_moved_is_believed_after_as_many_sights_as_told() -> None:
+def test_a_moved_body_is_accepted_after_the_set_number_of_measurements() -> None:
     elsewhere = SE2(1.3, -0.5, 3.1)
     body = StationaryBody.from_measurement(_measured(0))
     for k in range(1, NOISE.moved_after):
@@ -94,7 +94,7 @@ def test_a_body_that_was_moved_is_believed_after_as_many_sights_as_told() -> Non
     assert body.update(_measured(S), NOISE) is body
 
 
-def test_a_sight_inside_the_gate_ends_the_count() -> None:
+def test_a_measurement_inside_the_gate_ends_the_count() -> None:
     body = StationaryBody.from_measurement(_measured(0))
     for k in range(12):
         off = SE2(1.3, -0.5, 3.1) if k % NOISE.moved_after else HERE

@@ -82,7 +82,7 @@ def test_the_gate_passes_its_share_of_good_tags(target: TargetModel, scene: Scen
 
 
 @pytest.mark.parametrize("inflation", [1.0, 2.0, 5.0])
-def test_the_first_pose_is_believed_less_by_the_factor_told(
+def test_the_first_covariance_is_inflated_by_the_given_factor(
     target: TargetModel, scene: Scene, see: See, inflation: float
 ) -> None:
     covariance = np.diag([1e-4, 2e-4, 3e-4])
@@ -103,7 +103,7 @@ def test_the_first_pose_is_believed_less_by_the_factor_told(
     np.testing.assert_allclose(more.covariance, inflation * one.covariance, rtol=1e-9)
 
 
-def test_it_doubts_its_first_pose_unless_told_otherwise(target: TargetModel, scene: Scene, see: See) -> None:
+def test_the_first_covariance_is_inflated_by_default(target: TargetModel, scene: Scene, see: See) -> None:
     look = _shown(0, see(pose_vector(X_DU), target.port_tags))
     default, twice = CornerEkf(target, scene.odometry), CornerEkf(target, scene.odometry, start_inflation=2.0)
     for ekf in (default, twice):

@@ -163,7 +163,7 @@ def test_accuracy_and_honesty_over_40_drives(make: Make) -> None:
     assert all(total < bound for total in squares.values()), squares
 
 
-def test_nothing_is_told_before_both_units_are_known(make: Make) -> None:
+def test_there_is_no_estimate_before_both_units_are_known(make: Make) -> None:
     arena = make(seen=lambda name, t: name != "b" or t > 0.95)
     assert arena.estimator.predict(0) == {}
     assert arena.drive(0.9) is None
@@ -179,7 +179,7 @@ def test_nothing_is_told_before_both_units_are_known(make: Make) -> None:
 
 
 def test_a_gap_of_two_seconds_is_bridged_by_the_wheels(make: Make) -> None:
-    """Wheels 2 % off and no sight for 2 s and 0.44 m: the error stays inside a grown covariance."""
+    """Wheels 2 % off and no detection for 2 s and 0.44 m: the error stays inside a grown covariance."""
     worst = 0.0
     for seed in range(12):
         arena = make(seed, seen=lambda name, t: not 3.0 < t < 5.0)
@@ -197,12 +197,12 @@ def test_a_gap_of_two_seconds_is_bridged_by_the_wheels(make: Make) -> None:
 
 
 def test_the_order_of_arrival_changes_nothing(make: Make) -> None:
-    """Own sights are filed by exposure time; of standing bodies only the weights differ."""
+    """Measurements of the own unit are ordered by exposure time; of other bodies only the weights differ."""
     arena = make(5)
-    sights = []
+    exposures = []
     while arena.tick < 200:
         if arena.tick % FRAME_TICKS == 0 and arena.tick >= 100:
-            sights.append(arena.expose())
+            exposures.append(arena.expose())
         arena.under_way = []
         arena.step()
         arena.under_way = []
@@ -213,18 +213,18 @@ def test_the_order_of_arrival_changes_nothing(make: Make) -> None:
         shuffled.under_way = []
     shuffled.estimator.reset()
     arena.estimator.reset()
-    order = [0, *(1 + np.random.default_rng(0).permutation(len(sights) - 1))]
-    for sight in sights:
-        arena.estimator.add_detections(sight)
+    order = [0, *(1 + np.random.default_rng(0).permutation(len(exposures) - 1))]
+    for exposure in exposures:
+        arena.estimator.add_detections(exposure)
     for i in order:
-        shuffled.estimator.add_detections(sights[i])
+        shuffled.estimator.add_detections(exposures[i])
     one, other = (a.estimator.predict(2_000_000_000) for a in (arena, shuffled))
     assert one["a"].X_WB == other["a"].X_WB
     for name in STANDING:
         np.testing.assert_allclose(one[name].X_WB.as_array(), other[name].X_WB.as_array(), atol=2e-3)
 
 
-def test_without_delay_compensation_it_speaks_of_the_last_exposure(make: Make) -> None:
+def test_without_delay_compensation_the_estimate_is_of_the_last_exposure(make: Make) -> None:
     arena = make(3, delay_compensation=False)
     known = arena.drive(2.05)
     assert known is not None
@@ -234,7 +234,7 @@ def test_without_delay_compensation_it_speaks_of_the_last_exposure(make: Make) -
 
 
 @pytest.mark.parametrize("name", ["b", "post"])
-def test_a_body_that_is_moved_is_found_again_and_one_bad_sight_is_not_believed(make: Make, name: str) -> None:
+def test_a_moved_body_is_found_again_and_one_bad_measurement_is_rejected(make: Make, name: str) -> None:
     arena = make(1)
     arena.drive(2.0)
     away = STANDING[name] @ SE2(0.05, 0.02, 0.1)
@@ -310,19 +310,16 @@ def test_a_pose_by_sight_is_as_uncertain_as_both_cameras_make_it(
     assert known is not None
     rng = np.random.default_rng(12)
     targets = rng.multivariate_normal(X_WT.as_array(), known.target.covariance, 20_000)
-    sights = rng.multivariate_normal(X_DU_seen.as_array(), P_sight, 20_000)
+    seen = rng.multivariate_normal(X_DU_seen.as_array(), P_sight, 20_000)
     errors = np.array(
-        [
-            error(known.own, SE2(*t) @ model.X_TD @ SE2(*sight))
-            for t, sight in zip(targets, sights, strict=True)
-        ]
+        [error(known.own, SE2(*t) @ model.X_TD @ SE2(*sight)) for t, sight in zip(targets, seen, strict=True)]
     )
     white = np.linalg.solve(np.linalg.cholesky(known.own.covariance), errors.T)
     np.testing.assert_allclose(np.cov(white), np.eye(3), atol=0.05)
 
 
 def test_a_body_seen_long_ago_is_known_less_well_than_one_just_seen(make: Make) -> None:
-    """The covariance grows with the time since the last sight, and an obstacle's stamp tells its age."""
+    """The covariance grows with the time since the last detection, and an obstacle's stamp tells its age."""
     arena = make(6)
     fresh = arena.drive(2.0)
     assert fresh is not None

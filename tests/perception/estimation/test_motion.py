@@ -93,8 +93,8 @@ def test_wheel_errors_are_covered_by_the_covariance(target: TargetModel) -> None
         scale = 1.0 + rng.normal(0.0, spec.scale_error, 2)
         true = np.outer(np.arange(101), [0.14, 0.16])  # rad
         noise = spec.noise_rad * np.sqrt(np.array([0.14, 0.16])) * rng.normal(size=(100, 2))
-        told = true / scale + np.concatenate([np.zeros((1, 2)), np.cumsum(noise, axis=0)])
-        history = _wheels(*told.T)
+        measured = true / scale + np.concatenate([np.zeros((1, 2)), np.cumsum(noise, axis=0)])
+        history = _wheels(*measured.T)
         way = true[-1] * target.wheel_radius
         X = SE2(-0.7, 0.0, 0.0) @ SE2.exp(way.mean(), 0.0, float(way[1] - way[0]) / target.track)
         state = motion.propagate(_start(motion, SE2(-0.7, 0.0, 0.0), history), history, 100 * TICK_NS)

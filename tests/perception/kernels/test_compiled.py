@@ -60,6 +60,6 @@ def test_an_edited_kernel_is_compiled_anew(folder_of: FolderOf, tmp_path: Path) 
 
 def test_ready_code_is_not_announced() -> None:
     warm.warm()
-    said: list[str] = []
-    warm.warm(said.append)
-    assert said == []
+    announced: list[str] = []
+    warm.warm(announced.append)
+    assert announced == []

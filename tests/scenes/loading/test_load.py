@@ -235,7 +235,7 @@ def test_the_hash_follows_the_urdf(tmp_path: Path) -> None:
 
 
 def test_the_readme_shows_every_shipped_scene_and_its_example_is_good(tmp_path: Path) -> None:
-    readme = (Path(__file__).parents[2] / "scenes" / "README.md").read_text()
+    readme = (Path(__file__).parents[3] / "scenes" / "README.md").read_text()
     for name in shipped_scenes():
         assert f"| `{name}` |" in readme
     example = readme.split("```yaml\n")[1].split("```")[0]
