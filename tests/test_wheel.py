@@ -92,7 +92,7 @@ def test_an_installed_wheel_docks(wheel: Path, tmp_path: Path) -> None:
     )
 
     where = (
-        "import msrr_bullet, msrr_scenes.geometry.assets as a\n"
+        "import msrr_bullet, msrr_scenes.geometry.unit_geometry as a\n"
         "print(msrr_bullet.__file__, a.urdf_folder(), sep='\\n')"
     )
     for path in run(programs / "python", "-c", where, cwd=work, environment=environment).split():
