@@ -29,8 +29,7 @@ from msrr_bullet.log import CameraWindow, Log, read_log
 from msrr_bullet.run import run_trial
 from msrr_bullet.timeline.camera_views import pinhole_camera, read_camera_views
 from msrr_perception.pose.overhead_model import OVERHEAD
-from msrr_scenes.geometry.assets import shipped_scenes
-from msrr_scenes.loading.load import load_scene
+from msrr_scenes.loading.load import load_scene, shipped_scenes
 from msrr_scenes.messages import Exposure
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.trial.result import TrialResult
-from msrr_scenes.geometry.assets import shipped_scenes
+from msrr_scenes.loading.load import shipped_scenes
 from msrr_scenes.outcome import Outcome
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -96,7 +96,7 @@ def test_an_installed_wheel_docks(wheel: Path, tmp_path: Path) -> None:
     )
 
     where = (
-        "import msrr_bullet, msrr_scenes.geometry.assets as a\n"
+        "import msrr_bullet, msrr_scenes.geometry.unit_geometry as a\n"
         "print(msrr_bullet.__file__, a.urdf_folder(), sep='\\n')"
     )
     for path in run(programs / "python", "-c", where, cwd=work, environment=environment).split():

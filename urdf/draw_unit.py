@@ -1,9 +1,8 @@
 """Draws ``unit.svg``, the dimensioned drawing of the unit, from its URDF alone.
 
 Run ``python urdf/draw_unit.py [OUT]`` after a change of the URDF. Every number on the drawing is measured on
-the frames and collision shapes that :func:`msrr_scenes.geometry.unit_geometry.read_unit` reads; only the
-sizes of the
-tags, which are a scene's business, are the defaults of :class:`msrr_scenes.specs.sensors.TagsSpec`.
+the frames and collision shapes that :func:`msrr_scenes.geometry.unit_geometry.read_unit` reads. Only the
+sizes of the tags, which a scene decides, are the defaults of :class:`msrr_scenes.specs.bodies.TagsSpec`.
 """
 
 from __future__ import annotations
@@ -21,9 +20,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from msrr_scenes.arrays import Array
-from msrr_scenes.geometry.assets import find_urdf
-from msrr_scenes.geometry.unit_geometry import Solid, UnitGeometry, read_unit, tag_corners
-from msrr_scenes.specs.sensors import TagsSpec
+from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit, tag_corners
+from msrr_scenes.specs.bodies import TagsSpec
 
 PORT = "rear"
 SHADE, EDGE, TAG, DIMENSION, CAMERA = "#d9d9d9", "#444444", "#2266aa", "#aa3322", "#227744"
@@ -32,14 +30,8 @@ VIEWS = {"plan": (0, 1), "rear": (1, 2), "side": (0, 2)}
 DEPTH = {"plan": (2, 1.0), "rear": (0, -1.0), "side": (1, -1.0)}
 
 
-def corners(solid: Solid) -> Array:
-    """Return the corners of a box in U, shape (8, 3) [m]."""
-    unit = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
-    return solid.X_UG.act(unit * np.asarray(solid.size))
-
-
-def solid_at(unit: UnitGeometry, points: Array) -> NDArray[np.bool_]:
-    """Say which points of U, shape (N, 3) [m], lie inside a box of the unit."""
+def are_inside(unit: UnitGeometry, points: Array) -> NDArray[np.bool_]:
+    """Return which points of U, shape (N, 3) [m], lie inside a box of the unit."""
     inside = np.zeros(len(points), dtype=bool)
     for solid in unit.solids:
         if solid.kind == "box":
@@ -52,7 +44,7 @@ def hole_widths(unit: UnitGeometry) -> tuple[float, float, float, float]:
     """Measure a hole of the rear port at the height of the pins.
 
     Returns:
-        Width of mouth and throat, depth of the bottom plate's surface, depth where the throat begins [m].
+        Width of the mouth, width of the throat, depth of the bottom plate, depth where the throat begins [m].
     """
     X_UD, pin = unit.dock_frame(PORT), unit.frame("pin_left")
     y_0, z = float(pin.p[1]), float(pin.p[2])
@@ -62,20 +54,20 @@ def hole_widths(unit: UnitGeometry) -> tuple[float, float, float, float]:
         reach = 0.0
         for sign in (1.0, -1.0):
             xy = X_UD.act(np.stack([np.full_like(side, depth), y_0 + sign * side], axis=1))
-            blocked = solid_at(unit, np.column_stack([xy, np.full(len(side), z)]))
+            blocked = are_inside(unit, np.column_stack([xy, np.full(len(side), z)]))
             reach += float(side[np.argmax(blocked)])
         return reach
 
     depths = np.arange(5e-5, 0.05, 5e-5)
     axis = X_UD.act(np.stack([depths, np.full_like(depths, y_0)], axis=1))
-    bottom = float(depths[np.argmax(solid_at(unit, np.column_stack([axis, np.full(len(depths), z)])))])
+    bottom = float(depths[np.argmax(are_inside(unit, np.column_stack([axis, np.full(len(depths), z)])))])
     widths = np.array([width(d) for d in depths[depths < bottom]])
     narrow = depths[int(np.argmax(widths <= widths.min() + 1e-4))]
     return widths[0], float(widths.min()), bottom, float(narrow)
 
 
 def paint(ax: Axes, unit: UnitGeometry, view: str, section_z: float | None = None) -> None:
-    """Draw the shapes of the unit as seen in ``view``; ``section_z`` [m] leaves those it cuts."""
+    """Draw the shapes of the unit seen in ``view``, or only those that a plane z = ``section_z`` [m] cuts."""
     i, j = VIEWS[view]
     axis, sign = DEPTH[view]
     for solid in sorted(unit.solids, key=lambda s: sign * float(s.X_UG.p[axis])):
@@ -85,7 +77,7 @@ def paint(ax: Axes, unit: UnitGeometry, view: str, section_z: float | None = Non
             )
             ax.add_patch(disc)
             continue
-        P = corners(solid)
+        P = solid.points()
         flat = P[:, [i, j]]
         outline = flat[ConvexHull(flat).vertices]
         cut = section_z is None or P[:, 2].min() <= section_z <= P[:, 2].max()
@@ -97,8 +89,7 @@ def paint(ax: Axes, unit: UnitGeometry, view: str, section_z: float | None = Non
     for slot in unit.tag_slots:
         if view == "rear" and not slot.startswith(f"port_{PORT}"):
             continue
-        size = tags.top_m if slot == "tag_top" else tags.mast_m if slot.endswith("middle") else tags.side_m
-        quad = unit.frame(slot).act(tag_corners(size))[:, [i, j]]
+        quad = unit.frame(slot).act(tag_corners(tags.size(slot)))[:, [i, j]]
         ax.add_patch(Polygon(quad, fill=False, ec=TAG, lw=1.2))
     camera = unit.frame("camera")
     ax.plot(*camera.p[[i, j]], marker="o", ms=4, color=CAMERA, zorder=5)
@@ -139,14 +130,14 @@ def span(
     )
 
 
-def level(ax: Axes, z: float, at: float, text: str) -> None:
-    """Mark a height above the ground with a leader to the right of the view."""
-    ax.plot([at - 0.012, at], [z, z], color=DIMENSION, lw=0.6)
-    ax.text(at + 0.002, z, f"{1e3 * z:.4g}  {text}", color=DIMENSION, size=7, va="center")
+def level(ax: Axes, z: float, x: float, text: str) -> None:
+    """Mark a height above the ground with a leader that ends at ``x``, to the right of the view."""
+    ax.plot([x - 0.012, x], [z, z], color=DIMENSION, lw=0.6)
+    ax.text(x + 0.002, z, f"{1e3 * z:.4g}  {text}", color=DIMENSION, size=7, va="center")
 
 
 def draw_plan(ax: Axes, unit: UnitGeometry) -> None:
-    """Section at the height of the pins, seen from above."""
+    """Draw the section at the height of the pins, seen from above."""
     pin = unit.frame("pin_left").p
     paint(ax, unit, "plan", float(pin[2]))
     P = unit.footprint
@@ -157,8 +148,8 @@ def draw_plan(ax: Axes, unit: UnitGeometry) -> None:
     span(ax, (x_face, y_0 - 0.026), (x_tip, y_0 - 0.026))
     span(ax, (0.0, y_0 - 0.042), (x_face, y_0 - 0.042), f"l = {1e3 * x_face:.4g}")
     span(ax, (x_tip + 0.02, -pin[1]), (x_tip + 0.02, pin[1]), gap=-0.005)
-    thick = [corners(s) for s in unit.solids if s.link == "pin_left"]
-    low, high = min(c[:, 1].min() for c in thick), max(c[:, 1].max() for c in thick)
+    y_pin = np.concatenate([s.points()[:, 1] for s in unit.solids if s.link == "pin_left"])
+    low, high = y_pin.min(), y_pin.max()
     span(ax, (x_tip + 0.008, low), (x_tip + 0.008, high), gap=-0.004)
     rear = float(unit.port(PORT).x)
     span(
@@ -184,7 +175,7 @@ def draw_plan(ax: Axes, unit: UnitGeometry) -> None:
 
 
 def draw_rear(ax: Axes, unit: UnitGeometry) -> None:
-    """The rear port, as an approaching unit sees it."""
+    """Draw the rear port as an approaching unit sees it."""
     paint(ax, unit, "rear")
     ax.invert_xaxis()
     y = float(unit.footprint[:, 1].min())
@@ -211,10 +202,10 @@ def draw_rear(ax: Axes, unit: UnitGeometry) -> None:
 
 
 def draw_side(ax: Axes, unit: UnitGeometry) -> None:
-    """From the right-hand side."""
+    """Draw the unit from the right-hand side."""
     paint(ax, unit, "side")
-    band = [corners(s) for s in unit.solids if s.link == f"port_{PORT}_funnel"]
-    low, high = (float(f([f(c[:, 2]) for c in band])) for f in (min, max))
+    z_band = np.concatenate([s.points()[:, 2] for s in unit.solids if s.link == f"port_{PORT}_funnel"])
+    low, high = float(z_band.min()), float(z_band.max())
     x = float(unit.footprint[:, 0].max())
     for z, text in ((low, "port band"), (high, "deck")):
         level(ax, z, x + 0.02, text)
@@ -241,7 +232,7 @@ def draw(unit: UnitGeometry) -> Figure:
 
 
 def main() -> None:
-    """Write the drawing."""
+    """Write the drawing to the file named on the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("out", nargs="?", type=Path, default=Path(__file__).with_name("unit.svg"))
     out = parser.parse_args().out

@@ -7,8 +7,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from msrr_scenes.errors import SceneError
-from msrr_scenes.loading.problems import nearest
+from msrr_scenes.errors import SceneError, nearest
 from msrr_scenes.specs.spec import Spec
 
 P = TypeVar("P", bound=Spec)

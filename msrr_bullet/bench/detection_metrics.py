@@ -37,7 +37,7 @@ class Reader(Protocol[P_contra]):
         """Forget what earlier exposures showed."""
         ...
 
-    def look(self, exposure: Exposure, prediction: P_contra, fetch: Fetch, /) -> Detections:
+    def detect(self, exposure: Exposure, prediction: P_contra, fetch: Fetch, /) -> Detections:
         """Return the tags found in one exposure."""
         ...
 
@@ -83,7 +83,7 @@ class FullFrameReader:
     def reset(self) -> None:
         """Do nothing, because nothing is remembered."""
 
-    def look(self, exposure: Exposure, prediction: object, fetch: Fetch, /) -> Detections:
+    def detect(self, exposure: Exposure, prediction: object, fetch: Fetch, /) -> Detections:
         """Return the tags found in the full frame."""
         return Detections(exposure, self._detector.detect(fetch(self._frame), self._frame), (self._frame,))
 
@@ -225,7 +225,7 @@ def evaluate(
     for number, view in enumerate(views):
         if number == 0:
             for candidate in candidates.values():
-                candidate.reader.look(view.exposure, view.prediction, view.fetch)
+                candidate.reader.detect(view.exposure, view.prediction, view.fetch)
         for i in rng.permutation(len(labels)):
             candidate, total = candidates[labels[i]], totals[labels[i]]
             if view.first:
@@ -249,7 +249,7 @@ def _read_timed(reader: Reader[P], view: LabelledExposure[P]) -> tuple[Detection
         return pixels
 
     start = time.thread_time_ns()
-    found = reader.look(view.exposure, view.prediction, fetch)
+    found = reader.detect(view.exposure, view.prediction, fetch)
     return found, time.thread_time_ns() - start - for_pixels
 
 

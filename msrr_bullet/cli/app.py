@@ -17,8 +17,7 @@ from msrr_bullet.cli import bench_commands, run_commands, study_commands, trial_
 from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, report_error
 from msrr_bullet.cli.options import Overrides, parse_overrides
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.geometry.assets import shipped_scenes
-from msrr_scenes.loading.load import load_scene, scene_hash
+from msrr_scenes.loading.load import load_scene, scene_hash, shipped_scenes
 
 app = typer.Typer(
     name="msrr",

@@ -17,7 +17,8 @@ from scipy.spatial import ConvexHull
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
-from msrr_scenes.geometry.unit_geometry import Solid, UnitGeometry
+from msrr_scenes.geometry.solid import Solid
+from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.specs.bodies import BoxSpec, CylinderSpec
 
 #: Two parts are merged when no point of their common hull is farther than this from the body [m].

@@ -13,7 +13,7 @@ from msrr_bullet.timeline.palette import DARK, FLOOR, GRID
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.specs.scene import ArenaSpec
+from msrr_scenes.specs.bodies import ArenaSpec
 
 #: Colours of the border of the arena, and of the plate and the square of a tag.
 BORDER, PLATE, SQUARE = DARK, 0xFFFFFF, 0x4A5562

@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 from pydantic import ValidationError
 
 from msrr_bullet.log.codec import LogError
-from msrr_scenes.geometry.assets import find_urdf
+from msrr_scenes.geometry.unit_geometry import find_urdf
 from msrr_scenes.specs.scene import Scene
 
 METADATA = "msrr"

@@ -150,7 +150,7 @@ class Autonomy:
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
         """Read windows of an exposure and return the detections, which are used only when received."""
         if exposure.camera == self._onboard:
-            return self._vision.look(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
+            return self._vision.detect(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
         if self._overhead is None:
             return None
         if self._phases.phase is Phase.DOCK and self.arena is not None:

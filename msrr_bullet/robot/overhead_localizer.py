@@ -47,11 +47,11 @@ class OverheadLocalizer:
 
     def detect(self, exposure: Exposure, fetch: Fetch) -> Detections:
         """Detect all known bodies in an exposure, and new ones when a search is due."""
-        return self._vision.look(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
+        return self._vision.detect(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
 
     def detect_near(self, exposure: Exposure, place: SE2, fetch: Fetch) -> Detections:
         """Detect the bodies in a square of the floor around ``place``, in W."""
-        return self._vision.glance(exposure, place.translation, NEAR_HALF_M, fetch)
+        return self._vision.detect_near(exposure, place.translation, NEAR_HALF_M, fetch)
 
     def receive(self, message: SensorMessage) -> None:
         """Process a sensor message; one that says nothing about the arena changes nothing."""
@@ -66,7 +66,7 @@ class OverheadLocalizer:
                 self._estimator.add_detections(message.detections)
                 stamp_ns = message.detections.exposure.stamp_ns
             case GlobalPose():
-                self._estimator.add_global(message)
+                self._estimator.add_pose(message)
                 stamp_ns = message.stamp_ns
             case _:
                 return
@@ -74,7 +74,7 @@ class OverheadLocalizer:
 
     def restart_search(self) -> None:
         """Search the next exposure for new bodies, however recent the last search was."""
-        self._vision.search_next()
+        self._vision.restart_search()
 
     def estimate(self, now_ns: int, own: PoseEstimate | None) -> ArenaEstimate | None:
         """Return the estimated poses of all bodies; None before unit and target are known.
@@ -84,4 +84,4 @@ class OverheadLocalizer:
             own: Estimate of the unit in the dock frame by the onboard camera, which replaces that by the
                 overhead camera; None to use the latter.
         """
-        return self._estimator.situation(now_ns, own)
+        return self._estimator.estimate(now_ns, own)

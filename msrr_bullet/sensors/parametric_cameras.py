@@ -18,8 +18,7 @@ from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Exposure, GlobalPose, PoseMeasurement, SensorMessage
 from msrr_scenes.specs.faults import MarkerHidden
-from msrr_scenes.specs.los_geometry import LosSpec
-from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.plan import DockStep, LosSpec
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 

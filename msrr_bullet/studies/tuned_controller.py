@@ -8,8 +8,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict
 
 from msrr_bullet.studies.search_space import Part
-from msrr_scenes.geometry.assets import find_scene, shipped_scenes
-from msrr_scenes.loading.load import load_scene
+from msrr_scenes.loading.load import find_scene, load_scene, shipped_scenes
 from msrr_scenes.specs.spec import Choice
 
 #: Shipped scene that each part's tuned scene is derived from.

@@ -14,7 +14,7 @@ from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.timeline.snapshot import Snapshot, Viewer
 from msrr_bullet.trial.environment import Environment
 from msrr_bullet.trial.judge import Judge
-from msrr_perception.estimation.global_estimator import X_DU
+from msrr_perception.estimation.global_estimator import pose_in_dock_frame
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, Phase, seconds
 from msrr_scenes.outcome import Outcome
@@ -104,7 +104,7 @@ class Telemetry:
             self.event(action.stamp_ns, step.unit, text)
         believed = robot.estimate.X_DU if robot.estimate else None
         if action.phase is Phase.ASSEMBLE and robot.arena is not None:
-            believed = X_DU(robot.arena, judge.X_TD)
+            believed = pose_in_dock_frame(robot.arena, judge.X_TD)
         if self._observer is not None:
             now_s = seconds(action.stamp_ns)
             self._observer(

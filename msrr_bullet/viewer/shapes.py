@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from msrr_bullet.simulation.tag_plates import PLATE_RATIO, plate_texture
 from msrr_bullet.viewer.commands import Command, set_object, set_transform
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
-from msrr_scenes.geometry.unit_geometry import Solid
+from msrr_scenes.geometry.solid import Solid
 
 #: From a URDF cylinder (axis z) to meshcat's (axis y).
 _X_CYLINDER = SE3(rotation_from_rpy(math.pi / 2, 0.0, 0.0))

@@ -1,1 +1,1 @@
-"""Perception: pixels to tag corners to poses, the line of sight, and the filter. It never sees truth."""
+"""Perception: pixels to tag corners, corners to poses, poses and odometry to estimates, without truth."""

@@ -1,5 +1,5 @@
-"""What a scene is: validated specifications, planar and spatial poses, and the messages between rooms."""
+"""Scenes: what a scene is, how it is read and checked, and the messages that robot and trial exchange."""
 
-from msrr_scenes.loading.load import check_scene, load_scene, scene_hash
+from msrr_scenes.loading import check_scene, load_scene, scene_hash, shipped_scenes
 
-__all__ = ["check_scene", "load_scene", "scene_hash"]
+__all__ = ["check_scene", "load_scene", "scene_hash", "shipped_scenes"]

@@ -5,5 +5,5 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-#: Array of double-precision numbers; every use states the shape, the unit and the frame.
+#: An array of double-precision numbers; every use states shape, unit and frame.
 Array = NDArray[np.float64]

@@ -1,7 +1,7 @@
-"""The one root of every exception that this project raises on purpose.
+"""The exceptions that this project raises on purpose, all under one root.
 
-An exception means misuse (a bad scene, an unknown name, a file that is not there). A docking that
-fails is not an exception: it is an :class:`msrr_scenes.outcome.Outcome`.
+An exception means misuse (a bad scene, an unknown name, a missing file). A docking that fails is not an
+exception: it is an :class:`msrr_scenes.outcome.Outcome`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 
 class MsrrError(Exception):
-    """Root of all errors raised by msrr packages; its text names the place and the mend."""
+    """The root of all errors raised by msrr packages; its text names the place and the mend."""
 
 
 class SceneError(MsrrError):
@@ -22,14 +22,24 @@ class GeometryError(MsrrError):
     """A unit description (URDF) that lacks a named frame or contradicts itself."""
 
 
+def nearest(name: object, valid: Iterable[str]) -> str:
+    """Return ``; did you mean 'x'?`` for the valid name x most like ``name``, or a full stop."""
+    near = difflib.get_close_matches(str(name), list(valid), n=1)
+    return f"; did you mean {near[0]!r}?" if near else "."
+
+
 class UnknownNameError(MsrrError):
-    """A name that no registered or importable implementation answers to."""
+    """A name that belongs to no registered or importable implementation."""
 
     def __init__(self, kind: str, name: str, valid: Iterable[str], hint: str = "") -> None:
-        """Say what ``name`` was meant to be (``kind``), which names exist, and which is nearest."""
+        """Compose the message.
+
+        Args:
+            kind: What the name was meant to be: ``detector``, ``scene`` ...
+            name: The unknown name.
+            valid: The names that exist.
+            hint: A sentence about what else could be given.
+        """
         names = sorted(valid)
-        near = difflib.get_close_matches(name, names, n=1)
-        text = f"unknown {kind} {name!r}"
-        text += f"; did you mean {near[0]!r}?" if near else "."
-        text += f" Known: {', '.join(names) or 'none'}."
-        super().__init__(f"{text} {hint}".rstrip())
+        text = f"unknown {kind} {name!r}{nearest(name, names)} Known: {', '.join(names) or 'none'}. {hint}"
+        super().__init__(text.rstrip())

@@ -1,4 +1,4 @@
-"""How a trial ended."""
+"""The outcome of a trial."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from enum import Enum
 
 
 class Outcome(Enum):
-    """Verdict of a trial: what was physically true, and whether the robot knew it.
+    """The verdict on a trial: what was physically true, and whether the robot knew it.
 
-    A verdict is formed by the judge from truth; ``FALSE_DOCK`` and ``FALSE_ABORT`` are the two ways in which
-    belief and truth can part.
+    The judge forms it from truth; ``FALSE_DOCK`` and ``FALSE_ABORT`` are the two ways in which belief and
+    truth can differ.
     """
 
     DOCKED = "docked"  # seated, locked, the lock held the pull, and the robot says so
@@ -19,10 +19,10 @@ class Outcome(Enum):
     TARGET_LOST = "target_lost"  # the marker was seen and lost, the port was not reached, no attempt was left
     GAVE_UP = "gave_up"  # the marker was in view, nothing stood in the way, and the port was not reached
     NEVER_DETECTED = "never_detected"  # the marker was never seen
-    BLOCKED = "blocked"  # the robot found no way to the target and stopped where it was safe
+    BLOCKED = "blocked"  # the robot found no free path to the target and stopped where it was safe
     COLLISION = "collision"  # bodies other than the docking pair touched
     CLEARANCE_VIOLATED = "clearance_violated"  # bodies came closer than the scene allows
-    LEFT_ARENA = "left_arena"
-    TIMEOUT = "timeout"
+    LEFT_ARENA = "left_arena"  # a unit left the floor
+    TIMEOUT = "timeout"  # the time limit of the scene was reached
     FALSE_DOCK = "false_dock"  # the robot says docked; the pins are not seated or the lock holds nothing
-    FALSE_ABORT = "false_abort"  # the robot gave up although it was seated
+    FALSE_ABORT = "false_abort"  # the robot gave up although the pins were seated

@@ -1,9 +1,10 @@
-"""Extension points: an implementation is named in the scene by a registered name or by an import path."""
+"""Extension points: implementations that a scene names by a registered name or by an import path."""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
+from operator import attrgetter
 from typing import Any, TypeVar
 
 from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
@@ -15,19 +16,19 @@ _HINT = "One of your own is named by its import path, pkg.mod:Class."
 
 
 def resolve(kind: str, name: str, table: Mapping[str, Callable[..., T]]) -> Callable[..., T]:
-    """Return the class or factory that ``name`` stands for.
+    """Return the class or factory with the given name.
 
     Args:
-        kind: What it is, for messages: ``detector``, ``renderer``, ``controller`` ...
+        kind: Kind of the extension point, for messages: ``detector``, ``renderer``, ``controller`` ...
         name: A key of ``table``, or an import path ``pkg.mod:Class`` (a dotted attribute is allowed).
-        table: The implementations that ship with the project.
+        table: Registered implementations.
 
     Returns:
         The callable that builds the implementation. An import path is trusted to give the right type.
 
     Raises:
-        UnknownNameError: No such registered name, no such module, or no such attribute in it.
-        SceneError: The path names something that cannot be called.
+        UnknownNameError: There is no such registered name, no such module, or no such attribute in it.
+        SceneError: The object at the path cannot be called.
     """
     if ":" not in name:
         try:
@@ -38,18 +39,17 @@ def resolve(kind: str, name: str, table: Mapping[str, Callable[..., T]]) -> Call
     try:
         found: Any = importlib.import_module(module_name)
     except ModuleNotFoundError as error:
-        # Only a path that leads nowhere is a bad name; a module that fails inside is for its author to see.
+        # Only a path that does not exist is a bad name; an import error inside the module is passed on.
         if error.name is None or not f"{module_name}.".startswith(f"{error.name}."):
             raise
         raise UnknownNameError(kind, name, table, f"No module named {error.name!r}. {_HINT}") from None
     except (TypeError, ValueError):  # an empty or relative module path
         raise UnknownNameError(kind, name, table, _HINT) from None
-    for part in attribute.split("."):
-        if not hasattr(found, part):
-            raise UnknownNameError(
-                kind, name, table, f"Module {module_name!r} has no attribute {attribute!r}."
-            )
-        found = getattr(found, part)
+    try:
+        found = attrgetter(attribute)(found)
+    except AttributeError:
+        hint = f"Module {module_name!r} has no attribute {attribute!r}."
+        raise UnknownNameError(kind, name, table, hint) from None
     if not callable(found):
         raise SceneError(f"{kind} {name!r} is not a class or function, but {type(found).__name__}")
     built: Callable[..., T] = found
@@ -57,10 +57,10 @@ def resolve(kind: str, name: str, table: Mapping[str, Callable[..., T]]) -> Call
 
 
 def build(kind: str, choice: Choice, table: Mapping[str, Callable[..., T]], *args: Any, **fixed: Any) -> T:
-    """Build the implementation a scene chose: ``resolve(...)(*args, **fixed, **choice.params)``.
+    """Return the implementation that a scene chose: ``resolve(...)(*args, **fixed, **choice.params)``.
 
     Raises:
-        UnknownNameError: As :func:`resolve`.
+        UnknownNameError: The name of the choice is unknown; see :func:`resolve`.
         SceneError: The implementation does not take the scene's parameters; the cause is attached.
     """
     factory = resolve(kind, choice.name, table)

@@ -29,8 +29,7 @@ from msrr_scenes.messages import (
     SeatSwitches,
     Twist,
 )
-from msrr_scenes.specs.los_geometry import LosSpec
-from msrr_scenes.specs.plan import DockingSpec
+from msrr_scenes.specs.plan import DockingSpec, LosSpec
 from msrr_scenes.specs.spec import Choice
 from msrr_scenes.specs.vehicle import LimitsSpec
 

@@ -30,8 +30,8 @@ from msrr_scenes.messages import (
     Phase,
     Twist,
 )
+from msrr_scenes.specs.bodies import ArenaSpec
 from msrr_scenes.specs.plan import DockingSpec
-from msrr_scenes.specs.scene import ArenaSpec
 from msrr_scenes.specs.spec import Choice
 from msrr_scenes.specs.vehicle import LimitsSpec
 

@@ -11,7 +11,7 @@ from msrr_control.docking.c2 import C2DockingLaw, C2DockingParams
 from msrr_control.docking.graceful import GracefulLaw, GracefulParams
 from msrr_control.docking.law import DockingLaw, DockSetup, Sensed
 from msrr_control.studies.docking_study import CLOSE, Disturbance, run_study
-from msrr_scenes.specs.los_geometry import LosSpec
+from msrr_scenes.specs.plan import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 FACTS = DockSetup(0.1, 0.02, 0.018, LosSpec(), LimitsSpec.model_validate({}), 50.0)

@@ -10,10 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
-from msrr_perception.pose.tag_camera import pose_vector, project
-from msrr_perception.pose.target import TargetModel
+from msrr_perception.kernels.project import NEAREST_M, project_into
+from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Detections, Exposure, Pixels, TagDetection, WheelOdometry
 from msrr_scenes.specs.scene import Scene
 
@@ -37,6 +38,34 @@ def scene() -> Scene:
 @pytest.fixture(scope="session")
 def target(scene: Scene) -> TargetModel:
     return TargetModel.from_scene(scene, scene.plan[0])
+
+
+def _project(target: TargetModel, pose: np.ndarray, points_D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return points, shape (N, 3), in C by the chain of frames, and their pixels, shape (N, 2)."""
+    x, y, yaw, pitch, roll = (float(a) for a in pose)
+    X_DU = SE3.from_xyz_rpy([x, y, 0.0], [roll, pitch, yaw])
+    p_C = (target.X_CU @ X_DU.inverse()).act(points_D)
+    in_front = p_C.copy()
+    in_front[:, 2] = np.maximum(p_C[:, 2], NEAREST_M)
+    return p_C, target.camera.project(in_front)
+
+
+@pytest.fixture(scope="session")
+def project() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+    """What the kernels compute, written down as a chain of frames."""
+    return _project
+
+
+@pytest.fixture(scope="session")
+def jacobian(target: TargetModel) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+    """Pixels, shape (2 N,), and derivatives, shape (2 N, 5), as the kernels compute them."""
+
+    def compute(pose: np.ndarray, points_D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        pixels, J = np.empty(2 * len(points_D)), np.empty((2 * len(points_D), 5))
+        project_into(target.optics, pose, np.ascontiguousarray(points_D), pixels, J)
+        return pixels, J
+
+    return compute
 
 
 def _plate(tag_id: int) -> Pixels:
@@ -75,7 +104,7 @@ def draw(target: TargetModel) -> Draw:
 
     def picture(X_DU: SE2, window: Window) -> Pixels:
         pose = pose_vector(X_DU)
-        return _warp(window, [(p, project(target, pose, target.corners_D[t])[1]) for t, p in prints.items()])
+        return _warp(window, [(p, _project(target, pose, target.corners_D[t])[1]) for t, p in prints.items()])
 
     return picture
 
@@ -90,7 +119,7 @@ def _see(
     """Detections at exact or noisy corners."""
     found = []
     for tag in tags:
-        _, pixels = project(target, pose, target.corners_D[tag])
+        _, pixels = _project(target, pose, target.corners_D[tag])
         found.append(TagDetection(tag, pixels if rng is None else pixels + rng.normal(0.0, sigma, (4, 2))))
     return tuple(found)
 

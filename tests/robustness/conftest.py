@@ -1,4 +1,4 @@
-"""Claims about rates, and pictures to test them on: rendered once, spoilt in many ways."""
+"""Claims about success rates, and rendered views that are degraded by noise and blur to test them."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from msrr_scenes.messages import Pixels
 from msrr_scenes.placement.placement import draw_placement
 from msrr_scenes.random_streams import stream
 
-#: No test of this folder may fail by chance more often than this although what it claims is true.
-MOST_UNLUCKY = 0.01
+#: Largest probability with which a test of this folder may fail by chance although its claim is true.
+LARGEST_FALSE_ALARM = 0.01
 
 
 @dataclass(frozen=True)
 class Claim:
-    """Something happens in at least ``rate`` of all trials; of ``trials`` made, ``needed`` have to succeed.
+    """The claim that trials succeed at a rate, and the number of successes that the test asks for.
 
     Attributes:
-        what: In words.
-        rate: The rate that is claimed.
-        trials: How many are made.
-        needed: How many of them have to succeed.
+        what: What is claimed, in words.
+        rate: Claimed rate of success.
+        trials: Number of trials.
+        needed: Number of trials that have to succeed.
     """
 
     what: str
@@ -45,18 +45,18 @@ class Claim:
     needed: int
 
     def __post_init__(self) -> None:
-        assert self.unlucky <= MOST_UNLUCKY, (
-            f"{self}: would fail by chance in {self.unlucky:.2%} of all cases"
+        assert self.false_alarm <= LARGEST_FALSE_ALARM, (
+            f"{self}: would fail by chance in {self.false_alarm:.2%} of all cases"
         )
 
     @property
-    def unlucky(self) -> float:
-        """Chance to fail although the claim holds (and no better than claimed)."""
+    def false_alarm(self) -> float:
+        """Probability that the test fails although the rate is the claimed one."""
         return float(binom.cdf(self.needed - 1, self.trials, self.rate))
 
     @property
-    def noticed(self) -> float:
-        """The rate below which the test fails in 95 of 100 cases: what it is able to notice."""
+    def detectable_rate(self) -> float:
+        """Rate below which the test fails in at least 95 of 100 cases."""
         rates = np.linspace(0.0, self.rate, 1001)
         passes = binom.sf(self.needed - 1, self.trials, rates)
         return float(rates[passes <= 0.05].max())
@@ -65,7 +65,7 @@ class Claim:
         return (
             f"claim: {self.what} in at least {self.rate:.0%} of trials; "
             f"asked for {self.needed} of {self.trials}; "
-            f"fails by chance in {self.unlucky:.1e}, notices rates below {self.noticed:.0%}"
+            f"fails by chance in {self.false_alarm:.1e}, detects rates below {self.detectable_rate:.0%}"
         )
 
     def check(self, successes: Sequence[bool], details: object = "") -> None:
@@ -78,18 +78,18 @@ MakeClaim = Callable[[str, float, int, int], Claim]
 
 @pytest.fixture(scope="session")
 def claim() -> MakeClaim:
-    """``claim(what, rate, trials, needed)``; refused when chance alone could make it fail too often."""
+    """``claim(what, rate, trials, needed)``; refused if it would fail by chance too often."""
     return Claim
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What the onboard camera of a unit would see without lens and sensor.
+    """The noise-free view of the onboard camera of a unit.
 
     Attributes:
-        X_DU: Where the unit stands.
-        ideal: Noise-free pixels of the full frame with ``margin`` more on each side.
-        margin: Of the largest blur tested.
+        X_DU: Pose of the unit in the dock frame.
+        ideal: Noise-free pixels of the full frame and a margin on each side.
+        margin: Width of that margin, for the largest blur tested [px].
     """
 
     X_DU: SE2

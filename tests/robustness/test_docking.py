@@ -1,4 +1,4 @@
-"""Docking when the camera is poor: noise, blur, dropped frames, latency, and all of it at once."""
+"""Docking with a poor camera: noise, blur, dropped frames, latency."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CONDITIONS: Mapping[str, Mapping[str, str]] = {
     "120 ms latency": {"cameras.onboard.latency_ms": "120"},
 }
 
-#: What is claimed of every condition.
+#: Success rate that is claimed for every condition.
 RATE = 0.99
 CONTACT_LATERAL_M, CONTACT_YAW = 0.003, math.radians(1.5)
 BELIEF_M = 0.003
@@ -34,7 +34,7 @@ NEAR_M = 0.25
 
 @dataclass(frozen=True)
 class Tier:
-    """Seeds of the trials, and how many of them have to be good."""
+    """The seeds of the trials, and the number of them that have to be good."""
 
     seeds: range
     needed: int
@@ -45,11 +45,12 @@ QUICK, FULL = Tier(range(4), 3), Tier(range(1000, 1050), 47)
 
 @dataclass(frozen=True)
 class Docking:
-    """One trial and what its log says of perception.
+    """One trial and the quality of its perception by the log.
 
     Attributes:
-        read: Share of the frames that reached the robot in which it read a tag (near ones take turns).
-        lateral_rms_m: Of the estimate's sideways error during the last quarter of a metre.
+        result: Result of the trial.
+        read: Share of the frames that reached the robot in which it read a tag.
+        lateral_rms_m: RMS of the estimate's lateral error during the last quarter of a metre [m].
     """
 
     result: TrialResult
@@ -120,7 +121,7 @@ def check(
 
 
 def test_the_faults_are_real(shipped: Callable[..., Scene]) -> None:
-    """Frames are lost and late as the scene says: a robot that did not notice would prove nothing."""
+    """Frames are lost and late as the scene says; otherwise the tests above would prove nothing."""
     changes = {"cameras.onboard.dropout": "0.3", "cameras.onboard.latency_ms": "120", "time_limit_s": "4"}
     recorder = MemoryRecorder()
     scene = shipped("close_range", {**changes, "perception": "parametric", "plant": "unicycle"})

@@ -23,7 +23,7 @@ CONDITIONS = ((2.0, 0.4), (8.0, 0.4), (2.0, 1.0), (8.0, 1.0))
 
 @dataclass(frozen=True)
 class Tier:
-    """How many views, and how many of them have to be good."""
+    """The number of views, and the number of them that have to be good."""
 
     views: int
     needed: int
@@ -37,12 +37,12 @@ TIERS = [pytest.param(QUICK, id="quick"), pytest.param(FULL, id="full", marks=py
 
 @dataclass(frozen=True)
 class Frame:
-    """What one frame gave: tags of the target port found, errors of the pose from this frame alone."""
+    """The result of one frame: number of tags of the target port, and errors of the pose from them."""
 
     port_tags: int
     lateral_m: float = math.inf
     yaw_rad: float = math.inf
-    surprise: float = math.inf  # squared error over the covariance that came with the pose
+    squared_distance: float = math.inf  # Mahalanobis, by the covariance that came with the pose
 
 
 def read(gallery: Any, noise: float, blur: float) -> list[Frame]:
@@ -56,10 +56,10 @@ def read(gallery: Any, noise: float, blur: float) -> list[Frame]:
             continue
         error = pose.X_DU.as_array() - view.X_DU.as_array()
         error[2] = math.remainder(error[2], 2.0 * math.pi)
-        # Of the port's middle, which has to meet the holes.
+        # The lateral error of the middle of the port, which has to enter the holes.
         lateral = error[1] + target.front * math.sin(error[2])
-        surprise = float(error @ np.linalg.solve(pose.covariance, error))
-        frames.append(Frame(found, abs(lateral), abs(error[2]), surprise))
+        squared_distance = float(error @ np.linalg.solve(pose.covariance, error))
+        frames.append(Frame(found, abs(lateral), abs(error[2]), squared_distance))
     return frames
 
 
@@ -80,19 +80,19 @@ def test_tags_are_read_and_give_the_pose(
     claim: Callable[..., Any],
 ) -> None:
     frames = read(gallery(gaps, tier.views), noise, blur)
-    at = f"noise {noise:g} grey levels, blur {blur:g} px, {gaps[0]:g} to {gaps[1]:g} m"
-    claim(f"two or more of the port's three tags are read ({at})", RATE, tier.views, tier.needed).check(
-        [f.port_tags >= 2 for f in frames], frames
-    )
-    claim(f"one frame gives the port to {lateral_mm} mm ({at})", RATE, tier.views, tier.needed).check(
+    condition = f"noise {noise:g} grey levels, blur {blur:g} px, {gaps[0]:g} to {gaps[1]:g} m"
+    claim(
+        f"two or more of the port's three tags are read ({condition})", RATE, tier.views, tier.needed
+    ).check([f.port_tags >= 2 for f in frames], frames)
+    claim(f"one frame gives the port to {lateral_mm} mm ({condition})", RATE, tier.views, tier.needed).check(
         [1e3 * f.lateral_m <= lateral_mm for f in frames], frames
     )
-    claim(f"one frame gives the heading to {yaw_deg} deg ({at})", RATE, tier.views, tier.needed).check(
+    claim(f"one frame gives the heading to {yaw_deg} deg ({condition})", RATE, tier.views, tier.needed).check(
         [math.degrees(f.yaw_rad) <= yaw_deg for f in frames], frames
     )
     limit = chi2.ppf(0.9999, 3)
-    claim(f"the pose errs as its covariance allows ({at})", RATE, tier.views, tier.needed).check(
-        [f.surprise <= limit for f in frames], frames
+    claim(f"the pose errs as its covariance allows ({condition})", RATE, tier.views, tier.needed).check(
+        [f.squared_distance <= limit for f in frames], frames
     )
 
 

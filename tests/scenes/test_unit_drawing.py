@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from msrr_scenes.geometry.assets import find_urdf, urdf_folder
-from msrr_scenes.geometry.unit_geometry import read_unit
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit, urdf_folder
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +28,6 @@ def test_the_drawing_in_the_readme_is_that_of_the_urdf(draw_unit, tmp_path, monk
     out = tmp_path / "unit.svg"
     monkeypatch.setattr("sys.argv", ["draw_unit.py", str(out)])
     draw_unit.main()
-    told = labels(urdf_folder() / "unit.svg")
-    assert told == labels(out), "the URDF has changed: run python urdf/draw_unit.py"
-    assert {"l = 100", "mouth 40", "track 130"} <= set(told)
+    shipped = labels(urdf_folder() / "unit.svg")
+    assert shipped == labels(out), "the URDF has changed: run python urdf/draw_unit.py"
+    assert {"l = 100", "mouth 40", "track 130"} <= set(shipped)

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from msrr_control.kinematics.offset_point import rotate
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.los_geometry import LosSpec
+from msrr_scenes.specs.plan import LosSpec
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
 
 #: Keeps tan below its pole; the force there is 1 to all digits.

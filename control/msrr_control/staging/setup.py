@@ -10,8 +10,8 @@ import numpy as np
 
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.specs import ArenaSpec, Scene
 from msrr_scenes.specs.plan import DockStep
-from msrr_scenes.specs.scene import ArenaSpec, Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 

@@ -1,4 +1,4 @@
-"""From pixels to AprilTag corners: the detector protocol and the implementations that ship."""
+"""The detector protocol, and the AprilTag detector that ships."""
 
 from __future__ import annotations
 
@@ -11,26 +11,23 @@ from typing import Protocol
 import numpy as np
 
 from msrr_perception.detection import native_apriltag
-from msrr_perception.detection.edge_refinement import refine_corners
 from msrr_perception.detection.native_apriltag import DetectorError, NativeSettings
+from msrr_perception.kernels.edges import refine_corners
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels, TagDetection
 
 __all__ = ["DETECTORS", "LARGE_TAG_PX", "Detector", "DetectorError", "PupilDetector", "for_large_tags"]
 
-#: The AprilTag library counts pixels from their edges, this project from their centres.
-EDGE_TO_CENTRE_PX = 0.5
-
 #: Shortest edge in the image from which a tag is found at half the resolution as well [px]. Of 3500 tags of
 #: 18 px and more with the noise of the design, none was missed there; of 300 smaller ones, 52.
 LARGE_TAG_PX = 26.0
 
-#: Smaller images hold no tag and make the library's tiles degenerate.
+#: Smaller images hold no tag and make the library's tiles degenerate [px].
 _SMALLEST_EDGE_PX = 8
 
 
 class Detector(Protocol):
-    """Finds tags in one window of one frame."""
+    """An object that finds tags in one window of one frame."""
 
     def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
         """Return the tags in ``pixels``, mono8 of shape (window.height, window.width).
@@ -44,25 +41,24 @@ class Detector(Protocol):
 def for_large_tags(detector: Detector) -> Detector:
     """Return the detector to use where all tags appear larger than :data:`LARGE_TAG_PX`.
 
-    A detector that can do with less work then says so by a method ``for_large_tags()``, which returns it.
+    A detector offers a cheaper one for that case by a method ``for_large_tags()``, which returns it.
     """
     make = getattr(detector, "for_large_tags", None)
     return detector if make is None else make()
 
 
 class PupilDetector:
-    """AprilTag 3 by way of pupil-apriltags.
+    """An AprilTag 3 detector by way of pupil-apriltags.
 
-    Every instance of a process shares one native detector (see
+    All instances of a process share one native detector (see
     :mod:`msrr_perception.detection.native_apriltag`).
 
     Attributes:
         family: Tag family.
-        max_hamming: Detections with more corrected bits are dropped.
-        min_decision_margin: Detections with a smaller margin are dropped [grey levels].
-        refine: Whether corners are measured again by
-            :func:`msrr_perception.detection.edge_refinement.refine_corners`.
-        settings: What the native detector is told.
+        max_hamming: Number of corrected bits above which a detection is dropped.
+        min_decision_margin: Decision margin below which a detection is dropped [grey levels].
+        refine: Whether corners are refined by :func:`msrr_perception.kernels.edges.refine_corners`.
+        settings: Settings of the native detector.
     """
 
     def __init__(
@@ -76,10 +72,10 @@ class PupilDetector:
         min_decision_margin: float = 10.0,
         refine: bool = True,
     ) -> None:
-        """See :class:`NativeSettings` for the native parameters.
+        """Create a detector; see :class:`NativeSettings` for the native parameters.
 
         Raises:
-            DetectorError: A parameter out of its range.
+            DetectorError: A parameter is out of its range.
         """
         if quad_decimate < 1.0 or quad_sigma < 0.0 or decode_sharpening < 0.0:
             raise DetectorError("quad_decimate must be >= 1, quad_sigma and decode_sharpening >= 0")
@@ -96,7 +92,8 @@ class PupilDetector:
     def for_large_tags(self) -> PupilDetector:
         """Return a detector that searches at half the resolution.
 
-        Its corners are as good, for they are measured again in the image itself; without that it is this one.
+        Its corners are as good because they are refined in the full image; without refinement the detector
+        itself is returned.
         """
         if not self.refine or self.settings.quad_decimate >= 2.0:
             return self
@@ -118,14 +115,11 @@ class PupilDetector:
         if not found:
             return ()
         found.sort(key=lambda t: (t.tag_id, -t.decision_margin))
-        corners = np.stack([t.corners for t in found]) - EDGE_TO_CENTRE_PX
+        corners = np.stack([t.corners for t in found])
         if self.refine:
             corners = refine_corners(pixels, corners)
         corners += [window.x, window.y]
-        return tuple(
-            TagDetection(t.tag_id, c, float(t.decision_margin), t.hamming)
-            for t, c in zip(found, corners, strict=True)
-        )
+        return tuple(replace(t, corners=c) for t, c in zip(found, corners, strict=True))
 
 
 DETECTORS: Mapping[str, Callable[..., Detector]] = MappingProxyType({"pupil": PupilDetector})

@@ -1,8 +1,8 @@
-"""The one native AprilTag detector of a process, with the settings that its Python wrapper hides.
+"""The native AprilTag detector of a process, with the settings that its Python wrapper hides.
 
 Creating and destroying native detectors in turn crashes (measured: use after free in the library's tag
-family), so a process makes one, keeps it until it ends, and writes the wanted settings into it before each
-call. It must not be shared between threads, and a forked child gets its own.
+family), so a process creates one per tag family, keeps it until the process ends, and writes the wanted
+settings into it before each call. It must not be shared between threads, and a forked child creates its own.
 """
 
 from __future__ import annotations
@@ -15,9 +15,11 @@ from functools import lru_cache
 import numpy as np
 from pupil_apriltags import bindings
 
-from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.messages import Pixels
+from msrr_scenes.messages import Pixels, TagDetection
+
+#: The AprilTag library counts pixels from their edges, this project from their centres.
+EDGE_TO_CENTRE_PX = 0.5
 
 
 class DetectorError(MsrrError):
@@ -26,7 +28,7 @@ class DetectorError(MsrrError):
 
 @dataclass(frozen=True, slots=True)
 class NativeSettings:
-    """Settings of the AprilTag library, under the library's own names.
+    """The settings of the AprilTag library, under the library's own names.
 
     Attributes:
         quad_decimate: Factor by which the image is shrunk before quads are searched; corners and bits are
@@ -43,23 +45,6 @@ class NativeSettings:
     min_white_black_diff: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RawDetection:
-    """What the library found.
-
-    Attributes:
-        tag_id: Identity in the family.
-        hamming: Number of corrected bits.
-        decision_margin: Confidence [grey levels].
-        corners: Counted from pixel edges, shape (4, 2).
-    """
-
-    tag_id: int
-    hamming: int
-    decision_margin: float
-    corners: Array
-
-
 class _Image(ctypes.Structure):
     """The library's ``image_u8_t``."""
 
@@ -71,7 +56,7 @@ class _Image(ctypes.Structure):
     )
 
 
-class _Found(ctypes.Structure):
+class _Detection(ctypes.Structure):
     """The library's ``apriltag_detection_t``."""
 
     _fields_ = (
@@ -86,13 +71,13 @@ class _Found(ctypes.Structure):
 
 
 class _List(ctypes.Structure):
-    """The library's ``zarray_t``, here a list of pointers to :class:`_Found`."""
+    """The library's ``zarray_t``, here a list of pointers to :class:`_Detection`."""
 
     _fields_ = (
         ("element_bytes", ctypes.c_size_t),
         ("size", ctypes.c_int),
         ("room", ctypes.c_int),
-        ("elements", ctypes.POINTER(ctypes.POINTER(_Found))),
+        ("elements", ctypes.POINTER(ctypes.POINTER(_Detection))),
     )
 
 
@@ -115,7 +100,7 @@ class _Detector(ctypes.Structure):
     )
 
 
-#: Values that the library sets itself; found at their places they prove that the layout above is right.
+#: Values that the library sets itself; found in these fields they prove that the layout above is right.
 _LIBRARY_DEFAULTS = {
     "min_cluster_pixels": 5,
     "max_nmaxima": 10,
@@ -124,18 +109,18 @@ _LIBRARY_DEFAULTS = {
 }
 
 
-class _Immortal(bindings.Detector):  # type: ignore[misc]  # untyped, so a base class of type Any
+class _KeptDetector(bindings.Detector):  # type: ignore[misc]  # untyped, so a base class of type Any
     """A wrapper that leaves the native memory to the end of the process."""
 
     def __del__(self) -> None:
         """Destroy nothing."""
 
 
-class _Native:
+class _NativeDetector:
     """The native detector, called without the wrapper, which copies every image and every homography."""
 
     def __init__(self, family: str) -> None:
-        self._wrapper = _Immortal(families=family, nthreads=1)
+        self._wrapper = _KeptDetector(families=family, nthreads=1)
         pointer = self._wrapper.tag_detector_ptr
         self.fields = ctypes.cast(pointer, ctypes.POINTER(_Detector)).contents
         found = {name: getattr(self.fields, name) for name in _LIBRARY_DEFAULTS}
@@ -145,7 +130,7 @@ class _Native:
                 "install the version range that the package asks for"
             )
         self._detector = ctypes.cast(pointer, ctypes.c_void_p)
-        # By index: each time a function object of its own, so that the wrapper's stays as it is.
+        # Access by index gives a new function object, so that the wrapper's own stays as it is.
         self._detect = self._wrapper.libc["apriltag_detector_detect"]
         self._detect.argtypes = (ctypes.c_void_p, ctypes.POINTER(_Image))
         self._detect.restype = ctypes.POINTER(_List)
@@ -153,8 +138,8 @@ class _Native:
         self._destroy.argtypes = (ctypes.POINTER(_List),)
         self._destroy.restype = None
 
-    def detect(self, pixels: Pixels) -> list[RawDetection]:
-        """Return what is in ``pixels``, which lie row after row without gaps."""
+    def detect(self, pixels: Pixels) -> list[TagDetection]:
+        """Return the tags in ``pixels``, which lie row after row without gaps."""
         height, width = pixels.shape
         image = _Image(width, height, width, pixels.ctypes.data)
         found = self._detect(self._detector, ctypes.byref(image))
@@ -165,25 +150,25 @@ class _Native:
             self._destroy(found)
 
 
-def _copied(found: _Found) -> RawDetection:
-    corners = np.frombuffer(found.corners, dtype=np.float64).reshape(4, 2).copy()
-    return RawDetection(found.id, found.hamming, found.decision_margin, corners)
+def _copied(found: _Detection) -> TagDetection:
+    corners = np.frombuffer(found.corners, dtype=np.float64).reshape(4, 2) - EDGE_TO_CENTRE_PX
+    return TagDetection(found.id, corners, found.decision_margin, found.hamming)
 
 
 @lru_cache(maxsize=8)
-def _native(process: int, family: str) -> _Native:
-    return _Native(family)
+def _native_detector(process: int, family: str) -> _NativeDetector:
+    return _NativeDetector(family)
 
 
-def detect(pixels: Pixels, family: str, settings: NativeSettings) -> list[RawDetection]:
-    """Run the native detector on mono8 ``pixels``, shape (height, width); corners count from pixel edges."""
-    native = _native(os.getpid(), family)
+def detect(pixels: Pixels, family: str, settings: NativeSettings) -> list[TagDetection]:
+    """Return the tags in mono8 ``pixels``, shape (height, width), with corners in pixels of this image."""
+    native = _native_detector(os.getpid(), family)
     fields = native.fields
     fields.quad_decimate = settings.quad_decimate
     fields.quad_sigma = settings.quad_sigma
-    # Written here because the wrapper cuts this one down to a whole number.
+    # The wrapper would truncate this one to a whole number.
     fields.decode_sharpening = settings.decode_sharpening
     fields.min_white_black_diff = settings.min_white_black_diff
-    # The library blurs an image that is not shrunk where it lies.
-    whole = pixels.copy() if settings.quad_sigma else np.ascontiguousarray(pixels)
-    return native.detect(whole)
+    # The library blurs an image that it does not shrink in place.
+    contiguous = pixels.copy() if settings.quad_sigma else np.ascontiguousarray(pixels)
+    return native.detect(contiguous)

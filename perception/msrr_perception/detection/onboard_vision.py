@@ -1,4 +1,4 @@
-"""The onboard vision front end: chooses the windows of an exposure, reads the tags in them, looks again."""
+"""The onboard vision front end, which chooses the windows of an exposure and reads the tags in them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from msrr_perception.detection.detector import LARGE_TAG_PX, Detector, for_large_tags
+from msrr_perception.detection.frame_reader import FrameReader
 from msrr_perception.detection.windows import (
     DEFAULT_POLICY,
     ExpectedTag,
@@ -17,27 +18,24 @@ from msrr_perception.detection.windows import (
 )
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
-from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, PoseEstimate, TagDetection
+from msrr_scenes.messages import Detections, Exposure, Fetch, PoseEstimate
 
-#: One miss may be a wrong prediction or bad luck with the noise.
+#: Misses in a row after which a tag rests; one alone may come from a wrong prediction or from noise.
 _MISSES_BEFORE_REST = 2
 
 
 class OnboardVision:
-    """Reads the target's tags from the docking unit's camera, from as few pixels as it can.
+    """Reads the target's tags from the docking unit's camera, from as few pixels as possible.
 
-    What it does with an exposure:
+    It reads of an exposure:
 
-    1. Nothing is known, the prediction is poor, or the last look found nothing: the full frame.
-    2. Every ``full_every`` frames: the full frame, whatever is believed.
-    3. The prediction says that no tag is in view: the full frame every ``search_every`` frames, else nothing.
+    1. The full frame if nothing is known, the prediction is poor, or the last exposure showed no tag.
+    2. The full frame every ``full_every`` frames, whatever the prediction.
+    3. If the prediction has no tag in view, the full frame every ``search_every`` frames, else nothing.
     4. Otherwise windows around the tags that :func:`msrr_perception.detection.windows.choose_tags` picks. A
-    tag that
-       is missing twice while others are found (hidden, say) is not asked for during the next ``rest`` frames.
-       Large tags are searched at half the resolution, and at the whole if one of them is not found there.
-       When none is found, larger windows of all expected tags follow, then the full frame of the same
-       exposure.
+       tag that is missing twice while others are found (it may be hidden) is skipped for the next ``rest``
+       frames. Large tags are searched at half the resolution, and at full resolution if one of them is not
+       found. When none is found, larger windows of all expected tags follow, then the full frame.
     """
 
     def __init__(
@@ -52,21 +50,21 @@ class OnboardVision:
         known_m: float = 0.15,
         known_yaw: float = math.radians(15.0),
     ) -> None:
-        """Set up a front end that has seen nothing yet.
+        """Create a front end that has seen nothing yet.
 
         Args:
             target: Camera and map of the tags.
-            detector: Reads tags from pixels.
-            policy: How windows are cut.
-            full_every: Period of the routine look at the full frame [frames].
-            search_every: Period of full looks while no tag is expected in view [frames].
-            rest: For how long a missing tag is not asked for [frames].
-            retry_widen: Factor on a window's margins at the second look.
+            detector: Detector that reads tags from pixels.
+            policy: Rules by which windows are cut.
+            full_every: Period of routine full frames [frames].
+            search_every: Period of full frames while no tag is expected in view [frames].
+            rest: Number of frames for which a missing tag is skipped.
+            retry_widen: Factor on a window's margins when it is read a second time.
             known_m: Standard deviation of the position above which a prediction is not used [m].
-            known_yaw: The same of the yaw [rad].
+            known_yaw: Standard deviation of the yaw above which a prediction is not used [rad].
 
         Raises:
-            SceneError: A parameter out of its range.
+            SceneError: A parameter is out of its range.
         """
         if min(full_every, search_every, rest) < 1 or retry_widen <= 1.0:
             raise SceneError("vision: full_every, search_every, rest must be at least 1, retry_widen above 1")
@@ -84,100 +82,56 @@ class OnboardVision:
 
     def reset(self) -> None:
         """Forget what earlier exposures showed."""
-        self._blank = False  # the last look found nothing
-        self._misses: dict[int, int] = {}  # tag -> how often in a row it was asked for and not found
-        self._resting: dict[int, int] = {}  # tag -> number of the first frame that may ask for it again
+        self._blank = False  # the last exposure was read and showed no tag
+        self._misses: dict[int, int] = {}  # tag -> number of times in a row that it was missing
+        self._resting: dict[int, int] = {}  # tag -> number of the first frame in which it is read again
 
-    def look(self, exposure: Exposure, prediction: PoseEstimate | None, fetch: Fetch) -> Detections:
+    def detect(self, exposure: Exposure, prediction: PoseEstimate | None, fetch: Fetch) -> Detections:
         """Read the target's tags from one exposure.
 
         Args:
-            exposure: The frame at hand.
-            prediction: The pose at the time of the exposure, or None.
-            fetch: Gives the pixels of a window of this exposure.
+            exposure: Exposure to read.
+            prediction: Pose at the time of the exposure; None if nothing is known.
+            fetch: Function that returns the pixels of a window of this exposure.
 
         Returns:
-            Every tag found in the windows asked for, by ascending id, and those windows in the order asked.
+            Every tag found, by ascending id, and the windows in the order in which they were fetched.
         """
-        look = _Look(self.target.camera.frame, self.detector, fetch)
+        reader = FrameReader(fetch)
+        frame = (self.target.camera.frame,)
         known = prediction is not None and pose_is_known(prediction, self._known_m, self._known_yaw)
         if prediction is None or not known or exposure.frame % self._full_every == 0:
-            look.at_frame()
+            reader.read(frame, self.detector)
         else:
             expected = expected_tags(self.target, prediction, self.policy)
-            if expected and self._blank:
-                look.at_frame()
-            elif expected:
-                self._look_closely(look, expected, exposure.frame)
-            elif exposure.frame % self._search_every == 0:
-                look.at_frame()
-        found = self._target_tags(look)
-        self._blank = bool(look.windows) and not found
+            if expected and not self._blank:
+                self._read_windows(reader, expected, exposure.frame)
+            elif expected or exposure.frame % self._search_every == 0:
+                reader.read(frame, self.detector)
+        found = self._target_tags(reader)
+        self._blank = bool(reader.windows) and not found
         for tag in found:
             self._resting.pop(tag, None)
             self._misses.pop(tag, None)
-        return Detections(exposure, look.tags, tuple(look.windows))
+        return reader.detections(exposure)
 
-    def _look_closely(self, look: _Look, expected: Sequence[ExpectedTag], frame: int) -> None:
+    def _read_windows(self, reader: FrameReader, expected: Sequence[ExpectedTag], frame: int) -> None:
         awake = [e for e in expected if self._resting.get(e.tag_id, frame) <= frame]
-        asked = choose_tags(self.target, awake, frame, self.policy)
-        windows = plan_windows(self.target, asked, self.policy)
-        large = all(e.shortest_edge >= LARGE_TAG_PX for e in asked)
-        look.at(windows, self._quick if large else None)
-        if large and self._quick is not self.detector and not {e.tag_id for e in asked} <= look.ids:
-            look.again()
-        if asked and not self._target_tags(look):
-            look.at(plan_windows(self.target, expected, self.policy, self._retry_widen))
-        if not self._target_tags(look):
-            look.at_frame()
-        for tag in {e.tag_id for e in asked} - self._target_tags(look):
+        chosen = choose_tags(self.target, awake, frame, self.policy)
+        wanted = {e.tag_id for e in chosen}
+        large = all(e.shortest_edge >= LARGE_TAG_PX for e in chosen)
+        reader.read(plan_windows(self.target, chosen, self.policy), self._quick if large else self.detector)
+        if large and self._quick is not self.detector and not wanted <= reader.found.keys():
+            reader.read_again(self.detector)
+        if chosen and not self._target_tags(reader):
+            windows = plan_windows(self.target, expected, self.policy, self._retry_widen)
+            reader.read(windows, self.detector)
+        if not self._target_tags(reader):
+            reader.read((self.target.camera.frame,), self.detector)
+        for tag in wanted - self._target_tags(reader):
             self._misses[tag] = self._misses.get(tag, 0) + 1
             if self._misses[tag] >= _MISSES_BEFORE_REST:
                 self._resting[tag] = frame + 1 + self._rest
 
-    def _target_tags(self, look: _Look) -> frozenset[int]:
-        return look.ids & self.target.corners_D.keys()
-
-
-class _Look:
-    """The windows looked at in one exposure, and the tags found in them."""
-
-    def __init__(self, frame: Window, detector: Detector, fetch: Fetch) -> None:
-        self.windows: list[Window] = []
-        self._frame = frame
-        self._detector = detector
-        self._fetch = fetch
-        self._found: dict[int, TagDetection] = {}
-        self._read: list[tuple[Pixels, Window]] = []
-
-    @property
-    def tags(self) -> tuple[TagDetection, ...]:
-        """What was found, by ascending id; of a tag found twice the clearer one."""
-        return tuple(self._found[i] for i in sorted(self._found))
-
-    @property
-    def ids(self) -> frozenset[int]:
-        """Ids of what was found."""
-        return frozenset(self._found)
-
-    def at(self, windows: Sequence[Window], detector: Detector | None = None) -> None:
-        """Read some windows, by ``detector`` if another one than usual is to look."""
-        for window in windows:
-            self.windows.append(window)
-            pixels = self._fetch(window)
-            self._read.append((pixels, window))
-            self._search(detector or self._detector, pixels, window)
-
-    def again(self) -> None:
-        """Look once more, with the usual detector, at all that has been read."""
-        for pixels, window in self._read:
-            self._search(self._detector, pixels, window)
-
-    def at_frame(self) -> None:
-        self.at((self._frame,))
-
-    def _search(self, detector: Detector, pixels: Pixels, window: Window) -> None:
-        for tag in detector.detect(pixels, window):
-            known = self._found.get(tag.tag_id)
-            if known is None or tag.decision_margin > known.decision_margin:
-                self._found[tag.tag_id] = tag
+    def _target_tags(self, reader: FrameReader) -> set[int]:
+        return reader.found.keys() & self.target.corners_D.keys()

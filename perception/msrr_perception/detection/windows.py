@@ -1,8 +1,8 @@
-"""Which pixels to ask for: windows around the tags expected in view, as small as the prediction allows.
+"""The choice of pixel windows around the tags expected in view, as small as the prediction allows.
 
 Pixels rendered and searched are the main cost of perception in the loop, so a near target gets one window per
 tag and a far one a window for all. Windows start and end at multiples of 4 px, the tile of the detector's
-threshold, so that a tag is seen alike in a window and in the full frame.
+threshold, so that a tag looks the same to it in a window and in the full frame.
 """
 
 from __future__ import annotations
@@ -11,9 +11,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from msrr_perception.kernels.project import expect, extent
-from msrr_perception.pose.tag_camera import pose_vector
-from msrr_perception.pose.target import TargetModel
+from msrr_perception.kernels.project import predict_tags, tag_extent
+from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import PoseEstimate
@@ -23,17 +22,16 @@ _TILE = 4
 
 @dataclass(frozen=True, slots=True)
 class WindowPolicy:
-    """How windows are cut.
+    """The rules by which windows are cut.
 
     Attributes:
-        sigmas: How many standard deviations of the prediction a window leaves to a corner.
-        margin_px: Room on top of that, for lens blur and the detector's tiles.
-        quiet_zone: Room for the tag's white border, as a share of its longest edge in the image.
-        merge_px: Windows are joined when that adds fewer pixels than this; the fixed cost of a window.
-        extra_px: Windows of tags on neighbouring ports are taken along while all stay below this area.
-        budget_px: When the tags of the target port need more than this, a frame looks at some of them and the
-            next frame at others.
-        least_edge_px: A tag whose shortest edge appears smaller is not expected to be read.
+        sigmas: Margin of a corner in standard deviations of the prediction.
+        margin_px: Additional margin for lens blur and the detector's tiles [px].
+        quiet_zone: Margin for the tag's white border, as a share of its longest edge in the image.
+        merge_px: Fixed cost of a window: two are joined when that adds fewer pixels than this [px].
+        extra_px: Total area up to which tags of neighbouring ports are read as well [px].
+        budget_px: Total area above which the tags of the target port take turns from frame to frame [px].
+        least_edge_px: Shortest edge in the image with which a tag is expected to be read [px].
     """
 
     sigmas: float = 4.0
@@ -45,7 +43,7 @@ class WindowPolicy:
     least_edge_px: float = 10.0
 
 
-#: What suits the markers of the design at 640 x 480.
+#: The policy for the markers of the design at 640 x 480.
 DEFAULT_POLICY = WindowPolicy()
 
 
@@ -54,18 +52,18 @@ class ExpectedTag:
     """A tag that should be in view.
 
     Attributes:
-        tag_id: The tag.
-        pixels: Its corners, shape (4, 2).
-        sigma: Standard deviation of each corner coordinate by the prediction, shape (4, 2) [px].
+        tag_id: Id of the tag.
+        pixels: Predicted corners, shape (4, 2) [px].
+        sigma: Standard deviation of each corner coordinate, shape (4, 2) [px].
     """
 
     tag_id: int
     pixels: Array
     sigma: Array
 
-    def box(self, policy: WindowPolicy, widen: float = 1.0) -> Window:
-        """Return the pixels that should hold the tag; ``widen`` scales all its margins."""
-        x, y, x_end, y_end = extent(
+    def window(self, policy: WindowPolicy, widen: float = 1.0) -> Window:
+        """Return the window that should hold the tag; ``widen`` scales all margins."""
+        x, y, x_end, y_end = tag_extent(
             self.pixels, self.sigma, policy.sigmas, policy.margin_px, policy.quiet_zone, widen
         )
         return Window(x, y, x_end - x, y_end - y)
@@ -73,19 +71,19 @@ class ExpectedTag:
     @property
     def shortest_edge(self) -> float:
         """Length of the shortest edge in the image [px]."""
-        places = self.pixels.tolist()
-        return min(math.dist(a, b) for a, b in zip(places, places[1:] + places[:1], strict=True))
+        corners = self.pixels.tolist()
+        return min(math.dist(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True))
 
 
 def expected_tags(
     target: TargetModel, prediction: PoseEstimate, policy: WindowPolicy = DEFAULT_POLICY
 ) -> tuple[ExpectedTag, ...]:
-    """Return the tags that face the camera, wholly inside the image and large enough, by ascending id.
+    """Return the tags that face the camera, lie inside the image and are large enough, by ascending id.
 
-    What other bodies may hide is not known here; a tag that is hidden is simply not found.
+    Bodies that may hide a tag are not considered; a hidden tag is simply not found.
     """
     camera = target.camera
-    pixels, sigma, expected = expect(
+    pixels, sigma, expected = predict_tags(
         target.optics,
         camera.width,
         camera.height,
@@ -94,24 +92,23 @@ def expected_tags(
         target.all_corners_D,
         policy.least_edge_px,
     )
-    shown = zip(target.tags, expected.tolist(), strict=True)
-    return tuple(ExpectedTag(tag, pixels[i], sigma[i]) for i, (tag, fits) in enumerate(shown) if fits)
+    return tuple(ExpectedTag(tag, pixels[i], sigma[i]) for i, tag in enumerate(target.tags) if expected[i])
 
 
 def choose_tags(
     target: TargetModel, expected: Sequence[ExpectedTag], turn: int, policy: WindowPolicy = DEFAULT_POLICY
 ) -> tuple[ExpectedTag, ...]:
-    """Return the tags worth looking at in one frame.
+    """Return the tags to read in one frame.
 
     Tags of the target port come first (others when none of them is expected). When they are so near that
     their windows exceed the budget, as many as fit take turns, at least one a frame; when they are so far
-    that there is room, tags of neighbouring ports are taken along.
+    that area is left, tags of neighbouring ports are read as well.
 
     Args:
         target: Camera and map of the tags.
-        expected: What should be in view.
-        turn: Number of the frame; says who is first.
-        policy: Budget and room.
+        expected: Tags expected in view.
+        turn: Number of the frame, which decides the tag that comes first.
+        policy: Budget of pixels.
     """
     own = [e for e in expected if e.tag_id in target.port_tags]
     others = [e for e in expected if e.tag_id not in target.port_tags]
@@ -121,21 +118,21 @@ def choose_tags(
     start = turn % len(first)
     chosen: list[ExpectedTag] = []
     frame = target.camera.frame
-    taken: list[_Box] = []
+    boxes: list[_Box] = []
 
-    def take(tag: ExpectedTag, room_px: float) -> list[_Box]:
-        """Take a tag if there is room; return the boxes that hold all tags taken so far."""
-        more = _merged([*taken, *_fitted(tag.box(policy), frame)], policy.merge_px)
-        if sum((x_end - x) * (y_end - y) for x, y, x_end, y_end in more) > room_px:
-            return taken
+    def choose(tag: ExpectedTag, largest_px: float) -> list[_Box]:
+        """Choose a tag if the area allows it; return the boxes that hold all chosen tags."""
+        more = _merged([*boxes, *_fitted(tag.window(policy), frame)], policy.merge_px)
+        if sum((x_end - x) * (y_end - y) for x, y, x_end, y_end in more) > largest_px:
+            return boxes
         chosen.append(tag)
         return more
 
     for tag in [*first[start:], *first[:start]]:
-        taken = take(tag, policy.budget_px if chosen else math.inf)
+        boxes = choose(tag, policy.budget_px if chosen else math.inf)
     if own and len(chosen) == len(own):
         for extra in others:
-            taken = take(extra, policy.extra_px)
+            boxes = choose(extra, policy.extra_px)
     return tuple(sorted(chosen, key=lambda e: e.tag_id))
 
 
@@ -145,11 +142,11 @@ def plan_windows(
     policy: WindowPolicy = DEFAULT_POLICY,
     widen: float = 1.0,
 ) -> tuple[Window, ...]:
-    """Return the windows that hold ``tags``, ordered by place in the image; ``widen`` scales margins."""
-    return merged_windows((e.box(policy, widen) for e in tags), target.camera.frame, policy)
+    """Return the windows that hold ``tags``, ordered from left to right; ``widen`` scales all margins."""
+    return merged_windows((e.window(policy, widen) for e in tags), target.camera.frame, policy)
 
 
-#: First column and row of a window, and those after its last; cheaper than objects in the loops below.
+#: First column and row of a window, and those after the last; cheaper than objects in the loops below.
 _Box = tuple[int, int, int, int]
 
 
@@ -160,15 +157,15 @@ def fitting_window(window: Window, frame: Window) -> Window | None:
     return None
 
 
-def merged_windows(boxes: Iterable[Window], frame: Window, policy: WindowPolicy) -> tuple[Window, ...]:
-    """Return the boxes cut to the frame, with those joined that are cheaper to look at as one."""
-    fitted = [fit for box in boxes for fit in _fitted(box, frame)]
+def merged_windows(windows: Iterable[Window], frame: Window, policy: WindowPolicy) -> tuple[Window, ...]:
+    """Return the windows cut to the frame, with those joined that cost less as one."""
+    fitted = [box for window in windows for box in _fitted(window, frame)]
     merged = _merged(fitted, policy.merge_px)
     return tuple(Window(x, y, x_end - x, y_end - y) for x, y, x_end, y_end in merged)
 
 
 def _fitted(window: Window, frame: Window) -> tuple[_Box, ...]:
-    """Return the box of ``window`` grown to whole tiles and cut to ``frame``; none when nothing is left."""
+    """Return the box of ``window`` grown to whole tiles and cut to ``frame``; empty when nothing is left."""
     x, y = max(window.x // _TILE * _TILE, frame.x), max(window.y // _TILE * _TILE, frame.y)
     x_end = min(-(-(window.x + window.width) // _TILE) * _TILE, frame.x + frame.width)
     y_end = min(-(-(window.y + window.height) // _TILE) * _TILE, frame.y + frame.height)
@@ -176,7 +173,7 @@ def _fitted(window: Window, frame: Window) -> tuple[_Box, ...]:
 
 
 def _merged(boxes: list[_Box], merge_px: int) -> list[_Box]:
-    """Join boxes as long as that adds fewer pixels than ``merge_px``, cheapest first; sorted by place."""
+    """Join boxes as long as that adds fewer pixels than ``merge_px``, cheapest first; sorted by column."""
     boxes = list(boxes)
     while True:
         least, best = merge_px, None
@@ -196,7 +193,7 @@ def _merged(boxes: list[_Box], merge_px: int) -> list[_Box]:
 
 
 def pose_is_known(prediction: PoseEstimate, position_m: float, yaw: float) -> bool:
-    """Say whether every direction of the prediction is known better than ``position_m`` and ``yaw`` [rad]."""
+    """Return whether all standard deviations lie below ``position_m`` and ``yaw`` [rad]."""
     P = prediction.covariance
     (xx, xy, _), (_, yy, _), (_, _, turn) = P.tolist()
     largest = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)  # eigenvalue of the position's part

@@ -1,4 +1,4 @@
-"""The estimate of a body that stands still: a Kalman filter that starts anew when the body was moved."""
+"""A Kalman filter for a body that stands still, which starts anew when the body was moved."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from msrr_scenes.messages import GlobalPose, seconds
 
 
 @dataclass(frozen=True, slots=True)
-class StandingNoise:
-    """How a body that stands still may stray.
+class StationaryNoise:
+    """The assumed motion of a body that stands still, and the gate for its measurements.
 
     Attributes:
-        drift: Of its position [m per square root of a second].
-        turn_drift: Of its yaw [rad per square root of a second].
-        gate: Squared Mahalanobis distance (3 degrees of freedom) beyond which a sight does not belong to
-            where the body was.
-        moved_after: Sights in a row beyond the gate after which the body has been moved.
+        drift: Random walk of the position [m per square root of a second].
+        turn_drift: Random walk of the yaw [rad per square root of a second].
+        gate: Squared Mahalanobis distance (3 degrees of freedom) beyond which a measurement is rejected.
+        moved_after: Number of rejected measurements in a row after which the body has been moved.
     """
 
     drift: float = 0.0005
@@ -31,16 +30,16 @@ class StandingNoise:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StandingBody:
-    """Belief about one body.
+class StationaryBody:
+    """The filter's state of one body.
 
     Attributes:
-        name: The body.
-        stamp_ns: The instant that the covariance speaks of.
-        X_WB: Its pose.
-        covariance: Of (x, y, yaw) in W, shape (3, 3) [m, rad].
-        last_seen_ns: Exposure time of the last sight inside the gate.
-        rejected: Sights in a row outside the gate.
+        name: Name of the body.
+        stamp_ns: Time of the covariance.
+        X_WB: Pose of the body.
+        covariance: Covariance of (x, y, yaw) in W, shape (3, 3) [m, rad].
+        last_seen_ns: Exposure time of the last measurement inside the gate.
+        rejected: Number of measurements in a row outside the gate.
     """
 
     name: str
@@ -51,37 +50,38 @@ class StandingBody:
     rejected: int = 0
 
     @classmethod
-    def first(cls, sight: GlobalPose) -> StandingBody:
-        """Return the belief after the first sight."""
-        return cls(sight.name, sight.stamp_ns, sight.X_WB, sight.covariance, sight.stamp_ns)
+    def from_measurement(cls, measured: GlobalPose) -> StationaryBody:
+        """Return the state after the first measurement."""
+        stamp_ns = measured.stamp_ns
+        return cls(measured.name, stamp_ns, measured.X_WB, measured.covariance, stamp_ns)
 
-    def at(self, stamp_ns: int, noise: StandingNoise) -> StandingBody:
-        """Return the belief at a later instant; an earlier one changes nothing."""
+    def propagate(self, stamp_ns: int, noise: StationaryNoise) -> StationaryBody:
+        """Return the state at a later instant; an earlier one changes nothing."""
         dt = seconds(stamp_ns - self.stamp_ns)
         if dt <= 0.0:
             return self
         grown = np.diag([noise.drift**2, noise.drift**2, noise.turn_drift**2]) * dt
         return replace(self, stamp_ns=stamp_ns, covariance=self.covariance + grown)
 
-    def seen(self, sight: GlobalPose, noise: StandingNoise) -> StandingBody:
-        """Return the belief after another sight, which may be older than the last one."""
-        prior = self.at(sight.stamp_ns, noise)
-        innovation = sight.X_WB.as_array() - prior.X_WB.as_array()
+    def update(self, measured: GlobalPose, noise: StationaryNoise) -> StationaryBody:
+        """Return the state after another measurement, which may be older than the last one."""
+        prior = self.propagate(measured.stamp_ns, noise)
+        innovation = measured.X_WB.as_array() - prior.X_WB.as_array()
         innovation[2] = math.remainder(innovation[2], 2.0 * math.pi)
-        S = prior.covariance + sight.covariance
+        S = prior.covariance + measured.covariance
         if float(innovation @ np.linalg.solve(S, innovation)) > noise.gate:
-            if sight.stamp_ns < self.last_seen_ns:
-                return self  # from before the body was moved
+            if measured.stamp_ns < self.last_seen_ns:
+                return self  # the measurement is from before the body was moved
             lost = replace(prior, rejected=prior.rejected + 1)
-            return StandingBody.first(sight) if lost.rejected >= noise.moved_after else lost
+            return StationaryBody.from_measurement(measured) if lost.rejected >= noise.moved_after else lost
         gain = np.linalg.solve(S, prior.covariance).T
         left = np.eye(3) - gain
         # Joseph's form keeps the covariance positive definite whatever the gain's rounding.
-        covariance = left @ prior.covariance @ left.T + gain @ sight.covariance @ gain.T
-        return StandingBody(
+        covariance = left @ prior.covariance @ left.T + gain @ measured.covariance @ gain.T
+        return StationaryBody(
             self.name,
             prior.stamp_ns,
             SE2(*(prior.X_WB.as_array() + gain @ innovation)),
             covariance,
-            max(self.last_seen_ns, sight.stamp_ns),
+            max(self.last_seen_ns, measured.stamp_ns),
         )

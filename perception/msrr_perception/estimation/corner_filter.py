@@ -1,7 +1,7 @@
 """The corner filter: an iterated extended Kalman filter whose measurements are tag corners in pixels.
 
-It never forms a pose from one picture (but at its start): each corner pulls at the state directly, so a view
-that says little about one direction does no harm there. Between exposures the wheels move the state.
+It forms a pose from one image only at its start: after that each corner corrects the state directly, so a
+view that constrains one direction poorly does no harm there. Between exposures the wheels move the state.
 Measurements take effect at the time of their exposure, however late or in whatever order they arrive.
 """
 
@@ -12,17 +12,17 @@ from bisect import bisect_left
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from msrr_perception.estimation.motion import DEFAULT_NOISE, STATE_SIZE, DriveMotion, FilterState, MotionNoise
 from msrr_perception.estimation.wheel_history import WheelHistory
 from msrr_perception.kernels.fit import gate_distances
-from msrr_perception.pose.corner_fit import Corners, fit_corners
+from msrr_perception.pose.corner_fit import CornerMeasurements, fit_corners
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise, consistent_pose, gather_corners
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
-from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     NS_PER_S,
     Detections,
@@ -38,21 +38,25 @@ _Measurement = Detections | PoseMeasurement
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Entry:
-    """A measurement and the belief right after it; ``before`` is the belief it found."""
+    """A measurement and the state after it; None before the filter has started."""
 
-    key: tuple[int, int, str]
     measurement: _Measurement
     after: FilterState | None
+
+    @property
+    def key(self) -> tuple[int, int, str]:
+        """Order of the measurements: time of exposure, frame number, camera."""
+        return _key(self.measurement)
 
 
 class CornerEkf:
     """An estimator of X_DU from tag corners and wheel odometry.
 
-    The protocol that it fulfils is :class:`msrr_perception.estimation.estimator.Estimator`.
+    It implements :class:`msrr_perception.estimation.estimator.Estimator`.
 
     Attributes:
         target: Camera, drive and map of the tags.
-        delay_compensation: Whether :meth:`estimate` speaks of now or of the last exposure.
+        delay_compensation: Whether :meth:`estimate` returns the pose of now or that of the last exposure.
     """
 
     def __init__(
@@ -69,23 +73,23 @@ class CornerEkf:
         slip: float = DEFAULT_NOISE.slip,
         contact_zone_m: float = DEFAULT_NOISE.contact_zone,
     ) -> None:
-        """Set up an estimator that knows nothing yet.
+        """Create an estimator that knows nothing yet.
 
         Args:
             target: Camera, drive and map of the tags.
-            odometry: Design values of the encoders.
+            odometry: Data sheet of the encoders.
             delay_compensation: Whether :meth:`estimate` moves the last exposure's pose up to now.
-            corner_sigma_px: Of each corner coordinate.
-            tilt_sigma_deg: Of pitch and roll of the pair.
+            corner_sigma_px: Standard deviation of each corner coordinate [px].
+            tilt_sigma_deg: Standard deviation of pitch and roll of the pair [deg].
             gate_probability: Share of good tags that pass the gate.
-            reset_after: Exposures in a row with nothing inside the gate after which it starts anew.
-            horizon_s: How late a measurement may be.
+            reset_after: Number of exposures in a row with nothing inside the gate after which it starts anew.
+            horizon_s: Largest delay of a measurement that still counts [s].
             start_inflation: Factor on the first pose's covariance.
-            slip: See :class:`msrr_perception.estimation.motion.MotionNoise`.
-            contact_zone_m: See there.
+            slip: ``slip`` of :class:`msrr_perception.estimation.motion.MotionNoise`.
+            contact_zone_m: ``contact_zone`` of :class:`msrr_perception.estimation.motion.MotionNoise` [m].
 
         Raises:
-            SceneError: A parameter out of its range.
+            SceneError: A parameter is out of its range.
         """
         if (
             min(corner_sigma_px, tilt_sigma_deg, horizon_s, slip) <= 0.0
@@ -111,36 +115,35 @@ class CornerEkf:
         self._reset_after = reset_after
         self._horizon_ns = round(horizon_s * NS_PER_S)
         self._start_inflation = start_inflation
+        self._wheels = WheelHistory()
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything but the encoders' readings."""
-        if not hasattr(self, "_wheels"):
-            self._wheels = WheelHistory()
-        self._told: dict[int, PoseEstimate | None] = {}
+        """Forget everything but the encoder readings."""
+        self._predictions: dict[int, PoseEstimate | None] = {}
         self._entries: list[_Entry] = []
         self._head: tuple[FilterState, FilterState] | None = None
 
     def add_odometry(self, reading: WheelOdometry) -> None:
-        """Take in an encoder reading."""
-        self._told.clear()
+        """Add an encoder reading."""
+        self._predictions.clear()
         if not self._wheels.add(reading):
-            self._head = None  # a reading from the past changes the way to the present
+            self._head = None  # a reading from the past changes all later states
 
     def add_detections(self, detections: Detections) -> None:
-        """Take in the tags of one exposure; tags of other units and empty frames change nothing."""
+        """Add the tags of one exposure; tags of other units and empty frames change nothing."""
         if any(t.tag_id in self.target.corners_D for t in detections.tags):
             self._insert(detections)
 
     def add_pose(self, measurement: PoseMeasurement) -> None:
-        """Take in a ready-made pose."""
+        """Add a measured pose."""
         self._insert(measurement)
 
     def predict(self, stamp_ns: int) -> PoseEstimate | None:
-        """Return the pose at an instant, past (within the horizon) or future, from all known by now."""
-        if stamp_ns not in self._told:  # several ask for the same instant
-            self._told[stamp_ns] = self._predict(stamp_ns)
-        return self._told[stamp_ns]
+        """Return the pose at an instant, past (within the horizon) or future, from all measurements."""
+        if stamp_ns not in self._predictions:  # several callers ask for the same instant
+            self._predictions[stamp_ns] = self._predict(stamp_ns)
+        return self._predictions[stamp_ns]
 
     def _predict(self, stamp_ns: int) -> PoseEstimate | None:
         state = self._state_before(stamp_ns)
@@ -152,7 +155,7 @@ class CornerEkf:
         return _report(self._motion.propagate(state, self._wheels, stamp_ns))
 
     def estimate(self, now_ns: int) -> PoseEstimate | None:
-        """Return what control gets: the pose now, or at the last exposure without delay compensation."""
+        """Return the pose for control: of now, or without delay compensation of the last exposure."""
         if self.delay_compensation:
             return self.predict(now_ns)
         state = self._state_before(now_ns)
@@ -165,21 +168,20 @@ class CornerEkf:
         return None
 
     def _advance_head(self, base: FilterState, stamp_ns: int) -> FilterState:
-        """Return the belief at the newest reading before ``stamp_ns``, remembered to go no way twice."""
-        reached = base
+        """Return the state at the newest reading before ``stamp_ns``, cached to do no step twice."""
+        head = base
         if self._head is not None and self._head[0] is base and self._head[1].stamp_ns <= stamp_ns:
-            reached = self._head[1]
-        until = self._wheels.newest_until(stamp_ns)
-        if until is not None and until > reached.stamp_ns:
-            reached = self._motion.propagate(reached, self._wheels, until)
-            self._head = (base, reached)
-        return reached
+            head = self._head[1]
+        until_ns = self._wheels.newest_stamp(stamp_ns)
+        if until_ns is not None and until_ns > head.stamp_ns:
+            head = self._motion.propagate(head, self._wheels, until_ns)
+            self._head = (base, head)
+        return head
 
     def _insert(self, measurement: _Measurement) -> None:
-        """Put a measurement in its place in time and run again what comes after it."""
-        self._told.clear()
-        exposure = measurement.exposure
-        key = (exposure.stamp_ns, exposure.frame, exposure.camera)
+        """Insert a measurement at its time and process those that come after it again."""
+        self._predictions.clear()
+        key = _key(measurement)
         i = bisect_left(self._entries, key, key=lambda e: e.key)
         if i < len(self._entries) and self._entries[i].key == key:
             return  # delivered twice
@@ -190,8 +192,7 @@ class CornerEkf:
         self._head = None
         for m in redo:
             before = self._entries[-1].after if self._entries else None
-            after = self._process(before, m)
-            self._entries.append(_Entry((m.exposure.stamp_ns, m.exposure.frame, m.exposure.camera), m, after))
+            self._entries.append(_Entry(m, self._process(before, m)))
         self._forget()
 
     def _forget(self) -> None:
@@ -214,7 +215,7 @@ class CornerEkf:
         return (self._start(measurement) or lost) if lost.rejected >= self._reset_after else lost
 
     def _start(self, measurement: _Measurement) -> FilterState | None:
-        """Return a belief from one measurement alone; None when it does not allow one."""
+        """Return a state from one measurement alone; None when it does not determine one."""
         stamp = measurement.exposure.stamp_ns
         P = np.diag([0.0, 0.0, 0.0, self._noise.tilt_sigma**2, self._noise.tilt_sigma**2])
         if isinstance(measurement, PoseMeasurement):
@@ -228,7 +229,7 @@ class CornerEkf:
             P[:] = pose.tilt_covariance
             P[:3, :3] += pose.covariance - pose.tilt_covariance[:3, :3]
         P[:3, :3] *= self._start_inflation
-        return self._motion.initial(stamp, mean, P, self._wheels.at(stamp))
+        return self._motion.initial(stamp, mean, P, self._wheels.angles_at(stamp))
 
     def _update_pose(self, prior: FilterState, measurement: PoseMeasurement) -> FilterState | None:
         P = prior.covariance
@@ -248,12 +249,14 @@ class CornerEkf:
 
     def _update_corners(self, prior: FilterState, tags: tuple[TagDetection, ...]) -> FilterState | None:
         known = [t for t in tags if t.tag_id in self.target.corners_D]
-        every = gather_corners(self.target, known, self._noise.corner_sigma_px)
-        inside = self._gate(prior, every)
+        measured = gather_corners(self.target, known, self._noise.corner_sigma_px)
+        inside = self._gate(prior, measured)
         if not inside.any():
             return None
         rows = np.repeat(inside, 4)
-        corners = Corners(every.points_D[rows], every.pixels[np.repeat(rows, 2)], every.sigma_px)
+        corners = CornerMeasurements(
+            measured.points_D[rows], measured.pixels[np.repeat(rows, 2)], measured.sigma_px
+        )
         information = np.linalg.inv(prior.covariance)
         fit = fit_corners(
             self.target,
@@ -265,8 +268,8 @@ class CornerEkf:
         )
         return replace(prior, mean=fit.state, covariance=fit.covariance)
 
-    def _gate(self, prior: FilterState, corners: Corners) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Say of each tag, shape (tags,), whether its corners lie where the prediction allows them."""
+    def _gate(self, prior: FilterState, corners: CornerMeasurements) -> NDArray[np.bool_]:
+        """Return for each tag, shape (tags,), whether its corners lie inside the gate."""
         distance: Array = gate_distances(
             self.target.optics,
             corners.points_D,
@@ -278,8 +281,11 @@ class CornerEkf:
         return distance <= self._tag_gate
 
 
+def _key(measurement: _Measurement) -> tuple[int, int, str]:
+    exposure = measurement.exposure
+    return exposure.stamp_ns, exposure.frame, exposure.camera
+
+
 def _report(state: FilterState) -> PoseEstimate:
     covariance = state.covariance[:3, :3].copy()
-    return PoseEstimate(
-        state.stamp_ns, SE2(*state.mean[:3]), 0.5 * (covariance + covariance.T), state.last_seen_ns
-    )
+    return PoseEstimate(state.stamp_ns, state.X_DU, 0.5 * (covariance + covariance.T), state.last_seen_ns)

@@ -1,4 +1,4 @@
-"""The estimator protocol and the implementations that ship."""
+"""The estimator protocol, and the implementations that ship."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from msrr_scenes.messages import Detections, PoseEstimate, PoseMeasurement, Whee
 
 
 class Estimator(Protocol):
-    """Where the docking unit stands in the dock frame of its target, from what its own sensors say.
+    """An object that estimates the docking unit's pose in the dock frame of its target from its own sensors.
 
     An implementation is built as ``Class(target, odometry, delay_compensation=..., **params)`` with a
     :class:`msrr_perception.pose.target.TargetModel` and an :class:`msrr_scenes.specs.sensors.OdometrySpec`.
     """
 
     def add_odometry(self, reading: WheelOdometry) -> None:
-        """Take in an encoder reading of the docking unit."""
+        """Add an encoder reading of the docking unit."""
         ...
 
     def add_detections(self, detections: Detections) -> None:
-        """Take in the tags of one exposure, which may lie in the past."""
+        """Add the tags of one exposure, which may lie in the past."""
         ...
 
     def add_pose(self, measurement: PoseMeasurement) -> None:
-        """Take in a pose of one exposure, which may lie in the past."""
+        """Add a measured pose of one exposure, which may lie in the past."""
         ...
 
     def predict(self, stamp_ns: int) -> PoseEstimate | None:
@@ -34,11 +34,11 @@ class Estimator(Protocol):
         ...
 
     def estimate(self, now_ns: int) -> PoseEstimate | None:
-        """Return what control gets: the pose now, or without delay compensation that of the last exposure."""
+        """Return the pose for control: of now, or without delay compensation of the last exposure."""
         ...
 
     def reset(self) -> None:
-        """Forget the pose; what the encoders said stays."""
+        """Forget the pose, but not the encoder readings."""
         ...
 
 

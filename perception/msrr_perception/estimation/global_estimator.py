@@ -1,8 +1,8 @@
-"""Where everybody stands in the world, from overhead sights and the docking unit's own wheels.
+"""Poses of all bodies in the world, from overhead detections and the docking unit's own wheels.
 
-The docking unit moves and is followed by the filter that also follows it at close range, with the world in
-the place of the dock frame; all others stand still until they are seen elsewhere. The camera's pose is known,
-so that no two bodies' errors are correlated and each has a filter of its own.
+The docking unit moves and is tracked by the filter that also tracks it at close range, with the world in the
+place of the dock frame; all other bodies stand still until they are measured elsewhere. The camera's pose is
+known, so that no two bodies' errors are correlated and each has a filter of its own.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from msrr_perception.estimation.body_filter import StandingBody, StandingNoise
+from msrr_perception.estimation.body_filter import StationaryBody, StationaryNoise
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.arrays import Array
@@ -38,12 +38,12 @@ from msrr_scenes.specs.sensors import OdometrySpec
 class GlobalEstimator:
     """Estimates the poses of the docking unit, its target, other units and obstacles in W.
 
-    A sight takes effect at the time of its exposure, however late it comes. Between sights the wheels move
-    the docking unit, and its covariance grows with the way.
+    A measurement takes effect at the time of its exposure, however late it arrives. Between exposures the
+    wheels move the docking unit, and its covariance grows with the distance driven.
 
     Attributes:
-        model: The overhead camera and the catalogue of tags.
-        delay_compensation: Whether :meth:`situation` speaks of now or of the last exposure.
+        model: Overhead camera and catalogue of tags.
+        delay_compensation: Whether :meth:`estimate` returns the pose of now or that of the last exposure.
     """
 
     def __init__(
@@ -58,21 +58,23 @@ class GlobalEstimator:
         moved_after: int = 3,
         horizon_s: float = 1.0,
     ) -> None:
-        """Set up an estimator that knows nothing yet.
+        """Create an estimator that knows nothing yet.
 
         Args:
-            model: The overhead camera and the catalogue of tags.
-            odometry: Design values of the docking unit's encoders.
+            model: Overhead camera and catalogue of tags.
+            odometry: Data sheet of the docking unit's encoders.
             delay_compensation: Whether the docking unit's pose is moved from the last exposure up to now.
-            corner_sigma_px: Of each corner coordinate, from frame to frame.
-            tilt_sigma_deg: Of every unit's pitch and roll, which shift the tag on its top.
-            gate_probability: Share of good sights that pass the gate.
-            reset_after: Sights of the docking unit in a row beyond the gate after which it starts anew.
-            moved_after: The same of another body, which has then been moved.
-            horizon_s: How late a sight may be.
+            corner_sigma_px: Standard deviation of each corner coordinate, from frame to frame [px].
+            tilt_sigma_deg: Standard deviation of every unit's pitch and roll, which shift its top tag [deg].
+            gate_probability: Share of good measurements that pass the gate.
+            reset_after: Number of rejected measurements of the docking unit in a row after which its filter
+                starts anew.
+            moved_after: Number of rejected measurements of another body in a row after which its filter
+                starts anew.
+            horizon_s: Largest delay of a measurement that still counts [s].
 
         Raises:
-            SceneError: A parameter out of its range.
+            SceneError: A parameter is out of its range.
         """
         if tilt_sigma_deg < 0.0 or moved_after < 1:
             raise SceneError("global estimator: tilt_sigma_deg must not be negative, moved_after at least 1")
@@ -80,9 +82,9 @@ class GlobalEstimator:
         self.delay_compensation = delay_compensation
         self._localizer = model.localizer(corner_sigma_px)
         self._tilt = math.radians(tilt_sigma_deg)
-        # Its frame D is the world here, where no wall is near at x = 0.
+        # Frame D of this filter is the world, where there is no face at x = 0 and so no contact zone.
         self._own = CornerEkf(
-            model.pair,
+            model.target_model,
             odometry,
             delay_compensation=delay_compensation,
             corner_sigma_px=corner_sigma_px,
@@ -91,62 +93,62 @@ class GlobalEstimator:
             horizon_s=horizon_s,
             contact_zone_m=-math.inf,
         )
-        self._standing_noise = StandingNoise(
+        self._stationary_noise = StationaryNoise(
             gate=float(chi2.ppf(gate_probability, 3)), moved_after=moved_after
         )
-        # What a second adds to the covariance of a body that stands, asked once instead of at every instant.
-        nowhere = StandingBody("", 0, SE2(), np.zeros((3, 3)), 0)
-        self._drift = nowhere.at(NS_PER_S, self._standing_noise).covariance
-        self._bodies: dict[str, StandingBody] = {}
-        self._located = False  # the docking unit has been seen, and a pose of it is known from then on
-        self._lean: dict[str, Array] = {}
+        # The covariance that a stationary body gains per second, computed once.
+        certain = StationaryBody("", 0, SE2(), np.zeros((3, 3)), 0)
+        self._drift = certain.propagate(NS_PER_S, self._stationary_noise).covariance
+        self._bodies: dict[str, StationaryBody] = {}
+        self._located = False  # whether the docking unit has been seen, so that its pose is known
+        self._tilt_covariance: dict[str, Array] = {}
 
     def reset(self) -> None:
-        """Forget every pose; what the encoders said stays."""
+        """Forget every pose, but not the encoder readings."""
         self._own.reset()
         self._bodies = {}
         self._located = False
 
     def add_odometry(self, reading: WheelOdometry) -> None:
-        """Take in an encoder reading; those of other units change nothing."""
+        """Add an encoder reading; those of other units change nothing."""
         if reading.unit == self.model.own:
             self._own.add_odometry(reading)
 
     def add_detections(self, detections: Detections) -> None:
-        """Take in the tags of one overhead exposure; those of other cameras change nothing."""
+        """Add the tags of one overhead exposure; those of other cameras change nothing."""
         if detections.exposure.camera == OVERHEAD:
-            for sight in self._localizer.locate(detections):
-                self.add_global(replace(sight, covariance=sight.covariance + self.model.noise))
+            for pose in self._localizer.locate(detections):
+                self.add_pose(replace(pose, covariance=pose.covariance + self.model.noise))
 
-    def add_global(self, sight: GlobalPose) -> None:
-        """Take in a ready-made pose, as parametric perception gives it."""
-        if sight.name == self.model.own:
-            exposure = Exposure(OVERHEAD, 0, sight.stamp_ns)
-            covariance = sight.covariance + self._systematic(sight.name)
-            self._own.add_pose(PoseMeasurement(exposure, sight.X_WB, covariance, (None, None)))
+    def add_pose(self, pose: GlobalPose) -> None:
+        """Add a measured pose, from a detection or from parametric perception."""
+        if pose.name == self.model.own:
+            exposure = Exposure(OVERHEAD, 0, pose.stamp_ns)
+            covariance = pose.covariance + self._systematic(pose.name)
+            self._own.add_pose(PoseMeasurement(exposure, pose.X_WB, covariance, (None, None)))
             return
-        known = self._bodies.get(sight.name)
-        self._bodies[sight.name] = (
-            known.seen(sight, self._standing_noise) if known else StandingBody.first(sight)
+        known = self._bodies.get(pose.name)
+        self._bodies[pose.name] = (
+            known.update(pose, self._stationary_noise) if known else StationaryBody.from_measurement(pose)
         )
 
     def predict(self, stamp_ns: int) -> Mapping[str, GlobalPose]:
-        """Return the pose of every body known at an instant, for planning where to look."""
+        """Return the pose of every known body at an instant, for planning windows."""
         own = self._own.predict(stamp_ns)
         found = {} if own is None else {self.model.own: self._own_pose(own)}
         return found | {name: self._pose(body, stamp_ns) for name, body in self._bodies.items()}
 
-    def situation(self, now_ns: int, by_sight: PoseEstimate | None = None) -> ArenaEstimate | None:
-        """Return what control gets; None until the docking unit and its target have been seen.
+    def estimate(self, now_ns: int, by_sight: PoseEstimate | None = None) -> ArenaEstimate | None:
+        """Return the estimate for control; None until the docking unit and its target have been seen.
 
         Args:
-            now_ns: The time.
-            by_sight: The unit in the dock frame as its own camera sees it, when that is to be believed
-                rather than the view from above; None for the latter.
+            now_ns: Current time.
+            by_sight: Pose of the unit in the dock frame by its own camera, which then replaces the docking
+                unit's pose by the overhead camera; None to use the overhead camera.
         """
         if self.model.target not in self._bodies:
             return None
-        # A question that nobody asked costs the filter nothing: it goes on from where it was.
+        # The filter is not evaluated when its estimate is not used; it continues from its last state.
         above = None if by_sight is not None and self._located else self._own.estimate(now_ns)
         self._located = self._located or above is not None
         if not self._located:
@@ -171,7 +173,7 @@ class GlobalEstimator:
                 ObstacleEstimate(
                     name, self._bodies[name].last_seen_ns, poses[name].X_WB, poses[name].covariance, radius
                 )
-                for name, radius in self.model.radii.items()
+                for name, radius in self.model.obstacle_radius.items()
                 if name in poses
             ),
             last_seen_ns=last_seen_ns,
@@ -181,67 +183,50 @@ class GlobalEstimator:
         covariance = own.covariance + self._systematic(self.model.own)
         return GlobalPose(self.model.own, own.stamp_ns, own.X_DU, covariance)
 
-    def _pose(self, body: StandingBody, stamp_ns: int) -> GlobalPose:
-        waited = seconds(max(stamp_ns - body.stamp_ns, 0))
-        covariance = body.covariance + self._drift * waited + self._systematic(body.name)
+    def _pose(self, body: StationaryBody, stamp_ns: int) -> GlobalPose:
+        age_s = seconds(max(stamp_ns - body.stamp_ns, 0))
+        covariance = body.covariance + self._drift * age_s + self._systematic(body.name)
         return GlobalPose(body.name, max(stamp_ns, body.stamp_ns), body.X_WB, covariance)
 
     def _systematic(self, name: str) -> Array:
-        """Return the covariance (3, 3) of what is the same in picture after picture: how the body leans."""
-        known = self._lean.get(name)
+        """Return the covariance (3, 3) of the error that all images share: the tag's shift by the tilt."""
+        known = self._tilt_covariance.get(name)
         if known is None:
-            lean = 0.0
+            shift = 0.0
             if name in self.model.units and name in self.model.tag_of:
-                lean = self._tilt * self.model.tags[self.model.tag_of[name]].height
-            known = self._lean[name] = np.diag([lean**2, lean**2, 0.0])
+                shift = self._tilt * self.model.tags[self.model.tag_of[name]].height
+            known = self._tilt_covariance[name] = np.diag([shift**2, shift**2, 0.0])
         return known
 
 
 def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstimate) -> GlobalPose:
-    """Return a unit in W that is known in the dock frame D of another one.
+    """Return the pose in W of a unit that is known in the dock frame D of another unit.
 
-    X_WU = X_WT X_TD X_DU, and its covariance is what both errors make of it, to first order: the target's
-    turn swings the unit about the target's middle, and the error in D turns with D. The two come from
-    different cameras, so that they are independent.
+    X_WU = X_WT X_TD X_DU, with the covariance to first order: the target's rotation moves the unit about the
+    target's middle, and the error in D rotates with D. The two errors come from different cameras, so that
+    they are independent.
 
     Args:
-        name: The unit.
-        target: The other unit in W.
-        X_TD: D in the frame of the other unit.
-        by_sight: The unit in D.
+        name: Name of the unit.
+        target: Pose of the other unit in W.
+        X_TD: Dock frame D in the frame of the other unit.
+        by_sight: Pose of the unit in D.
     """
     X_WD = target.X_WB @ X_TD
     X_WU = X_WD @ by_sight.X_DU
-    by_target = _swing(X_WU, target.X_WB)
+    x, y = X_WU.x - target.X_WB.x, X_WU.y - target.X_WB.y
+    by_target = np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
     c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     covariance = by_target @ target.covariance @ by_target.T + turn @ by_sight.covariance @ turn.T
     return GlobalPose(name, by_sight.stamp_ns, X_WU, covariance)
 
 
-def X_DU(situation: ArenaEstimate, X_TD: SE2) -> SE2:
-    """Return the docking unit in the dock frame D of the target port.
+def pose_in_dock_frame(arena: ArenaEstimate, X_TD: SE2) -> SE2:
+    """Return the pose X_DU of the docking unit in the dock frame D of the target port.
 
     Args:
-        situation: What is known.
-        X_TD: D in the frame of the target unit, as in :attr:`OverheadModel.X_TD`.
+        arena: Estimated poses of both units in the world.
+        X_TD: Dock frame D in the frame of the target unit, as in :attr:`OverheadModel.X_TD`.
     """
-    return (situation.target.X_WB @ X_TD).inverse() @ situation.own.X_WB
-
-
-def relative_pose(situation: ArenaEstimate, X_TD: SE2) -> PoseEstimate:
-    """Return :func:`X_DU` with the covariance that both bodies' errors give it."""
-    own, target = situation.own, situation.target
-    X_WD = target.X_WB @ X_TD
-    c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
-    by_own = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    # The target's turn swings its port and the axes of D: together, a turn about the target's own middle.
-    by_target = -by_own @ _swing(own.X_WB, target.X_WB)
-    covariance = by_own @ own.covariance @ by_own.T + by_target @ target.covariance @ by_target.T
-    return PoseEstimate(situation.stamp_ns, X_DU(situation, X_TD), covariance, situation.last_seen_ns)
-
-
-def _swing(X_WA: SE2, X_WB: SE2) -> Array:
-    """Return how a body at ``X_WA`` moves with one at ``X_WB`` that it is tied to, shape (3, 3)."""
-    x, y = X_WA.x - X_WB.x, X_WA.y - X_WB.y
-    return np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
+    return (arena.target.X_WB @ X_TD).inverse() @ arena.own.X_WB

@@ -1,4 +1,4 @@
-"""The line of sight to the docking target: the angles of its edges, measured in the image."""
+"""The line of sight to the docking target: the bearings of its edges, measured in the image."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from msrr_scenes.messages import NS_PER_S, Detections, LosObservation, LosStatus
 
 
 @dataclass(frozen=True, slots=True)
-class _Sight:
-    """Bearing [rad] of one edge in one exposure."""
+class _EdgeBearing:
+    """The bearing [rad] of one edge in one exposure."""
 
     stamp_ns: int
     bearing: float
@@ -25,22 +25,22 @@ def edge_bearings(target: TargetModel, X_DU: SE2) -> tuple[float, float]:
 
     Source: Zheng et al., eq. 21, with the camera anywhere on the unit and looking along its own axis.
     """
-    (r00, r01, r02, p0), (r20, r21, r22, p2) = target.sideways_and_ahead
+    (r00, r01, r02, p0), (r20, r21, r22, p2) = target.lateral_and_depth_rows
     c, s = math.cos(X_DU.yaw), math.sin(X_DU.yaw)
 
-    def bearing(point: tuple[float, float, float]) -> float:
+    def bearing(point: list[float]) -> float:
         dx, dy, z = point[0] - X_DU.x, point[1] - X_DU.y, point[2]
         x, y = c * dx + s * dy, c * dy - s * dx  # in U
         return math.atan2(-(r00 * x + r01 * y + r02 * z + p0), r20 * x + r21 * y + r22 * z + p2)
 
-    left, right = target.edge_places_D
+    left, right = target.edge_points_D
     return bearing(left), bearing(right)
 
 
 def measured_bearings(target: TargetModel, detections: Detections) -> tuple[float | None, float | None]:
     """Return the bearings (left, right) of those edges whose tag was read [rad].
 
-    An upright edge stands upright in the image of a level camera; the mean of its two corners' columns is it.
+    An upright edge is upright in the image of a level camera, so its column is the mean of its corners'.
     """
     corners = {t.tag_id: t.corners for t in detections.tags}
 
@@ -54,61 +54,61 @@ def measured_bearings(target: TargetModel, detections: Detections) -> tuple[floa
 
 
 class LosEstimator:
-    """Tells control under which angles the target's edges are seen.
+    """Estimates the bearings of the target's edges.
 
-    An edge measured in an image of the last moments is *seen* (close up, frames look at the tags in turn); it
-    is turned on by as much as the estimator's poses say it has moved since that exposure. An edge that was
-    not seen is *predicted* from the estimator's pose. Without a pose that rests on a recent sight of any tag,
-    the target is *lost*.
+    An edge measured in a recent image is *seen* (close to the target, frames read the tags in turn); its
+    bearing is advanced by the motion since that exposure, as the estimator's poses give it. An edge that was
+    not seen is *predicted* from the estimator's pose. The target is *lost* without a pose that rests on a
+    recent detection of any tag.
     """
 
     def __init__(self, target: TargetModel, max_age_s: float = 0.3, lost_after_s: float = 0.5) -> None:
-        """Set up an estimator that has seen nothing yet.
+        """Create an estimator that has seen nothing yet.
 
         Args:
             target: Camera and map of the tags.
-            max_age_s: For how long a seen edge counts as seen.
-            lost_after_s: For how long predictions are trusted without any tag seen.
+            max_age_s: Time for which a measured edge counts as seen [s].
+            lost_after_s: Time for which predictions are trusted without any detection [s].
 
         Raises:
-            SceneError: A parameter out of its range.
+            SceneError: A parameter is out of its range.
         """
         if not 0.0 < max_age_s <= lost_after_s:
             raise SceneError("los: 0 < max_age_s <= lost_after_s is needed")
         self.target = target
         self._max_age_ns = round(max_age_s * NS_PER_S)
         self._lost_after_ns = round(lost_after_s * NS_PER_S)
-        self._sights: list[_Sight | None] = [None, None]
+        self.reset()
 
     def reset(self) -> None:
-        """Forget what was seen."""
-        self._sights = [None, None]
+        """Forget all measured bearings."""
+        self._measured: list[_EdgeBearing | None] = [None, None]
 
     def add_detections(self, detections: Detections) -> None:
-        """Take in one exposure; older ones than the newest known are of no use."""
+        """Add the tags of one exposure; an older one than the newest known changes nothing."""
         self._add(detections.exposure.stamp_ns, measured_bearings(self.target, detections))
 
     def add_pose(self, measurement: PoseMeasurement) -> None:
-        """Take in the bearings of a ready-made measurement."""
+        """Add the bearings of a measured pose."""
         self._add(measurement.exposure.stamp_ns, measurement.edge_bearings)
 
     def observe(self, now_ns: int, estimator: Estimator) -> LosObservation:
-        """Return the line of sight as it is at the time of the estimator's estimate.
+        """Return the line of sight at the time of the estimator's estimate.
 
         Args:
-            now_ns: The time.
-            estimator: Whose estimate is used for edges out of view, and to carry seen edges from their
-                exposure to the time the estimate speaks of (now, or without delay compensation the last
+            now_ns: Current time.
+            estimator: Estimator whose pose predicts the edges out of view, and advances measured edges from
+                their exposure to the time of the estimate (now, or without delay compensation the last
                 exposure).
 
         Returns:
-            The angles; NaN when the target is lost and no pose is known.
+            The bearings; NaN when the target is lost and no pose is known.
         """
         estimate = estimator.estimate(now_ns)
         if estimate is None:
             return LosObservation(now_ns, math.nan, math.nan, math.nan, LosStatus.LOST)
         predicted = edge_bearings(self.target, estimate.X_DU)
-        seen = [self._carried(side, now_ns, estimate.stamp_ns, predicted, estimator) for side in (0, 1)]
+        seen = [self._advanced(side, now_ns, estimate.stamp_ns, predicted, estimator) for side in (0, 1)]
         left, right = (p if s is None else s for s, p in zip(seen, predicted, strict=True))
         if now_ns - estimate.last_seen_ns > self._lost_after_ns:
             status = LosStatus.LOST
@@ -117,23 +117,23 @@ class LosEstimator:
         margin = self.target.camera.half_fov - max(abs(left), abs(right))
         return LosObservation(estimate.stamp_ns, left, right, margin, status)
 
-    def _carried(
+    def _advanced(
         self, side: int, now_ns: int, stamp_ns: int, predicted: tuple[float, float], estimator: Estimator
     ) -> float | None:
-        """Return an edge's last seen bearing carried to ``stamp_ns``; None when it was not seen lately."""
-        sight = self._sights[side]
-        if sight is None or now_ns - sight.stamp_ns > self._max_age_ns:
+        """Return an edge's last bearing advanced to ``stamp_ns``; None when it was not measured recently."""
+        last = self._measured[side]
+        if last is None or now_ns - last.stamp_ns > self._max_age_ns:
             return None
-        if sight.stamp_ns == stamp_ns:
-            return sight.bearing
-        then = estimator.predict(sight.stamp_ns)
+        if last.stamp_ns == stamp_ns:
+            return last.bearing
+        then = estimator.predict(last.stamp_ns)
         if then is None:
             return None
         turned = predicted[side] - edge_bearings(self.target, then.X_DU)[side]
-        return sight.bearing + math.remainder(turned, 2.0 * math.pi)
+        return last.bearing + math.remainder(turned, 2.0 * math.pi)
 
     def _add(self, stamp_ns: int, edges: tuple[float | None, float | None]) -> None:
         for side, bearing in enumerate(edges):
-            known = self._sights[side]
+            known = self._measured[side]
             if bearing is not None and (known is None or stamp_ns > known.stamp_ns):
-                self._sights[side] = _Sight(stamp_ns, bearing)
+                self._measured[side] = _EdgeBearing(stamp_ns, bearing)

@@ -1,4 +1,4 @@
-"""How the filter's state moves with the wheels, and how uncertain that makes it."""
+"""The motion model of the corner filter: how the state and its covariance move with the wheels."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
-from msrr_perception.kernels.drive import Drive, drive_along
+from msrr_perception.kernels.drive import Drive, propagate
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import seconds
 from msrr_scenes.specs.sensors import OdometrySpec
 
-#: x, y, yaw of U in D; pitch and roll of the pair; relative radius errors of the left and right wheel.
+#: Size of the state: x, y, yaw of U in D; pitch and roll of the pair; relative radius errors of both wheels.
 STATE_SIZE = 7
 
-#: Radii are never known better than this, whatever the scene says of its encoders.
+#: Smallest standard deviation of a relative radius error, whatever the scene says of its encoders.
 _LEAST_SCALE_SIGMA = 0.003
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterState:
-    """The filter's belief at one instant.
+    """The state of the filter at one instant.
 
     Attributes:
-        stamp_ns: The instant.
-        mean: ``(x, y, yaw, pitch, roll, scale left, scale right)``, shape (7,) [m, rad, -].
-        covariance: Shape (7, 7).
+        stamp_ns: Time of the state.
+        mean: Mean ``(x, y, yaw, pitch, roll, scale left, scale right)``, shape (7,) [m, rad, -].
+        covariance: Covariance of the mean, shape (7, 7).
         wheels: Encoder angles up to which motion is accounted for; None while no reading is known.
         last_seen_ns: Exposure time of the last measurement that passed the gate.
         rejected: Number of exposures in a row of which nothing passed the gate.
@@ -45,25 +45,25 @@ class FilterState:
 
     @property
     def X_DU(self) -> SE2:
-        """The planar pose."""
+        """Planar pose of the unit in the dock frame D."""
         return SE2(*self.mean[:3])
 
 
 @dataclass(frozen=True, slots=True)
 class MotionNoise:
-    """Random motion that the encoders do not tell of, as variance per length or per time.
+    """Random motion that the encoders do not measure.
 
     Attributes:
-        slip: Along each wheel [m per square root of a metre driven].
-        sideways: Across the wheels [m per square root of a metre driven].
-        contact: Along the unit, within ``contact_zone`` of the target's face, where the wheels may spin
-            while the unit stands [m per square root of a metre driven].
-        guidance: Sideways, and along each wheel, in that zone, where the holes guide the pins and turn the
-            unit [m per square root of a metre driven].
-        contact_zone: Gap between the faces below which that may be [m].
-        drift: Of the position of a unit at rest [m per square root of a second].
-        turn_drift: Of its yaw [rad per square root of a second].
-        tilt_sigma: Of pitch and roll [rad].
+        slip: Motion along each wheel [m per square root of a metre driven].
+        sideways: Motion across the wheels [m per square root of a metre driven].
+        contact: Motion along the unit in the contact zone, where the wheels may spin while the unit stands
+            [m per square root of a metre driven].
+        guidance: Motion sideways and along each wheel in the contact zone, where the holes guide the pins and
+            turn the unit [m per square root of a metre driven].
+        contact_zone: Gap between the faces below which the unit is in the contact zone [m].
+        drift: Motion of a unit at rest [m per square root of a second].
+        turn_drift: Rotation of a unit at rest [rad per square root of a second].
+        tilt_sigma: Standard deviation of pitch and roll [rad].
         tilt_time: Correlation time of pitch and roll [s].
     """
 
@@ -108,7 +108,7 @@ class DriveMotion:
     def initial(
         self, stamp_ns: int, mean: Array, covariance: Array, wheels: WheelAngles | None
     ) -> FilterState:
-        """Return a fresh belief from a pose with tilt, shapes (5,) and (5, 5)."""
+        """Return a first state from a pose with tilt, shape (5,), and its covariance, shape (5, 5)."""
         full, P = np.zeros(STATE_SIZE), np.zeros((STATE_SIZE, STATE_SIZE))
         full[:5] = mean
         P[:5, :5] = covariance
@@ -116,17 +116,17 @@ class DriveMotion:
         return FilterState(stamp_ns, full, P, wheels, stamp_ns)
 
     def propagate(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
-        """Move a belief forward to ``stamp_ns`` along the encoder readings."""
+        """Return the state moved forward to ``stamp_ns`` along the encoder readings."""
         if stamp_ns <= state.stamp_ns:
             return state
-        wheels = state.wheels or history.at(state.stamp_ns)
+        wheels = state.wheels or history.angles_at(state.stamp_ns)
         if wheels is None:
             return self._moved(state, stamp_ns, [(0.0, 0.0, seconds(stamp_ns - state.stamp_ns))], None)
         steps, before_ns = [], state.stamp_ns
-        for now in history.way(state.stamp_ns, stamp_ns):
-            dt = seconds(now.stamp_ns - before_ns)
-            steps.append((now.left - wheels.left, now.right - wheels.right, dt))
-            wheels, before_ns = now, now.stamp_ns
+        for angles in history.angles_between(state.stamp_ns, stamp_ns):
+            dt = seconds(angles.stamp_ns - before_ns)
+            steps.append((angles.left - wheels.left, angles.right - wheels.right, dt))
+            wheels, before_ns = angles, angles.stamp_ns
         return self._moved(state, stamp_ns, steps, wheels)
 
     def _moved(
@@ -136,8 +136,8 @@ class DriveMotion:
         steps: Sequence[tuple[float, float, float]],
         wheels: WheelAngles | None,
     ) -> FilterState:
-        """Return the belief after ``steps``: angles turned left and right [rad], time taken [s]."""
-        mean, P = drive_along(
+        """Return the state after ``steps``: angles turned left and right [rad], duration [s]."""
+        mean, P = propagate(
             state.mean, state.covariance, np.array(steps, dtype=np.float64).reshape(-1, 3), self._drive
         )
         return FilterState(stamp_ns, mean, P, wheels, state.last_seen_ns, state.rejected)

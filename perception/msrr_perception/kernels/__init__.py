@@ -1,1 +1,1 @@
-"""What perception does dozens of times per frame, compiled: numbers and arrays in, numbers and arrays out."""
+"""Kernels: the inner loops of perception, compiled by numba. Importing a module compiles nothing yet."""

@@ -1,9 +1,9 @@
-"""Compilation of kernels, and the folder in which their machine code is kept.
+"""Compilation of kernels, and the folder in which their machine code is stored.
 
-numba compiles a kernel on its first call (seconds) and can keep the result on disk (then: tenths of a
-second). Its own choice of folder is beside the source, which a read-only install forbids, and its notion of
-a stale entry looks at one file only, although a kernel inlines others. So the folder is chosen here, named
-after the contents of the whole package that the kernels are in.
+numba compiles a kernel on its first call, which takes seconds, and can store the result on disk, from where
+it loads in tenths of a second. By default it stores beside the source, which a read-only install forbids, and
+it detects a stale entry by one file only, although a kernel inlines others. So the folder is chosen here and
+named after the contents of the whole package that the kernels are in.
 """
 
 from __future__ import annotations
@@ -24,15 +24,14 @@ from numba.core import config as _config
 
 F = TypeVar("F", bound=Callable[..., object])
 
-#: numba fills this module in when it is imported.
+#: The configuration of numba, which mypy sees as empty because it is filled at run time.
 _numba_config: Any = _config
 
 
 class KernelCompiler:
-    """Compiles the kernels of one package."""
+    """Compiles the kernels of the package in the folder ``sources``."""
 
     def __init__(self, sources: Path) -> None:
-        """Compile the kernels in the folder ``sources``."""
         self.sources = sources
 
     @cached_property
@@ -45,7 +44,7 @@ class KernelCompiler:
         return _folder_for(f"kernels-{_digest(self.sources)}")
 
     def is_compiled(self) -> bool:
-        """Say whether the folder holds machine code already (an index file; numba checks that it fits)."""
+        """Return whether the folder holds machine code already (an index file; numba checks that it fits)."""
         return any(self.folder.rglob("*.nbi"))
 
     def kernel(self, function: F) -> F:
@@ -59,7 +58,7 @@ class KernelCompiler:
             compile_it = numba.njit(cache=True, fastmath=False, boundscheck=False, error_model="numpy")
             return cast(F, compile_it(function))
         finally:
-            _numba_config.CACHE_DIR = before  # the user's own kernels are none of our business
+            _numba_config.CACHE_DIR = before  # the user's own kernels keep their folder
 
 
 def inlined(function: F) -> F:
@@ -71,7 +70,7 @@ def inlined(function: F) -> F:
 
 
 def _user_caches() -> Path:
-    """Return the user's folder for caches, as the platform has it."""
+    """Return the user's folder for caches on this platform."""
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     if sys.platform == "darwin":
@@ -80,7 +79,7 @@ def _user_caches() -> Path:
 
 
 def _digest(sources: Path) -> str:
-    """Return a name for what gets compiled: every source of the package, and the compiler's version."""
+    """Return a digest of all that determines the machine code: the sources and the compiler's version."""
     digest = hashlib.sha256(f"numba {numba.__version__}, python {sys.version_info[:2]}".encode())
     for source in sorted(sources.glob("*.py")):
         digest.update(source.name.encode())
@@ -89,7 +88,7 @@ def _digest(sources: Path) -> str:
 
 
 def _usable(folder: Path) -> bool:
-    """Create ``folder``; say whether we may write there and nobody else may: its contents get executed."""
+    """Create ``folder``; return whether this user alone may write to it, for its contents get executed."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         status = folder.stat()
@@ -102,14 +101,14 @@ def _usable(folder: Path) -> bool:
 
 
 def _folder_for(name: str) -> Path:
-    """Return the first candidate for the folder of this name that can be used."""
+    """Return the first usable candidate for the folder of this name."""
     given = os.environ.get("NUMBA_CACHE_DIR")
     owner = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
     candidates = [Path(given)] if given else []
     with suppress(RuntimeError):  # no home folder
         candidates.append(_user_caches() / "msrr-bullet")
     among_temporary_files = Path(tempfile.gettempdir()) / f"msrr-bullet-{owner}"
-    # Where everybody may create folders, somebody else may have created this one for us.
+    # Everybody may create folders there, so another user may have created this one.
     if _usable(among_temporary_files):
         candidates.append(among_temporary_files)
     for candidate in candidates:
@@ -118,7 +117,7 @@ def _folder_for(name: str) -> Path:
     return Path(tempfile.mkdtemp(prefix="msrr-bullet-"))
 
 
-#: Of the kernels in this package.
+#: The compiler of the kernels in this package.
 compiler = KernelCompiler(Path(__file__).resolve().parent)
 
 kernel = compiler.kernel

@@ -1,4 +1,4 @@
-"""Motion of the filter's state along encoder readings; the model is told in :mod:`..motion`."""
+"""Motion of the filter's state along encoder readings; see :mod:`msrr_perception.estimation.motion`."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from msrr_scenes.arrays import Array
 
 
 class Drive(NamedTuple):
-    """A drive and its noise, as kernels want it; see ``MotionNoise``."""
+    """A drive and its noise in the form that kernels take; see ``MotionNoise``."""
 
-    radius: float  # of the wheels [m]
-    track: float  # [m]
-    front: float  # of the port's face ahead of U [m]
+    radius: float  # radius of the wheels [m]
+    track: float  # distance between the wheels [m]
+    front: float  # distance of the port's face ahead of U [m]
     contact_zone: float  # [m]
-    wheel_variance: float  # along each wheel per metre
+    wheel_variance: float  # variance along each wheel per metre
     sideways: float  # variance per metre
     contact: float  # variance per metre
     guidance: float  # variance per metre
@@ -32,17 +32,17 @@ class Drive(NamedTuple):
 def add_slip(
     P: Array, drive: Drive, left: float, right: float, c: float, s: float, dt: float, x: float
 ) -> None:
-    """Add to the covariance of (x, y, yaw) what the encoders do not tell of.
+    """Add the motion that the encoders do not measure to the covariance of (x, y, yaw).
 
     Args:
-        P: Covariance; its upper left 3 x 3 is changed.
-        drive: The drive.
-        left: Way of the left wheel, not negative [m].
-        right: Way of the right wheel [m].
+        P: Covariance; the upper left 3 x 3 is changed.
+        drive: Drive and its noise.
+        left: Distance driven by the left wheel, not negative [m].
+        right: Distance driven by the right wheel, not negative [m].
         c: Cosine of the heading.
-        s: Its sine.
+        s: Sine of the heading.
         dt: Duration [s].
-        x: Of U in D, before the step [m].
+        x: Position x of U in D before the step [m].
     """
     way, rest = 0.5 * (left + right), drive.drift * dt
     per_wheel, forward, side = drive.wheel_variance, rest, drive.sideways * way + rest
@@ -67,17 +67,17 @@ def add_slip(
 
 
 @kernel
-def drive_along(state: Array, covariance: Array, steps: Array, drive: Drive) -> tuple[Array, Array]:
-    """Return mean and covariance after some steps.
+def propagate(state: Array, covariance: Array, steps: Array, drive: Drive) -> tuple[Array, Array]:
+    """Return mean and covariance of the state after K steps.
 
     Args:
         state: ``(x, y, yaw, pitch, roll, scale left, scale right)``, shape (7,).
-        covariance: Shape (7, 7).
-        steps: Angles turned by the left and the right wheel [rad], and the time taken [s], shape (K, 3).
-        drive: The drive.
+        covariance: Covariance of the state, shape (7, 7).
+        steps: Angles turned by the left and the right wheel [rad] and duration [s], shape (K, 3).
+        drive: Drive and its noise.
     """
     mean, P, half_way = state.copy(), covariance.copy(), np.empty((7, 7))
-    F = np.zeros((3, 7))  # of the first three rows; the others are diagonal
+    F = np.zeros((3, 7))  # first three rows of the transition matrix; the others are diagonal
     for k in range(steps.shape[0]):
         d_left, d_right, dt = drive.radius * steps[k, 0], drive.radius * steps[k, 1], steps[k, 2]
         x, yaw = mean[0], mean[2]

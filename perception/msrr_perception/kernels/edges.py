@@ -1,4 +1,10 @@
-"""Corners measured along their tag's edges; the method is told in :mod:`..edge_refinement`."""
+"""Corners of a tag to a few hundredths of a pixel: lines fitted to its four black edges, intersected.
+
+The AprilTag library samples whole pixels along each edge, which leaves a bias of some 0.05 px that depends on
+the edge's direction. Here the image is interpolated, each cross section gives the place where the grey level
+passes from black to white as an area (unbiased under any symmetric blur), and a line is fitted through all of
+them.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +16,11 @@ from msrr_perception.kernels.compiled import kernel
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
 
-#: Cross sections per edge, and the share of the edge at both ends that is left out (corners are rounded).
+#: How often the lines are fitted, each time from the corners that the last lines gave. The cross sections lie
+#: where the guess puts them; the second time they lie on the edges, and the first guess hardly matters.
+PASSES = 2
+
+#: Cross sections per edge, and the share of the edge left out at either end (corners are rounded).
 SECTIONS = 16
 END_SHARE = 0.12
 
@@ -19,16 +29,37 @@ REACH_MODULES = 0.7
 LEAST_REACH_PX, GREATEST_REACH_PX = 1.5, 3.0
 SAMPLES = 13
 
-#: An edge that would move farther than this is not the edge of a printed square [px].
+#: Largest shift of an edge [px]; one that would move farther is not the edge of a printed square.
 LARGEST_SHIFT_PX = 1.5
 
 #: Least mean contrast across an edge [grey levels].
 LEAST_CONTRAST = 8.0
 
 
+def refine_corners(pixels: Pixels, corners: Array) -> Array:
+    """Return tag corners moved to the intersections of the tags' edges.
+
+    Args:
+        pixels: Mono8 image, shape (height, width).
+        corners: Corners of T tags, shape (T, 4, 2), in pixels of this image counted from pixel centres, in
+            either sense of rotation.
+
+    Returns:
+        Shape (T, 4, 2). A tag that has an edge with too little contrast, too near the image's border, or too
+        far from where it should be keeps its corners.
+    """
+    # One memory layout, so that the kernel is compiled once: contiguous and read-only, as a camera gives it.
+    image = np.ascontiguousarray(pixels)[:]
+    image.setflags(write=False)
+    refined: Array = np.ascontiguousarray(corners, dtype=np.float64)
+    for _ in range(PASSES):
+        refined = intersect_edges(image, refined)
+    return refined
+
+
 @kernel
-def refine(pixels: Pixels, corners: Array) -> Array:
-    """Return corners, shape (T, 4, 2), moved to where the tags' edges meet; see ``refine_corners``."""
+def intersect_edges(pixels: Pixels, corners: Array) -> Array:
+    """Return the corners, shape (T, 4, 2), after one fit of the edges; see :func:`refine_corners`."""
     out = corners.copy()
     height, width = pixels.shape
     grey = np.empty((SECTIONS, SAMPLES))
@@ -45,7 +76,7 @@ def refine(pixels: Pixels, corners: Array) -> Array:
             nx, ny = along_y / length, -along_x / length
             if (x0 - middle_x) * nx + (y0 - middle_y) * ny < 0.0:
                 nx, ny = -nx, -ny
-            # How far it is across the tag at this edge says how wide a module is there.
+            # The extent of the tag across this edge gives the width of a module there.
             next_x = corners[t, (e + 2) % 4, 0] - x1
             next_y = corners[t, (e + 2) % 4, 1] - y1
             after = math.hypot(next_x, next_y)
@@ -53,7 +84,7 @@ def refine(pixels: Pixels, corners: Array) -> Array:
             slant = abs(next_x * nx + next_y * ny) / after
             reach = REACH_MODULES * 0.5 * (before + after) * slant / 8.0
             reach = min(max(reach, LEAST_REACH_PX), GREATEST_REACH_PX)
-            for i in range(2):  # the four ends of the outermost sections bound all samples
+            for i in range(2):  # the ends of the outermost sections bound all samples
                 s = END_SHARE if i == 0 else 1.0 - END_SHARE
                 foot_x, foot_y = x0 + s * along_x, y0 + s * along_y
                 ok = ok and min(foot_x - reach * nx, foot_x + reach * nx) >= 0.0
@@ -86,11 +117,11 @@ def refine(pixels: Pixels, corners: Array) -> Array:
             if not contrast > LEAST_CONTRAST:
                 ok = False
                 break
-            # A straight line through where the cross sections turn from black to white.
+            # Fit a straight line through the places where the cross sections turn from black to white.
             level, slope, squares = 0.0, 0.0, 0.0
             for i in range(SECTIONS):
-                # Mean brightness by the trapezium rule is the share of white; the border lies as far from
-                # the outer end.
+                # The mean brightness by the trapezium rule is the share of white, which is the distance of
+                # the border from the outer end.
                 total = 0.5 * (grey[i, 0] + grey[i, SAMPLES - 1])
                 for k in range(1, SAMPLES - 1):
                     total += grey[i, k]
@@ -106,7 +137,7 @@ def refine(pixels: Pixels, corners: Array) -> Array:
             a[e, 0], a[e, 1] = x0 + (level - 0.5 * slope) * nx, y0 + (level - 0.5 * slope) * ny
             b[e, 0], b[e, 1] = x1 + (level + 0.5 * slope) * nx, y1 + (level + 0.5 * slope) * ny
         if ok:
-            for e in range(4):  # where each edge's line meets the one before it
+            for e in range(4):  # intersect each edge's line with the one before it
                 p = (e + 3) % 4
                 dx, dy = b[e, 0] - a[e, 0], b[e, 1] - a[e, 1]
                 ex, ey = b[p, 0] - a[p, 0], b[p, 1] - a[p, 1]

@@ -1,4 +1,4 @@
-"""Least squares over corners, and the gate before it; the method is told in :mod:`..corner_fit`."""
+"""Kernels of the least squares over corners (see :mod:`msrr_perception.pose.corner_fit`) and of the gate."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MAX_DAMPING = 1e9
 
 @inlined
 def cholesky(A: Array, L: Array) -> bool:
-    """Write the lower triangle L with ``L L^T = A``; say whether A is positive definite."""
+    """Write the lower triangle L with ``L L^T = A``; return whether A is positive definite."""
     n = A.shape[0]
     for i in range(n):
         for j in range(i + 1):
@@ -75,7 +75,7 @@ def linearise(
     H: Array,
     g: Array,
 ) -> tuple[float, float]:
-    """Write Hessian and descent direction at ``state``; return chi2 and cost."""
+    """Write the Hessian H and the descent direction g at ``state``; return chi2 and cost."""
     project_into(optics, state, points, pixels, J)
     n = state.shape[0]
     pulled = 0.0
@@ -122,15 +122,15 @@ def fit(
     """Find the state that explains the corners best.
 
     Args:
-        optics: The camera.
-        points: In D, shape (N, 3) [m].
-        seen: Their pixels, shape (2 N,).
-        weight: 1 / sigma^2.
+        optics: Camera and its mounting.
+        points: Corners in D, shape (N, 3) [m].
+        seen: Measured pixels of the corners, shape (2 N,).
+        weight: Weight 1 / sigma^2 of a coordinate [1/px^2].
         start: First guess, shape (n,) with n >= 5.
-        mean: Of the prior, shape (n,).
-        information: Of the prior, shape (n, n).
-        max_iterations: Number of linearisations allowed.
-        tolerance: Step at which it stops, in standard deviations of the solution.
+        mean: Mean of the prior, shape (n,).
+        information: Information matrix of the prior, shape (n, n).
+        max_iterations: Largest number of linearisations.
+        tolerance: Step at which the iteration stops, in standard deviations of the solution.
 
     Returns:
         State, covariance, chi2, cost, whether the last step was below the tolerance, and whether the
@@ -186,12 +186,12 @@ def gate_distances(
     """Return each tag's squared Mahalanobis distance from the prediction, shape (T,), infinite if undefined.
 
     Args:
-        optics: The camera.
+        optics: Camera and its mounting.
         points: Four corners of each tag in D, shape (4 T, 3) [m].
-        seen: Their pixels, shape (8 T,).
-        sigma: Of each coordinate [px].
-        state: Predicted, shape (n,) with n >= 5.
-        covariance: Of the state, shape (n, n).
+        seen: Measured pixels of the corners, shape (8 T,).
+        sigma: Standard deviation of each coordinate [px].
+        state: Predicted state, shape (n,) with n >= 5.
+        covariance: Covariance of the state, shape (n, n).
     """
     tags = points.shape[0] // 4
     out = np.empty(tags)

@@ -1,4 +1,9 @@
-"""Projection of the target's points, with derivatives; the geometry is that of :mod:`..tag_camera`."""
+"""Projection of the target's points into the docking unit's camera, with derivatives, and the expected tags.
+
+The planar pose X_DU has three degrees of freedom. A small pitch and roll of the docking unit against the
+target are carried along, because 0.2 degrees of pitch look like 10 mm of distance at 0.8 m: U stands in D at
+``Rz(yaw) Ry(pitch) Rx(roll)`` and (x, y, 0).
+"""
 
 from __future__ import annotations
 
@@ -10,30 +15,31 @@ import numpy as np
 from msrr_perception.kernels.compiled import inlined, kernel
 from msrr_scenes.arrays import Array
 
-#: Points nearer to the image plane than this have no usable projection [m].
+#: Smallest depth of a point [m]. Points behind the camera are taken to lie this far in front of it, which
+#: gives a huge residual instead of a mirrored image.
 NEAREST_M = 0.01
 
 
 class Optics(NamedTuple):
-    """A camera on its unit, as kernels want it."""
+    """A camera and its mounting on the unit, in the form that kernels take."""
 
     R_CU: Array  # (3, 3)
     p_UC: Array  # (3,) [m]
     focal: float  # [px]
-    cx: float
-    cy: float
+    cx: float  # [px]
+    cy: float  # [px]
 
 
 @inlined
 def project_into(optics: Optics, pose: Array, points: Array, pixels: Array, J: Array) -> None:
-    """Write pixels, shape (2 N,), and their derivatives by the pose, shape (2 N, 5).
+    """Project points and write the pixels and their derivatives.
 
     Args:
-        optics: The camera.
-        pose: ``(x, y, yaw, pitch, roll)``, or more entries, which are not looked at.
-        points: In D, shape (N, 3) [m].
-        pixels: Written.
-        J: Written.
+        optics: Camera and its mounting.
+        pose: ``(x, y, yaw, pitch, roll)`` [m, rad]; further entries are ignored.
+        points: Points in D, shape (N, 3) [m].
+        pixels: Output, shape (2 N,), ordered u0, v0, u1, v1 ...
+        J: Output, derivatives of the pixels by the pose, shape (2 N, 5).
     """
     x, y = pose[0], pose[1]
     cy, sy = math.cos(pose[2]), math.sin(pose[2])
@@ -76,16 +82,7 @@ def project_into(optics: Optics, pose: Array, points: Array, pixels: Array, J: A
 
 
 @kernel
-def project_with_jacobian(optics: Optics, pose: Array, points: Array) -> tuple[Array, Array]:
-    """Return pixels, shape (2 N,), and their derivatives by the pose, shape (2 N, 5)."""
-    n = points.shape[0]
-    pixels, J = np.empty(2 * n), np.empty((2 * n, 5))
-    project_into(optics, pose, points, pixels, J)
-    return pixels, J
-
-
-@kernel
-def expect(
+def predict_tags(
     optics: Optics,
     width: int,
     height: int,
@@ -94,26 +91,26 @@ def expect(
     corners: Array,
     least_edge: float,
 ) -> tuple[Array, Array, Array]:
-    """Predict how tags appear.
+    """Predict where the corners of tags appear in the image.
 
     Args:
-        optics: The camera.
-        width: Of the image [px].
-        height: Of the image [px].
-        pose: ``(x, y, yaw, pitch, roll)``.
-        covariance: Of (x, y, yaw), shape (3, 3).
-        corners: Of all tags in D, shape (T, 4, 3) [m].
-        least_edge: Shortest edge that is read [px].
+        optics: Camera and its mounting.
+        width: Width of the image [px].
+        height: Height of the image [px].
+        pose: ``(x, y, yaw, pitch, roll)`` [m, rad].
+        covariance: Covariance of (x, y, yaw), shape (3, 3).
+        corners: Corners of all tags in D, shape (T, 4, 3) [m].
+        least_edge: Shortest edge with which a tag can be read [px].
 
     Returns:
-        Pixels and their standard deviations, each (T, 4, 2), and by tag 1 where it is expected, else 0: it
-        faces the camera, lies wholly inside the image, and is large enough.
+        Pixels and their standard deviations, each of shape (T, 4, 2), and for each tag 1 if it faces the
+        camera, lies wholly inside the image and is large enough, else 0.
     """
     tags = corners.shape[0]
     pixels, sigma, expected = np.empty((tags, 4, 2)), np.empty((tags, 4, 2)), np.zeros(tags)
     flat, J = np.empty(8), np.empty((8, 5))
     x, y, c, s = pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
-    p_D = np.empty(3)  # the camera in D, tilt left out
+    p_D = np.empty(3)  # position of the camera in D without the tilt
     p_D[0] = x + c * optics.p_UC[0] - s * optics.p_UC[1]
     p_D[1] = y + s * optics.p_UC[0] + c * optics.p_UC[1]
     p_D[2] = optics.p_UC[2]
@@ -124,7 +121,7 @@ def expect(
         p = corners[t]
         ax, ay, az = p[1, 0] - p[0, 0], p[1, 1] - p[0, 1], p[1, 2] - p[0, 2]
         bx, by, bz = p[0, 0] - p[3, 0], p[0, 1] - p[3, 1], p[0, 2] - p[3, 2]
-        # The printed side is seen where z of T, which points into the tag, leads away from the camera.
+        # The printed side is visible if z of T, which points into the tag, points away from the camera.
         facing = (
             (ay * bz - az * by) * (p[0, 0] - p_D[0])
             + (az * bx - ax * bz) * (p[0, 1] - p_D[1])
@@ -155,18 +152,18 @@ def expect(
 
 
 @kernel
-def extent(
+def tag_extent(
     pixels: Array, sigma: Array, sigmas: float, margin: float, quiet_zone: float, widen: float
 ) -> tuple[int, int, int, int]:
     """Return first column and row, and those after the last, of the pixels that should hold a tag.
 
     Args:
-        pixels: Where its corners should be, shape (4, 2).
-        sigma: Their standard deviations, shape (4, 2).
-        sigmas: How many of them are left to a corner.
-        margin: Room on top of that [px].
-        quiet_zone: Room for the white border, as a share of the longest edge.
-        widen: Factor on all room.
+        pixels: Predicted corners, shape (4, 2) [px].
+        sigma: Standard deviations of the corners, shape (4, 2) [px].
+        sigmas: Margin of a corner in standard deviations.
+        margin: Additional margin [px].
+        quiet_zone: Margin for the white border, as a share of the longest edge.
+        widen: Factor on all margins.
     """
     longest = 0.0
     for k in range(4):

@@ -14,19 +14,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from msrr_perception.kernels.fit import fit
-from msrr_perception.pose.tag_camera import YAW
-from msrr_perception.pose.target import TargetModel
+from msrr_perception.pose.target import YAW, TargetModel
 from msrr_scenes.arrays import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Corners:
-    """Corners seen in one exposure.
+class CornerMeasurements:
+    """The tag corners measured in one exposure.
 
     Attributes:
-        points_D: Where they are on the target, shape (N, 3) [m].
-        pixels: Where they were seen, shape (2 N,), ordered u0, v0, u1, v1 ...
-        sigma_px: Standard deviation of each coordinate.
+        points_D: Corners in the dock frame D, shape (N, 3) [m].
+        pixels: Measured pixels of the corners, shape (2 N,), ordered u0, v0, u1, v1 ...
+        sigma_px: Standard deviation of each pixel coordinate [px].
     """
 
     points_D: Array
@@ -36,14 +35,14 @@ class Corners:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CornerFit:
-    """The minimum found.
+    """The minimum that a fit found.
 
     Attributes:
-        state: Shape (n,); the first five are ``(x, y, yaw, pitch, roll)``.
+        state: State, shape (n,); the first five entries are ``(x, y, yaw, pitch, roll)``.
         covariance: Inverse of the Gauss-Newton Hessian, shape (n, n).
-        chi2: Squared residuals over sigma^2, without the prior's part.
-        cost: The same with the prior's part.
-        converged: The last step was below the tolerance.
+        chi2: Sum of the squared residuals over sigma^2, without the prior's part.
+        cost: ``chi2`` plus the prior's part.
+        converged: Whether the last step was below the tolerance.
     """
 
     state: Array
@@ -62,7 +61,7 @@ def deviation(state: Array, mean: Array) -> Array:
 
 def fit_corners(
     target: TargetModel,
-    corners: Corners,
+    corners: CornerMeasurements,
     start: Array,
     prior_mean: Array,
     prior_information: Array,
@@ -72,16 +71,16 @@ def fit_corners(
     """Find the state that explains the corners best.
 
     Args:
-        target: Camera and mounting.
-        corners: What was seen.
-        start: First guess, shape (n,) with n >= 5; entries beyond the fifth do not show in the image.
-        prior_mean: m, shape (n,).
-        prior_information: Lambda, shape (n, n), positive semidefinite.
-        max_iterations: Number of linearisations allowed.
-        tolerance: Step at which it stops, in standard deviations of the solution.
+        target: Camera and its mounting.
+        corners: Measured corners.
+        start: First guess, shape (n,) with n >= 5; entries beyond the fifth do not affect the image.
+        prior_mean: Mean m of the prior, shape (n,).
+        prior_information: Information matrix Lambda of the prior, shape (n, n), positive semidefinite.
+        max_iterations: Largest number of linearisations.
+        tolerance: Step at which the iteration stops, in standard deviations of the solution.
 
     Returns:
-        The best state found, with its covariance about that state.
+        The best state found, with the covariance about that state.
 
     Raises:
         numpy.linalg.LinAlgError: Corners and prior together do not fix every direction of the state.

@@ -1,4 +1,4 @@
-"""Where units and obstacles stand in the world, from the overhead camera: pixel rays cut with a plane."""
+"""Poses of units and obstacles in the world from overhead detections: pixel rays cut with a plane."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class FlatTag:
     """A level tag on top of a body.
 
     Attributes:
-        name: The unit or obstacle that carries it.
-        corners_B: Corners in the body frame B (z = 0 the floor), shape (4, 3) [m]; all of one height.
+        name: Unit or obstacle that carries the tag.
+        corners_B: Corners in the body frame B (z = 0 is the floor), shape (4, 3) [m]; all of one height.
     """
 
     name: str
@@ -48,19 +48,19 @@ def overhead_pose(spec: OverheadCameraSpec) -> SE3:
 
 
 def rays_to_plane(camera: PinholeCamera, X_WC: SE3, pixels: Array, height: float) -> tuple[Array, Array]:
-    """Cut pixel rays with the plane z = ``height`` of W.
+    """Return the points where pixel rays meet the plane z = ``height`` of W.
 
     Args:
-        camera: Intrinsics.
+        camera: Intrinsics of the camera.
         X_WC: Pose of the camera.
-        pixels: Shape (N, 2).
-        height: Of the plane [m].
+        pixels: Pixels, shape (N, 2).
+        height: Height of the plane [m].
 
     Returns:
         Points in W, shape (N, 2) [m], and their derivatives by the pixel, shape (N, 2, 2) [m/px].
 
     Raises:
-        SceneError: A ray that does not meet the plane in front of the camera.
+        SceneError: A ray does not meet the plane in front of the camera.
     """
     d = camera.rays(pixels) @ X_WC.R.T
     t = (height - X_WC.p[2]) / d[:, 2]
@@ -74,7 +74,7 @@ def rays_to_plane(camera: PinholeCamera, X_WC: SE3, pixels: Array, height: float
 
 
 def flat_tags(scene: Scene) -> dict[int, FlatTag]:
-    """Return tag id -> flat tag of every unit and tagged obstacle, whether it stands there yet or not."""
+    """Return tag id -> flat tag of every unit and tagged obstacle, also of those that appear later."""
     tags = {}
     for unit in scene.units:
         geometry = scene.geometry(unit)
@@ -99,15 +99,15 @@ class GlobalLocalizer:
         corner_sigma_px: float = 0.2,
         misfit_px: float = 2.0,
     ) -> None:
-        """Set up.
+        """Create a localizer.
 
         Args:
             camera: Intrinsics of the overhead camera.
-            X_WC: Its pose, by calibration.
-            tags: Tag id -> where it sits on which body.
-            corner_sigma_px: Standard deviation of each corner coordinate.
-            misfit_px: Root mean square distance of the corners from the fitted tag above which it is not
-                believed: something that is not this tag at this height.
+            X_WC: Pose of the camera, by calibration.
+            tags: Tag id -> the body that carries the tag, and the tag's corners on it.
+            corner_sigma_px: Standard deviation of each corner coordinate [px].
+            misfit_px: Root mean square distance of the corners from the fitted tag above which a detection
+                is rejected: it is not this tag at this height [px].
         """
         self.camera = camera
         self.X_WC = X_WC
@@ -116,7 +116,7 @@ class GlobalLocalizer:
         self._misfit = misfit_px
 
     def locate(self, detections: Detections) -> tuple[GlobalPose, ...]:
-        """Return the pose of every known body seen, in the order of the tags."""
+        """Return the pose of every known body among the detections, in the order of the tags."""
         found = (
             self._locate(tag, self.tags[tag.tag_id], detections.exposure.stamp_ns)
             for tag in detections.tags
@@ -125,7 +125,7 @@ class GlobalLocalizer:
         return tuple(pose for pose in found if pose is not None)
 
     def pixels(self, tag: FlatTag, X_WB: SE2) -> Array:
-        """Return where the corners of a tag appear, shape (4, 2) [px], its body standing at ``X_WB``."""
+        """Return the pixels of a tag's corners, shape (4, 2), when its body stands at ``X_WB``."""
         p_W = SE3.from_se2(X_WB).act(tag.corners_B)
         return self.camera.project(self.X_WC.inverse().act(p_W))
 
@@ -146,7 +146,7 @@ class GlobalLocalizer:
 
 
 def fit_se2(points_B: Array, points_A: Array) -> SE2:
-    """Return X_AB that maps ``points_B`` onto ``points_A``, both (N, 2), with the least squared error.
+    """Return the X_AB that maps ``points_B`` onto ``points_A``, both (N, 2), with the least squared error.
 
     Source: Umeyama, "Least-squares estimation of transformation parameters", PAMI 13, 1991; in the plane.
     """

@@ -9,38 +9,38 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from msrr_perception.pose.corner_fit import CornerFit, Corners, deviation, fit_corners
-from msrr_perception.pose.tag_camera import YAW, pose_vector
-from msrr_perception.pose.target import TargetModel
+from msrr_perception.pose.corner_fit import CornerFit, CornerMeasurements, deviation, fit_corners
+from msrr_perception.pose.target import YAW, TargetModel, pose_vector
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import TagDetection
 
-#: How far beyond its solutions and how finely a single tag's yaw is stepped, how firmly it is held [rad].
-_YAW_REACH = 0.5
+#: Range beyond the solutions and step in which a single tag's yaw is sampled, and the standard deviation with
+#: which the yaw is held at a sample [rad].
+_YAW_RANGE = 0.5
 _YAW_STEP = 0.035
-_PIN = 1e-5
+_YAW_HOLD = 1e-5
 
-#: Two solutions nearer to each other than this many standard deviations are one.
+#: Distance in standard deviations below which two solutions count as one.
 _SAME_SIGMAS = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class CornerNoise:
-    """What is assumed of a camera on wheels.
+    """The assumed errors of measured corners and of the flat floor.
 
     Attributes:
-        corner_sigma_px: Of each corner coordinate. Errors of corners on one straight edge are correlated, and
-            from frame to frame too, so this is larger than the scatter within one tag.
-        tilt_sigma: Of the pitch and of the roll of one unit against the other [rad].
+        corner_sigma_px: Standard deviation of each corner coordinate [px]. Errors of corners on one straight
+            edge are correlated, and from frame to frame too, so it exceeds the scatter within one tag.
+        tilt_sigma: Standard deviation of the pitch and of the roll of one unit against the other [rad].
     """
 
     corner_sigma_px: float = 0.25
     tilt_sigma: float = math.radians(0.3)
 
 
-#: What suits rendered images with anti-aliasing.
+#: The noise of rendered images with anti-aliasing.
 DEFAULT_CORNER_NOISE = CornerNoise()
 
 
@@ -49,16 +49,16 @@ class JointPose:
     """A relative pose from one exposure.
 
     Attributes:
-        X_DU: The unit in the dock frame D of its target.
-        covariance: Of (x, y, yaw) in D, pitch and roll marginalised, both solutions covered where the tags
-            leave two, shape (3, 3) [m, rad].
+        X_DU: Pose of the unit in the dock frame D of its target.
+        covariance: Covariance of (x, y, yaw) in D, shape (3, 3) [m, rad], with pitch and roll marginalised;
+            it covers both solutions where the tags allow two.
         pitch: Most likely pitch [rad].
         roll: Most likely roll [rad].
-        tilt_covariance: Of the whole (x, y, yaw, pitch, roll) about the chosen solution, shape (5, 5).
-        chi2: Squared residual over sigma^2, with 8 coordinates per tag.
+        tilt_covariance: Covariance of (x, y, yaw, pitch, roll) about the chosen solution, shape (5, 5).
+        chi2: Sum of the squared residuals over sigma^2, with 8 coordinates per tag.
         tags: Ids of the tags used.
-        alternative: The other solution, when the tags leave two apart.
-        gap: By how much its cost exceeds the chosen one's; infinite without an alternative.
+        alternative: The other solution, where the tags allow two that lie apart.
+        gap: Excess of the alternative's cost over the chosen one's; infinite without an alternative.
     """
 
     X_DU: SE2
@@ -71,22 +71,17 @@ class JointPose:
     alternative: SE2 | None
     gap: float
 
-    @property
-    def ambiguous(self) -> bool:
-        """The alternative is less than three standard deviations less likely."""
-        return self.gap < 9.0
 
-
-def gather_corners(target: TargetModel, tags: Sequence[TagDetection], sigma_px: float) -> Corners:
-    """Collect the corners of those ``tags`` that belong to the target; there must be at least one."""
+def gather_corners(target: TargetModel, tags: Sequence[TagDetection], sigma_px: float) -> CornerMeasurements:
+    """Return the corners of those ``tags`` that belong to the target; there must be at least one."""
     known = [t for t in tags if t.tag_id in target.corners_D]
     points = np.concatenate([target.corners_D[t.tag_id] for t in known])
     pixels = np.concatenate([t.corners for t in known])
-    return Corners(points, pixels.reshape(-1), sigma_px)
+    return CornerMeasurements(points, pixels.reshape(-1), sigma_px)
 
 
 def one_tag_poses(target: TargetModel, tag: TagDetection) -> tuple[SE2, ...]:
-    """Return the one or two poses X_DU at which a single flat tag looks as detected, best first.
+    """Return the one or two poses X_DU at which a single flat tag appears as detected, best first.
 
     Source: Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014 (IPPE), projected
     to the floor.
@@ -118,8 +113,8 @@ def joint_pose(
 
     Args:
         target: Camera and map of the tags.
-        tags: Detections; those of other units are left out.
-        noise: What is assumed of corners and tilt.
+        tags: Detections; those of other units are ignored.
+        noise: Assumed noise of corners and tilt.
 
     Returns:
         The pose, or None when no tag of the target is among ``tags`` or none gives a finite solution.
@@ -136,7 +131,7 @@ def joint_pose(
         vector = pose_vector(start)
         try:
             fit = fit_corners(target, corners, vector, np.zeros(5), prior, max_iterations=40)
-        except np.linalg.LinAlgError:  # this start has no solution near it; the other one may
+        except np.linalg.LinAlgError:  # there is no solution near this start; there may be one near the other
             continue
         if np.all(np.isfinite(fit.state)) and np.all(np.isfinite(fit.covariance)):
             fits.append(fit)
@@ -147,16 +142,16 @@ def joint_pose(
     if len(known) > 1 or (pose.alternative is None and pose.covariance[2, 2] < (0.2 * _YAW_STEP) ** 2):
         return pose
     spread = _covariance_along_yaw(target, corners, fits, prior)
-    # Where the yaw is sharper than a step of the search, the curvature is right and the sum is coarse.
+    # Where the yaw is known better than a step of the sampling, the curvature is right and the sum is coarse.
     return pose if spread[2, 2] < _YAW_STEP**2 else replace(pose, covariance=spread)
 
 
 def consistent_pose(
     target: TargetModel, tags: Sequence[TagDetection], noise: CornerNoise = DEFAULT_CORNER_NOISE
 ) -> JointPose | None:
-    """Return the joint pose of tags that agree with each other: to start from when nothing is known.
+    """Return the joint pose of tags that agree with each other, for a start without a prior.
 
-    With three tags or more, the one that disagrees is left out; two that disagree tell nothing.
+    Of three tags or more the one that disagrees is left out; of two that disagree neither can be trusted.
     """
     pose = joint_pose(target, tags, noise)
     if pose is None or _agree(pose):
@@ -170,7 +165,7 @@ def consistent_pose(
 
 
 def _agree(pose: JointPose) -> bool:
-    # Twice the degrees of freedom, and some: rendered corners are not quite independent.
+    # The bound is above twice the degrees of freedom because rendered corners are not quite independent.
     return pose.chi2 <= 2.0 * (8 * len(pose.tags) - 3) + 12.0
 
 
@@ -201,24 +196,24 @@ def _report(fits: list[CornerFit], tags: tuple[int, ...]) -> JointPose:
 
 
 def _covariance_along_yaw(
-    target: TargetModel, corners: Corners, fits: Sequence[CornerFit], prior: Array
+    target: TargetModel, corners: CornerMeasurements, fits: Sequence[CornerFit], prior: Array
 ) -> Array:
     """Return the second moment of (x, y, yaw) about the first fit, shape (3, 3), summed over the yaw.
 
-    A single flat tag seen from the front says so little about its yaw that the likelihood is no bell: it is
-    flat or has two peaks, and its curvature at the best point promises far too much. So the yaw is stepped
-    through, the rest solved for at each step, and the moments are taken over all of it.
+    A single flat tag seen from the front determines the yaw so poorly that the likelihood is not Gaussian: it
+    is flat or has two peaks, and its curvature at the best point is far too optimistic. So the yaw is
+    sampled, the other entries are solved for at each sample, and the moments are taken over all samples.
     """
     best = fits[0].state
     turns = [math.remainder(float(f.state[YAW] - best[YAW]), 2.0 * math.pi) for f in fits]
-    pinned = prior.copy()
-    pinned[YAW, YAW] = _PIN**-2
+    held = prior.copy()
+    held[YAW, YAW] = _YAW_HOLD**-2
     costs, moments = [], []
     start = fits[int(np.argmin(turns))].state.copy()
-    for turn in np.arange(min(turns) - _YAW_REACH, max(turns) + _YAW_REACH, _YAW_STEP):
+    for turn in np.arange(min(turns) - _YAW_RANGE, max(turns) + _YAW_RANGE, _YAW_STEP):
         mean = np.zeros(5)
         mean[YAW] = start[YAW] = best[YAW] + turn
-        fit = fit_corners(target, corners, start, mean, pinned, max_iterations=8)
+        fit = fit_corners(target, corners, start, mean, held, max_iterations=8)
         d = deviation(fit.state, best)[:3]
         costs.append(fit.cost)
         moments.append(fit.covariance[:3, :3] + np.outer(d, d))

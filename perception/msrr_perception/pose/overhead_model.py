@@ -1,4 +1,4 @@
-"""All that perception knows of the arena before it looks: the overhead camera, and which tag means what."""
+"""The known geometry of the arena: the overhead camera, and the tags on top of units and obstacles."""
 
 from __future__ import annotations
 
@@ -28,31 +28,32 @@ OVERHEAD = "overhead"
 class OverheadModel:
     """Calibration of the overhead camera and the catalogue of tags, for one step of the plan.
 
-    It holds where a tag sits on its body, and never where a body stands.
+    It holds where a tag is on its body, and never where a body stands.
 
     Attributes:
-        camera: Intrinsics.
+        camera: Intrinsics of the overhead camera.
         X_WC: Pose of the camera, by calibration.
-        tags: Tag id -> the body that carries it and the tag's corners in that body's frame.
-        radii: Obstacle -> radius of the circle about its footprint [m]; also of those not there yet.
-        units: All units.
-        own: The docking unit.
-        target: The unit it docks to.
-        X_TD: The dock frame of the target port in the target unit's frame.
-        pair: The docking unit's drive, by calibration.
-        noise: Covariance, shape (3, 3) [m, rad], that global localisation is said to have beyond the
-            camera's noise.
+        tags: Tag id -> the body that carries the tag, and the tag's corners in that body's frame.
+        obstacle_radius: Obstacle -> radius of the circle about its footprint [m]; also of those that appear
+            later.
+        units: Names of all units.
+        own: Name of the docking unit.
+        target: Name of the unit that is docked to.
+        X_TD: Dock frame of the target port in the target unit's frame.
+        target_model: Calibration of the docking unit's drive.
+        noise: Covariance, shape (3, 3) [m, rad], of global localisation beyond the camera's noise, by data
+            sheet.
     """
 
     camera: PinholeCamera
     X_WC: SE3
     tags: Mapping[int, FlatTag]
-    radii: Mapping[str, float]
+    obstacle_radius: Mapping[str, float]
     units: tuple[str, ...]
     own: str
     target: str
     X_TD: SE2
-    pair: TargetModel
+    target_model: TargetModel
     noise: Array
 
     @classmethod
@@ -76,12 +77,14 @@ class OverheadModel:
             camera=spec.pinhole,
             X_WC=overhead_pose(spec),
             tags=MappingProxyType(tags),
-            radii=MappingProxyType({name: o.radius_m for name, o in scene.obstacles.items() if name in seen}),
+            obstacle_radius=MappingProxyType(
+                {name: o.radius_m for name, o in scene.obstacles.items() if name in seen}
+            ),
             units=tuple(scene.units),
             own=step.unit,
             target=step.target_unit,
             X_TD=scene.geometry(step.target_unit).dock_frame(step.target_port),
-            pair=TargetModel.from_scene(scene, step),
+            target_model=TargetModel.from_scene(scene, step),
             noise=np.diag([errors.noise_m**2, errors.noise_m**2, yaw**2]),
         )
 
@@ -89,11 +92,6 @@ class OverheadModel:
     def tag_of(self) -> Mapping[str, int]:
         """Body -> id of the tag on top of it."""
         return MappingProxyType({tag.name: tag_id for tag_id, tag in self.tags.items()})
-
-    @cached_property
-    def obstacle_radius(self) -> Mapping[int, float]:
-        """Tag id -> radius of the obstacle that carries it [m]."""
-        return MappingProxyType({self.tag_of[name]: radius for name, radius in self.radii.items()})
 
     @cached_property
     def largest_tag_px(self) -> float:
@@ -108,11 +106,11 @@ class OverheadModel:
         )
 
     def square(self, middle_W: Array, half_m: float) -> Window:
-        """Return the pixels, inside the frame or not, of an upright square as high as the docking unit's tag.
+        """Return the window, inside the frame or not, of a square at the height of the docking unit's tag.
 
         Args:
-            middle_W: Its middle, shape (2,) [m].
-            half_m: Half its edge [m].
+            middle_W: Middle of the square, shape (2,) [m].
+            half_m: Half the edge of the square [m].
         """
         height = self.tags[self.tag_of[self.own]].height
         corners = np.array([[x, y, height] for x in (-half_m, half_m) for y in (-half_m, half_m)])
@@ -120,5 +118,5 @@ class OverheadModel:
         return Window.around(self.camera.project(self.X_WC.inverse().act(corners)), 0.0)
 
     def localizer(self, corner_sigma_px: float) -> GlobalLocalizer:
-        """Return what turns this camera's detections into poses."""
+        """Return the localizer for this camera's detections."""
         return GlobalLocalizer(self.camera, self.X_WC, self.tags, corner_sigma_px)

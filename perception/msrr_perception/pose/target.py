@@ -1,4 +1,4 @@
-"""All that perception knows of the pair: its own camera and drive, and where the target's tags are."""
+"""The known geometry of a docking pair: the unit's own camera and drive, and the target's tags."""
 
 from __future__ import annotations
 
@@ -13,14 +13,22 @@ from msrr_perception.kernels.project import Optics
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
-from msrr_scenes.specs.los_geometry import LosSpec
-from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.plan import DockStep, LosSpec
 from msrr_scenes.specs.scene import Scene
 
-#: How far the LOS points of the scene may lie from the tag edges of the URDF [m]; scenes round to 0.1 mm.
+#: Largest distance of the LOS points of the scene from the tag edges of the URDF [m]; scenes round to 0.1 mm.
 _EDGE_TOLERANCE_M = 0.002
+
+#: Index of the yaw in a state or pose vector.
+YAW = 2
+
+
+def pose_vector(X_DU: SE2, pitch: float = 0.0, roll: float = 0.0) -> Array:
+    """Return ``(x, y, yaw, pitch, roll)``, shape (5,) [m, rad]."""
+    return np.array([X_DU.x, X_DU.y, X_DU.yaw, pitch, roll])
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +36,7 @@ class TagEdge:
     """An upright black edge of a tag.
 
     Attributes:
-        tag_id: The tag.
+        tag_id: Id of the tag.
         corners: Indices of the edge's two corners in the order of ``tag_corners``.
     """
 
@@ -38,21 +46,21 @@ class TagEdge:
 
 @dataclass(frozen=True, eq=False)
 class TargetModel:
-    """The docking unit's calibration and its map of the target.
+    """The docking unit's calibration and the map of the target's tags.
 
     The floor is flat and every height is known, so that the relative pose is ``X_DU``: x, y and yaw of the
     docking unit U in the dock frame D of the target port.
 
     Attributes:
-        camera_name: The camera that looks, ``<unit>/onboard``.
-        camera: Its intrinsics.
-        X_UC: Its optical frame in U, by calibration.
-        corners_D: Tag id -> corners in D, shape (4, 3) [m]; every tag of the target unit.
-        port_tags: Ids of the tags of the target port itself.
-        edges: The left and the right edge of the LOS target (left: +y in D).
-        wheel_radius: Of the docking unit, by calibration [m].
-        track: Of the docking unit, by calibration [m].
-        front: How far the docking port's face is ahead of U [m].
+        camera_name: Name of the docking unit's camera, ``<unit>/onboard``.
+        camera: Intrinsics of that camera.
+        X_UC: Optical frame of that camera in U, by calibration.
+        corners_D: Tag id -> corners in D, shape (4, 3) [m], of every tag of the target unit.
+        port_tags: Ids of the tags of the target port.
+        edges: Left and right edge of the LOS target (left: +y in D).
+        wheel_radius: Wheel radius of the docking unit, by calibration [m].
+        track: Distance between the wheels of the docking unit, by calibration [m].
+        front: Distance of the docking port's face ahead of U [m].
     """
 
     camera_name: str
@@ -67,11 +75,11 @@ class TargetModel:
 
     @classmethod
     def from_scene(cls, scene: Scene, step: DockStep) -> TargetModel:
-        """Build from the scene's geometry for one step of its plan.
+        """Build from the scene's geometry for one step of the plan.
 
         Raises:
-            GeometryError: A URDF without the frames named.
-            SceneError: The target port has no tags, or none ends where the scene's LOS target is.
+            GeometryError: A URDF lacks a frame.
+            SceneError: The target port has no tags, or no tag edge lies where the scene's LOS target is.
         """
         own, target = scene.geometry(step.unit), scene.geometry(step.target_unit)
         X_DT = SE3.from_se2(target.dock_frame(step.target_port)).inverse()
@@ -98,31 +106,26 @@ class TargetModel:
 
     @cached_property
     def X_CU(self) -> SE3:
-        """U in the camera's optical frame."""
+        """Frame U in the camera's optical frame."""
         return self.X_UC.inverse()
 
     @cached_property
     def optics(self) -> Optics:
-        """Camera and mounting as the kernels are compiled for them: the rotation lies by columns."""
+        """Camera and mounting in the layout that the kernels are compiled for: rotation in column order."""
         R_CU = np.array(self.X_CU.R, order="F")
         return Optics(R_CU, np.array(self.X_UC.p), self.camera.focal, self.camera.cx, self.camera.cy)
 
     @cached_property
-    def edge_points_D(self) -> Array:
-        """Middles of the LOS target's left and right edge in D, shape (2, 3) [m]."""
-        return np.stack([self.corners_D[e.tag_id][list(e.corners)].mean(axis=0) for e in self.edges])
+    def edge_points_D(self) -> tuple[list[float], list[float]]:
+        """Middles (x, y, z) of the LOS target's left and right edge in D [m], as lists for speed."""
+        left, right = (self.corners_D[e.tag_id][list(e.corners)].mean(axis=0).tolist() for e in self.edges)
+        return left, right
 
     @cached_property
-    def edge_places_D(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-        """The same points as numbers: asked for at every control instant, where arrays of two are slow."""
-        (lx, ly, lz), (rx, ry, rz) = self.edge_points_D.tolist()
-        return (lx, ly, lz), (rx, ry, rz)
-
-    @cached_property
-    def sideways_and_ahead(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Rows x and z of X_CU, each (R, R, R, p), as numbers."""
-        x, _, z = np.column_stack([self.X_CU.R, self.X_CU.p]).tolist()
-        return tuple(x), tuple(z)
+    def lateral_and_depth_rows(self) -> tuple[list[float], list[float]]:
+        """Rows x and z of X_CU, each (R, R, R, p)."""
+        lateral, _, depth = np.column_stack([self.X_CU.R, self.X_CU.p]).tolist()
+        return lateral, depth
 
     @cached_property
     def all_corners_D(self) -> Array:

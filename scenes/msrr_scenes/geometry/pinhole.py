@@ -1,4 +1,4 @@
-"""The pinhole camera and pixel windows, shared by the renderer (pixels out) and perception (pixels in).
+"""The pinhole camera and pixel windows, shared by renderers and perception.
 
 Pixels are counted from pixel centres, as in OpenCV: the centre of the upper left pixel is (0, 0) and
 the image spans [-0.5, W - 0.5] x [-0.5, H - 0.5]. The camera frame C is OpenCV's: z forward, x right,
@@ -46,7 +46,7 @@ class Window:
         return self.width * self.height
 
     def contains(self, other: Window) -> bool:
-        """Say whether ``other`` lies inside this window."""
+        """Return whether ``other`` lies inside this window."""
         return (
             self.x <= other.x
             and self.y <= other.y
@@ -119,7 +119,7 @@ class PinholeCamera:
     def project(self, p_C: ArrayLike) -> Array:
         """Project points of the camera frame, shape (..., 3) [m], to pixels, shape (..., 2).
 
-        The caller sees to it that z > 0; points behind the camera give meaningless pixels.
+        The points have to lie in front of the camera (z > 0); the pixels of others are meaningless.
         """
         p = np.asarray(p_C, dtype=np.float64)
         z = p[..., 2]
@@ -137,7 +137,7 @@ class PinholeCamera:
         return np.arctan2(self.cx - np.asarray(column, dtype=np.float64), self.focal)
 
     def sees(self, p_C: ArrayLike, margin: float = 0.0) -> NDArray[np.bool_]:
-        """Say which points, shape (..., 3), fall inside the image by at least ``margin`` [px]."""
+        """Return which points, shape (..., 3), lie inside the image by at least ``margin`` [px]."""
         p = np.asarray(p_C, dtype=np.float64)
         front = p[..., 2] > 1e-6
         u = self.project(np.where(front[..., None], p, np.array([0.0, 0.0, 1.0])))

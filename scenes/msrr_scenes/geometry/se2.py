@@ -39,14 +39,12 @@ class SE2:
     @classmethod
     def exp(cls, dx: float, dy: float, dyaw: float) -> SE2:
         """Integrate the constant body twist ``(dx, dy, dyaw)`` [m, m, rad] over unit time."""
-        if abs(dyaw) < 1e-6:  # series: what follows divides by the turn
+        if abs(dyaw) < 1e-6:  # a series, because the quotients below are undefined at 0
             sinc, cosc = 1.0 - dyaw * dyaw / 6.0, dyaw / 2.0
         else:
             half = 0.5 * dyaw
-            sinc, cosc = (
-                math.sin(dyaw) / dyaw,
-                math.sin(half) ** 2 / half,
-            )  # (1-cos(t))/t without cancellation
+            # The second is (1 - cos(dyaw)) / dyaw without cancellation.
+            sinc, cosc = math.sin(dyaw) / dyaw, math.sin(half) ** 2 / half
         return cls(sinc * dx - cosc * dy, cosc * dx + sinc * dy, dyaw)
 
     def log(self) -> Array:
@@ -74,11 +72,6 @@ class SE2:
         return np.stack(
             [self.x + c * p[..., 0] - s * p[..., 1], self.y + s * p[..., 0] + c * p[..., 1]], axis=-1
         )
-
-    def adjoint(self) -> Array:
-        """Return the (3, 3) matrix that takes a body twist ``(x, y, yaw)`` in B to the same twist in A."""
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return np.array([[c, -s, self.y], [s, c, -self.x], [0.0, 0.0, 1.0]])
 
     @property
     def translation(self) -> Array:

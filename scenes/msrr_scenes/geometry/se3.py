@@ -1,4 +1,4 @@
-"""SE(3): poses in space, in the same monogram notation as :mod:`msrr_scenes.geometry.se2`."""
+"""SE(3): poses in space, in the monogram notation of :mod:`msrr_scenes.geometry.se2`."""
 
 from __future__ import annotations
 

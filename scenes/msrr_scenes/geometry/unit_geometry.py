@@ -3,9 +3,9 @@
 A unit's URDF names the frames that matter as links: ``axle`` (frame U: on the ground under the middle of the
 axle, x forward), ``camera`` (x along the optical axis), ``port_<name>`` (on the ground under the port's
 face, x out of the face), ``tag_top`` and, for each passive port, ``port_<name>_marker_{left,middle,right}``
-(tag frames: x right, y down, z into the tag, as an onlooker sees it). The lock needs the links
-``pin_{left,right}`` and, for each passive port, ``port_<name>_hole_{left,right}``: the bottoms of the holes.
-Any URDF with these frames works.
+(tag frames: x right, y down, z into the tag, as a viewer in front of the tag sees it). The lock needs the
+links ``pin_{left,right}`` and, for each passive port, ``port_<name>_hole_{left,right}``: the bottoms of the
+holes. Any URDF with these frames works.
 """
 
 from __future__ import annotations
@@ -19,47 +19,38 @@ from xml.etree import ElementTree
 import numpy as np
 
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import GeometryError
+from msrr_scenes.errors import GeometryError, SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.solid import Solid, convex_hull
 
 #: Rotation by pi: from a port's frame P (x out of the face) to its dock frame D (x into the unit).
 X_PD = SE2(0.0, 0.0, math.pi)
 
-MARKER_SLOTS = ("left", "middle", "right")
+_PACKAGE = Path(__file__).resolve().parents[1]
 
 
-@dataclass(frozen=True, eq=False)
-class Solid:
-    """A collision shape of the unit.
+def urdf_folder() -> Path:
+    """Return the folder of the shipped URDFs: inside the package when installed, ``urdf/`` in a checkout."""
+    installed = _PACKAGE / "urdf"
+    return installed if installed.is_dir() else _PACKAGE.parents[1] / "urdf"
 
-    Attributes:
-        link: Link that carries it.
-        kind: ``box``, ``cylinder``, ``sphere`` or ``mesh``.
-        X_UG: The shape's own frame in U, all joints at zero.
-        size: Box: full edges (3,); cylinder: radius, length; sphere: radius; mesh: scale (3,). [m]
-        mesh: File of a mesh.
+
+def find_urdf(name: str, beside: Path | None = None) -> Path:
+    """Return the path of a URDF file.
+
+    Args:
+        name: File name.
+        beside: Folder of the scene file, searched before the working folder and the shipped URDFs.
+
+    Raises:
+        SceneError: None of these folders holds the file.
     """
-
-    link: str
-    kind: str
-    X_UG: SE3
-    size: tuple[float, ...]
-    mesh: Path | None = None
-
-    def outline(self) -> Array:
-        """Return points in U, shape (N, 2) [m], whose convex hull is the shape's shadow on the ground.
-
-        Round shapes are given by 32 points on the circle.
-        """
-        return _outline(self)
-
-    def points(self) -> Array:
-        """Return points in U, shape (N, 3) [m], whose convex hull is the shape.
-
-        Round shapes are given by 32 points on each circle.
-        """
-        return _points(self)
+    for folder in ([beside] if beside else []) + [Path.cwd(), urdf_folder()]:
+        path = folder / name
+        if path.is_file():
+            return path
+    raise SceneError(f"no URDF named {name!r} beside the scene, in the working folder or in {urdf_folder()}")
 
 
 def tag_corners(size: float) -> Array:
@@ -73,13 +64,13 @@ def tag_corners(size: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class UnitGeometry:
-    """Frames and shapes of a unit with all joints at zero.
+    """The frames and collision shapes of a unit with all joints at zero.
 
     Attributes:
-        urdf: File it was read from.
+        urdf: URDF file of the unit.
         frames: ``X_UF`` of every link F.
         solids: Collision shapes.
-        wheel_radius: [m].
+        wheel_radius: Radius of the wheels [m].
         track: Distance between the wheels' contact points [m].
     """
 
@@ -90,7 +81,11 @@ class UnitGeometry:
     track: float
 
     def frame(self, name: str) -> SE3:
-        """Return ``X_UF`` of link ``name``; an unknown name lists the ones that exist."""
+        """Return ``X_UF`` of link ``name``.
+
+        Raises:
+            GeometryError: The unit has no such link; the message lists those that it has.
+        """
         try:
             return self.frames[name]
         except KeyError:
@@ -113,11 +108,11 @@ class UnitGeometry:
         return tuple(p for p in self.ports if f"port_{p}_marker_left" in self.frames)
 
     def port(self, name: str) -> SE2:
-        """Return ``X_UP`` of a port: on its face, x outwards."""
+        """Return ``X_UP`` of a port: the origin is on the face, x points out of the unit."""
         return self.frame(f"port_{name}").to_se2()
 
     def dock_frame(self, name: str) -> SE2:
-        """Return ``X_UD`` of a port: on its face, x into the unit."""
+        """Return ``X_UD`` of a port: the origin is on the face, x points into the unit."""
         return self.port(name) @ X_PD
 
     def control_offset(self, port: str) -> float:
@@ -126,67 +121,26 @@ class UnitGeometry:
 
     @cached_property
     def tag_slots(self) -> tuple[str, ...]:
-        """Links that carry a tag in the order of their ids: top, then per port left, middle, right."""
+        """Links that carry a tag, in the order of the tag ids: top, then per port left, middle, right."""
         slots = ["tag_top"] if "tag_top" in self.frames else []
         for port in self.passive_ports:
-            slots += [f"port_{port}_marker_{s}" for s in MARKER_SLOTS]
+            slots += [f"port_{port}_marker_{side}" for side in ("left", "middle", "right")]
         return tuple(slots)
 
     @cached_property
     def mechanism(self) -> tuple[str, ...]:
-        """Links of the lock: pins of the active port and bottoms of the holes of the passive ones."""
+        """Links of the lock: the pins of the active port and the bottoms of the passive ports' holes."""
         return tuple(name for name in self.frames if name.startswith("pin_") or "_hole_" in name)
 
     @cached_property
     def footprint(self) -> Array:
         """Convex outline of all shapes on the ground, shape (N, 2) [m], counter-clockwise."""
-        from scipy.spatial import ConvexHull
-
-        points = np.concatenate([_outline(s) for s in self.solids])
-        hull: Array = points[ConvexHull(points).vertices]
-        return hull
+        return convex_hull(np.concatenate([solid.outline() for solid in self.solids]))
 
     @cached_property
     def circumradius(self) -> float:
         """Largest distance of the footprint from the axle's middle [m]."""
         return float(np.linalg.norm(self.footprint, axis=1).max())
-
-
-def _outline(solid: Solid) -> Array:
-    if solid.kind == "sphere":
-        return solid.X_UG.p[:2] + solid.size[0] * _circle()
-    return _points(solid)[:, :2]
-
-
-def _points(solid: Solid) -> Array:
-    if solid.kind == "box":
-        corners = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
-        return solid.X_UG.act(corners * np.asarray(solid.size))
-    if solid.kind == "cylinder":
-        radius, length = solid.size
-        ring = np.column_stack([radius * _circle(), np.full(32, 0.5 * length)])
-        return solid.X_UG.act(np.concatenate([ring, ring * np.array([1.0, 1.0, -1.0])]))
-    if solid.kind == "sphere":
-        rings = [
-            np.column_stack([math.cos(a) * _circle(), np.full(32, math.sin(a))])
-            for a in np.linspace(-0.5 * math.pi, 0.5 * math.pi, 9)
-        ]
-        return solid.X_UG.act(solid.size[0] * np.concatenate(rings))
-    assert solid.mesh is not None
-    return solid.X_UG.act(obj_vertices(solid.mesh) * np.asarray(solid.size))
-
-
-def _circle() -> Array:
-    t = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
-    return np.stack([np.cos(t), np.sin(t)], axis=1)
-
-
-def obj_vertices(path: Path) -> Array:
-    """Return the vertices of an OBJ file, shape (N, 3)."""
-    rows = [line.split()[1:4] for line in path.read_text().splitlines() if line.startswith("v ")]
-    if not rows:
-        raise GeometryError(f"{path}: no vertices in this mesh")
-    return np.array(rows, dtype=np.float64)
 
 
 def urdf_origin(element: ElementTree.Element | None) -> SE3:

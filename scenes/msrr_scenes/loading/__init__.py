@@ -1,1 +1,5 @@
-"""msrr_scenes.loading."""
+"""Loading: scene files read, overridden and checked, every mistake answered with file, line, key and mend."""
+
+from msrr_scenes.loading.load import check_scene, find_scene, load_scene, scene_hash, shipped_scenes
+
+__all__ = ["check_scene", "find_scene", "load_scene", "scene_hash", "shipped_scenes"]

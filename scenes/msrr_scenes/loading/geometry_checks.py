@@ -1,4 +1,4 @@
-"""Checks of where things stand and what the cameras see of them, over everything a start may be."""
+"""Checks of overlaps, the arena and the cameras' views, over every possible start."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from msrr_scenes.specs.scene import Scene
 
 
 def geometry_problems(scene: Scene) -> list[Problem]:
-    """Return overlaps, bodies outside the arena or out of all sight, and targets too wide for the cone."""
+    """Return overlaps, bodies outside the arena or unseen, and targets too wide for the cone."""
     placed = [*_overlaps(scene), *_outside(scene)]
     return [*placed, *_too_wide(scene), *(() if placed else _unseen(scene))]
 
@@ -35,7 +35,7 @@ def _spread(scene: Scene, *names: str) -> str:
 
 
 def _overlaps(scene: Scene) -> Iterator[Problem]:
-    # What appears later is placed into a scene that has moved on: only the trial can tell.
+    # Bodies have moved by the time a late obstacle appears, so only the trial can check it.
     late = {name for name, body in scene.obstacles.items() if body.appears_at_s > 0.0}
     for a, b in itertools.combinations([*scene.units, *scene.obstacles], 2):
         if not {a, b} & late and may_overlap(scene, a, b):
@@ -58,7 +58,7 @@ def _outside(scene: Scene) -> Iterator[Problem]:
 
 
 def _too_wide(scene: Scene) -> Iterator[Problem]:
-    # Seated, the edges have to lie inside the inner bound, or the correction holds the unit off the port.
+    # At contact the edges have to lie inside the inner bound, or the correction keeps the unit off the port.
     los = scene.los
     for i, step in enumerate(scene.plan):
         geometry = scene.geometry(step.unit)
@@ -89,7 +89,7 @@ def _unseen(scene: Scene) -> Iterator[Problem]:
             "frame"
         )
         yield Problem(_path(scene, unit), text)
-        aimed.add(unit)  # said already
+        aimed.add(unit)  # one problem per unit is enough
     for unit in scene.units:
         if unit in aimed or _seen_from_above(scene, unit) or _seen_by_another(scene, unit, placed):
             continue

@@ -1,4 +1,4 @@
-"""Reading scene files: YAML to a checked :class:`Scene`, with errors that name file, line, key and mend."""
+"""Scene files: found by name, read from YAML, checked, and turned into a :class:`Scene`."""
 
 from __future__ import annotations
 
@@ -11,18 +11,45 @@ from xml.etree import ElementTree
 
 from pydantic import ValidationError
 
-from msrr_scenes.errors import SceneError
-from msrr_scenes.geometry.assets import find_scene
-from msrr_scenes.loading.checks import problems_in
-from msrr_scenes.loading.marked_yaml import Marked, apply_overrides, parse_document
+from msrr_scenes.errors import GeometryError, SceneError, UnknownNameError
+from msrr_scenes.loading.geometry_checks import geometry_problems
 from msrr_scenes.loading.problems import Problem, dotted
+from msrr_scenes.loading.reference_checks import port_problems, reference_problems, value_problems
 from msrr_scenes.loading.validation_errors import explain
+from msrr_scenes.loading.yaml_document import YamlDocument, apply_overrides, parse_document
 from msrr_scenes.specs.scene import Scene
 
 #: How many problems one message lists before it only counts the rest.
 MAX_LISTED = 8
 
+#: Folder of the shipped scene files.
+LIBRARY = Path(__file__).resolve().parents[1] / "library"
+
 _NONE: Mapping[str, str] = MappingProxyType({})
+
+
+def shipped_scenes() -> tuple[str, ...]:
+    """Return the names of the shipped scenes, sorted."""
+    return tuple(sorted(path.stem for path in LIBRARY.glob("*.yaml")))
+
+
+def find_scene(name_or_path: str) -> Path:
+    """Return the file of a scene, given by its path or by the name of a shipped scene.
+
+    Raises:
+        SceneError: There is no file at the path.
+        UnknownNameError: No shipped scene has this name.
+    """
+    path = Path(name_or_path)
+    if path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
+        if not path.is_file():
+            raise SceneError(f"{name_or_path}: no such scene file")
+        return path
+    shipped = LIBRARY / f"{name_or_path}.yaml"
+    if not shipped.is_file():
+        hint = "A file of your own is named by its path."
+        raise UnknownNameError("scene", name_or_path, shipped_scenes(), hint)
+    return shipped
 
 
 def load_scene(name_or_path: str | Path, overrides: Mapping[str, str] = _NONE) -> Scene:
@@ -31,12 +58,12 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, str] = _NONE) -
     Args:
         name_or_path: Name of a shipped scene, or path of a scene file.
         overrides: Dotted keys and their values as YAML text, ``{"cameras.onboard.noise_grey": "8"}``; list
-            items by index (``plan.0.to``). They are written into the file's content before it is checked.
+            items by index (``plan.0.to``). They replace the file's values before these are checked.
 
     Raises:
-        SceneError: Anything that makes the scene unusable, in one message: file and line, key, what was
-            expected, the nearest valid key.
-        UnknownNameError: No shipped scene of that name.
+        SceneError: The scene is unusable; one message lists every problem with file and line, key, what was
+            expected, and the nearest valid key.
+        UnknownNameError: No shipped scene has this name.
     """
     path = find_scene(str(name_or_path))
     try:
@@ -51,23 +78,23 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, str] = _NONE) -
         raise SceneError(f"{document.origin(('source',))}: source: unknown key; it is set by the program")
     document.data.setdefault("name", path.stem)
     scene = _validate(document, path)
-    _refuse(document, problems_in(scene))
+    _refuse(document, _contradictions(scene))
     return scene
 
 
 def check_scene(scene: Scene) -> None:
-    """Check a scene that was built in Python across its fields, as :func:`load_scene` does for a file.
+    """Check a scene that was built in Python for contradictions, as :func:`load_scene` does for a file.
 
     Raises:
-        SceneError: All problems found, in one message.
+        SceneError: The scene is unusable; one message lists every problem.
     """
-    _refuse(Marked({}), problems_in(scene))
+    _refuse(YamlDocument({}), _contradictions(scene))
 
 
 def scene_hash(scene: Scene) -> str:
-    """Return a digest of everything in a scene that can change a trial: all its values, URDFs and meshes.
+    """Return a digest of everything in a scene that can change a trial: its values, URDFs and meshes.
 
-    The description and the place of the file do not count.
+    The description and the path of the file do not count.
     """
     values = scene.model_dump(mode="json", exclude={"description", "source"})
     digest = hashlib.blake2b(digest_size=16)
@@ -79,12 +106,12 @@ def scene_hash(scene: Scene) -> str:
 
 
 def _files_of(urdf: Path) -> list[Path]:
-    """Return the URDF and the files it names, in the order of naming."""
+    """Return the URDF and the files that it names, in the order of naming."""
     named = [e.attrib["filename"] for e in ElementTree.parse(urdf).iter() if "filename" in e.attrib]
     return [urdf, *(p for p in (urdf.parent / name for name in dict.fromkeys(named)) if p.is_file())]
 
 
-def _validate(document: Marked, path: Path) -> Scene:
+def _validate(document: YamlDocument, path: Path) -> Scene:
     try:
         scene = Scene.model_validate(document.data)
     except ValidationError as error:
@@ -94,7 +121,24 @@ def _validate(document: Marked, path: Path) -> Scene:
     return scene.model_copy(update={"source": path.resolve()})
 
 
-def _refuse(document: Marked, problems: list[Problem]) -> None:
+def _contradictions(scene: Scene) -> list[Problem]:
+    """Return everything that makes a scene unusable although each of its values is allowed.
+
+    Later checks need what earlier ones establish (a unit has to exist before its port can), so the list
+    ends with the first stage that finds something.
+    """
+    problems = [*reference_problems(scene), *value_problems(scene)]
+    if problems:
+        return problems
+    for unit in scene.units:
+        try:
+            _ = scene.geometry(unit).footprint
+        except (GeometryError, SceneError) as error:
+            problems.append(Problem(("units", unit, "urdf"), str(error)))
+    return problems or port_problems(scene) or geometry_problems(scene)
+
+
+def _refuse(document: YamlDocument, problems: list[Problem]) -> None:
     if not problems:
         return
     unique = list(dict.fromkeys(problems))

@@ -1,12 +1,10 @@
-"""A problem found in a scene: where it is and how to mend it."""
+"""A problem in a scene, with its key path and the way to mend it."""
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
 from dataclasses import dataclass
 
-#: Where a value sits in a scene: keys of mappings and indices of lists.
+#: Path of a value in a scene: keys of mappings and indices of lists.
 KeyPath = tuple[str | int, ...]
 
 
@@ -17,20 +15,14 @@ def dotted(path: KeyPath) -> str:
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that makes a scene unusable.
+    """A reason why a scene is unusable.
 
     Attributes:
         path: Key path of the value at fault.
-        text: What was expected, what was found, and the mend.
-        rank: Problems of a higher rank may only follow from others and are listed last.
+        text: What was expected, what was found, and how to mend it.
+        rank: Order in the message; problems of a higher rank may only follow from others and come last.
     """
 
     path: KeyPath
     text: str
     rank: int = 0
-
-
-def nearest(name: object, valid: Iterable[str]) -> str:
-    """Return ``; did you mean 'x'?`` for the valid name most like ``name``, or just the full stop."""
-    near = difflib.get_close_matches(str(name), list(valid), n=1)
-    return f"; did you mean {near[0]!r}?" if near else "."

@@ -1,17 +1,18 @@
-"""Checks of names and numbers: everything that is referred to exists, and nothing is given out twice."""
+"""Checks of names and numbers: every reference exists, and no number is used twice."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 
-from msrr_scenes.loading.problems import KeyPath, Problem, nearest
+from msrr_scenes.errors import nearest
+from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.placement.placement import split_frame
 from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
 
-#: AprilTag 36h11 has 587 members.
+#: Highest id of the AprilTag family 36h11, which has 587 members.
 LAST_TAG = 586
 
 
@@ -30,7 +31,7 @@ def camera_names(scene: Scene) -> list[str]:
 
 
 def reference_problems(scene: Scene) -> list[Problem]:
-    """Return names that nobody bears, poses that hang on themselves and numbers given out twice."""
+    """Return references to unknown names, poses relative to themselves, and numbers used twice."""
     problems: list[Problem] = []
 
     def known(path: KeyPath, unit: str) -> None:
@@ -90,7 +91,7 @@ def _numbers_twice(scene: Scene) -> Iterator[Problem]:
 
 
 def value_problems(scene: Scene) -> list[Problem]:
-    """Return pairs of values that contradict each other."""
+    """Return values that contradict each other."""
     problems: list[Problem] = []
     for axis in ("x_m", "y_m"):
         low, high = getattr(scene.arena, axis)
@@ -119,7 +120,7 @@ def value_problems(scene: Scene) -> list[Problem]:
 
 
 def port_problems(scene: Scene) -> list[Problem]:
-    """Return ports that a unit does not have or that cannot do what is asked, and tag ids used twice."""
+    """Return ports that do not exist or are of the wrong kind, and tag ids used twice."""
     problems: list[Problem] = []
 
     def has(path: KeyPath, unit: str, port: str) -> bool:

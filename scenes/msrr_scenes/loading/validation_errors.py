@@ -1,4 +1,4 @@
-"""Puts what pydantic found wrong into words for somebody who wrote a scene file, not a Python model."""
+"""Translation of pydantic's validation errors into problems for the author of a scene file."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
-from msrr_scenes.loading.marked_yaml import Marked
-from msrr_scenes.loading.problems import KeyPath, Problem, nearest
+from msrr_scenes.errors import nearest
+from msrr_scenes.loading.problems import KeyPath, Problem
+from msrr_scenes.loading.yaml_document import YamlDocument
 from msrr_scenes.specs.scene import Scene
 
 _PATTERNS = {
@@ -22,12 +23,8 @@ _NAME = "a name of lower-case letters, digits and underscores that starts with a
 _NOT_KEYS = {"source"}  # fields that the program fills in
 
 
-def explain(error: ErrorDetails, document: Marked) -> Problem | None:
-    """Turn one pydantic error into a problem of the document it was found in.
-
-    Returns:
-        None for an error that only repeats another one.
-    """
+def explain(error: ErrorDetails, document: YamlDocument) -> Problem | None:
+    """Return the problem that one pydantic error stands for; None if the error only repeats another one."""
     kind, loc, given = error["type"], error["loc"], error["input"]
     path = _written_path(loc, document.data)
     found = _shown(given)
@@ -65,7 +62,7 @@ def _wrong_tag(path: KeyPath, tags: list[str], tag: str | None) -> Problem:
 
 
 def _plainly(message: str, found: str) -> str:
-    """Rewrite pydantic's ``Input should be ...``; other messages stand as they are."""
+    """Rewrite pydantic's ``Input should be ...``; other messages stay as they are."""
     if message.startswith("Value error, "):
         return message.removeprefix("Value error, ")
     head, _, _ = message.partition(", ")
@@ -91,7 +88,7 @@ def _shown(value: Any) -> str:
 
 
 def _written_path(loc: tuple[int | str, ...], data: Any) -> KeyPath:
-    """Keep of a pydantic location what stands in the document: pydantic adds the tags of unions."""
+    """Return a pydantic location without the tags of unions, which are not part of the document."""
     path: KeyPath = ()
     for part in loc:
         in_dict = isinstance(data, dict) and part in data
@@ -117,7 +114,7 @@ def _is_model(annotation: Any) -> bool:
 
 
 def _literals(model: Any) -> list[str]:
-    """Return the values of a model's first Literal field: the tags by which a union tells it."""
+    """Return the values of a model's first Literal field: the tags by which a union selects the model."""
     for field in model.model_fields.values():
         if typing.get_origin(field.annotation) is typing.Literal:
             return [str(v) for v in typing.get_args(field.annotation)]
@@ -125,7 +122,7 @@ def _literals(model: Any) -> list[str]:
 
 
 def _step(annotation: Any, part: int | str) -> Any:
-    """Follow one component of a pydantic location through the types; None where it leads nowhere."""
+    """Follow one component of a pydantic location through the types; None if it leads nowhere."""
     members = _members(annotation)
     if len(members) > 1:
         return next((m for m in members if _is_model(m) and part in _literals(m)), None)

@@ -1,9 +1,7 @@
-"""What travels between the rooms: sensor messages, estimates and decisions.
+"""Messages: the data that sensors, perception, control and the trial exchange.
 
-All are frozen, small, and stamped with integer nanoseconds of simulated time. A measurement carries
-the time of its *exposure*, never of its arrival. None of them carries truth.
-
-Everybody imports them from here.
+All are frozen, small, and stamped with integer nanoseconds of simulated time. A measurement carries the time
+of its *exposure*, never of its arrival. None of them carries truth.
 """
 
 from msrr_scenes.messages.decisions import (

@@ -1,4 +1,4 @@
-"""What control decides, and what the robot holds true about its docking."""
+"""Messages of control: commands, the path of the long-distance phase, and the robot's belief."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from enum import Enum
 
 @dataclass(frozen=True, slots=True)
 class AssemblyProgress:
-    """The long-distance phase at one control instant, as the unit has it; points in the world frame W.
+    """The state of the long-distance phase at one control instant; points in the world frame W.
 
     Attributes:
         stamp_ns: Time of the decision.
         stage: ``localise``, ``brake``, ``plan``, ``turn``, ``drive`` or ``settle``.
-        path: Number of the path under way, counted from 1; 0 before the first.
-        tip: Controlled point, estimated [m].
-        desired: Point p_d of the path where the controlled point should be now [m].
-        reference: Point phi1 that the upper layer lets it go to [m].
+        path: Number of the current path, counted from 1; 0 before the first.
+        tip: Estimated position of the controlled point [m].
+        desired: Point p_d of the path at which the controlled point should be now [m].
+        reference: Point phi1 to which the upper layer sends the controlled point [m].
         s: Arc length of ``desired`` on the path [m].
         arc_end: Arc length at which the path's last arc ends [m].
         length: Length of the path [m].
-        avoiding: Obstacle whose wall stands now, None if none does.
-        reason: Why the stage was entered.
+        avoiding: Obstacle that is being avoided, None if there is none.
+        reason: Why the stage was entered, in words.
     """
 
     stamp_ns: int
@@ -42,11 +42,11 @@ class AssemblyPath:
     """A path that the long-distance phase has chosen.
 
     Attributes:
-        stamp_ns: When.
-        number: Counted from 1.
+        stamp_ns: Time of the decision.
+        number: Number of the path, counted from 1.
         shape: ``arc``, ``around`` or ``staged``.
         points: Points of the controlled point's path in W, every few centimetres [m].
-        reason: Why it was chosen now.
+        reason: Why the path was chosen, in words.
     """
 
     stamp_ns: int
@@ -58,14 +58,14 @@ class AssemblyPath:
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """Body velocity of a differential drive: forward ``v`` [m/s], counter-clockwise ``w`` [rad/s]."""
+    """The body velocity of a differential drive: forward ``v`` [m/s], counter-clockwise ``w`` [rad/s]."""
 
     v: float = 0.0
     w: float = 0.0
 
 
 class Phase(Enum):
-    """Phases of one docking step."""
+    """The phases of one docking step."""
 
     ASSEMBLE = "assemble"
     HAND_OVER = "hand_over"
@@ -79,15 +79,15 @@ class Phase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """What the robot decides at one control instant.
+    """The decision of the robot at one control instant.
 
     Attributes:
         stamp_ns: Time of the decision.
-        phase: Phase it is in.
-        attempt: Counted from 1.
+        phase: Current phase.
+        attempt: Number of the attempt, counted from 1.
         twist: Velocity command.
-        lock: True closes the lock, False opens it.
-        reason: Why the phase was entered, for the log and the reader.
+        lock: Command to the lock: True closes it, False opens it.
+        reason: Why the phase was entered, in words.
     """
 
     stamp_ns: int
@@ -99,7 +99,7 @@ class Action:
 
 
 class Conviction(Enum):
-    """What the robot holds true about a docking step."""
+    """The robot's verdict on a docking step."""
 
     UNDECIDED = "undecided"
     DOCKED = "docked"
@@ -108,27 +108,27 @@ class Conviction(Enum):
 
 
 class FailureReason(Enum):
-    """Why an attempt ended, as far as the robot can tell."""
+    """The reason why an attempt ended, as far as the robot can tell."""
 
     NEVER_DETECTED = "never_detected"  # no measurement of the target in the whole step
-    TARGET_LOST = "target_lost"  # seen before, not seen any more
+    TARGET_LOST = "target_lost"  # seen before, but no longer seen
     UNREADY = "unready"  # seen, but never well enough or never inside the cone
     OFF_AXIS = "off_axis"  # at the port, too far off its axis for the pins to enter
     STALLED = "stalled"  # no progress towards the port, or no seat behind it
-    NOT_LATCHED = "not_latched"  # the cam did not report closed, or the switches opened meanwhile
-    NOT_VERIFIED = "not_verified"  # latched, but what is seen is not a seated unit
-    NOT_LOCALISED = "not_localised"  # global localisation does not know, or no longer, where the unit stands
-    BLOCKED = "blocked"  # no way to the place in front of the port
+    NOT_LATCHED = "not_latched"  # the lock did not report closed, or the switches opened meanwhile
+    NOT_VERIFIED = "not_verified"  # latched, but the pose seen is not that of a seated unit
+    NOT_LOCALISED = "not_localised"  # global localisation does not know where the unit stands
+    BLOCKED = "blocked"  # no free path to the place in front of the port
 
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """What the robot says about the docking step; the judge knows better.
+    """The robot's own account of the docking step, which the judge compares with the truth.
 
     Attributes:
-        conviction: Its verdict so far.
-        setback: Why the last attempt failed; None while none has.
-        reason: The same in words, with figures.
+        conviction: Verdict so far.
+        setback: Reason why the last attempt failed; None while none has.
+        reason: That reason in words, with figures.
     """
 
     conviction: Conviction = Conviction.UNDECIDED

@@ -1,4 +1,4 @@
-"""What perception makes of it: poses, the line of sight, the situation in the arena."""
+"""Messages of perception: estimated poses, the line of sight, and the bodies in the arena."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class PoseEstimate:
     """A filtered planar pose.
 
     Attributes:
-        stamp_ns: The time that the estimate speaks of (the last exposure when delay compensation is off).
-        X_DU: The unit in the dock frame D of its target (x into the docked unit).
-        covariance: Of (x, y, yaw) in D, shape (3, 3) [m, rad].
+        stamp_ns: Time of the pose (of the last exposure when delay compensation is off).
+        X_DU: Pose of the unit in the dock frame D of its target (x into the docked unit).
+        covariance: Covariance of (x, y, yaw) in D, shape (3, 3) [m, rad].
         last_seen_ns: Exposure time of the last measurement that passed the gate.
     """
 
@@ -28,7 +28,7 @@ class PoseEstimate:
 
 
 class LosStatus(Enum):
-    """How the line-of-sight angles of the target came about."""
+    """The origin of the line-of-sight angles."""
 
     SEEN = "seen"
     PREDICTED = "predicted"
@@ -37,14 +37,14 @@ class LosStatus(Enum):
 
 @dataclass(frozen=True, slots=True)
 class LosObservation:
-    """Line of sight to the docking target.
+    """The line of sight to the docking target.
 
     Attributes:
-        stamp_ns: Time the angles speak of.
+        stamp_ns: Time of the angles.
         left: Angle from the camera's axis to the target's left edge, counter-clockwise positive [rad].
-        right: The same for the right edge [rad].
-        margin: Smallest distance of a seen edge to the border of the field of view [rad]; negative: outside.
-        status: Measured in the image, predicted by the filter, or lost.
+        right: Angle from the camera's axis to the target's right edge, counter-clockwise positive [rad].
+        margin: Angle between the outer edge and the border of the field of view [rad]; negative outside.
+        status: Whether the angles are measured in the image, predicted by the filter, or lost.
     """
 
     stamp_ns: int
@@ -59,10 +59,10 @@ class ObstacleEstimate:
     """An obstacle known by its detected tag.
 
     Attributes:
-        name: Which one, by the map from tag ids to kinds of obstacles.
-        stamp_ns: Exposure time of the last sight of it.
-        X_WB: Its middle on the floor.
-        covariance: Of (x, y, yaw) in W, shape (3, 3) [m, rad].
+        name: Name of the obstacle, by the map from tag ids to kinds of obstacles.
+        stamp_ns: Exposure time of the last detection.
+        X_WB: Pose of the middle of the base on the floor.
+        covariance: Covariance of (x, y, yaw) in W, shape (3, 3) [m, rad].
         radius: Radius of the circle about its footprint [m].
     """
 
@@ -75,15 +75,15 @@ class ObstacleEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArenaEstimate:
-    """What global localisation knows at one instant; everything in the world frame W.
+    """The poses of all known bodies at one instant, in the world frame W.
 
     Attributes:
-        stamp_ns: The time that ``own`` speaks of (the last exposure when delay compensation is off).
-        own: The docking unit's frame U.
-        target: Frame U of the unit it docks to.
-        others: Frames U of the remaining units that have been seen.
-        obstacles: Every obstacle that has been seen.
-        last_seen_ns: Exposure time of the last sight of the docking unit itself.
+        stamp_ns: Time of ``own`` (of the last exposure when delay compensation is off).
+        own: Pose of the docking unit.
+        target: Pose of the unit that is docked to.
+        others: Poses of the remaining units that have been seen.
+        obstacles: All obstacles that have been seen.
+        last_seen_ns: Exposure time of the last detection of the docking unit.
     """
 
     stamp_ns: int

@@ -1,4 +1,4 @@
-"""What sensors tell, and the types that images and time are given in."""
+"""Messages of the sensors, and the types of images and time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from msrr_scenes.geometry.se2 import SE2
 
 Pixels = NDArray[np.uint8]
 
-#: Asks the camera for a window of the exposure at hand; returns mono8 pixels, shape (height, width).
+#: Function that reads a window of one exposure; returns mono8 pixels, shape (height, width).
 Fetch = Callable[[Window], Pixels]
 
 NS_PER_S = 1_000_000_000
@@ -28,7 +28,7 @@ def seconds(duration_ns: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Exposure:
-    """One frame of one camera, not yet read out. ``camera`` is ``overhead`` or ``<unit>/onboard``."""
+    """One frame of one camera before readout; ``camera`` is ``overhead`` or ``<unit>/onboard``."""
 
     camera: str
     frame: int
@@ -40,10 +40,10 @@ class TagDetection:
     """One decoded AprilTag.
 
     Attributes:
-        tag_id: Identity in the tag family.
+        tag_id: Id in the tag family.
         corners: Pixels of the full frame (from pixel centres), shape (4, 2), in the order bottom left,
             bottom right, top right, top left of the tag's own image.
-        decision_margin: The detector's confidence in the decoded bits [grey levels].
+        decision_margin: Confidence of the detector in the decoded bits [grey levels].
         hamming: Number of corrected bits.
     """
 
@@ -55,7 +55,7 @@ class TagDetection:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detections:
-    """What the detector found in one exposure, and the windows it was allowed to look at."""
+    """The tags found in one exposure, and the windows that were read."""
 
     exposure: Exposure
     tags: tuple[TagDetection, ...]
@@ -64,10 +64,10 @@ class Detections:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Localisation:
-    """What a global localisation service tells in the place of the overhead camera's own detections.
+    """The output of a global localisation service, in the form of the overhead camera's detections.
 
     Attributes:
-        detections: The tags of one exposure where the service believes them to be.
+        detections: Tags of one exposure at the pixels that follow from the service's erroneous poses.
     """
 
     detections: Detections
@@ -75,12 +75,12 @@ class Localisation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseMeasurement:
-    """A ready-made relative pose, as parametric perception gives it instead of pixels.
+    """A measured relative pose, which parametric perception gives instead of pixels.
 
     Attributes:
         exposure: Camera, frame and time of exposure.
-        X_DU: The unit in the dock frame D of its target.
-        covariance: Of (x, y, yaw) in D, shape (3, 3) [m, rad].
+        X_DU: Pose of the unit in the dock frame D of its target.
+        covariance: Covariance of (x, y, yaw) in D, shape (3, 3) [m, rad].
         edge_bearings: Bearings (left, right) of the LOS target's edges from the camera, counter-clockwise
             positive [rad]; None where that edge is outside the field of view.
     """
@@ -93,7 +93,7 @@ class PoseMeasurement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GlobalPose:
-    """A unit or obstacle located by the overhead camera: ``X_WB`` with covariance (3, 3)."""
+    """The pose of a unit or obstacle in the world, with the covariance (3, 3) of (x, y, yaw) [m, rad]."""
 
     name: str
     stamp_ns: int
@@ -103,7 +103,7 @@ class GlobalPose:
 
 @dataclass(frozen=True, slots=True)
 class WheelOdometry:
-    """Wheel encoder reading: angles turned since power-up, left and right [rad]."""
+    """A wheel encoder reading: angles turned since power-up, left and right [rad]."""
 
     unit: str
     stamp_ns: int
@@ -113,7 +113,7 @@ class WheelOdometry:
 
 @dataclass(frozen=True, slots=True)
 class SeatSwitches:
-    """The switches at the bottom of the two holes, as told by the docked unit to the docking one."""
+    """The switches at the bottom of the two holes, as the docked unit reports them to the docking one."""
 
     unit: str
     stamp_ns: int
@@ -122,12 +122,12 @@ class SeatSwitches:
 
     @property
     def both(self) -> bool:
-        """Both pins are at the bottom of their holes."""
+        """Whether both pins are at the bottom of their holes."""
         return self.left and self.right
 
 
 class LockPosition(Enum):
-    """Where the lock's cam says it is. A cam that closed on nothing says ``closed`` as well."""
+    """The reported position of the lock's actuator, which reports ``closed`` also if it closed on nothing."""
 
     OPEN = "open"
     CLOSING = "closing"
@@ -136,7 +136,7 @@ class LockPosition(Enum):
 
 @dataclass(frozen=True, slots=True)
 class LockFeedback:
-    """Cam encoder of the unit's lock."""
+    """A reading of the lock's position encoder."""
 
     unit: str
     stamp_ns: int

@@ -1,4 +1,4 @@
-"""Where everything stands at the start of a trial: poses drawn from a scene's start distributions."""
+"""The start of a trial: poses of all bodies, drawn from a scene's start distributions."""
 
 from __future__ import annotations
 
@@ -12,25 +12,24 @@ import numpy as np
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
-from msrr_scenes.specs.los_geometry import LosSpec
-from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.plan import DockStep, LosSpec
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
 
 MAX_REDRAWS = 1000
 
-#: Port by which a unit is placed in another port's frame.
+#: Port whose pose is given when a unit is placed in another port's frame.
 FRONT = "front"
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Start of one trial.
+    """The start of one trial.
 
     Attributes:
         units: ``X_WU`` of every unit.
         obstacles: ``X_WB`` of every obstacle.
-        redraws: How many starts were thrown away because the target lay outside the outer cone.
+        redraws: Number of starts that were discarded because the target lay outside the outer cone.
     """
 
     units: Mapping[str, SE2]
@@ -48,18 +47,18 @@ def split_frame(frame: str) -> tuple[str, str] | None:
 
 def draw(pose: PoseSpec, rng: np.random.Generator) -> SE2:
     """Draw a pose in its own frame, uniformly within the half-widths of its spread."""
-    # Always three numbers, so that opening one spread leaves the draws of the others as they were.
+    # Three numbers are always drawn, so that widening one spread does not change the draws of the others.
     dx, dy, dyaw = (float(a) for a in rng.uniform(-1.0, 1.0, 3))
     s = pose.spread
     return SE2(pose.x_m + s.x_m * dx, pose.y_m + s.y_m * dy, math.radians(pose.yaw_deg + s.yaw_deg * dyaw))
 
 
 def target_in_cone(X_DU: SE2, geometry: UnitGeometry, los: LosSpec) -> bool:
-    """Say whether both edges of the target lie inside the outer cone, seen from the unit's camera.
+    """Return whether both edges of the target lie inside the outer cone, seen from the unit's camera.
 
     Args:
-        X_DU: The unit in the dock frame of its target.
-        geometry: Geometry of the unit that looks.
+        X_DU: Pose of the unit in the dock frame of its target.
+        geometry: Geometry of that unit.
         los: Target and cone.
     """
     X_DC = X_DU @ geometry.frame("camera").to_se2()
@@ -71,8 +70,8 @@ def target_in_cone(X_DU: SE2, geometry: UnitGeometry, los: LosSpec) -> bool:
 def close_range_steps(scene: Scene) -> dict[str, DockStep]:
     """Return the first step of every unit that has to see its target from the start, by unit.
 
-    That is a unit placed in the frame of the port it docks to, or any docking unit when no overhead camera
-    could lead it there; not one whose target is moved by an earlier step.
+    Such a unit is placed in the frame of the port that it docks to, or docks without an overhead camera that
+    could guide it there. A unit whose target is moved by an earlier step is not one of them.
     """
     steps: dict[str, DockStep] = {}
     moved: set[str] = set()
@@ -91,12 +90,12 @@ def close_range_steps(scene: Scene) -> dict[str, DockStep]:
 def draw_placement(scene: Scene, rng_for: Callable[[str], np.random.Generator]) -> Placement:
     """Draw the start of a trial.
 
-    Each body draws from its own stream ``start/<name>``. A unit whose target lies outside the outer cone
-    (Zheng et al., eq. 22) draws again from the same stream.
+    Each body has its own stream ``start/<name>``. A unit whose target lies outside the outer cone (Zheng et
+    al., eq. 22) is drawn again from the same stream.
 
     Args:
         scene: A checked scene.
-        rng_for: Gives the generator of a named stream.
+        rng_for: Function that returns the generator of a named stream.
 
     Raises:
         SceneError: No start inside the cone was found.
@@ -121,7 +120,7 @@ def draw_placement(scene: Scene, rng_for: Callable[[str], np.random.Generator]) 
 
 
 def base_pose(scene: Scene, pose: PoseSpec, units: Mapping[str, SE2]) -> SE2:
-    """Return ``X_WF`` of the frame in which a pose is given, the units being placed already."""
+    """Return ``X_WF`` of the frame F in which a pose is given, from the units placed so far."""
     frame = split_frame(pose.frame)
     if frame is None:
         return SE2()
@@ -160,7 +159,7 @@ def _draw_unit(
 ) -> tuple[SE2, int]:
     pose, geometry = scene.units[unit].pose, scene.geometry(unit)
     X_WF = base_pose(scene, pose, units)
-    # In another port's frame the pose speaks of the front port, in the world of the unit itself.
+    # In another port's frame the pose is that of the front port, in the world that of the unit itself.
     X_PU = SE2() if split_frame(pose.frame) is None else geometry.port(FRONT).inverse()
     if step is None or step.target_unit not in units:
         return X_WF @ draw(pose, rng) @ X_PU, 0

@@ -1,7 +1,7 @@
-"""The ground that a body can cover at the start, over everything its start distribution allows.
+"""Start regions: the ground that a body can cover at the start, over its whole start distribution.
 
-Regions are convex outlines, shape (N, 2) [m]. They are grown, never shrunk, where a turn is approximated by
-steps, so that two disjoint regions prove that no draw brings the bodies together.
+Regions are convex outlines, shape (N, 2) [m]. Where a rotation is approximated by steps they are too large,
+never too small, so that two disjoint regions prove that no draw makes the bodies overlap.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.solid import convex_hull
 from msrr_scenes.placement.placement import FRONT, split_frame
 from msrr_scenes.specs.bodies import BoxSpec, ObstacleSpec
 from msrr_scenes.specs.scene import Scene
@@ -22,16 +23,8 @@ _CIRCLE = 48
 _SQUARE: Array = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
-def hull(points: Array) -> Array:
-    """Return the convex outline of points, counter-clockwise."""
-    from scipy.spatial import ConvexHull
-
-    corners: Array = points[ConvexHull(points).vertices]
-    return corners
-
-
 def overlap(a: Array, b: Array) -> bool:
-    """Say whether two convex outlines have inner points in common (separating axes)."""
+    """Return whether two convex outlines have inner points in common (separating axes)."""
     for outline in (a, b):
         edges = np.roll(outline, -1, axis=0) - outline
         normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
@@ -42,7 +35,7 @@ def overlap(a: Array, b: Array) -> bool:
 
 
 def obstacle_outline(spec: ObstacleSpec) -> Array:
-    """Return the outline of an obstacle in its own frame; a circle is drawn from outside."""
+    """Return the outline of an obstacle in its own frame; a circle is replaced by a polygon around it."""
     if isinstance(spec, BoxSpec):
         return 0.5 * np.array([spec.length_m, spec.width_m]) * _SQUARE
     t = np.arange(_CIRCLE) * (2.0 * math.pi / _CIRCLE)
@@ -50,20 +43,16 @@ def obstacle_outline(spec: ObstacleSpec) -> Array:
 
 
 def spread_over(pose: PoseSpec, points: Array) -> Array:
-    """Return the region, in the pose's frame, that ``points`` of the posed frame reach over its spread."""
+    """Return the region in the pose's frame that ``points`` of the posed frame cover over the spread."""
     half = min(math.radians(pose.spread.yaw_deg), math.pi)
     steps = math.ceil(half / _MAX_TURN)
-    # The arc between two steps lies inside their chord once both are moved out by 1 / cos(step / 2).
+    # The arc between two steps lies inside their chord if both are moved out by 1 / cos(step / 2).
     grown = points / math.cos(0.5 * half / steps) if steps else points
-    turns = (
-        [pose.nominal.yaw + half * k / steps for k in range(-steps, steps + 1)]
-        if steps
-        else [pose.nominal.yaw]
-    )
-    turned = np.concatenate([SE2(pose.x_m, pose.y_m, turn).act(grown) for turn in turns])
-    half_box = np.array([pose.spread.x_m, pose.spread.y_m])
-    corners = half_box * _SQUARE
-    return hull((turned[None] + corners[:, None]).reshape(-1, 2))
+    turns = [half * k / steps for k in range(-steps, steps + 1)] if steps else [0.0]
+    yaw = pose.nominal.yaw
+    turned = np.concatenate([SE2(pose.x_m, pose.y_m, yaw + turn).act(grown) for turn in turns])
+    corners = np.array([pose.spread.x_m, pose.spread.y_m]) * _SQUARE
+    return convex_hull((turned[None] + corners[:, None]).reshape(-1, 2))
 
 
 def ancestors(scene: Scene, pose: PoseSpec) -> list[str]:
@@ -76,13 +65,13 @@ def ancestors(scene: Scene, pose: PoseSpec) -> list[str]:
 
 
 def region(scene: Scene, name: str, points: Array, within: str | None = None) -> Array:
-    """Return the ground that ``points`` of a body's own frame can cover.
+    """Return the ground that ``points`` of a body can cover.
 
     Args:
-        scene: The scene.
-        name: The body.
-        points: In its own frame, shape (N, 2) [m].
-        within: An ancestor in whose frame U the region is wanted; None for the world.
+        scene: Scene with the body.
+        name: Name of the body.
+        points: Points in the body's own frame, shape (N, 2) [m].
+        within: Ancestor in whose frame U the region is returned; None for the world.
     """
     body = scene.units.get(name) or scene.obstacles[name]
     frame = split_frame(body.pose.frame)
@@ -104,12 +93,12 @@ def outline(scene: Scene, name: str) -> Array:
 
 
 def may_overlap(scene: Scene, a: str, b: str) -> bool:
-    """Say whether some draw may bring two bodies into each other."""
+    """Return whether two bodies may overlap for some draw."""
     chains = {}
     for name in (a, b):
         body = scene.units.get(name) or scene.obstacles[name]
         chains[name] = [name, *ancestors(scene, body.pose)]
-    # What both hang on moves them together: compare them in its frame, or each would seem to move alone.
+    # A common ancestor moves both together, so they are compared in its frame.
     common = next((u for u in chains[a] if u in chains[b]), None)
     regions = [
         outline(scene, name) if name == common else region(scene, name, outline(scene, name), common)

@@ -1,4 +1,4 @@
-"""Specifications of the things that stand in the arena: units and obstacles."""
+"""Specifications of the bodies in the arena, units and obstacles, and of the tags on them."""
 
 from __future__ import annotations
 
@@ -6,45 +6,86 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from msrr_scenes.specs.spec import PoseSpec, Positive, Spec
+from msrr_scenes.specs.spec import Finite, PoseSpec, Positive, Spec
 
 TAGS_PER_UNIT = 10
-FIRST_OBSTACLE_TAG = 500
 
-#: How far the face of an obstacle's tag lies above its lid [m]: the plate that carries it is not nothing.
+#: Height of the face of an obstacle's tag above the lid [m]: the thickness of the plate that carries the tag.
 TAG_PLATE_M = 0.002
 
 
+class ArenaSpec(Spec):
+    """The rectangle of floor that no body may leave."""
+
+    x_m: tuple[Finite, Finite] = (-2.0, 2.0)
+    """Lowest and highest x of the floor in the world frame [m]."""
+    y_m: tuple[Finite, Finite] = (-1.5, 1.5)
+    """Lowest and highest y of the floor in the world frame [m]."""
+
+
+class TagsSpec(Spec):
+    """Family and sizes of the AprilTags on the units; a size is the edge of the black square."""
+
+    family: Literal["tag36h11"] = "tag36h11"
+    """AprilTag family of every tag."""
+    top_m: Positive = 0.12
+    """Edge of the tag on top of a unit [m]."""
+    side_m: Positive = 0.05
+    """Edge of the left and the right tag of a port [m]."""
+    mast_m: Positive = 0.04
+    """Edge of the middle tag of a port, on the mast [m]."""
+
+    def size(self, slot: str) -> float:
+        """Return the edge [m] of the black square of the tag on link ``slot``."""
+        if slot == "tag_top":
+            return self.top_m
+        return self.mast_m if slot.endswith("_middle") else self.side_m
+
+
 class UnitSpec(Spec):
-    """One unit: its number gives its tag ids (10 n for the top tag, 10 n + 1 .. 10 n + 9 for the ports)."""
+    """One unit."""
 
     number: int = Field(ge=0, le=49)
+    """Number n of the unit: tag 10 n is on top, tags 10 n + 1 .. 10 n + 9 are on the ports."""
     urdf: str = "unit.urdf"
+    """File name of the URDF: beside the scene file, in the working folder, or a shipped one."""
     pose: PoseSpec = PoseSpec()
-    tag_ids: dict[str, int] = Field(default_factory=dict, description="overrides: link name -> tag id")
+    """Start pose."""
+    tag_ids: dict[str, int] = Field(default_factory=dict)
+    """Tag ids that differ from those of the number, by link name."""
 
 
 class _Obstacle(Spec):
     height_m: Positive = 0.15
+    """Height of the obstacle [m]."""
     pose: PoseSpec = PoseSpec()
+    """Start pose of the middle of the base."""
     tag_id: Annotated[int, Field(ge=0, le=586)] | None = None
+    """Id of the tag on the lid; without one the overhead camera cannot find the obstacle."""
     tag_m: Positive = 0.10
+    """Edge of the black square of the tag on the lid [m]."""
     appears_at_s: float = Field(default=0.0, ge=0.0)
+    """Time at which the obstacle appears [s]."""
 
 
 class CylinderSpec(_Obstacle):
     """An upright cylinder, fixed to the floor."""
 
     shape: Literal["cylinder"]
+    """Kind of obstacle."""
     radius_m: Positive
+    """Radius of the cylinder [m]."""
 
 
 class BoxSpec(_Obstacle):
     """A box, fixed to the floor."""
 
     shape: Literal["box"]
+    """Kind of obstacle."""
     length_m: Positive
+    """Edge along x of the box [m]."""
     width_m: Positive
+    """Edge along y of the box [m]."""
 
     @property
     def radius_m(self) -> float:

@@ -1,4 +1,4 @@
-"""Specifications of things that go wrong on purpose, so that every outcome can be provoked."""
+"""Specifications of deliberate faults, so that every outcome can be provoked."""
 
 from __future__ import annotations
 
@@ -10,44 +10,60 @@ from msrr_scenes.specs.spec import Finite, Name, Spec
 
 
 class SeatSwitchStuck(Spec):
-    """The seat switches at a unit's port report ``value`` whatever the pins do."""
+    """The seat switches at a unit's port report one value whatever the pins do."""
 
     kind: Literal["seat_switch_stuck"]
+    """Kind of fault."""
     unit: Name
+    """Docked unit that carries the switches."""
     value: Literal["open", "closed"]
+    """Value that both switches report."""
 
 
 class MarkerHidden(Spec):
     """A unit's tags are covered: they exist in the scene but show a blank plate."""
 
     kind: Literal["marker_hidden"]
+    """Kind of fault."""
     unit: Name
+    """Unit whose tags are covered."""
 
 
 class PortPlugged(Spec):
-    """Something sits in a port's holes; it falls out when the robot retreats from the last attempt named."""
+    """An object plugs a port's holes; it falls out when the robot retreats from the last attempt named."""
 
     kind: Literal["port_plugged"]
+    """Kind of fault."""
     unit: Name
+    """Unit whose port is plugged."""
     port: Name
+    """Port that is plugged."""
     attempts: tuple[int, ...] = (1,)
+    """Attempts during which the port is plugged, counted from 1."""
 
 
 class CameraBlackout(Spec):
     """A camera delivers no frame between two times."""
 
     kind: Literal["camera_blackout"]
+    """Kind of fault."""
     camera: str
+    """Camera that fails: ``overhead`` or ``<unit>/onboard``."""
     from_s: float = Field(ge=0.0)
+    """Time of the first lost frame [s]."""
     to_s: float = Field(gt=0.0)
+    """Time from which frames are delivered again [s]."""
 
 
 class CameraMisaligned(Spec):
     """The onboard camera is mounted askew by an angle that its calibration does not know."""
 
     kind: Literal["camera_misaligned"]
+    """Kind of fault."""
     unit: Name
+    """Unit that carries the camera."""
     yaw_deg: Finite
+    """Angle by which the camera is turned, counter-clockwise positive [deg]."""
 
 
 Fault = Annotated[

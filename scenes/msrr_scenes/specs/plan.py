@@ -1,92 +1,125 @@
-"""Specifications of what is to be done: who docks to whom, by which law, with how many tries."""
+"""Specifications of the task: who docks to whom, by which laws, within which bounds, judged by what."""
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 from pydantic import Field, model_validator
 
 from msrr_scenes.specs.spec import Choice, Name, NonNegative, Positive, Spec
 
+Plant = Literal["bullet", "unicycle"]
+Perception = Literal["images", "parametric"]
+
 
 class DockStep(Spec):
-    """One step of the plan: ``unit`` docks its active ``port`` to ``to`` (written ``<unit>.<port>``)."""
+    """One step of the plan: a unit docks to a port of another one."""
 
     unit: Name
+    """Unit that docks."""
     port: Name = "front"
+    """Active port of the docking unit."""
     to: str = Field(pattern=r"^[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*$")
+    """Port that is docked to, written ``<unit>.<port>``."""
 
     @property
     def target_unit(self) -> str:
-        """The unit docked to."""
+        """Unit that is docked to."""
         return self.to.partition(".")[0]
 
     @property
     def target_port(self) -> str:
-        """The port docked to."""
+        """Name of the port that is docked to, without its unit."""
         return self.to.partition(".")[2]
 
 
-class VerifySpec(Spec):
-    """How the robot convinces itself that it is docked, beyond the lock's own feedback.
+class LosSpec(Spec):
+    """Line-of-sight target and cone of the close-range phase (Zheng et al., eqs. 21-22).
 
-    Attributes:
-        by_sight: Compare the pose seen in the image with that of a seated unit.
-        position_m: Largest deviation accepted.
-        yaw_deg: Largest deviation accepted.
-        time_s: How long it looks at most.
+    The target is the pair of points (setback, +-half_width) in the dock frame D: the outer black edges of the
+    marker's side tags.
     """
 
+    half_width_m: Positive = 0.0441
+    """Half the distance b between the two edges of the target [m]."""
+    setback_m: NonNegative = 0.0442
+    """Distance s_b of the target's edges behind the face of the port [m]."""
+    inner_deg: float = Field(default=20.0, gt=0.0, lt=90.0)
+    """Angle th_in of the line of sight at which the correction starts [deg]."""
+    outer_deg: float = Field(default=30.0, gt=0.0, lt=90.0)
+    """Angle th_out of the line of sight at which the correction is largest [deg]."""
+
+    @property
+    def inner(self) -> float:
+        """Angle th_in [rad]."""
+        return math.radians(self.inner_deg)
+
+    @property
+    def outer(self) -> float:
+        """Angle th_out [rad]."""
+        return math.radians(self.outer_deg)
+
+    def angle_at_contact(self, camera_to_face: float) -> float:
+        """Return the edge angle [rad] of an aligned unit, its camera ``camera_to_face`` [m] off the face."""
+        return math.atan2(self.half_width_m, camera_to_face + self.setback_m)
+
+
+class VerifySpec(Spec):
+    """Checks by which the robot convinces itself that it is docked, beyond the lock's own feedback."""
+
     by_sight: bool = True
+    """Whether the pose seen in the image is compared with that of a seated unit."""
     position_m: Positive = 0.003
+    """Largest accepted deviation of the position [m]."""
     yaw_deg: Positive = 1.5
+    """Largest accepted deviation of the yaw [deg]."""
     time_s: Positive = 1.5
+    """Longest time that the check may take [s]."""
 
 
 class DockingSpec(Spec):
-    """Parameters of the phase machine.
-
-    Attributes:
-        attempts: How often docking is tried before the robot gives up.
-        search_time_s: How long the marker may stay unseen before hand-over fails.
-        lost_time_s: How long the target may be lost while docking before the robot retreats.
-        stall_time_s: How long the robot presses against the port without seating before it retreats.
-        retreat_m: Distance to the target face from which the next attempt starts.
-        press_mps: Speed with which it presses into the port.
-    """
+    """Parameters of the phase machine."""
 
     attempts: int = Field(default=3, ge=1, le=20)
+    """Number of attempts before the robot gives up."""
     search_time_s: Positive = 4.0
+    """How long the marker may stay unseen before hand-over fails [s]."""
     lost_time_s: Positive = 0.6
+    """How long the target may be lost while docking before the robot retreats [s]."""
     stall_time_s: Positive = 2.0
+    """How long the robot presses against the port without seating before it retreats [s]."""
     retreat_m: Positive = 0.45
+    """Distance to the target face from which the next attempt starts [m]."""
     press_mps: Positive = 0.05
+    """Speed with which the robot presses into the port [m/s]."""
     verify: VerifySpec = VerifySpec()
+    """Check of the finished docking."""
 
 
 class JudgeSpec(Spec):
-    """What the judge asks of a trial, from truth."""
+    """Criteria by which the judge decides the outcome of a trial, from truth."""
 
     min_clearance_m: NonNegative = 0.02
-    seated_depth_m: Positive = Field(default=0.003, description="largest gap between the faces when seated")
+    """Smallest distance allowed between bodies other than the docking pair [m]."""
+    seated_depth_m: Positive = 0.003
+    """Largest gap between the two faces of a seated unit [m]."""
 
 
 class GuardSpec(Spec):
-    """The guard that limits what the law commands by the clearance it would leave.
+    """The collision monitor, which limits commands by the clearance that they would leave.
 
-    Its distances lie below what the laws keep by themselves, so that it does not hold up a healthy run.
-
-    Attributes:
-        enabled: Off, every command passes.
-        slow_m: Clearance ahead below which it slows the unit.
-        stop_m: Clearance ahead that it does not let the unit fall below.
-        sigmas: How many standard deviations of the estimated distance it takes off every clearance.
+    Its distances lie below those that the laws keep, so that it does not hold up a healthy run.
     """
 
     enabled: bool = True
+    """Whether commands are limited at all."""
     slow_m: Positive = 0.05
+    """Clearance ahead below which the unit is slowed [m]."""
     stop_m: Positive = 0.03
+    """Clearance ahead below which the unit must not come [m]."""
     sigmas: NonNegative = 2.0
+    """Number of standard deviations of the estimated distance that is subtracted from every clearance."""
 
     @model_validator(mode="after")
     def _in_order(self) -> GuardSpec:
@@ -98,16 +131,19 @@ class GuardSpec(Spec):
 
 
 class ControlSpec(Spec):
-    """Laws and estimator by name, with their parameters."""
+    """The robot's software: laws, estimator and detector by name, with their parameters."""
 
     rate_hz: Positive = 50.0
+    """Control instants per second [Hz]."""
     assembly: Choice = Choice(name="c1")
+    """Law of the long-distance phase."""
     docking: Choice = Choice(name="cbf")
+    """Law of the close-range phase."""
     estimator: Choice = Choice(name="corner_ekf")
+    """Estimator of the pose relative to the target."""
     detector: Choice = Choice(name="pupil")
+    """Detector of tags in images."""
     delay_compensation: bool = True
+    """Whether the estimate is moved from the last exposure up to the control instant."""
     guard: GuardSpec = GuardSpec()
-
-
-Plant = Literal["bullet", "unicycle"]
-Perception = Literal["images", "parametric"]
+    """Collision monitor."""

@@ -6,51 +6,66 @@ from pathlib import Path
 
 from pydantic import Field
 
-from msrr_scenes.geometry.assets import find_urdf
-from msrr_scenes.geometry.unit_geometry import UnitGeometry, read_unit
-from msrr_scenes.specs.bodies import TAGS_PER_UNIT, ObstacleSpec, UnitSpec
+from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
+from msrr_scenes.specs.bodies import TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
 from msrr_scenes.specs.faults import Fault
-from msrr_scenes.specs.los_geometry import LosSpec
-from msrr_scenes.specs.plan import ControlSpec, DockingSpec, DockStep, JudgeSpec, Perception, Plant
-from msrr_scenes.specs.sensors import CamerasSpec, OdometrySpec, ParametricSpec, TagsSpec
-from msrr_scenes.specs.spec import Finite, Name, Positive, Spec
+from msrr_scenes.specs.plan import ControlSpec, DockingSpec, DockStep, JudgeSpec, LosSpec, Perception, Plant
+from msrr_scenes.specs.sensors import CamerasSpec, OdometrySpec, ParametricSpec
+from msrr_scenes.specs.spec import Name, Positive, Spec
 from msrr_scenes.specs.vehicle import LimitsSpec, LinkSpec, LockSpec, WheelMotorSpec
 
 
-class ArenaSpec(Spec):
-    """The floor within which everything stays."""
-
-    x_m: tuple[Finite, Finite] = (-2.0, 2.0)
-    y_m: tuple[Finite, Finite] = (-1.5, 1.5)
-
-
 class Scene(Spec):
-    """A validated scene. Build one with :func:`msrr_scenes.loading.load.load_scene`."""
+    """A validated scene. Build one with :func:`msrr_scenes.load_scene`."""
 
     name: str
+    """Name of the scene; by default that of its file."""
     description: str = ""
+    """What the scene shows, in words."""
     plant: Plant = "bullet"
+    """Plant: ``bullet`` with contact, or ideal unicycles."""
     perception: Perception = "images"
+    """Perception: rendered images, or true poses with errors."""
     physics_hz: Positive = 240.0
+    """Physics ticks per second [Hz]."""
     time_limit_s: Positive = 60.0
+    """Time after which a trial ends with the outcome ``timeout`` [s]."""
     arena: ArenaSpec = ArenaSpec()
+    """Floor that no body may leave."""
     units: dict[Name, UnitSpec] = Field(min_length=1)
+    """Units by name."""
     obstacles: dict[Name, ObstacleSpec] = Field(default_factory=dict)
+    """Obstacles by name."""
     tags: TagsSpec = TagsSpec()
+    """Family and sizes of the tags on the units."""
     cameras: CamerasSpec = CamerasSpec()
+    """Overhead and onboard cameras."""
     odometry: OdometrySpec = OdometrySpec()
+    """Wheel encoders."""
     parametric: ParametricSpec = ParametricSpec()
+    """Errors of perception without pixels."""
     limits: LimitsSpec = Field(default_factory=lambda: LimitsSpec.model_validate({}))
+    """Limits of the drive."""
     motors: WheelMotorSpec = WheelMotorSpec()
+    """Wheel motors."""
     link: LinkSpec = LinkSpec()
+    """Command link to the wheels."""
     lock: LockSpec = LockSpec()
+    """Lock and pull test."""
     los: LosSpec = LosSpec()
+    """Line-of-sight target and cone."""
     control: ControlSpec = ControlSpec()
+    """Laws, estimator and detector."""
     docking: DockingSpec = DockingSpec()
+    """Attempts, times and distances of the phase machine."""
     judge: JudgeSpec = JudgeSpec()
+    """Criteria of the judge."""
     plan: tuple[DockStep, ...] = Field(min_length=1)
+    """Docking steps in the order in which they are carried out."""
     faults: tuple[Fault, ...] = ()
-    source: Path | None = Field(default=None, exclude=True, description="file the scene was read from")
+    """Deliberate faults."""
+    source: Path | None = Field(default=None, exclude=True)
+    """File that the scene was read from; set by the program."""
 
     def geometry(self, unit: str) -> UnitGeometry:
         """Return the geometry of a unit, read from its URDF."""
@@ -66,6 +81,4 @@ class Scene(Spec):
 
     def tag_size(self, slot: str) -> float:
         """Return the edge [m] of the black square of the tag on link ``slot``."""
-        if slot == "tag_top":
-            return self.tags.top_m
-        return self.tags.mast_m if slot.endswith("_middle") else self.tags.side_m
+        return self.tags.size(slot)

@@ -1,4 +1,4 @@
-"""Specifications of cameras, encoders and of what may be wrong with them."""
+"""Specifications of cameras, wheel encoders and their errors."""
 
 from __future__ import annotations
 
@@ -12,113 +12,116 @@ from msrr_scenes.specs.spec import Choice, Finite, NonNegative, Positive, Probab
 
 
 class CameraSpec(Spec):
-    """A camera as a sensor: optics, rate, latency, noise, blur, dropped frames, renderer.
-
-    Attributes:
-        noise_grey: Standard deviation of the additive read noise [grey levels].
-        shot_grey: Standard deviation of the shot noise at white [grey levels]; less in the dark.
-        blur_px: Standard deviation of the Gaussian lens blur [px].
-        dropout: Probability that a frame is lost between camera and computer.
-        samples: Edge of the sub-pixel grid the renderer averages over (1: no anti-aliasing).
-        readout: What the sensor can deliver: any windows of a frame, or nothing but whole frames.
-    """
+    """The data sheet of a camera: optics, frame rate, latency, noise, and the renderer that stands for it."""
 
     width_px: int = Field(default=640, ge=16, le=4096)
+    """Width of the image [px]."""
     height_px: int = Field(default=480, ge=16, le=4096)
+    """Height of the image [px]."""
     hfov_deg: float = Field(default=75.0, gt=5.0, lt=150.0)
+    """Horizontal field of view [deg]."""
     rate_hz: Positive = 25.0
+    """Frame rate [Hz]."""
     latency_ms: NonNegative = 40.0
+    """Time from the exposure to the arrival of the detections [ms]."""
     noise_grey: NonNegative = 2.0
+    """Standard deviation of the additive read noise [grey levels]."""
     shot_grey: NonNegative = 0.0
+    """Standard deviation of the shot noise at white; it falls to zero at black [grey levels]."""
     blur_px: NonNegative = 0.4
+    """Standard deviation of the Gaussian lens blur [px]."""
     dropout: Probability = 0.0
+    """Probability that a frame is lost between camera and computer."""
     renderer: Choice = Choice(name="raster")
+    """Renderer of the noise-free image."""
     samples: int = Field(default=2, ge=1, le=8)
+    """Edge of the sub-pixel grid that the renderer averages over; 1 means no anti-aliasing."""
     readout: Literal["windows", "frames"] = "windows"
+    """What the sensor can deliver: any windows of a frame, or whole frames only."""
 
     @property
     def pinhole(self) -> PinholeCamera:
-        """Intrinsics."""
+        """Intrinsics of the camera."""
         return PinholeCamera.from_hfov(self.width_px, self.height_px, math.radians(self.hfov_deg))
 
 
 class LocalisationErrorSpec(Spec):
-    """What global localisation gets wrong beyond the camera's own noise, as it does outdoors.
+    """Errors of global localisation beyond those of the camera's noise, as they occur outdoors.
 
-    Bias and drift belong to the docking unit alone, so that its pose *relative* to all others is wrong.
-    Noise and dropout strike every body by itself. The robot knows the noise, as from a data sheet, and
-    nothing of the rest.
-
-    Attributes:
-        bias_x_m: Constant error of the docking unit's position, along x of the world.
-        bias_y_m: The same along y.
-        bias_yaw_deg: Constant error of its heading.
-        drift_m: Random walk of its position, each axis [m per square root of a second].
-        drift_yaw_deg: Random walk of its heading [deg per square root of a second].
-        noise_m: Standard deviation of every body's position, each axis, drawn anew per frame.
-        noise_yaw_deg: The same of every body's heading.
-        dropout: Probability that a body goes unnoticed in a frame.
+    Bias and drift belong to the docking unit alone, so that its pose *relative* to all other bodies is wrong.
+    Noise and dropout are drawn for every body independently. The robot knows the standard deviations of the
+    noise, as from a data sheet, and none of the other errors.
     """
 
     bias_x_m: Finite = 0.0
+    """Constant error of the docking unit's position along x of the world [m]."""
     bias_y_m: Finite = 0.0
+    """Constant error of the docking unit's position along y of the world [m]."""
     bias_yaw_deg: Finite = 0.0
+    """Constant error of the docking unit's heading [deg]."""
     drift_m: NonNegative = 0.0
+    """Random walk of the docking unit's position, each axis [m per square root of a second]."""
     drift_yaw_deg: NonNegative = 0.0
+    """Random walk of the docking unit's heading [deg per square root of a second]."""
     noise_m: NonNegative = 0.0
+    """Standard deviation of every body's position, each axis, drawn per frame [m]."""
     noise_yaw_deg: NonNegative = 0.0
+    """Standard deviation of every body's heading, drawn per frame [deg]."""
     dropout: Probability = 0.0
+    """Probability that a body is missing from a frame."""
 
 
 class OverheadCameraSpec(CameraSpec):
     """The camera that looks straight down on the arena; image right is world x, image down is world -y."""
 
     width_px: int = Field(default=1280, ge=16, le=4096)
+    """Width of the image [px]."""
     height_px: int = Field(default=960, ge=16, le=4096)
+    """Height of the image [px]."""
     hfov_deg: float = Field(default=67.0, gt=5.0, lt=150.0)
+    """Horizontal field of view [deg]."""
     rate_hz: Positive = 10.0
+    """Frame rate [Hz]."""
     latency_ms: NonNegative = 60.0
+    """Time from the exposure to the arrival of the detections [ms]."""
     x_m: Finite = 0.0
+    """Position along x of the world [m]."""
     y_m: Finite = 0.0
+    """Position along y of the world [m]."""
     height_m: Positive = 3.0
+    """Height above the floor [m]."""
     localisation: LocalisationErrorSpec = LocalisationErrorSpec()
+    """Errors added to the poses that are located with this camera."""
 
 
 class CamerasSpec(Spec):
-    """The overhead camera (optional) and the onboard camera that every unit carries."""
+    """The cameras of a scene."""
 
     overhead: OverheadCameraSpec | None = None
+    """Overhead camera; null for a scene without one."""
     onboard: CameraSpec = CameraSpec()
+    """Onboard camera that every unit carries."""
 
 
 class OdometrySpec(Spec):
-    """Wheel encoders.
-
-    Attributes:
-        rate_hz: Readings per second.
-        ticks_per_turn: Resolution.
-        scale_error: Standard deviation of each wheel's unknown radius error, drawn once per trial (slip).
-        noise_rad: Standard deviation of the reading's noise per square root of a radian turned.
-    """
+    """The wheel encoders of every unit."""
 
     rate_hz: Positive = 100.0
+    """Readings per second [Hz]."""
     ticks_per_turn: int = Field(default=4096, ge=1)
+    """Encoder ticks per turn of a wheel."""
     scale_error: NonNegative = 0.02
+    """Standard deviation of each wheel's unknown relative radius error (slip), drawn once per trial."""
     noise_rad: NonNegative = 0.002
-
-
-class TagsSpec(Spec):
-    """AprilTag family and the edge of each kind's black square."""
-
-    family: Literal["tag36h11"] = "tag36h11"
-    top_m: Positive = 0.12
-    side_m: Positive = 0.05
-    mast_m: Positive = 0.04
+    """Standard deviation of a reading's noise per square root of a radian turned [rad]."""
 
 
 class ParametricSpec(Spec):
     """Perception without pixels: true poses with Gaussian errors, at the camera's rate and latency."""
 
     sigma_xy_m: NonNegative = 0.005
+    """Standard deviation of the position, each axis [m]."""
     sigma_yaw_deg: NonNegative = 1.0
+    """Standard deviation of the yaw [deg]."""
     sigma_bearing_deg: NonNegative = 0.1
+    """Standard deviation of the bearing of a target edge [deg]."""

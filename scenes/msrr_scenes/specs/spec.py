@@ -1,4 +1,4 @@
-"""The base of every specification: frozen, unknown keys refused, no NaN, units in the key."""
+"""The base class of every specification, and the specifications that others are built of."""
 
 from __future__ import annotations
 
@@ -18,10 +18,19 @@ Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 
 class Spec(BaseModel):
-    """A frozen specification. Numbers are SI with the unit in the key; angles in scene files are degrees."""
+    """A frozen specification that refuses unknown keys and numbers that are not finite.
+
+    Every key ends in its unit; angles in scene files are degrees. The docstring below a field is the
+    description of its key in the JSON schema.
+    """
 
     model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, strict=False, arbitrary_types_allowed=True
+        frozen=True,
+        extra="forbid",
+        allow_inf_nan=False,
+        strict=False,
+        arbitrary_types_allowed=True,
+        use_attribute_docstrings=True,
     )
 
     @model_validator(mode="before")
@@ -54,33 +63,43 @@ class Spec(BaseModel):
 
 
 class Choice(Spec):
-    """An implementation by registered name or import path (``mypkg.mod:MyClass``), with its parameters."""
+    """An implementation of an extension point, with its parameters."""
 
     name: str
+    """Registered name or import path (``mypkg.mod:MyClass``) of the implementation."""
     params: dict[str, Any] = Field(default_factory=dict)
+    """Parameters that the implementation is built with."""
 
 
 class Spread(Spec):
     """Half-widths of a uniform distribution about a pose."""
 
     x_m: NonNegative = 0.0
+    """Largest deviation along x [m]."""
     y_m: NonNegative = 0.0
+    """Largest deviation along y [m]."""
     yaw_deg: NonNegative = 0.0
+    """Largest deviation of the yaw [deg]."""
 
 
 class PoseSpec(Spec):
     """A planar pose, drawn anew per trial when it has a spread.
 
     In frame ``world`` it is the pose of the body itself. In frame ``<unit>.<port>`` it is given in the dock
-    frame D of that port (face in the origin, x into the unit), and speaks of the *front port* of the unit
+    frame D of that port (origin on the face, x into the unit) and is the pose of the *front port* of the unit
     that is placed: ``x_m: -0.70`` leaves 0.70 m between the two faces.
     """
 
     x_m: Finite = 0.0
+    """Position along x of the frame [m]."""
     y_m: Finite = 0.0
+    """Position along y of the frame [m]."""
     yaw_deg: Finite = 0.0
+    """Yaw, counter-clockwise positive [deg]."""
     frame: str = Field(default="world", pattern=r"^(world|[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*)$")
+    """Frame of the pose: ``world`` or ``<unit>.<port>``."""
     spread: Spread = Spread()
+    """Half-widths of the uniform distribution that a start is drawn from."""
 
     @property
     def nominal(self) -> SE2:

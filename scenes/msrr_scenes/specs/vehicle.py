@@ -1,4 +1,4 @@
-"""Specifications of what a unit's drive, lock and command link can do."""
+"""Specifications of a unit's drive, command link and lock."""
 
 from __future__ import annotations
 
@@ -8,40 +8,32 @@ from pydantic import model_validator
 
 from msrr_scenes.specs.spec import NonNegative, Positive, Probability, Spec
 
+_LIMITS = ("v_max_mps", "v_close_mps", "a_max_mps2", "w_max_radps", "dw_max_radps2", "kappa_per_s")
+
 #: Limits of the two settings under which the laws were studied.
 LIMIT_SETTINGS: dict[str, dict[str, float]] = {
-    "normal": {
-        "v_max_mps": 0.4,
-        "v_close_mps": 0.3,
-        "a_max_mps2": 0.5,
-        "w_max_radps": 1.5,
-        "dw_max_radps2": 5.0,
-        "kappa_per_s": 15.0,
-    },
-    "tight": {
-        "v_max_mps": 0.35,
-        "v_close_mps": 0.3,
-        "a_max_mps2": 0.3,
-        "w_max_radps": 1.0,
-        "dw_max_radps2": 2.0,
-        "kappa_per_s": 8.0,
-    },
+    "normal": dict(zip(_LIMITS, (0.4, 0.3, 0.5, 1.5, 5.0, 15.0), strict=True)),
+    "tight": dict(zip(_LIMITS, (0.35, 0.3, 0.3, 1.0, 2.0, 8.0), strict=True)),
 }
 
 
 class LimitsSpec(Spec):
-    """Magnitude and rate limits of the drive and the bandwidth of its nested loop (Zheng et al., eq. 3).
-
-    ``setting`` fills in every value that is not given.
-    """
+    """Magnitude and rate limits of the drive and the bandwidth of its nested loop (Zheng et al., eq. 3)."""
 
     setting: Literal["normal", "tight"] = "normal"
+    """Named set of limits that fills in every limit that is not given."""
     v_max_mps: Positive
+    """Largest forward speed far from the port [m/s]."""
     v_close_mps: Positive
+    """Largest forward speed in front of the port [m/s]."""
     a_max_mps2: Positive
+    """Largest forward acceleration [m/s^2]."""
     w_max_radps: Positive
+    """Largest yaw rate [rad/s]."""
     dw_max_radps2: Positive
+    """Largest yaw acceleration [rad/s^2]."""
     kappa_per_s: Positive
+    """Bandwidth kappa of the nested loop [1/s]."""
 
     @model_validator(mode="before")
     @classmethod
@@ -54,26 +46,25 @@ class LimitsSpec(Spec):
 
 
 class LinkSpec(Spec):
-    """The command link to the wheels: delay and loss. A lost command leaves the last one in force."""
+    """The command link to the wheels."""
 
     latency_ms: NonNegative = 0.0
+    """Delay of a command [ms]."""
     loss: Probability = 0.0
+    """Probability that a command is lost; the last one then stays in force."""
 
 
 class LockSpec(Spec):
-    """The lock, and the force with which the judge pulls at it.
-
-    Attributes:
-        strength_n: Force at which the closed lock gives way.
-        close_time_s: Time the cam takes.
-        pull_force_n: Force of the pull test along the docking axis.
-        pull_time_s: How long it is held.
-    """
+    """The lock of the docking port, and the pull test with which the judge checks it."""
 
     strength_n: Positive = 60.0
+    """Force at which the closed lock gives way [N]."""
     close_time_s: Positive = 0.5
+    """Time that the lock takes to close [s]."""
     pull_force_n: Positive = 25.0
+    """Force of the pull test along the docking axis [N]."""
     pull_time_s: Positive = 0.5
+    """Duration of the pull test [s]."""
 
 
 class WheelMotorSpec(Spec):
@@ -81,11 +72,9 @@ class WheelMotorSpec(Spec):
 
     A unit must not be able to push another one across the floor: at 0.15 N m both wheels of the shipped unit
     push with 9 N, three quarters of what a standing one resists.
-
-    Attributes:
-        torque_nm: Largest torque on each wheel while driving.
-        holding_torque_nm: Torque with which the gear holds a wheel that is told to stand still.
     """
 
     torque_nm: Positive = 0.15
+    """Largest torque on each wheel while driving [N m]."""
     holding_torque_nm: Positive = 1.0
+    """Torque with which the gear holds a wheel that is commanded to stand still [N m]."""

@@ -89,7 +89,7 @@ def test_a_tag_counts_as_looked_for_when_its_white_border_is_in_the_window() -> 
 
 def test_a_whole_frame_is_one_window() -> None:
     recording = RecordingDetector(FixedDetector())
-    seen = FullFrameReader(recording, FRAME).look(
+    seen = FullFrameReader(recording, FRAME).detect(
         Exposure("camera", 0, 0), None, lambda w: np.zeros((96, 96), np.uint8)
     )
     assert isinstance(seen, Detections)

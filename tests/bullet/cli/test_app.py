@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.cli.app import run
-from msrr_scenes.geometry.assets import shipped_scenes
+from msrr_scenes.loading.load import shipped_scenes
 
 Capture = pytest.CaptureFixture[str]
 

@@ -12,9 +12,8 @@ from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.collision.footprint import Part, obstacle_parts, unit_parts
 from msrr_scenes.errors import UnknownNameError
-from msrr_scenes.geometry.assets import find_urdf
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.geometry.unit_geometry import read_unit
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.bodies import BoxSpec, CylinderSpec

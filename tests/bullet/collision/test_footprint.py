@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from msrr_bullet.collision.footprint import Part, obstacle_parts, simplify, unit_parts
-from msrr_scenes.geometry.assets import find_urdf
-from msrr_scenes.geometry.unit_geometry import read_unit
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.bodies import BoxSpec, CylinderSpec
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from msrr_scenes.geometry.assets import shipped_scenes
+from msrr_scenes.loading.load import shipped_scenes
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 MEND = "run `python docs/make_gallery.py` with the names of the scenes that are new"

@@ -3,8 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msrr_bullet.plant.limited_drive import LimitedDrive, wheel_speeds
-from msrr_scenes.geometry.assets import find_urdf
-from msrr_scenes.geometry.unit_geometry import read_unit
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.messages import Twist
 from msrr_scenes.specs.vehicle import LimitsSpec
 

@@ -90,7 +90,7 @@ class Arena:
 
     @property
     def known(self) -> ArenaEstimate | None:
-        return self.estimator.situation(self.plant.now_ns())
+        return self.estimator.estimate(self.plant.now_ns())
 
     def run(self, until_s: float, watch: Callable[[], None] = lambda: None) -> None:
         """Go on until a time; ``watch`` is called after every control instant."""
@@ -99,7 +99,7 @@ class Arena:
             if self._readings.due(now_ns):
                 self.estimator.add_odometry(self.encoders.read(self.plant.wheel_angles("a"), now_ns))
             if self._frames.due(now_ns) and (exposure := self.camera.expose(now_ns)):
-                found = self.vision.look(exposure, self.estimator.predict(now_ns), self.camera.fetch)
+                found = self.vision.detect(exposure, self.estimator.predict(now_ns), self.camera.fetch)
                 self.looks.append(found)
                 self._under_way.send(now_ns + self._latency_ns, self.error.apply(found, self.vision.model))
             for arrived in self._under_way.arrived(now_ns):

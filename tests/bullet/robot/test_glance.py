@@ -47,13 +47,13 @@ def test_a_post_beside_the_lane_is_not_driven_into(
 ) -> None:
     """The unit stops short of it and gives up, never having touched the port; a replay sees the same."""
     glances: list[Detections] = []
-    glance = OverheadVision.glance
+    glance = OverheadVision.detect_near
 
     def noted(self: OverheadVision, *args: Any) -> Detections:
         glances.append(glance(self, *args))
         return glances[-1]
 
-    monkeypatch.setattr(OverheadVision, "glance", noted)
+    monkeypatch.setattr(OverheadVision, "detect_near", noted)
     instants: list[Progress] = []
     scene = lane(**models)
     result = run_trial(scene, 1, observer=instants.append, out=tmp_path / "run" if not models else None)
@@ -79,7 +79,7 @@ def test_a_glance_sees_what_is_near_and_leaves_the_other_looks_alone(open_arena:
     exposure = glanced.looks[-1].exposure
     seen = {}
     for name, middle in {"near": SE2(0.3, 0.4), "far": SE2(-0.6, 0.3), "outside": SE2(9.0, 9.0)}.items():
-        look = glanced.vision.glance(exposure, middle.translation, GLANCE_HALF_M, glanced.camera.fetch)
+        look = glanced.vision.detect_near(exposure, middle.translation, GLANCE_HALF_M, glanced.camera.fetch)
         seen[name] = [t.tag_id for t in look.tags]
         assert sum(w.area for w in look.windows) < FULL / 6
     # Both units stand in no picture of a glance, the post in that of its place.

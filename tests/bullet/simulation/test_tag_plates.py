@@ -24,7 +24,8 @@ from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.unit_geometry import obj_vertices, tag_corners
+from msrr_scenes.geometry.solid import obj_vertices
+from msrr_scenes.geometry.unit_geometry import tag_corners
 
 #: First codes of tag36h11 as AprilTag 2 lists them: 36 bits, row by row from the top left, 1 is white.
 KNOWN_CODES = {0: 0xD5D628584, 1: 0xD97F18B49, 2: 0xDD280910E, 3: 0xE479E9C98, 4: 0xEBCBCA822}

@@ -6,7 +6,7 @@ import yaml
 
 from msrr_bullet.studies.search_space import SEARCH_SPACE, params_at, shipped_values
 from msrr_bullet.studies.tuned_controller import Tuned, tuned_choice, tuned_name, tuned_scene
-from msrr_scenes.geometry.assets import shipped_scenes
+from msrr_scenes.loading.load import shipped_scenes
 
 EVERY = [(part, name) for part, names in SEARCH_SPACE.items() for name in names]
 

@@ -1,0 +1,55 @@
+"""The reading of tags from windows of one exposure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from msrr_perception.detection.detector import Detector
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, TagDetection
+
+
+class FrameReader:
+    """Reads tags from windows of one exposure and keeps the clearest detection of each tag.
+
+    Attributes:
+        windows: Windows whose pixels were fetched, in that order.
+        found: Clearest detection of every tag read so far, by tag id.
+    """
+
+    def __init__(self, fetch: Fetch) -> None:
+        self.windows: list[Window] = []
+        self.found: dict[int, TagDetection] = {}
+        self._fetch = fetch
+        self._read: list[tuple[Pixels, Window]] = []
+
+    def read(self, windows: Iterable[Window], detector: Detector) -> None:
+        """Fetch windows and read their tags."""
+        for window in windows:
+            self._read.append((self._pixels(window), window))
+            self._detect(*self._read[-1], detector)
+
+    def read_again(self, detector: Detector) -> None:
+        """Read the tags of all windows read so far once more, with another detector."""
+        for pixels, window in self._read:
+            self._detect(pixels, window, detector)
+
+    def search(self, window: Window, detector: Detector) -> dict[int, Array]:
+        """Return where another detector finds tags in a window: tag id -> corners, shape (4, 2) [px]."""
+        return {tag.tag_id: tag.corners for tag in detector.detect(self._pixels(window), window)}
+
+    def detections(self, exposure: Exposure, tag_ids: Iterable[int] | None = None) -> Detections:
+        """Return the detections, by ascending id, of all tags read or of those among ``tag_ids``."""
+        ids = sorted(self.found if tag_ids is None else self.found.keys() & set(tag_ids))
+        return Detections(exposure, tuple(self.found[i] for i in ids), tuple(self.windows))
+
+    def _pixels(self, window: Window) -> Pixels:
+        self.windows.append(window)
+        return self._fetch(window)
+
+    def _detect(self, pixels: Pixels, window: Window, detector: Detector) -> None:
+        for tag in detector.detect(pixels, window):
+            known = self.found.get(tag.tag_id)
+            if known is None or tag.decision_margin > known.decision_margin:
+                self.found[tag.tag_id] = tag

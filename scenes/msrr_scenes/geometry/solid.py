@@ -1,0 +1,83 @@
+"""Collision shapes and the points that span them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from msrr_scenes.arrays import Array
+from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.se3 import SE3
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A collision shape of the unit.
+
+    Attributes:
+        link: Link that carries the shape.
+        kind: ``box``, ``cylinder``, ``sphere`` or ``mesh``.
+        X_UG: Pose of the shape's frame G in U with all joints at zero.
+        size: Full edges of a box, radius and length of a cylinder, radius of a sphere [m], scale of a mesh.
+        mesh: OBJ file of a mesh, None for other shapes.
+    """
+
+    link: str
+    kind: str
+    X_UG: SE3
+    size: tuple[float, ...]
+    mesh: Path | None = None
+
+    def outline(self) -> Array:
+        """Return points in U, shape (N, 2) [m], whose convex hull is the shape's projection to the ground.
+
+        Round shapes are given by 32 points on the circle.
+        """
+        if self.kind == "sphere":
+            return self.X_UG.p[:2] + self.size[0] * _circle()
+        return self.points()[:, :2]
+
+    def points(self) -> Array:
+        """Return points in U, shape (N, 3) [m], whose convex hull is the shape.
+
+        Round shapes are given by 32 points on each circle.
+        """
+        if self.kind == "box":
+            corners = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
+            return self.X_UG.act(corners * np.asarray(self.size))
+        if self.kind == "cylinder":
+            radius, length = self.size
+            ring = np.column_stack([radius * _circle(), np.full(32, 0.5 * length)])
+            return self.X_UG.act(np.concatenate([ring, ring * np.array([1.0, 1.0, -1.0])]))
+        if self.kind == "sphere":
+            rings = [
+                np.column_stack([math.cos(a) * _circle(), np.full(32, math.sin(a))])
+                for a in np.linspace(-0.5 * math.pi, 0.5 * math.pi, 9)
+            ]
+            return self.X_UG.act(self.size[0] * np.concatenate(rings))
+        assert self.mesh is not None
+        return self.X_UG.act(obj_vertices(self.mesh) * np.asarray(self.size))
+
+
+def convex_hull(points: Array) -> Array:
+    """Return the convex hull of ``points``, shape (N, 2) [m], as its vertices counter-clockwise."""
+    from scipy.spatial import ConvexHull  # slow to import, and few need it
+
+    hull: Array = points[ConvexHull(points).vertices]
+    return hull
+
+
+def obj_vertices(path: Path) -> Array:
+    """Return the vertices of an OBJ file, shape (N, 3), in the units of the file."""
+    rows = [line.split()[1:4] for line in path.read_text().splitlines() if line.startswith("v ")]
+    if not rows:
+        raise GeometryError(f"{path}: no vertices in this mesh")
+    return np.array(rows, dtype=np.float64)
+
+
+def _circle() -> Array:
+    t = np.linspace(0.0, 2.0 * math.pi, 32, endpoint=False)
+    return np.stack([np.cos(t), np.sin(t)], axis=1)

@@ -1,0 +1,180 @@
+"""YAML documents that record the file and line of every value: plain types, unique keys, bounded size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import yaml
+
+from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.problems import KeyPath, dotted
+
+MAX_CHARACTERS = 1_000_000
+MAX_DEPTH = 24
+MAX_VALUES = 20_000
+
+_TAG = "tag:yaml.org,2002:"
+_SCALARS = {_TAG + kind for kind in ("null", "bool", "int", "float", "str", "timestamp")}
+_ALLOWED = {yaml.MappingNode: {_TAG + "map"}, yaml.SequenceNode: {_TAG + "seq"}, yaml.ScalarNode: _SCALARS}
+
+
+@dataclass
+class YamlDocument:
+    """A parsed document and the origin (``file:line`` or command-line option) of each of its values.
+
+    Attributes:
+        data: Content of the document: dicts, lists and plain values.
+        origins: Origin of every key path; the root is the empty path.
+    """
+
+    data: dict[str, Any]
+    origins: dict[KeyPath, str] = field(default_factory=dict)
+
+    def origin(self, path: KeyPath) -> str:
+        """Return the origin of a path, or of the nearest enclosing path that was written."""
+        while path not in self.origins and path:
+            path = path[:-1]
+        return self.origins.get(path, "scene")
+
+
+def parse_document(text: str, source: str) -> YamlDocument:
+    """Parse a scene file.
+
+    Args:
+        text: Content of the file.
+        source: Name of the file, for messages.
+
+    Raises:
+        SceneError: The text is no YAML, no mapping or too large, gives a key twice, or holds a type that is
+            not plain.
+    """
+    if len(text) > MAX_CHARACTERS:
+        raise SceneError(f"{source}: a scene file of more than {MAX_CHARACTERS} characters is refused")
+    node = _compose(text, source)
+    if not isinstance(node, yaml.MappingNode):
+        found = "nothing" if node is None else "a list" if isinstance(node, yaml.SequenceNode) else "a value"
+        raise SceneError(f"{source}:1: expected `key: value` lines at the top, found {found}")
+    reader = _Reader(source)
+    data = reader.value(node, (), 0)
+    return YamlDocument(data, reader.origins)
+
+
+def apply_overrides(document: YamlDocument, overrides: Mapping[str, str]) -> None:
+    """Write ``a.b.c=value`` pairs into a document; lists take an index, missing mappings are created.
+
+    Raises:
+        SceneError: A value is no YAML that a scene file could hold, or a path leads through a plain value or
+            past the end of a list.
+    """
+    for key, text in overrides.items():
+        option = f"--set {key}={text}"
+        parts = key.split(".")
+        if not all(parts):
+            raise SceneError(f"{option}: expected a dotted key such as cameras.onboard.noise_grey")
+        node = _compose(text, option)
+        _put(document, parts, None if node is None else _Reader(option).value(node, (), 0), option)
+
+
+def _put(document: YamlDocument, parts: list[str], value: Any, option: str) -> None:
+    container: Any = document.data
+    path: KeyPath = ()
+    for depth, part in enumerate(parts):
+        key: str | int = part
+        if isinstance(container, list):
+            if not part.isdecimal() or int(part) >= len(container):
+                valid = f"0 .. {len(container) - 1}" if container else "none, it is empty"
+                raise SceneError(
+                    f"{option}: {dotted(path)} is a list; expected an index ({valid}), found {part!r}"
+                )
+            key = int(part)
+        elif not isinstance(container, dict):
+            raise SceneError(f"{option}: {dotted(path)} is a plain value and has no key {part!r}")
+        path = (*path, key)
+        if depth == len(parts) - 1:
+            container[key] = value
+        elif isinstance(container, dict) and container.get(key) is None:
+            container[key] = {}
+            document.origins[path] = option
+        container = container[key]
+    for old in [p for p in document.origins if p[: len(path)] == path]:
+        del document.origins[old]
+    document.origins[path] = option
+
+
+def _compose(text: str, source: str) -> yaml.Node | None:
+    try:
+        # The composer recurses; the parser does not. So depth is measured on events first.
+        depth = 0
+        for event in yaml.parse(text, Loader=yaml.SafeLoader):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > MAX_DEPTH:
+                raise SceneError(f"{_place(source, event)}: nested more than {MAX_DEPTH} levels deep")
+        return yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = _line(source, mark.line) if mark else source
+        raise SceneError(f"{place}: not valid YAML: {error.problem or error.context}") from None
+    except yaml.reader.ReaderError as error:
+        place = _line(source, text.count("\n", 0, error.position))
+        raise SceneError(
+            f"{place}: not valid YAML: the character U+{error.character:04X} is not allowed"
+        ) from None
+
+
+def _line(source: str, line: int) -> str:
+    """Return a source with a line, counted from 0; an option of the command line has no lines."""
+    return source if source.startswith("--") else f"{source}:{line + 1}"
+
+
+def _place(source: str, item: yaml.Node | yaml.Event) -> str:
+    return _line(source, item.start_mark.line) if item.start_mark else source
+
+
+class _Reader:
+    """Converts nodes to plain values; an alias is read again at each use, within the bound on values."""
+
+    def __init__(self, source: str) -> None:
+        self.origins: dict[KeyPath, str] = {}
+        self._source = source
+        self._scalars = yaml.constructor.SafeConstructor()
+        self._count = 0
+
+    def value(self, node: yaml.Node, path: KeyPath, depth: int) -> Any:
+        origin = _place(self._source, node)
+        self.origins.setdefault(path, origin)
+        self._count += 1
+        if self._count > MAX_VALUES or depth > MAX_DEPTH:  # aliases can multiply, or contain themselves
+            raise SceneError(f"{origin}: more than {MAX_VALUES} values or {MAX_DEPTH} levels after aliases")
+        if node.tag not in _ALLOWED[type(node)]:
+            raise SceneError(f"{origin}: values of type {node.tag} are not allowed in a scene")
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node, path, depth)
+        if isinstance(node, yaml.SequenceNode):
+            return [self.value(item, (*path, i), depth + 1) for i, item in enumerate(node.value)]
+        if node.tag in (_TAG + "timestamp", _TAG + "str"):  # a date is a text that looks like one
+            return str(node.value)
+        try:
+            return self._scalars.construct_object(node)
+        except (ValueError, yaml.YAMLError):
+            raise SceneError(f"{origin}: {node.value!r} is not a value of type {node.tag}") from None
+
+    def _mapping(self, node: yaml.MappingNode, path: KeyPath, depth: int) -> dict[str, Any]:
+        mapping: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            origin = _place(self._source, key_node)
+            if not isinstance(key_node, yaml.ScalarNode):
+                raise SceneError(f"{origin}: {dotted(path) or 'scene'}: a key has to be a plain word")
+            key = str(key_node.value)
+            key_path = (*path, key)
+            if key == "<<":
+                raise SceneError(f"{origin}: {dotted(path) or 'scene'}: merge keys are not supported here")
+            if key in mapping:
+                given = self.origins[key_path]
+                raise SceneError(
+                    f"{origin}: {dotted(key_path)}: this key is already given at {given}; keep one"
+                )
+            self.origins[key_path] = origin
+            mapping[key] = self.value(value_node, key_path, depth + 1)
+        return mapping

@@ -1,0 +1,186 @@
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from msrr_perception.detection import native_apriltag
+from msrr_perception.detection.detector import (
+    DETECTORS,
+    LARGE_TAG_PX,
+    DetectorError,
+    PupilDetector,
+    for_large_tags,
+)
+from msrr_perception.detection.native_apriltag import EDGE_TO_CENTRE_PX, NativeSettings
+from msrr_perception.pose.target import TargetModel, pose_vector
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import Pixels, TagDetection
+from msrr_scenes.registry import build, resolve
+from msrr_scenes.specs.spec import Choice
+
+Draw = Callable[[SE2, Window], Pixels]
+Plate = Callable[[int], Pixels]
+Warp = Callable[..., Pixels]
+
+
+def test_corners_come_in_the_order_of_the_tag_and_count_from_pixel_centres(plate: Plate, warp: Warp) -> None:
+    """A 64 px square at known pixels, 20 times: half a pixel, a turn or a mirror would all show."""
+    rng, window, residuals = np.random.default_rng(0), Window(0, 0, 160, 160), []
+    for _ in range(20):
+        square = np.array([[48.0, 112.0], [112.0, 112.0], [112.0, 48.0], [48.0, 48.0]])
+        square += rng.uniform(0.0, 2.0, 2) + rng.normal(0.0, 1.0, (4, 2))
+        (found,) = PupilDetector().detect(warp(window, [(plate(7), square)]), window)
+        assert (found.tag_id, found.hamming) == (7, 0)
+        residuals.append(found.corners - square)
+    assert np.abs(np.mean(residuals, axis=(0, 1))).max() < 0.05
+    assert np.abs(residuals).max() < 0.4
+
+
+def test_corners_are_unbiased_over_many_views(target: TargetModel, draw: Draw, project: Callable) -> None:
+    """Mean signed residual below 0.05 px, RMS below 0.35 px, as for the rendered cameras."""
+    rng = np.random.default_rng(1)
+    detector, residuals = PupilDetector(), []
+    for _ in range(24):
+        X = SE2(-rng.uniform(0.25, 0.75), rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2))
+        window = target.camera.frame
+        for tag in detector.detect(draw(X, window), window):
+            residuals.append(tag.corners - project(target, pose_vector(X), target.corners_D[tag.tag_id])[1])
+    residual = np.concatenate(residuals)
+    assert len(residuals) > 60
+    assert np.abs(residual.mean(axis=0)).max() < 0.05
+    assert np.sqrt((residual**2).mean(axis=0)).max() < 0.35
+
+
+def test_a_window_gives_full_frame_corners(target: TargetModel, draw: Draw) -> None:
+    X, detector, frame = SE2(-0.5, 0.02, 0.05), PupilDetector(), target.camera.frame
+    image = draw(X, frame)
+    full = {t.tag_id: t.corners for t in detector.detect(image, frame)}
+    assert set(full) == set(target.port_tags)
+    for tag, corners in full.items():
+        x, y = (np.floor((corners.min(axis=0) - 16) / 4) * 4).astype(int)
+        window = Window(int(x), int(y), 96, 96)
+        crop = image[window.y : window.y_end, window.x : window.x_end]
+        alone = {t.tag_id: t.corners for t in detector.detect(crop, window)}
+        np.testing.assert_allclose(alone[tag], corners, atol=0.35)
+
+
+def test_detection_is_deterministic(target: TargetModel, draw: Draw) -> None:
+    frame = target.camera.frame
+    image = draw(SE2(-0.6, 0.0, 0.1), frame)
+    first, second = (PupilDetector().detect(image, frame) for _ in range(2))
+    assert [t.tag_id for t in first] == [t.tag_id for t in second]
+    assert all(np.array_equal(a.corners, b.corners) for a, b in zip(first, second, strict=True))
+
+
+def test_many_detectors_share_one_native_one(draw: Draw, target: TargetModel) -> None:
+    """Native churn crashes the process; a thousand instances here must not."""
+    window = Window(200, 120, 240, 200)
+    image = draw(SE2(-0.5, 0.0, 0.0), window)
+    counts = {len(PupilDetector(quad_decimate=1.0 + (i % 2)).detect(image, window)) for i in range(60)}
+    assert counts == {3}
+    for _ in range(1000):
+        PupilDetector()
+    assert native_apriltag._native_detector.cache_info().currsize == 1
+
+
+def test_settings_reach_the_native_detector(plate: Plate, warp: Warp) -> None:
+    window = Window(0, 0, 120, 120)
+    square = np.array([[30.0, 90.0], [90.0, 90.0], [90.0, 30.0], [30.0, 30.0]])
+    sharp = warp(window, [(plate(3), square)]).astype(float)
+    faint = (130 + 0.12 * (sharp - 128)).astype(np.uint8)  # 30 grey levels of contrast
+    assert len(PupilDetector(min_white_black_diff=10, min_decision_margin=2.0).detect(faint, window)) == 1
+    assert PupilDetector(min_white_black_diff=60, min_decision_margin=2.0).detect(faint, window) == ()
+    assert PupilDetector(min_white_black_diff=10, min_decision_margin=200.0).detect(faint, window) == ()
+
+
+@pytest.mark.parametrize("decimate", [1.0, 2.0])
+@pytest.mark.parametrize("blur", [0.0, 0.8])
+def test_the_wrapper_would_say_the_same(
+    target: TargetModel, draw: Draw, decimate: float, blur: float
+) -> None:
+    """Bit for bit, on pixels that are left as they were."""
+    frame = draw(SE2(-0.5, 0.02, 0.1), target.camera.frame)
+    before = frame.copy()
+    settings = NativeSettings(decimate, blur, 1.0, 30)
+    ours = native_apriltag.detect(frame, "tag36h11", settings)
+    theirs = native_apriltag._native_detector(os.getpid(), "tag36h11")._wrapper.detect(frame)
+    np.testing.assert_array_equal(frame, before)
+    assert len(ours) == len(theirs) == len(target.port_tags)
+    for a, b in zip(ours, theirs, strict=True):
+        assert (a.tag_id, a.hamming, a.decision_margin) == (b.tag_id, b.hamming, b.decision_margin)
+        np.testing.assert_array_equal(a.corners, b.corners - EDGE_TO_CENTRE_PX)
+
+
+def test_half_the_resolution_gives_the_same_corners_of_large_tags(target: TargetModel, draw: Draw) -> None:
+    """40 views with noise: none missed, corners a few hundredths of a pixel apart at most."""
+    rng, whole = np.random.default_rng(4), PupilDetector()
+    half = for_large_tags(whole)
+    assert half is not whole
+    for _ in range(40):
+        window = target.camera.frame
+        pixels = draw(SE2(rng.uniform(-0.5, -0.25), *rng.normal(0.0, [0.02, 0.1])), window)
+        noisy = np.clip(pixels + rng.normal(0.0, 2.0, pixels.shape), 0, 255).astype(np.uint8)
+        found = {t.tag_id: t.corners for t in half.detect(noisy, window)}
+        for tag in whole.detect(noisy, window):
+            edges = np.linalg.norm(tag.corners - np.roll(tag.corners, 1, axis=0), axis=1)
+            if edges.min() >= LARGE_TAG_PX:
+                np.testing.assert_allclose(found[tag.tag_id], tag.corners, atol=0.05)
+
+
+def test_without_refinement_large_tags_are_read_as_all_others() -> None:
+    plain = PupilDetector(refine=False)
+    assert for_large_tags(plain) is plain
+    assert for_large_tags(Blind(1)).detect(np.zeros((9, 9), np.uint8), Window(0, 0, 9, 9)) == ()
+
+
+def test_an_empty_or_tiny_window_holds_nothing() -> None:
+    assert PupilDetector().detect(np.full((80, 80), 128, np.uint8), Window(4, 8, 80, 80)) == ()
+    assert PupilDetector().detect(np.zeros((4, 40), np.uint8), Window(0, 0, 40, 4)) == ()
+
+
+def test_a_crop_that_is_not_contiguous_is_read_right(target: TargetModel, draw: Draw) -> None:
+    frame, window = target.camera.frame, Window(201, 123, 239, 197)
+    image = draw(SE2(-0.5, 0.0, 0.0), frame)
+    view = image[window.y : window.y_end, window.x : window.x_end]
+    a, b = (PupilDetector().detect(p, window) for p in (view, view.copy()))
+    assert len(a) == 3
+    assert all(np.array_equal(s.corners, t.corners) for s, t in zip(a, b, strict=True))
+
+
+def test_misuse_is_named() -> None:
+    with pytest.raises(DetectorError, match="do not fill a window"):
+        PupilDetector().detect(np.zeros((10, 12), np.uint8), Window(0, 0, 10, 12))
+    for wrong in ({"quad_decimate": 0.5}, {"quad_sigma": -1.0}, {"min_white_black_diff": 0}):
+        with pytest.raises(DetectorError):
+            PupilDetector(**wrong)  # type: ignore[arg-type]
+
+
+class Blind:
+    """An own detector, named by its import path."""
+
+    def __init__(self, tag: int = 0) -> None:
+        self.tag = tag
+
+    def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
+        return ()
+
+
+def test_a_detector_is_named_in_the_scene() -> None:
+    detector = build("detector", Choice(name="pupil", params={"quad_decimate": 2.0}), DETECTORS)
+    assert isinstance(detector, PupilDetector)
+    assert resolve("detector", "msrr_perception.detection.detector:PupilDetector", DETECTORS) is PupilDetector
+
+
+def test_a_second_thread_is_safe_when_it_takes_turns(draw: Draw) -> None:
+    window = Window(200, 120, 240, 200)
+    image = draw(SE2(-0.5, 0.0, 0.0), window)
+    counts: list[int] = []
+    worker = threading.Thread(target=lambda: counts.append(len(PupilDetector().detect(image, window))))
+    worker.start()
+    worker.join()
+    assert counts == [3]

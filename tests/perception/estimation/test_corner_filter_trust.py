@@ -1,0 +1,114 @@
+"""Which tags the corner filter believes, and how much it believes its first look."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.pose.target import TargetModel, pose_vector
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import Detections, Exposure, PoseMeasurement, TagDetection
+from msrr_scenes.specs.scene import Scene
+
+X_DU = SE2(-0.6, 0.05, 0.1)
+SIGMA_PX = 0.3
+FRAME_NS = 40_000_000
+#: 99.99 % of chi-square with 8 degrees of freedom, the eight coordinates of a tag's corners, from a table.
+GATE = 31.83
+
+See = Callable[..., tuple[TagDetection, ...]]
+
+
+def _shown(frame: int, tags: tuple[TagDetection, ...]) -> Detections:
+    return Detections(Exposure("a/onboard", frame, frame * FRAME_NS), tags, ())
+
+
+def _settled(target: TargetModel, scene: Scene, see: See, frames: int = 50, **options: Any) -> CornerEkf:
+    """A filter that has just seen a unit stand still, without noise: it is sure where it is."""
+    ekf = CornerEkf(target, scene.odometry, **{"corner_sigma_px": SIGMA_PX, **options})
+    for frame in range(50 - frames, 50):
+        ekf.add_detections(_shown(frame, see(pose_vector(X_DU), target.port_tags)))
+    return ekf
+
+
+def _after(ekf: CornerEkf, tags: tuple[TagDetection, ...]) -> np.ndarray:
+    ekf.add_detections(_shown(50, tags))
+    found = ekf.estimate(50 * FRAME_NS)
+    assert found is not None
+    return np.concatenate([found.X_DU.as_array(), found.covariance.ravel()])
+
+
+def _spoilt(tag: TagDetection, distance: float) -> TagDetection:
+    """A tag one of whose corners lies ``distance`` standard deviations from its place, along the diagonal."""
+    corners = np.array(tag.corners)
+    outwards = corners[0] - corners[2]
+    corners[0] += distance * SIGMA_PX * outwards / np.linalg.norm(outwards)
+    return TagDetection(tag.tag_id, corners)
+
+
+@pytest.mark.parametrize(
+    ("share", "believed"), [(0.8, True), (1.25, False), (4.0, False), (30.0, False), (400.0, False)]
+)
+def test_a_tag_beyond_the_gate_is_as_good_as_not_there(
+    target: TargetModel, scene: Scene, see: See, share: float, believed: bool
+) -> None:
+    """One corner off by the root of ``share`` of the gate; the settled belief adds little to the noise."""
+    tags = see(pose_vector(X_DU), target.port_tags)
+    bad = (_spoilt(tags[0], math.sqrt(share * GATE)), *tags[1:])
+    with_it = _after(_settled(target, scene, see), bad)
+    without = _after(_settled(target, scene, see), tags[1:])
+    assert np.array_equal(with_it, without) is not believed
+
+
+def test_the_gate_passes_its_share_of_good_tags(target: TargetModel, scene: Scene, see: See) -> None:
+    """A gate of 80 %: 200 noisy looks at one tag, each by a filter that is sure where it is.
+
+    The standard error of the share that passes is 0.028: bounds of 0.15 are five of them, odds below 1e-6.
+    """
+    rng = np.random.default_rng(17)
+    passed = 0
+    for _ in range(200):
+        ekf = _settled(target, scene, see, gate_probability=0.8, frames=15)
+        _after(ekf, see(pose_vector(X_DU), target.port_tags[:1], rng, SIGMA_PX))
+        found = ekf.estimate(50 * FRAME_NS)
+        assert found is not None
+        passed += found.last_seen_ns == 50 * FRAME_NS
+    assert passed / 200 == pytest.approx(0.8, abs=0.15)
+
+
+@pytest.mark.parametrize("inflation", [1.0, 2.0, 5.0])
+def test_the_first_covariance_is_inflated_by_the_given_factor(
+    target: TargetModel, scene: Scene, see: See, inflation: float
+) -> None:
+    covariance = np.diag([1e-4, 2e-4, 3e-4])
+    pose = PoseMeasurement(Exposure("a/onboard", 0, 0), X_DU, covariance, (None, None))
+    by_pose = CornerEkf(target, scene.odometry, start_inflation=inflation)
+    by_pose.add_pose(pose)
+    found = by_pose.estimate(0)
+    assert found is not None
+    np.testing.assert_allclose(found.covariance, inflation * covariance, rtol=1e-12)
+
+    look = _shown(0, see(pose_vector(X_DU), target.port_tags))
+    plain, inflated = (CornerEkf(target, scene.odometry, start_inflation=f) for f in (1.0, inflation))
+    for ekf in (plain, inflated):
+        ekf.add_detections(look)
+    one, more = plain.estimate(0), inflated.estimate(0)
+    assert one is not None
+    assert more is not None
+    np.testing.assert_allclose(more.covariance, inflation * one.covariance, rtol=1e-9)
+
+
+def test_the_first_covariance_is_inflated_by_default(target: TargetModel, scene: Scene, see: See) -> None:
+    look = _shown(0, see(pose_vector(X_DU), target.port_tags))
+    default, twice = CornerEkf(target, scene.odometry), CornerEkf(target, scene.odometry, start_inflation=2.0)
+    for ekf in (default, twice):
+        ekf.add_detections(look)
+    a, b = default.estimate(0), twice.estimate(0)
+    assert a is not None
+    assert b is not None
+    np.testing.assert_array_equal(a.covariance, b.covariance)

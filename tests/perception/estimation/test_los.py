@@ -1,0 +1,188 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.estimation.los import LosEstimator, edge_bearings, measured_bearings
+from msrr_perception.pose.target import TargetModel, pose_vector
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import Detections, Exposure, LosStatus, PoseMeasurement, TagDetection
+from msrr_scenes.specs.scene import Scene
+
+See = Callable[..., tuple[TagDetection, ...]]
+MakeDrive = Callable[..., Any]
+MS = 1_000_000
+
+
+def _paper(scene: Scene, X: SE2) -> list[float]:
+    """Zheng et al., eq. 21: a = atan2(+-b - y_c, s_b - x_c) - th, for a camera above the axle."""
+    b, s_b = scene.los.half_width_m, scene.los.setback_m
+    return [math.atan2(side * b - X.y, s_b - X.x) - X.yaw for side in (1.0, -1.0)]
+
+
+def _poses(n: int) -> list[SE2]:
+    rng = np.random.default_rng(0)
+    return [SE2(-rng.uniform(0.12, 0.8), rng.uniform(-0.08, 0.08), rng.uniform(-0.3, 0.3)) for _ in range(n)]
+
+
+def test_bearings_from_a_pose_are_those_of_the_paper(scene: Scene, target: TargetModel) -> None:
+    for X in _poses(100):
+        np.testing.assert_allclose(
+            edge_bearings(target, X), _paper(scene, X), atol=5e-4
+        )  # b, s_b round to 0.1 mm
+
+
+def test_bearings_from_the_image_are_those_of_the_geometry(target: TargetModel, see: See) -> None:
+    exposure = Exposure("a/onboard", 0, 0)
+    for X in _poses(100):
+        detections = Detections(exposure, see(pose_vector(X), target.port_tags), ())
+        np.testing.assert_allclose(
+            np.array(measured_bearings(target, detections), dtype=float), edge_bearings(target, X), atol=1e-9
+        )
+
+
+def test_bearing_noise_is_what_the_pixels_give(target: TargetModel, see: See) -> None:
+    """0.3 px corners, two to an edge: 0.21 px = 0.03 degrees in mid-image; 300 views, 5 sigma."""
+    rng, X, n = np.random.default_rng(1), SE2(-0.6, 0.0, 0.0), 300
+    exact = np.array(edge_bearings(target, X))
+    errors = [
+        np.array(
+            measured_bearings(
+                target, Detections(Exposure("c", 0, 0), see(pose_vector(X), target.port_tags, rng), ())
+            ),
+            dtype=float,
+        )
+        - exact
+        for _ in range(n)
+    ]
+    expected = 0.3 / math.sqrt(2) / target.camera.focal
+    ratio = np.sqrt(np.mean(np.square(errors), axis=0)) / expected
+    assert np.all(np.abs(ratio - 1.0) < 5.0 / math.sqrt(2 * n))
+
+
+def _following(
+    target: TargetModel, scene: Scene, drive: Any, ticks: int, **options: Any
+) -> tuple[Any, LosEstimator]:
+    ekf, los = CornerEkf(target, scene.odometry, **options), LosEstimator(target)
+    _advance(drive, ekf, los, ticks)
+    return ekf, los
+
+
+def _advance(drive: Any, ekf: CornerEkf, los: LosEstimator, ticks: int, latency: int = 12) -> None:
+    for _ in range(ticks):
+        reading, picture = drive.step()
+        ekf.add_odometry(reading)
+        if picture is not None:
+            drive.under_way.append((drive.tick + latency, picture))
+        while drive.under_way and drive.under_way[0][0] <= drive.tick:
+            detections = drive.under_way.pop(0)[1]
+            ekf.add_detections(detections)
+            los.add_detections(detections)
+
+
+def _turning(X: SE2) -> tuple[float, float]:
+    return 0.05, 0.3
+
+
+def test_seen_edges_are_carried_to_now(target: TargetModel, scene: Scene, make_drive: MakeDrive) -> None:
+    """Turning with 0.3 rad/s and 120 ms latency: stale angles would be 0.036 rad off."""
+    drive = make_drive(0, X_DU=SE2(-0.7, 0.0, -0.35), speed=_turning)
+    ekf, los = _following(target, scene, drive, 120)
+    seen = los.observe(drive.now_ns, ekf)
+    assert (seen.status, seen.stamp_ns) == (LosStatus.SEEN, drive.now_ns)
+    np.testing.assert_allclose([seen.left, seen.right], edge_bearings(target, drive.X_DU), atol=0.004)
+    assert seen.margin == target.camera.half_fov - max(abs(seen.left), abs(seen.right))
+
+
+def test_without_compensation_the_angles_are_those_of_the_last_exposure(
+    target: TargetModel, scene: Scene, make_drive: MakeDrive
+) -> None:
+    drive = make_drive(0, X_DU=SE2(-0.7, 0.0, -0.35), speed=_turning)
+    ekf, los = _following(target, scene, drive, 120, delay_compensation=False)
+    stale = los.observe(drive.now_ns, ekf)
+    assert stale.status is LosStatus.SEEN
+    assert stale.stamp_ns < drive.now_ns - 100 * MS
+    lag = stale.left - edge_bearings(target, drive.X_DU)[0]
+    assert 0.03 < lag < 0.06
+
+
+def test_an_edge_out_of_view_is_predicted_then_all_is_lost(
+    target: TargetModel, scene: Scene, make_drive: MakeDrive
+) -> None:
+    drive = make_drive(1)
+    ekf, los = _following(target, scene, drive, 100)
+    drive.tags = target.port_tags[1:]  # the left tag is hidden
+    _advance(drive, ekf, los, 60)
+    found = los.observe(drive.now_ns, ekf)
+    assert found.status is LosStatus.PREDICTED
+    np.testing.assert_allclose([found.left, found.right], edge_bearings(target, drive.X_DU), atol=0.003)
+    blind_ns = drive.now_ns
+    for _ in range(80):  # nothing at all is seen
+        ekf.add_odometry(drive.step()[0])
+    assert los.observe(blind_ns + 300 * MS, ekf).status is LosStatus.PREDICTED
+    lost = los.observe(drive.now_ns, ekf)
+    assert lost.status is LosStatus.LOST
+    np.testing.assert_allclose([lost.left, lost.right], edge_bearings(target, drive.X_DU), atol=0.02)
+
+
+def test_tags_seen_in_turn_count_as_seen(target: TargetModel, scene: Scene, make_drive: MakeDrive) -> None:
+    """Close up, one frame shows the left tag and the next one the right tag."""
+    drive = make_drive(2, X_DU=SE2(-0.3, 0.0, 0.0))
+    ekf, los = _following(target, scene, drive, 20)
+    for turn in range(12):
+        drive.tags = (target.port_tags[turn % 3],)
+        _advance(drive, ekf, los, 4)
+        assert los.observe(drive.now_ns, ekf).status is LosStatus.SEEN
+
+
+def test_before_anything_is_known_it_is_lost_and_says_no_number(target: TargetModel, scene: Scene) -> None:
+    los = LosEstimator(target).observe(5, CornerEkf(target, scene.odometry))
+    assert los.status is LosStatus.LOST
+    assert math.isnan(los.left)
+    assert math.isnan(los.right)
+    assert math.isnan(los.margin)
+
+
+def test_a_target_beside_the_image_has_a_negative_margin(target: TargetModel, scene: Scene) -> None:
+    ekf, los = CornerEkf(target, scene.odometry), LosEstimator(target)
+    X = SE2(-0.5, 0.0, 0.75)
+    ekf.add_pose(PoseMeasurement(Exposure("a/onboard", 0, 0), X, 1e-6 * np.eye(3), (None, None)))
+    found = los.observe(0, ekf)
+    assert found.status is LosStatus.PREDICTED
+    assert found.margin < 0.0
+    np.testing.assert_allclose([found.left, found.right], edge_bearings(target, X), atol=1e-9)
+
+
+def test_bearings_of_ready_made_measurements_are_taken_as_seen(target: TargetModel, scene: Scene) -> None:
+    ekf, los = CornerEkf(target, scene.odometry), LosEstimator(target)
+    measurement = PoseMeasurement(
+        Exposure("a/onboard", 0, 0), SE2(-0.5, 0.0, 0.0), 1e-6 * np.eye(3), (0.1, -0.09)
+    )
+    ekf.add_pose(measurement)
+    los.add_pose(measurement)
+    found = los.observe(0, ekf)
+    assert (found.status, found.left, found.right) == (LosStatus.SEEN, 0.1, -0.09)
+    los.reset()
+    assert los.observe(0, ekf).status is LosStatus.PREDICTED
+
+
+def test_an_older_picture_does_not_replace_a_newer_one(target: TargetModel, scene: Scene, see: See) -> None:
+    ekf, los = CornerEkf(target, scene.odometry), LosEstimator(target)
+    for frame, X in ((2, SE2(-0.5, 0.0, 0.0)), (1, SE2(-0.5, 0.0, 0.1))):
+        picture = Detections(Exposure("a/onboard", frame, frame), see(pose_vector(X), target.port_tags), ())
+        ekf.add_detections(picture)
+        los.add_detections(picture)
+    np.testing.assert_allclose(
+        los.observe(2, ekf).left, edge_bearings(target, SE2(-0.5, 0.0, 0.0))[0], atol=1e-9
+    )
+
+
+def test_wrong_times_are_refused(target: TargetModel) -> None:
+    with pytest.raises(SceneError):
+        LosEstimator(target, max_age_s=0.6, lost_after_s=0.5)

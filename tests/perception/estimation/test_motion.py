@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from msrr_perception.estimation.motion import DEFAULT_NOISE, STATE_SIZE, DriveMotion, FilterState, MotionNoise
+from msrr_perception.estimation.wheel_history import WheelHistory
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import WheelOdometry
+from msrr_scenes.specs.sensors import OdometrySpec
+
+TICK_NS = 10_000_000
+SILENT = MotionNoise(slip=0.0, sideways=0.0, contact=0.0, guidance=0.0, drift=0.0, turn_drift=0.0)
+
+
+def _wheels(left: np.ndarray, right: np.ndarray) -> WheelHistory:
+    history = WheelHistory()
+    for i, (a, b) in enumerate(zip(left, right, strict=True)):
+        history.add(WheelOdometry("a", i * TICK_NS, float(a), float(b)))
+    return history
+
+
+def _start(motion: DriveMotion, pose: SE2, history: WheelHistory) -> FilterState:
+    mean = np.array([pose.x, pose.y, pose.yaw, 0.0, 0.0])
+    return motion.initial(0, mean, np.diag([1e-6, 1e-6, 1e-6, 1e-5, 1e-5]), history.angles_at(0))
+
+
+def test_odometry_alone_is_the_integral_on_se2(target: TargetModel) -> None:
+    """300 random steps, some of them turns on the spot and some straight, against exp on SE(2)."""
+    rng = np.random.default_rng(0)
+    steps = rng.normal(0.0, 0.1, (300, 2))
+    steps[50:60, 1] = -steps[50:60, 0]
+    steps[60:70, 1] = steps[60:70, 0]
+    angles = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    history = _wheels(*angles.T)
+    motion = DriveMotion(target, OdometrySpec(), DEFAULT_NOISE)
+    X = start = SE2(-0.7, 0.1, 0.3)
+    for left, right in steps * target.wheel_radius:
+        X = X @ SE2.exp(0.5 * (left + right), 0.0, (right - left) / target.track)
+    state = motion.propagate(_start(motion, start, history), history, 300 * TICK_NS)
+    np.testing.assert_allclose(state.X_DU.as_array(), X.as_array(), atol=1e-9)
+
+
+def test_stops_on_the_way_change_nothing(target: TargetModel) -> None:
+    """The way is the same in one go and in pieces that end between readings (steps of constant speed)."""
+    turn = np.linspace(0.0, 4.0, 41)
+    history = _wheels(turn, 1.4 * turn)
+    motion = DriveMotion(target, OdometrySpec(), DEFAULT_NOISE)
+    start = _start(motion, SE2(-0.7, 0.1, 0.3), history)
+    whole = motion.propagate(start, history, 40 * TICK_NS)
+    state = start
+    for t in np.linspace(0, 40 * TICK_NS, 58).astype(int):
+        state = motion.propagate(state, history, int(t))
+    np.testing.assert_allclose(state.mean, whole.mean, atol=1e-9)
+    np.testing.assert_allclose(state.covariance, whole.covariance, rtol=2e-3, atol=1e-9)
+
+
+def test_the_covariance_moves_by_the_derivative_of_the_motion(target: TargetModel) -> None:
+    """Without noise F P F^T with F by central differences of the mean, for all seven states."""
+    turn = np.linspace(0.0, 3.0, 11)
+    history = _wheels(0.6 * turn, turn)
+    motion = DriveMotion(target, OdometrySpec(noise_rad=0.0), replace(SILENT, tilt_sigma=1e-9))
+    rng = np.random.default_rng(1)
+    A = rng.normal(0.0, 0.01, (STATE_SIZE, STATE_SIZE))
+    state = replace(_start(motion, SE2(-0.7, 0.1, 0.3), history), covariance=A @ A.T)
+    end = motion.propagate(state, history, 10 * TICK_NS)
+    h, F = 1e-6, np.empty((STATE_SIZE, STATE_SIZE))
+    for i in range(STATE_SIZE):
+        e = h * np.eye(STATE_SIZE)[i]
+        ahead, behind = (
+            motion.propagate(replace(state, mean=state.mean + s * e), history, 10 * TICK_NS).mean
+            for s in (1, -1)
+        )
+        F[:, i] = (ahead - behind) / (2.0 * h)
+    np.testing.assert_allclose(end.covariance, F @ state.covariance @ F.T, rtol=1e-3, atol=1e-8)
+
+
+def test_wheel_errors_are_covered_by_the_covariance(target: TargetModel) -> None:
+    """200 drives of 0.5 m without a camera, radii off by 2 % and noisy encoders.
+
+    The summed NEES is chi-square with 600 degrees of freedom at most (the model also allows for slip, which
+    this drive has none of): odds 1e-6 to exceed the upper bound; the lower one says it is not idle.
+    """
+    spec, nees, n = OdometrySpec(), 0.0, 200
+    rng = np.random.default_rng(4)
+    motion = DriveMotion(target, spec, DEFAULT_NOISE)
+    for _ in range(n):
+        scale = 1.0 + rng.normal(0.0, spec.scale_error, 2)
+        true = np.outer(np.arange(101), [0.14, 0.16])  # rad
+        noise = spec.noise_rad * np.sqrt(np.array([0.14, 0.16])) * rng.normal(size=(100, 2))
+        measured = true / scale + np.concatenate([np.zeros((1, 2)), np.cumsum(noise, axis=0)])
+        history = _wheels(*measured.T)
+        way = true[-1] * target.wheel_radius
+        X = SE2(-0.7, 0.0, 0.0) @ SE2.exp(way.mean(), 0.0, float(way[1] - way[0]) / target.track)
+        state = motion.propagate(_start(motion, SE2(-0.7, 0.0, 0.0), history), history, 100 * TICK_NS)
+        e = state.X_DU.as_array() - X.as_array()
+        nees += float(e @ np.linalg.solve(state.covariance[:3, :3], e))
+    assert 0.3 * 3 * n < nees < chi2.ppf(1 - 1e-6, 3 * n)
+
+
+def test_tilt_forgets_and_scales_do_not(target: TargetModel) -> None:
+    motion = DriveMotion(target, OdometrySpec(), DEFAULT_NOISE)
+    state = _start(motion, SE2(-0.7, 0.0, 0.0), WheelHistory())
+    state = replace(state, mean=np.array([-0.7, 0.0, 0.0, 0.01, -0.01, 0.02, 0.01]))
+    later = motion.propagate(state, WheelHistory(), 10 * 1_000_000_000)
+    np.testing.assert_allclose(later.mean[3:5], 0.0, atol=1e-5)
+    np.testing.assert_allclose(later.covariance[3, 3], DEFAULT_NOISE.tilt_sigma**2, rtol=1e-3)
+    np.testing.assert_array_equal(later.mean[5:], state.mean[5:])
+    np.testing.assert_array_equal(later.mean[:3], state.mean[:3])
+
+
+@pytest.mark.parametrize(("x", "grows"), [(-0.5, False), (-0.11, True)])
+def test_wheels_may_spin_at_the_port_only(target: TargetModel, x: float, grows: bool) -> None:
+    turn = np.linspace(0.0, 0.02 / target.wheel_radius, 41)  # 20 mm of wheel travel
+    history = _wheels(turn, turn)
+    motion = DriveMotion(target, OdometrySpec(), DEFAULT_NOISE)
+    state = motion.propagate(_start(motion, SE2(x, 0.0, 0.0), history), history, 40 * TICK_NS)
+    sigma = math.sqrt(state.covariance[0, 0])
+    assert (sigma > 0.0018) == grows

@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+import numpy as np
+
+from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
+from msrr_scenes.messages import WheelOdometry
+
+MS = 1_000_000
+
+
+def _history(*readings: tuple[int, float, float]) -> WheelHistory:
+    history = WheelHistory()
+    for stamp, left, right in readings:
+        history.add(WheelOdometry("a", stamp * MS, left, right))
+    return history
+
+
+def test_angles_between_readings_are_interpolated() -> None:
+    history = _history((0, 1.0, 2.0), (10, 2.0, 2.5), (20, 4.0, 2.5))
+    assert history.angles_at(5 * MS) == WheelAngles(5 * MS, 1.5, 2.25)
+    assert history.angles_at(10 * MS) == WheelAngles(10 * MS, 2.0, 2.5)
+    assert history.angles_at(15 * MS) == WheelAngles(15 * MS, 3.0, 2.5)
+
+
+def test_beyond_the_newest_reading_speed_is_kept_for_a_tenth_of_a_second() -> None:
+    history = _history((0, 0.0, 0.0), (10, 0.1, -0.1))
+    assert history.angles_at(20 * MS) == WheelAngles(20 * MS, 0.2, -0.2)
+    late, later = history.angles_at(110 * MS), history.angles_at(5000 * MS)
+    assert late is not None
+    assert later is not None
+    np.testing.assert_allclose([late.left, later.left], [1.1, 1.1])
+
+
+def test_before_the_first_reading_the_wheels_stand() -> None:
+    assert _history().angles_at(0) is None
+    assert _history().angles_between(0, 10) == []
+    history = _history((10, 3.0, 4.0))
+    assert history.angles_at(0) == WheelAngles(0, 3.0, 4.0)
+    assert history.angles_at(50 * MS) == WheelAngles(50 * MS, 3.0, 4.0)
+
+
+def test_late_readings_find_their_place_and_repeated_ones_do_nothing() -> None:
+    ordered = _history((0, 0.0, 0.0), (10, 1.0, 0.0), (20, 1.5, 0.0))
+    mixed = WheelHistory()
+    newest = [
+        mixed.add(WheelOdometry("a", s * MS, left, 0.0))
+        for s, left in [(0, 0.0), (20, 1.5), (10, 1.0), (10, 9.0)]
+    ]
+    assert newest == [True, True, False, False]
+    assert len(mixed) == 3
+    for t in range(0, 40, 3):
+        assert mixed.angles_at(t * MS) == ordered.angles_at(t * MS)
+
+
+def test_the_way_lists_readings_strictly_between_and_the_end() -> None:
+    history = _history((0, 0.0, 0.0), (10, 1.0, 0.0), (20, 2.0, 0.0), (30, 3.0, 0.0))
+    assert [w.stamp_ns // MS for w in history.angles_between(0, 25 * MS)] == [10, 20, 25]
+    assert [w.stamp_ns // MS for w in history.angles_between(10 * MS, 20 * MS)] == [20]
+    assert [w.stamp_ns // MS for w in history.angles_between(12 * MS, 14 * MS)] == [14]
+    assert history.newest_stamp(25 * MS) == 20 * MS
+    assert history.newest_stamp(-1) is None
+
+
+def test_forgetting_keeps_what_later_instants_need() -> None:
+    history = _history((0, 0.0, 0.0), (10, 1.0, 0.0), (20, 2.0, 0.0), (30, 3.0, 0.0))
+    before = history.angles_at(15 * MS)
+    history.forget_before(15 * MS)
+    assert len(history) == 3
+    assert history.angles_at(15 * MS) == before

@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.specs.plan import DockStep, LosSpec
+from msrr_scenes.specs.scene import Scene
+
+
+def test_the_map_holds_every_tag_of_the_unit_in_the_dock_frame(scene: Scene, target: TargetModel) -> None:
+    geometry, ids = scene.geometry("b"), scene.tag_ids("b")
+    assert target.tags == tuple(sorted(ids.values()))
+    X_UD = SE3.from_se2(geometry.dock_frame("rear"))
+    for slot, tag in ids.items():
+        middle = X_UD.act(target.corners_D[tag].mean(axis=0))
+        np.testing.assert_allclose(middle, geometry.frame(slot).p, atol=1e-12)
+        edges = np.linalg.norm(np.diff(target.corners_D[tag], axis=0), axis=1)
+        np.testing.assert_allclose(edges, scene.tag_size(slot), atol=1e-12)
+
+
+def test_the_port_tags_face_the_coming_unit_and_the_tags_left_is_left(target: TargetModel) -> None:
+    for tag in target.port_tags:
+        bottom_left, bottom_right, top_right, _ = target.corners_D[tag]
+        into = np.cross(bottom_right - bottom_left, bottom_right - top_right)
+        assert into[0] > 0.0  # z of T points into the tag, x of D into the unit
+        assert bottom_left[1] > bottom_right[1]  # who looks along +x has +y on the left
+        assert top_right[2] > bottom_right[2]
+
+
+def test_the_los_edges_are_the_outer_black_edges(scene: Scene, target: TargetModel) -> None:
+    for side, point in zip((1.0, -1.0), target.edge_points_D, strict=True):
+        np.testing.assert_allclose(point[:2], [scene.los.setback_m, side * scene.los.half_width_m], atol=1e-4)
+    assert target.edges[0].tag_id != target.edges[1].tag_id
+
+
+@pytest.mark.parametrize("port", ["rear", "left", "right"])
+def test_all_ports_look_alike(scene: Scene, target: TargetModel, port: str) -> None:
+    other = TargetModel.from_scene(scene, DockStep(unit="a", to=f"b.{port}"))
+    assert other.port_tags != target.port_tags or port == "rear"
+    for mine, theirs in zip(target.port_tags, other.port_tags, strict=True):
+        np.testing.assert_allclose(other.corners_D[theirs], target.corners_D[mine], atol=1e-9)
+
+
+def test_a_los_target_off_the_tags_is_refused(scene: Scene) -> None:
+    wide = scene.model_copy(update={"los": LosSpec(half_width_m=0.06)})
+    with pytest.raises(SceneError, match=r"los: no tag edge of b.rear .* the nearest is 15.9 mm away"):
+        TargetModel.from_scene(wide, wide.plan[0])
+
+
+def test_a_port_without_tags_is_refused(scene: Scene) -> None:
+    with pytest.raises(SceneError, match="carries no tags"):
+        TargetModel.from_scene(scene, DockStep(unit="a", to="b.front"))
+
+
+def test_calibration_comes_from_the_own_urdf(scene: Scene, target: TargetModel) -> None:
+    geometry = scene.geometry("a")
+    assert (target.camera_name, target.camera) == ("a/onboard", scene.cameras.onboard.pinhole)
+    assert (target.wheel_radius, target.track) == (geometry.wheel_radius, geometry.track)
+    assert target.front == geometry.port("front").x
+    np.testing.assert_allclose(target.X_UC.act([0.0, 0.0, 1.0]) - target.X_UC.p, [1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose((target.X_UC @ target.X_CU).matrix(), np.eye(4), atol=1e-12)

@@ -1,0 +1,45 @@
+"""Collision shapes: the points that span them lie on them, and their outline is the shadow on the ground."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.solid import Solid, convex_hull, obj_vertices
+
+X_UG = SE3.from_xyz_rpy([0.1, -0.2, 0.3], [0.0, 0.0, 0.5])
+
+
+def test_the_points_of_a_shape_lie_on_it() -> None:
+    box = X_UG.inverse().act(Solid("a", "box", X_UG, (0.2, 0.4, 0.6)).points())
+    np.testing.assert_allclose(np.abs(box), np.broadcast_to([0.1, 0.2, 0.3], (8, 3)), atol=1e-12)
+    cylinder = X_UG.inverse().act(Solid("a", "cylinder", X_UG, (0.3, 0.8)).points())
+    np.testing.assert_allclose(np.hypot(cylinder[:, 0], cylinder[:, 1]), 0.3)
+    np.testing.assert_allclose(np.abs(cylinder[:, 2]), 0.4)
+    sphere = X_UG.inverse().act(Solid("a", "sphere", X_UG, (0.3,)).points())
+    np.testing.assert_allclose(np.linalg.norm(sphere, axis=1), 0.3)
+
+
+def test_the_outline_is_the_projection_to_the_ground() -> None:
+    lying = SE3.from_xyz_rpy([0.1, 0.0, 0.3], [math.pi / 2, 0.0, 0.0])  # axis along y
+    outline = Solid("a", "cylinder", lying, (0.3, 0.8)).outline()
+    np.testing.assert_allclose(outline.max(axis=0), [0.4, 0.4], atol=1e-12)
+    hull = convex_hull(outline)
+    following = np.roll(hull, -1, axis=0)
+    area = 0.5 * (hull[:, 0] * following[:, 1] - hull[:, 1] * following[:, 0]).sum()
+    assert area == pytest.approx(0.6 * 0.8)  # positive: counter-clockwise
+    ball = Solid("a", "sphere", X_UG, (0.3,)).outline()
+    np.testing.assert_allclose(np.linalg.norm(ball - X_UG.p[:2], axis=1), 0.3)
+
+
+def test_a_mesh_is_read_and_scaled(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.obj"
+    path.write_text("v 1 2 3\nvn 0 0 1\nv -1 0.5 2e0\nf 1 2 1\n")
+    points = Solid("a", "mesh", X_UG, (0.1, 0.2, 0.3), path).points()
+    np.testing.assert_allclose(X_UG.inverse().act(points), [[0.1, 0.4, 0.9], [-0.1, 0.1, 0.6]], atol=1e-12)
+    path.write_text("f 1 2 3\n")
+    with pytest.raises(GeometryError, match="no vertices"):
+        obj_vertices(path)

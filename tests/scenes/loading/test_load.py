@@ -1,0 +1,242 @@
+"""Scene files: what is read, what is overridden, and what a mistake is answered with."""
+
+from pathlib import Path
+
+import pytest
+
+from msrr_scenes import check_scene, load_scene, scene_hash
+from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
+from msrr_scenes.geometry.unit_geometry import urdf_folder
+from msrr_scenes.loading.load import shipped_scenes
+from msrr_scenes.specs.plan import ControlSpec
+
+GOOD = """\
+description: two units, one camera each
+
+units:
+  b:
+    number: 1
+    pose: {x_m: 0.4}
+  a:
+    number: 0
+    pose:
+      frame: b.rear
+      x_m: -0.70
+      spread: {y_m: 0.10, yaw_deg: 20}
+
+obstacles:
+  post:
+    shape: cylinder
+    radius_m: 0.05
+    pose: {y_m: 0.6}
+
+plan:
+  - {unit: a, to: b.rear}
+"""
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "scene.yaml"
+    path.write_text(text)
+    return path
+
+
+def message(tmp_path: Path, text: str, **overrides: str) -> str:
+    with pytest.raises(MsrrError) as caught:
+        load_scene(write(tmp_path, text), {k.replace("__", "."): v for k, v in overrides.items()})
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_every_shipped_scene_loads_and_says_what_it_is(name: str) -> None:
+    scene = load_scene(name)
+    assert scene.name == name
+    assert len(scene.description) > 20
+    check_scene(scene)  # and is good as a Python object as well
+
+
+def test_a_file_of_ones_own(tmp_path: Path) -> None:
+    scene = load_scene(write(tmp_path, GOOD))
+    assert scene.name == "scene"
+    assert list(scene.units) == ["b", "a"]
+    assert scene.units["a"].pose.x_m == -0.70
+    assert scene.source == (tmp_path / "scene.yaml").resolve()
+
+
+def test_the_issues_start_sets_and_limits() -> None:
+    close, hard = load_scene("close_range"), load_scene("close_range_hard")
+    spread = close.units["a"].pose.spread
+    assert (close.units["a"].pose.x_m, spread.x_m, spread.y_m, spread.yaw_deg) == (-0.70, 0.05, 0.10, 20)
+    spread = hard.units["a"].pose.spread
+    assert (spread.x_m, spread.y_m, spread.yaw_deg) == (0.05, 0.15, 25)
+    assert hard.limits.setting == "tight"
+    assert hard.limits.w_max_radps == 1.0
+    assert hard.cameras.onboard.latency_ms == 100
+    retry = load_scene("close_range_forced_retry")
+    assert retry.faults[0].kind == "port_plugged"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            "      x_m: -0.70",
+            "      xm: -0.70",
+            ["scene.yaml:11: units.a.pose.xm: unknown key", "did you mean 'x_m'?"],
+        ),
+        ("    number: 1\n", "", ["scene.yaml:4: units.b.number: required, and missing"]),
+        (
+            "shape: cylinder",
+            "shape: cylindr",
+            ["scene.yaml:16: obstacles.post.shape", "did you mean 'cylinder'?"],
+        ),
+        ("    shape: cylinder\n", "", ["obstacles.post.shape: required", "'cylinder' or 'box'"]),
+        (
+            "radius_m: 0.05",
+            "radius_m: -1",
+            ["scene.yaml:17: obstacles.post.radius_m", "greater than 0", "found -1"],
+        ),
+        ("radius_m: 0.05", "radius_m: .nan", ["scene.yaml:17: obstacles.post.radius_m", "finite", "nan"]),
+        ("radius_m: 0.05", "radius_m: .inf", ["scene.yaml:17: obstacles.post.radius_m", "finite", "inf"]),
+        ("number: 1", "number: yes", ["scene.yaml:5: units.b.number", "the flag true"]),
+        ("number: 1", "number: two", ["scene.yaml:5: units.b.number", "expected an integer, found 'two'"]),
+        ("frame: b.rear", "frame: rear", ["scene.yaml:10: units.a.pose.frame", "'<unit>.<port>'", "'rear'"]),
+        ("  a:\n", "  A:\n", ["scene.yaml:7: units.A", "lower-case"]),
+        ("  a:\n", "  b:\n", ["scene.yaml:7: units.b: this key is already given at", "scene.yaml:4"]),
+        (
+            "- {unit: a, to: b.rear}",
+            "- [a, b]",
+            ["scene.yaml:21: plan.0: expected keys with values, found a list"],
+        ),
+        ("plan:", "plam:", ["scene.yaml:20: plam: unknown key; did you mean 'plan'?"]),
+        ("plan:", "plan: {", ["not valid YAML"]),
+        ("{x_m: 0.4}", "{x_m: !!python/name:os.system }", ["scene.yaml:6", "not allowed"]),
+        ("{x_m: 0.4}", "{<<: {x_m: 0.4}}", ["scene.yaml:6", "merge keys"]),
+        ("{x_m: 0.4}", "{[1]: 0.4}", ["scene.yaml:6", "plain word"]),
+        ("{x_m: 0.4}", "&p {x_m: *p}", ["scene.yaml:6", "levels after aliases"]),
+        (
+            "description: two units",
+            "source: /etc/passwd\ndescription: two units",
+            ["scene.yaml:1: source: unknown key"],
+        ),
+    ],
+)
+def test_a_mistake_names_file_line_key_and_mend(
+    tmp_path: Path, old: str, new: str, expected: list[str]
+) -> None:
+    assert old in GOOD
+    text = message(tmp_path, GOOD.replace(old, new, 1))
+    for part in expected:
+        assert part in text
+    assert "pydantic" not in text
+
+
+def test_several_mistakes_come_in_one_message(tmp_path: Path) -> None:
+    text = message(tmp_path, GOOD.replace("radius_m: 0.05", "radius_m: x").replace("number: 0", "number: -3"))
+    assert "units.a.number" in text
+    assert "obstacles.post.radius_m" in text
+
+
+def test_a_flood_of_mistakes_is_cut_short(tmp_path: Path) -> None:
+    text = message(tmp_path, GOOD + "".join(f"key_{i}: 1\n" for i in range(40)))
+    assert "... and 32 more" in text
+
+
+@pytest.mark.parametrize(
+    "text", ["", "- a\n", "just words", "a: \x00", "a: [1, 2", "\t- a", "%YAML 9", "a: " + "[" * 500]
+)
+def test_what_is_not_a_scene_at_all(tmp_path: Path, text: str) -> None:
+    assert "scene.yaml" in message(tmp_path, text)
+
+
+def test_a_bomb_of_aliases_is_refused_quickly(tmp_path: Path) -> None:
+    lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
+    assert "aliases" in message(tmp_path, "\n".join(lines))
+
+
+def test_other_ways_not_to_be_a_scene(tmp_path: Path) -> None:
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(SceneError, match="not UTF-8"):
+        load_scene(tmp_path / "binary.yaml")
+    with pytest.raises(SceneError, match="no such scene file"):
+        load_scene(tmp_path / "missing.yaml")
+    with pytest.raises(SceneError, match="more than"):
+        load_scene(write(tmp_path, "# " + "x" * 1_000_001))
+    with pytest.raises(UnknownNameError, match="did you mean 'close_range'"):
+        load_scene("close_rnge")
+
+
+def test_overrides_reach_everything(tmp_path: Path) -> None:
+    overrides = {
+        "cameras.onboard.noise_grey": "8",
+        "cameras.overhead": "{height_m: 2.5}",
+        "plan.0.to": "b.rear",
+        "limits.setting": "tight",
+        "units.a.pose.spread.x_m": "0.01",
+        "faults": "[{kind: marker_hidden, unit: b}]",
+        "control.docking.params.gain": "1e-2",
+        "control.detector": "my.module:Detector",
+        "plant": "unicycle",
+    }
+    scene = load_scene(write(tmp_path, GOOD), overrides)
+    assert scene.cameras.onboard.noise_grey == 8.0
+    assert scene.cameras.overhead is not None
+    assert scene.cameras.overhead.height_m == 2.5
+    assert scene.limits.v_max_mps == 0.35
+    assert scene.units["a"].pose.spread.x_m == 0.01
+    assert scene.units["a"].pose.spread.y_m == 0.10  # beside it, untouched
+    assert scene.faults[0].kind == "marker_hidden"
+    assert scene.control.docking.name == ControlSpec().docking.name  # the default keeps its name
+    assert scene.control.detector.name == "my.module:Detector"  # a name alone is a choice
+    assert scene.plant == "unicycle"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("cameras.onboard.nois_grey", "8", "did you mean 'noise_grey'?"),
+        ("plan.3.unit", "a", "expected an index (0 .. 0), found '3'"),
+        ("plan.first.unit", "a", "is a list; expected an index"),
+        ("plan.0.unit.name", "a", "plan.0.unit is a plain value and has no key 'name'"),
+        ("limits.setting", "fast", "expected 'normal' or 'tight'"),
+        ("cameras", "[", "not valid YAML"),
+        ("cameras..onboard", "1", "expected a dotted key"),
+        ("units.a.number", "1", "has the number 1 already; 0 is free"),
+        ("los.half_width_m", "0.2", "too wide for the cone"),
+    ],
+)
+def test_a_bad_override_is_named_as_such(tmp_path: Path, key: str, value: str, expected: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        load_scene(write(tmp_path, GOOD), {key: value})
+    assert f"--set {key}={value}" in str(caught.value)
+    assert expected in str(caught.value)
+
+
+def test_the_hash_is_of_what_changes_a_trial(tmp_path: Path) -> None:
+    path = write(tmp_path, GOOD)
+    base = scene_hash(load_scene(path))
+    assert scene_hash(load_scene(path)) == base
+    assert scene_hash(load_scene(path, {"description": "other words"})) == base
+    assert scene_hash(load_scene(path, {"docking.attempts": "3"})) == base  # the default, written out
+    assert scene_hash(load_scene(path, {"docking.attempts": "2"})) != base
+    moved = tmp_path / "elsewhere" / "scene.yaml"
+    moved.parent.mkdir()
+    moved.write_text(GOOD)
+    assert scene_hash(load_scene(moved)) == base
+
+
+def test_the_hash_follows_the_urdf(tmp_path: Path) -> None:
+    path = write(tmp_path, GOOD)
+    base = scene_hash(load_scene(path))
+    urdf = (urdf_folder() / "unit.urdf").read_text()
+    (tmp_path / "unit.urdf").write_text(urdf.replace('<mass value="2"/>', '<mass value="3"/>'))
+    assert scene_hash(load_scene(path)) != base
+
+
+def test_the_readme_shows_every_shipped_scene_and_its_example_is_good(tmp_path: Path) -> None:
+    readme = (Path(__file__).parents[3] / "scenes" / "README.md").read_text()
+    for name in shipped_scenes():
+        assert f"| `{name}` |" in readme
+    example = readme.split("```yaml\n")[1].split("```")[0]
+    assert load_scene(write(tmp_path, example)).plan[0].to == "b.left"

@@ -1,0 +1,25 @@
+"""Specifications: every key of a scene describes itself, and the limits are filled in by their setting."""
+
+from typing import Any
+
+import pytest
+
+from msrr_scenes.specs import LimitsSpec, Scene
+from msrr_scenes.specs.vehicle import LIMIT_SETTINGS
+
+
+def test_every_key_has_a_description() -> None:
+    schema = Scene.model_json_schema()
+    models: dict[str, Any] = {"Scene": schema, **schema["$defs"]}
+    keys = {
+        (name, key): field for name, model in models.items() for key, field in model["properties"].items()
+    }
+    assert len(keys) > 150
+    assert [key for key, field in keys.items() if not field.get("description", "").strip()] == []
+
+
+@pytest.mark.parametrize("setting", LIMIT_SETTINGS)
+def test_a_setting_fills_in_the_limits_that_are_not_given(setting: str) -> None:
+    limits = LimitsSpec.model_validate({"setting": setting, "v_max_mps": 0.2})
+    expected = {**LIMIT_SETTINGS[setting], "setting": setting, "v_max_mps": 0.2}
+    assert limits.model_dump() == expected
