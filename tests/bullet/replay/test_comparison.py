@@ -128,7 +128,7 @@ def trial(path: Path, finish: bool = True, wrap: Callable[[Robot], Robot] = lamb
         recorder.close()
     else:
         recorder._send(flush=True)
-        recorder._settle(0)
+        recorder._await_batches(0)
 
 
 @pytest.fixture(scope="module")
