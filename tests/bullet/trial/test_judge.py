@@ -97,7 +97,12 @@ def test_the_verdict_is_that_of_a_plain_reading_of_all_pairs(scene: Scene) -> No
 
 
 def test_an_empty_arena_has_no_clearance(scene: Scene) -> None:
-    at = crowd(scene, ClearanceModel.from_scene(scene), {name: SE2(x, 0.0) for x, name in enumerate("abc")}, SE2(0, 2))
+    at = crowd(
+        scene,
+        ClearanceModel.from_scene(scene),
+        {name: SE2(x, 0.0) for x, name in enumerate("abc")},
+        SE2(0, 2),
+    )
     everything = {frozenset(p) for p in ("ab", "bc", "ac")} | {frozenset((u, "post")) for u in "abc"}
     at.locked.pairs |= everything
     judge = at.judge()
