@@ -13,7 +13,8 @@ import pytest
 from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.tiny_renderer import TinyRenderer, rotated_grid
-from msrr_bullet.simulation.tag_plates import PLATE_RATIO, build_unit_urdf, write_plate
+from msrr_bullet.simulation.tag_plates import PLATE_RATIO, write_plate
+from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
@@ -36,7 +37,8 @@ def unit(client: int, tmp_path: Path) -> Scene:
             "plan": [{"unit": "a", "to": "b.rear"}],
         }
     )
-    pybullet.loadURDF(str(build_unit_urdf(scene, "a", tmp_path)), useFixedBase=True, physicsClientId=client)
+    urdf = TagVisuals(scene, tmp_path).unit_urdf("a")
+    pybullet.loadURDF(str(urdf), useFixedBase=True, physicsClientId=client)
     return scene
 
 

@@ -1,183 +1,145 @@
-"""Real trials: the same log in two processes; the same robot from the log alone, without the simulator."""
+"""A replay gives the robot the inputs of the log, and finds every difference in the outputs."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from msrr_bullet.log import (
-    CameraWindow,
-    Log,
-    LogHeader,
-    McapRecorder,
-    TruePose,
-    read_log,
+from msrr_bullet.log import LogError, LogHeader, McapRecorder, read_log, topics
+from msrr_bullet.replay import replay
+from msrr_bullet.replay.comparison import ReplayError, ReplayReport
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.messages import (
+    Action,
+    Belief,
+    Detections,
+    Exposure,
+    Fetch,
+    PoseEstimate,
+    Twist,
+    WheelOdometry,
 )
-from msrr_bullet.log.codec import to_bytes
-from msrr_bullet.log.formats import format_of
-from msrr_bullet.replay import replay, replay_isolated
-from msrr_bullet.run import run_trial
-from msrr_bullet.trial.result import TrialResult
-from msrr_bullet.trial.trial import Trial
-from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import Action, Detections, Phase, PoseEstimate
-from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
-SEED = 1
 
-
-def record(scene: Scene, seed: int, path: Path) -> TrialResult:
-    """Run a trial and leave its log, without the pages and pictures of a run folder."""
-    with McapRecorder(path, LogHeader.of(scene, seed, {})) as recorder:
-        return Trial(scene, seed, recorder=recorder).run()
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One docking by rendered images, from the start to the pull test."""
-    out = tmp_path_factory.mktemp("docking") / "run"
-    assert run_trial(load_scene("close_range"), SEED, out=out).outcome is Outcome.DOCKED
-    return out
-
-
-@pytest.fixture(scope="module")
-def log(run: Path) -> Log:
-    return read_log(run)
-
-
-def test_the_log_tells_the_whole_trial(log: Log) -> None:
-    topics = {record.topic for record in log.records()}
-    assert topics >= {
-        "/plan/step",
-        "/events",
-        "/frames",
-        "/truth/start",
-        "/truth/clearance",
-        "/truth/a/pose",
-        "/truth/b/pose",
-        "/sensors/a/odometry",
-        "/sensors/a/seat_switches",
-        "/sensors/a/lock",
-        "/camera/a/onboard/exposure",
-        "/camera/a/onboard/window",
-        "/perception/a/detections",
-        "/perception/a/estimate",
-        "/perception/a/los",
-        "/control/a/action",
-        "/control/a/belief",
-    }
-    phases = [action.phase for _, action in log.messages(Action)]
-    assert phases[-1] is Phase.DONE
-    assert len(list(log.messages(CameraWindow))) >= len(list(log.messages(Detections))) > 50
-    stamps = [record.stamp_ns for record in log.records()]
-    assert stamps == sorted(stamps)
-    assert (log.complete, log.header.seed) == (True, SEED)
-    # Belief and truth in one place: at the end the estimate is where the unit is.
-    *_, (_, belief) = log.messages(PoseEstimate)
-    poses = {m.name: m.X_WB for _, m in log.messages(TruePose)}
-    X_WD = poses["b"] @ log.header.scene.geometry("b").dock_frame("rear")
-    error = (X_WD @ belief.X_DU).inverse() @ poses["a"]
-    assert np.hypot(error.x, error.y) < 0.005
-
-
-def test_a_robot_without_the_simulator_does_the_same(run: Path, log: Log) -> None:
-    report = replay_isolated(run)
+def test_the_recorded_robot_is_identical(recorded_run: Path, hash_robot: type) -> None:
+    report = replay(recorded_run, hash_robot)
     assert report.mismatches == ()
     assert report.identical
     assert report.complete
-    assert report.commands == len(list(log.messages(Action)))
-    assert report.windows == len(list(log.messages(CameraWindow)))
-    assert report.detections == len(list(log.messages(Detections)))
+    assert (report.steps, report.commands, report.sensor_messages) == (2, 100, 200)
+    assert report.estimates == 2 * (47 + 47 + 50)
+    assert report.windows == sum(1 for r in read_log(recorded_run).records("/camera/*/window"))
+    assert report.detections > 20
+    assert ReplayReport.model_validate_json(report.model_dump_json()) == report
 
 
-def test_another_process_writes_the_same_log(run: Path, log: Log, tmp_path: Path) -> None:
-    code = (
-        "import sys; from pathlib import Path\n"
-        "from msrr_bullet.run import run_trial\n"
-        "from msrr_scenes.loading.load import load_scene\n"
-        f"run_trial(load_scene('close_range'), {SEED}, out=Path(sys.argv[1]))\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, check=False)
-    assert done.returncode == 0, done.stderr.decode()
-    mine = [(r.topic, r.stamp_ns, r.sequence, r.data) for r in log.records()]
-    other = [(r.topic, r.stamp_ns, r.sequence, r.data) for r in read_log(tmp_path).records()]
-    assert mine == other
-    assert (tmp_path / "trial.mcap").read_bytes() == (run / "trial.mcap").read_bytes()
-    assert (tmp_path / "result.json").read_text() == (run / "result.json").read_text()
+def differing(robot: Any, what: str) -> Any:
+    """Return a robot class that differs from ``robot`` in one respect from step 10 on."""
 
+    class Differing(robot):
+        def step(self, now_ns: int) -> Action:
+            action = super().step(now_ns)
+            if self._steps < 10:
+                return action
+            if what == "command":
+                return Action(
+                    now_ns, action.phase, 1, Twist(float(np.nextafter(action.twist.v, 2.0)), action.twist.w)
+                )
+            if what == "estimate" and self.estimate:
+                covariance = self.estimate.covariance.copy()
+                covariance[2, 0] = -0.0
+                self.estimate = PoseEstimate(now_ns, self.estimate.X_DU, covariance, now_ns)
+            if what == "los":
+                self.los = None
+            if what == "belief":
+                self.belief = Belief(reason="other")
+            return action
 
-def rewritten(log: Log, path: Path, change: type, edit: object) -> Path:
-    """Copy a log, with every message of one class passed through ``edit``."""
-    with McapRecorder(path, log.header) as recorder:
-        for record in log.records():
-            if record.topic == "/frames":
-                continue  # the recorder adds these itself
-            message = record.message
-            recorder.write(record.topic, record.stamp_ns, edit(message) if record.kind is change else message)  # type: ignore[operator]
-    return path
+        def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
+            if self._steps < 10:
+                return super().expose(exposure, fetch)
+            if what == "window":
+                return super().expose(exposure, lambda w: fetch(Window(w.x + 1, w.y, w.width, w.height)))
+            if what == "too few":
+                return None
+            detections = super().expose(exposure, fetch)
+            if what == "too many":
+                fetch(Window(0, 0, 5, 5))
+            if what == "detections" and detections is not None:
+                return Detections(exposure, (), detections.windows)
+            return detections
 
-
-def test_copying_a_log_changes_nothing(log: Log, tmp_path: Path) -> None:
-    copy = read_log(rewritten(log, tmp_path / "copy.mcap", Action, lambda m: m))
-    assert [r.data for r in copy.records()] == [r.data for r in log.records()]
-    assert copy.path.read_bytes() == log.path.read_bytes()
-
-
-def test_the_robot_depends_on_the_pixels_of_the_log(log: Log, tmp_path: Path) -> None:
-    """With the images darkened the robot sees no tag; the replay notices. (So it does look at the images.)"""
-
-    def dark(m: CameraWindow) -> CameraWindow:
-        return CameraWindow(m.exposure, m.window, np.zeros_like(m.pixels))
-
-    report = replay(rewritten(log, tmp_path / "dark.mcap", CameraWindow, dark))
-    assert report.mismatches[0].what in ("window", "detections")
-
-
-def test_the_robot_does_not_depend_on_the_truth_of_the_log(log: Log, tmp_path: Path) -> None:
-    def elsewhere(m: TruePose) -> TruePose:
-        return TruePose(m.name, m.stamp_ns, m.X_WB.inverse())
-
-    assert replay(rewritten(log, tmp_path / "truth.mcap", TruePose, elsewhere)).identical
+    return Differing
 
 
 @pytest.mark.parametrize(
-    "overrides",
+    ("what", "reported"),
     [
-        {"perception": "parametric"},
-        {"perception": "parametric", "plant": "unicycle"},
-        {"cameras.onboard.dropout": "0.3", "cameras.onboard.latency_ms": "120", "time_limit_s": "1.5"},
-        {"control.delay_compensation": "false", "link.loss": "0.1", "time_limit_s": "1.0"},
-        {"cameras.onboard.readout": "frames", "time_limit_s": "0.3"},
+        ("command", "command"),
+        ("estimate", "estimate"),
+        ("los", "los"),
+        ("belief", "belief"),
+        ("window", "window"),
+        ("too few", "window"),
+        ("too many", "window"),
+        ("detections", "detections"),
     ],
-    ids=["parametric", "unicycle", "dropped frames", "lossy link", "whole frames"],
 )
-def test_other_kinds_of_trial_replay_as_well(overrides: dict[str, str], tmp_path: Path) -> None:
-    # One sample a pixel: quick, and of no consequence here.
-    scene = load_scene("close_range", {**overrides, "cameras.onboard.samples": "1"})
-    record(scene, 2, tmp_path / "trial.mcap")
-    report = replay(tmp_path)
-    assert report.mismatches == ()
+def test_every_kind_of_difference_is_found_where_it_begins(
+    recorded_run: Path, hash_robot: type, what: str, reported: str
+) -> None:
+    report = replay(recorded_run, differing(hash_robot, what))
+    assert not report.identical
+    assert report.mismatches[0].what == reported
+    assert 0.17 < report.mismatches[0].time_s < 0.33
+    assert len(report.mismatches) <= 20
+
+
+def test_a_robot_with_an_unrecorded_input_differs(tmp_path: Path, record: Callable, hash_robot: Any) -> None:
+    secret = iter(np.random.default_rng(0).normal(size=1_000))
+
+    class Informed(hash_robot):
+        def step(self, now_ns: int) -> Action:
+            self._state.update(f"{next(secret)}".encode())
+            return super().step(now_ns)
+
+    record(tmp_path, factory=Informed)
+    assert not replay(tmp_path, hash_robot).identical
+
+
+def test_the_log_of_a_killed_trial_is_compared_to_its_end(
+    tmp_path: Path, recorded_run: Path, record: Callable, hash_robot: type
+) -> None:
+    record(tmp_path, finish=False)
+    report = replay(tmp_path, hash_robot)
+    assert not report.complete
     assert report.identical
+    content = (recorded_run / "trial.mcap").read_bytes()
+    compared = set()
+    for size in range(len(content) // 3, len(content), len(content) // 9):
+        (tmp_path / "trial.mcap").write_bytes(content[:size])
+        report = replay(tmp_path, hash_robot)
+        assert report.identical
+        compared.add(report.commands)
+    assert len(compared) > 2
 
 
-def test_recording_changes_nothing_in_the_trial(tmp_path: Path) -> None:
-    quick = load_scene("close_range", {"perception": "parametric"})
-    assert record(quick, 4, tmp_path / "trial.mcap") == Trial(quick, 4).run()
+def test_a_log_without_a_step_is_refused(tmp_path: Path, pair: Scene, hash_robot: type) -> None:
+    with McapRecorder(tmp_path / "trial.mcap", LogHeader.of(pair, 0, {})):
+        pass
+    with pytest.raises(ReplayError, match="nothing to replay"):
+        replay(tmp_path, hash_robot)
+    with McapRecorder(tmp_path / "trial.mcap", LogHeader.of(pair, 0, {})) as recorder:
+        recorder.write(topics.sensor("a", m := WheelOdometry("a", 0, 0.0, 0.0)), 0, m)
+    with pytest.raises(ReplayError, match="before the first step"):
+        replay(tmp_path, hash_robot)
 
 
-def test_every_message_of_a_trial_survives_another_round(log: Log) -> None:
-    for record in log.records():
-        assert to_bytes(format_of(record.message).encode(record.message, record.topic)) == record.data
-
-
-@pytest.mark.parametrize("scene", ["two_units", "close_range"])
-def test_a_log_of_an_earlier_version_can_be_replayed(scene: str) -> None:
-    """The first 0.4 s of a trial without pixels and of one with, written by version 0.1.0."""
-    report = replay_isolated(Path(__file__).parent / "data" / f"{scene}_0_1_0.mcap")
-    assert report.identical
-    assert report.windows > 0 or scene == "two_units"
+def test_a_missing_log_is_refused(tmp_path: Path, hash_robot: type) -> None:
+    with pytest.raises(LogError, match="cannot read the log"):
+        replay(tmp_path / "gone", hash_robot)

@@ -1,4 +1,4 @@
-"""An arena with a rendered overhead camera and a robot that looks through it; no phases, no judge."""
+"""An arena with a rendered overhead camera and the localisation of a unit by it; no phases, no judge."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ class Arena:
     """Plant, camera, vision and estimator in one loop.
 
     Attributes:
-        law: What drives unit a, from the time [s] and what is known.
-        looks: Everything that was seen, in order of exposure.
+        law: Returns the command of unit a, given the time [s] and the estimate.
+        looks: Detections of all exposures, in order.
     """
 
     scene: Scene
@@ -82,7 +82,7 @@ class Arena:
         self._frames, self._readings = Periodic(spec.rate_hz), Periodic(self.scene.odometry.rate_hz)
         self._control = Periodic(self.scene.control.rate_hz)
         self._latency_ns = duration_ns(1e-3 * spec.latency_ms)
-        self._under_way: Delayed[Detections] = Delayed()
+        self._queue: Delayed[Detections] = Delayed()
 
     @property
     def now_s(self) -> float:
@@ -93,16 +93,16 @@ class Arena:
         return self.estimator.estimate(self.plant.now_ns())
 
     def run(self, until_s: float, watch: Callable[[], None] = lambda: None) -> None:
-        """Go on until a time; ``watch`` is called after every control instant."""
+        """Run until a time; ``watch`` is called after every control instant."""
         while self.plant.now_ns() < duration_ns(until_s):
             now_ns = self.plant.now_ns()
             if self._readings.due(now_ns):
                 self.estimator.add_odometry(self.encoders.read(self.plant.wheel_angles("a"), now_ns))
             if self._frames.due(now_ns) and (exposure := self.camera.expose(now_ns)):
-                found = self.vision.detect(exposure, self.estimator.predict(now_ns), self.camera.fetch)
-                self.looks.append(found)
-                self._under_way.send(now_ns + self._latency_ns, self.error.apply(found, self.vision.model))
-            for arrived in self._under_way.arrived(now_ns):
+                detections = self.vision.detect(exposure, self.estimator.predict(now_ns), self.camera.fetch)
+                self.looks.append(detections)
+                self._queue.send(now_ns + self._latency_ns, self.error.apply(detections, self.vision.model))
+            for arrived in self._queue.arrived(now_ns):
                 self.estimator.add_detections(arrived)
             if self._control.due(now_ns):
                 self.plant.command("a", self.law(self.now_s, self.known))
@@ -110,7 +110,7 @@ class Arena:
             self.plant.step()
 
     def pixels(self, looks: list[Detections]) -> list[int]:
-        """Pixels asked for in each look."""
+        """Pixels fetched for each exposure."""
         return [sum(w.area for w in look.windows) for look in looks]
 
 

@@ -1,4 +1,4 @@
-"""The robot's own joints: what the guard is told in which phase, and which camera says where the unit is."""
+"""The robot: what the collision monitor ignores in which phase, and which camera localises the unit."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from msrr_scenes.messages import Action, Exposure, GlobalPose, Phase, PoseMeasur
 from msrr_scenes.specs.scene import Scene
 
 DT_NS = 20_000_000
-SURE = np.diag([1e-7, 1e-7, 1e-7])
+COVARIANCE = np.diag([1e-7, 1e-7, 1e-7])
 AHEAD = Twist(0.1, 0.0)
 FAR = SE2(-1.2, 1.0, 0.7)
-#: Where the unit stands, and a body whose rear is 5 cm before the tips of its pins.
+#: Pose of the unit, and of a body whose rear is 5 cm in front of the tips of the pins.
 HERE = SE2(0.1, -0.2, 0.4)
 IN_FRONT = HERE @ SE2(0.118 + 0.05 + 0.1, 0.0, 0.0)
 
 
-class Onwards:
-    """A long-distance phase of somebody's own: it drives straight on, for good or for a while."""
+class StraightAssembler:
+    """A user's long-distance phase that drives straight on, for ever or for a number of steps."""
 
     def __init__(self, setup: AssemblySetup, steps: float = math.inf) -> None:
         self._left = steps
@@ -40,8 +40,8 @@ class Onwards:
         return AHEAD if self._left >= 0.0 else None
 
 
-class StraightOn:
-    """A controller of somebody's own: it drives straight on."""
+class StraightController:
+    """A user's controller that drives straight on."""
 
     def __init__(self, setup: DockSetup) -> None: ...
 
@@ -60,8 +60,8 @@ def _scene(**assembly: Any) -> Scene:
             "units": {name: {"number": i} for i, name in enumerate("abc")},
             "cameras": {"overhead": {}},
             "control": {
-                "assembly": {"name": f"{__name__}:Onwards", "params": assembly},
-                "docking": {"name": f"{__name__}:StraightOn"},
+                "assembly": {"name": f"{__name__}:StraightAssembler", "params": assembly},
+                "docking": {"name": f"{__name__}:StraightController"},
             },
             "plan": [{"unit": "a", "to": "b.rear"}],
         }
@@ -69,7 +69,7 @@ def _scene(**assembly: Any) -> Scene:
 
 
 class Robot:
-    """The robot of that scene, and the messages that reach it: told, not simulated."""
+    """The robot of the scene, with messages that are not simulated."""
 
     def __init__(self, X_WB: SE2, X_WC: SE2 = FAR, **assembly: Any) -> None:
         scene = _scene(**assembly)
@@ -78,35 +78,35 @@ class Robot:
         self._standing = {"b": X_WB, "c": X_WC}
         self._tick = 0
 
-    def step(self, X_WA: SE2, by_sight: SE2 | None = None) -> Action:
-        """Tell where everybody is as seen from above, and where the unit is as it sees it, and ask."""
+    def step(self, X_WA: SE2, X_DU_onboard: SE2 | None = None) -> Action:
+        """Send the poses by the overhead camera and by the onboard camera, and return the action."""
         self._tick += 1
         now = self._tick * DT_NS
         for name, X in {"a": X_WA, **self._standing}.items():
-            self.autonomy.receive(GlobalPose(name, now, X, SURE))
-        if by_sight is not None:
+            self.autonomy.receive(GlobalPose(name, now, X, COVARIANCE))
+        if X_DU_onboard is not None:
             exposure = Exposure("a/onboard", self._tick, now)
-            self.autonomy.receive(PoseMeasurement(exposure, by_sight, SURE, (0.1, -0.1)))
+            self.autonomy.receive(PoseMeasurement(exposure, X_DU_onboard, COVARIANCE, (0.1, -0.1)))
         return self.autonomy.step(now)
 
 
-@pytest.mark.parametrize("who", ["target", "third unit", "nobody"])
-def test_on_its_way_a_unit_keeps_off_everybody_its_target_included(who: str) -> None:
+@pytest.mark.parametrize("in_front", ["target", "third unit", "nothing"])
+def test_far_from_the_port_the_monitor_protects_every_unit(in_front: str) -> None:
     robot = {
         "target": lambda: Robot(IN_FRONT),
         "third unit": lambda: Robot(FAR @ SE2(1.0, 0.5), IN_FRONT),
-        "nobody": lambda: Robot(FAR @ SE2(1.0, 0.5)),
-    }[who]()
+        "nothing": lambda: Robot(FAR @ SE2(1.0, 0.5)),
+    }[in_front]()
     for _ in range(5):
         action = robot.step(HERE)
         assert action.phase is Phase.ASSEMBLE
         assert 0.0 <= action.twist.v <= AHEAD.v
-        assert (action.twist == AHEAD) is (who == "nobody")
+        assert (action.twist == AHEAD) is (in_front == "nothing")
 
 
 @pytest.mark.parametrize("blocked", [False, True])
-def test_while_it_docks_it_may_touch_its_target_and_nobody_else(blocked: bool) -> None:
-    """The third unit stands across the lane, the pins nearly in the port."""
+def test_while_docking_the_monitor_ignores_the_target_alone(blocked: bool) -> None:
+    """The third unit stands across the lane when the pins are nearly in the port."""
     beside = IN_FRONT @ SE2(-0.1, 0.13, math.radians(90.0)) if blocked else FAR
     robot = Robot(IN_FRONT, beside, steps=0)
     X_DU = robot.X_WD.inverse() @ HERE
@@ -116,9 +116,8 @@ def test_while_it_docks_it_may_touch_its_target_and_nobody_else(blocked: bool) -
 
 
 def _own(robot: Robot) -> SE2:
-    situation = robot.autonomy.situation
-    assert situation is not None
-    return situation.own.X_WB
+    assert robot.autonomy.arena is not None
+    return robot.autonomy.arena.own.X_WB
 
 
 def _same(a: SE2, b: SE2, atol: float = 1e-3) -> None:
@@ -126,8 +125,8 @@ def _same(a: SE2, b: SE2, atol: float = 1e-3) -> None:
     np.testing.assert_allclose(apart.as_array(), 0.0, atol=atol)
 
 
-def test_far_away_it_is_where_the_overhead_camera_sees_it_and_near_where_its_own_does() -> None:
-    """The two cameras disagree by 3 cm and 5 deg; each is believed in its phases."""
+def test_the_unit_is_localised_by_the_overhead_camera_far_away_and_by_its_own_camera_near() -> None:
+    """The cameras disagree by 3 cm and 5 deg."""
     robot = Robot(HERE @ SE2(0.6, 0.0), steps=3)
     from_above = HERE @ SE2(0.0, 0.03, math.radians(5.0))
     X_DU = robot.X_WD.inverse() @ HERE
@@ -139,8 +138,7 @@ def test_far_away_it_is_where_the_overhead_camera_sees_it_and_near_where_its_own
     assert {Phase.ASSEMBLE, Phase.DOCK} <= set(phases)
 
 
-def test_what_it_sees_itself_is_put_before_the_target_that_is_seen_from_above() -> None:
-    """Its own camera knows it before the port alone; where the port is, the overhead camera says."""
+def test_a_pose_by_the_onboard_camera_is_composed_with_the_target_by_the_overhead_camera() -> None:
     robot = Robot(HERE @ SE2(0.6, 0.0), steps=0)
     X_DU = SE2(-0.4, 0.05, -0.1)
     for _ in range(3):

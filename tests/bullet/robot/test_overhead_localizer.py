@@ -1,4 +1,4 @@
-"""Windows, search and recovery of the overhead front end, on rendered pictures."""
+"""Windows, search and recovery of the overhead localisation, on rendered images."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from msrr_bullet.robot.overhead_localizer import NEAR_HALF_M
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, Detections, GlobalPose, ObstacleEstimate, Twist
 
@@ -29,8 +30,8 @@ def ids(look: Detections) -> list[int]:
     return [t.tag_id for t in look.tags]
 
 
-def test_a_whole_drive_from_few_pixels(open_arena: Callable) -> None:
-    """All is found in the first frame; after that a whole frame a second and small windows suffice."""
+def test_a_drive_is_localised_from_few_pixels(open_arena: Callable) -> None:
+    """All bodies are found in the first frame; then a full frame per second and small windows suffice."""
     arena = open_arena(plant="bullet", start=SE2(-1.2, -0.5, 0.3))
     arena.law = curve
     squares: list[float] = []
@@ -58,7 +59,7 @@ def test_a_whole_drive_from_few_pixels(open_arena: Callable) -> None:
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
     assert rms[:2].max() < 0.0008
     assert rms[2] < math.radians(0.15)
-    # Errors in a row are not independent, so this is no chi-square test but a bound on boasting.
+    # Consecutive errors are not independent, so this is a bound on overconfidence, not a chi-square test.
     assert np.mean(squares) < 3.0
     known = arena.known
     assert known is not None
@@ -79,11 +80,11 @@ def test_an_obstacle_that_appears_is_found_within_a_second(open_arena: Callable,
     found = arena.known.obstacles[0]
     assert found.radius == pytest.approx(0.06)
     assert found.X_WB.x == pytest.approx(0.4, abs=1e-3)
-    # Once found it is looked at in a window of its own.
+    # From then on the obstacle has its own window.
     assert 500 in ids(arena.looks[-1]) or 500 in ids(arena.looks[-2])
 
 
-def test_a_unit_carried_off_is_found_again(open_arena: Callable) -> None:
+def test_a_unit_that_is_moved_by_hand_is_found_again(open_arena: Callable) -> None:
     arena = open_arena()
     arena.run(1.0)
     arena.plant._poses["a"] = SE2(0.3, -0.9, 2.0)
@@ -92,24 +93,24 @@ def test_a_unit_carried_off_is_found_again(open_arena: Callable) -> None:
     assert np.abs(error(arena.known.own, SE2(0.3, -0.9, 2.0))[:2]).max() < 0.002
 
 
-def test_out_of_view_the_wheels_go_on_and_the_search_stays_modest(open_arena: Callable) -> None:
-    """The unit leaves the picture to the left and backs in again."""
+def test_out_of_view_the_odometry_goes_on_and_the_search_stays_cheap(open_arena: Callable) -> None:
+    """The unit leaves the image to the left and backs in again."""
     arena = open_arena(start=SE2(-1.65, 0.0, math.pi))
     arena.law = lambda t, known: Twist(0.22 if t < 1.5 else -0.22)
     arena.run(2.0)
-    gone = [look for look in arena.looks if 0 not in ids(look)]
-    assert len(gone) >= 5
+    without_unit = [look for look in arena.looks if 0 not in ids(look)]
+    assert len(without_unit) >= 5
     assert arena.known is not None
     out = np.hypot(*error(arena.known.own, arena.plant.pose("a"))[:2])
     assert out < 0.03
-    seconds = 1e-9 * (gone[-1].exposure.stamp_ns - gone[0].exposure.stamp_ns)
-    assert sum(arena.pixels(gone)) < FULL * (2.0 + seconds / 0.3)
+    seconds = 1e-9 * (without_unit[-1].exposure.stamp_ns - without_unit[0].exposure.stamp_ns)
+    assert sum(arena.pixels(without_unit)) < FULL * (2.0 + seconds / 0.3)
     arena.run(4.0)
     assert np.hypot(*error(arena.known.own, arena.plant.pose("a"))[:2]) < 0.002
 
 
-def test_a_biased_localisation_costs_no_sight(open_arena: Callable) -> None:
-    """Told poses are off by 3 cm, 2 deg and noise; the windows stay on the tag as it is in the picture."""
+def test_a_biased_localisation_loses_no_tag(open_arena: Callable) -> None:
+    """Poses have errors of 3 cm, 2 deg and noise; the windows follow the tag in the image."""
     wrong = {"bias_x_m": 0.03, "bias_yaw_deg": 2.0, "noise_m": 0.005, "noise_yaw_deg": 0.5, "dropout": 0.2}
     arena = open_arena(overhead={"localisation": wrong}, start=SE2(-1.2, -0.5, 0.3))
     arena.law = curve
@@ -119,7 +120,7 @@ def test_a_biased_localisation_costs_no_sight(open_arena: Callable) -> None:
     known = arena.known
     assert known is not None
     off = error(known.own, arena.plant.pose("a"))
-    np.testing.assert_allclose(off[:2], [0.03, 0.0], atol=0.02)  # the wheels contradict the yaw
+    np.testing.assert_allclose(off[:2], [0.03, 0.0], atol=0.02)  # the odometry contradicts the yaw
     assert np.hypot(*error(known.target, arena.plant.pose("b"))[:2]) < 0.006
 
 
@@ -136,3 +137,26 @@ def test_lost_frames_are_bridged(open_arena: Callable) -> None:
     arena.run(4.0, watch)
     assert len(arena.looks) < 35
     assert 0.0 < worst < 0.006
+
+
+def test_detection_near_a_place_finds_what_is_near_and_changes_no_later_detection(
+    open_arena: Callable,
+) -> None:
+    arenas = [open_arena(plant="bullet") for _ in range(2)]
+    for arena in arenas:
+        arena.run(1.05)
+    checked = arenas[0]
+    exposure = checked.looks[-1].exposure
+    detected = {}
+    for name, middle in {"near": SE2(0.3, 0.4), "far": SE2(-0.6, 0.3), "outside": SE2(9.0, 9.0)}.items():
+        look = checked.vision.detect_near(exposure, middle.translation, NEAR_HALF_M, checked.camera.fetch)
+        detected[name] = [t.tag_id for t in look.tags]
+        assert sum(w.area for w in look.windows) < FULL / 6
+    # No unit is near one of the places, and the post is near the first.
+    assert detected == {"near": [500], "far": [], "outside": []}
+    for arena in arenas:
+        arena.run(1.5)
+    for one, other in zip(*(a.looks for a in arenas), strict=True):
+        assert one.windows == other.windows
+        for tag, same in zip(one.tags, other.tags, strict=True):
+            np.testing.assert_array_equal(tag.corners, same.corners)

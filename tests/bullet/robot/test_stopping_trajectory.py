@@ -1,4 +1,4 @@
-"""What the guard knows of its surroundings: how uncertain a distance is."""
+"""The uncertainty of distances, and the trajectory of a command against a simulated drive."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.robot.collision_monitor import CollisionMonitor, MonitorState
-from msrr_bullet.robot.stopping_trajectory import Surroundings
+from msrr_bullet.robot.stopping_trajectory import LocalMap, StoppingTrajectory
+from msrr_bullet.sensors.command_link import CommandLink
+from msrr_bullet.sensors.schedule import Periodic
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import ArenaEstimate, GlobalPose, ObstacleEstimate, Twist
+from msrr_scenes.messages import Action, ArenaEstimate, GlobalPose, ObstacleEstimate, Phase, Twist
+from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.scene import Scene
 
 POST = {"shape": "cylinder", "radius_m": 0.06, "height_m": 0.2, "tag_id": 500}
@@ -44,7 +48,7 @@ def _known(X_WA: SE2, own: np.ndarray, target: np.ndarray, post: np.ndarray) -> 
 
 
 def _sigma(scene: Scene, own: np.ndarray, target: np.ndarray = NOTHING, post: np.ndarray = NOTHING) -> float:
-    return Surroundings(
+    return LocalMap(
         ClearanceModel.from_scene(scene), _known(SE2(-1.0, 0.0), own, target, post), REACHES
     ).sigma
 
@@ -60,28 +64,27 @@ def _sigma(scene: Scene, own: np.ndarray, target: np.ndarray = NOTHING, post: np
         (0.01, 0.008, -0.8, 0.06),
     ],
 )
-def test_it_is_that_of_the_point_and_direction_that_are_known_least(
+def test_sigma_is_that_of_the_least_known_point_and_direction(
     scene: Scene, sigma_x: float, sigma_y: float, correlation: float, sigma_yaw: float
 ) -> None:
-    """Draws of the pose move the points of the unit's rim: none strays more in any direction, one as much.
+    """Random poses move the points on a circle about the unit, in one direction by sigma, in none by more.
 
-    20000 draws: the standard error of a standard deviation is 0.5 %, and the turn is small enough for its
-    sine and cosine.
+    20000 draws: the standard error of a standard deviation is 0.5 %.
     """
     P = np.diag([sigma_x**2, sigma_y**2, sigma_yaw**2])
     P[0, 1] = P[1, 0] = correlation * sigma_x * sigma_y
     x, y, yaw = np.random.default_rng(6).multivariate_normal(np.zeros(3), P, 20_000).T
     directions = np.linspace(0.0, math.pi, 61)
     worst = 0.0
-    for at in np.linspace(0.0, 2.0 * math.pi, 25):
-        px = x + REACHES["a"] * (np.cos(at + yaw) - math.cos(at))
-        py = y + REACHES["a"] * (np.sin(at + yaw) - math.sin(at))
+    for angle in np.linspace(0.0, 2.0 * math.pi, 25):
+        px = x + REACHES["a"] * (np.cos(angle + yaw) - math.cos(angle))
+        py = y + REACHES["a"] * (np.sin(angle + yaw) - math.sin(angle))
         worst = max(worst, *(float(np.std(math.cos(d) * px + math.sin(d) * py)) for d in directions))
     assert _sigma(scene, P) == pytest.approx(worst, rel=0.025)
 
 
-def test_known_uncertainties(scene: Scene) -> None:
-    """A turn counts by the length of the body; of the others the one that is known least counts."""
+def test_sigma_of_simple_covariances(scene: Scene) -> None:
+    """A yaw error counts by the reach of the body; of the other bodies the least known one counts."""
     turn = np.diag([0.0, 0.0, 0.1**2])
     assert _sigma(scene, turn) == pytest.approx(0.015)  # 0.15 m x 0.1
     assert _sigma(scene, NOTHING, target=turn) == pytest.approx(0.02)
@@ -92,16 +95,61 @@ def test_known_uncertainties(scene: Scene) -> None:
     assert _sigma(scene, place + turn) == pytest.approx(math.hypot(0.03, 0.015))
 
 
-def test_the_guard_takes_an_uncertain_heading_off_the_clearance(scene: Scene) -> None:
+def test_the_monitor_subtracts_an_uncertain_heading_from_the_clearance(scene: Scene) -> None:
     """4 deg of heading are 9 mm at the corner of a unit, and 18 mm at two standard deviations."""
-    X_WA, wish = SE2(-0.06 - 0.118 - 0.05, 0.0, 0.0), Twist(0.15)
+    X_WA, command = SE2(-0.06 - 0.118 - 0.05, 0.0, 0.0), Twist(0.15)
     turn = np.diag([0.0, 0.0, math.radians(4.0) ** 2])
-    sure, unsure = (
-        CollisionMonitor(scene, scene.plan[0]).limit(wish, _known(X_WA, P, NOTHING, NOTHING), 0)
+    certain, uncertain = (
+        CollisionMonitor(scene, scene.plan[0]).limit(command, _known(X_WA, P, NOTHING, NOTHING), 0)
         for P in (NOTHING, turn)
     )
-    assert sure.state is MonitorState.FREE
-    assert unsure.state is not MonitorState.FREE
+    assert certain.state is MonitorState.FREE
+    assert uncertain.state is not MonitorState.FREE
     reach = scene.geometry("a").circumradius
     expected = scene.control.guard.sigmas * reach * math.radians(4.0)
-    assert sure.ahead - unsure.ahead == pytest.approx(expected, abs=0.002)
+    assert certain.ahead - uncertain.ahead == pytest.approx(expected, abs=0.002)
+
+
+@pytest.mark.parametrize("latency_ms", [0.0, 50.0])
+@pytest.mark.parametrize("seed", range(12))
+def test_a_simulated_unit_keeps_the_predicted_clearance(scene: Scene, seed: int, latency_ms: float) -> None:
+    """Random commands, then one more, then commands to stop: a plant with a link against the prediction."""
+    scene = scene.model_copy(update={"link": scene.link.model_copy(update={"latency_ms": latency_ms})})
+    rng = np.random.default_rng(seed)
+    start, X_WB = (
+        SE2(-0.5, float(rng.uniform(-0.15, 0.15)), float(rng.uniform(-0.5, 0.5))),
+        SE2(1.8, 1.3, 0.5),
+    )
+    plant = KinematicPlant(scene, Placement({"a": start, "b": X_WB}, {"post": SE2()}))
+    link = CommandLink(scene.link, np.random.default_rng(0))
+    trajectory, control = StoppingTrajectory(scene), Periodic(scene.control.rate_hz)
+    model, reach = ClearanceModel.from_scene(scene), scene.geometry("a").circumradius
+    local_map = LocalMap(model, _known(start, NOTHING, NOTHING, NOTHING), {**REACHES, "a": reach})
+    predicted = bound = math.inf
+    distances, travel, instants, speed = [], 0.0, 0, np.zeros(2)
+    while not distances or plant.twist("a") != Twist() or instants < 60:
+        now_ns = plant.now_ns()
+        if control.due(now_ns):
+            instants += 1
+            speed = rng.uniform([0.0, -1.0], [0.4, 1.0]) if instants % 10 == 1 else speed
+            command = Twist(*speed) if instants <= 25 else Twist()
+            trajectory.advance(now_ns)
+            if instants == 25:
+                X_WU = plant.pose("a")
+                present = local_map.distance(X_WU)
+                predicted = trajectory.min_clearance(command, X_WU, present, local_map, threshold=10.0)
+                bound = trajectory.max_travel(command, reach)
+            trajectory.send(command)
+            link.send(Action(now_ns, Phase.ASSEMBLE, 1, command))
+        if (arrived := link.arrived(now_ns)) is not None:
+            plant.command("a", arrived.twist)
+        plant.step()
+        if instants >= 25:
+            twist = plant.twist("a")
+            travel += (abs(twist.v) + reach * abs(twist.w)) / scene.physics_hz
+            distances.append(local_map.distance(plant.pose("a")))
+        if instants > 200:
+            break
+    assert predicted <= min(distances) + 1e-3
+    assert predicted >= min(distances) - 0.03
+    assert travel <= bound

@@ -1,4 +1,4 @@
-"""The command link: what arrives when, which of several counts, and what is lost."""
+"""The command link: latency, order, and loss of actions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MS = 1_000_000
 
 
 def _action(stamp_ms: float) -> Action:
-    """An action that can be told from every other one."""
+    """An action that differs from that of any other time."""
     return Action(round(stamp_ms * MS), Phase.DOCK, 1, Twist(1e-3 * stamp_ms, 0.0))
 
 
@@ -33,8 +33,8 @@ def test_an_action_arrives_after_the_latency_and_once(latency_ms: float) -> None
     assert link.arrived(due + 1000 * MS) is None
 
 
-def test_of_several_that_arrived_the_newest_is_in_force() -> None:
-    """Nobody asked for a while: what was commanded last counts, and the older ones never come up again."""
+def test_the_newest_of_several_arrived_actions_is_returned() -> None:
+    """Older actions that arrived since the last call are dropped."""
     link = _link(latency_ms=10.0)
     actions = [_action(20.0 * k) for k in range(5)]
     for action in actions:
@@ -45,7 +45,7 @@ def test_of_several_that_arrived_the_newest_is_in_force() -> None:
     assert link.arrived(1000 * MS) is None
 
 
-def test_two_of_the_same_instant_count_in_the_order_of_sending() -> None:
+def test_actions_of_one_instant_keep_the_order_of_sending() -> None:
     link = _link()
     first, second = _action(5.0), _action(5.0)
     link.send(first)
@@ -53,8 +53,8 @@ def test_two_of_the_same_instant_count_in_the_order_of_sending() -> None:
     assert link.arrived(5 * MS) is second
 
 
-def test_a_delay_longer_than_the_period_changes_no_order() -> None:
-    """Actions every 20 ms, 130 ms under way, asked for every 5 ms: each arrives, in order, none twice."""
+def test_a_latency_longer_than_the_period_keeps_the_order() -> None:
+    """Actions every 20 ms with a latency of 130 ms, polled every 5 ms: each arrives once and in order."""
     link, arrived = _link(latency_ms=130.0), []
     for k in range(200):
         now_ms = 5.0 * k
@@ -69,7 +69,7 @@ def test_a_delay_longer_than_the_period_changes_no_order() -> None:
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.2, 1.0])
-def test_as_many_are_lost_as_told(loss: float) -> None:
+def test_the_share_of_lost_actions_is_that_of_the_specification(loss: float) -> None:
     """2000 actions; the standard error at 20 % is 0.9 %: bounds of 5 % are more than five of them."""
     link, lost = _link(loss=loss), 0
     for k in range(2000):
@@ -78,8 +78,7 @@ def test_as_many_are_lost_as_told(loss: float) -> None:
     assert lost / 2000 == (loss if loss in (0.0, 1.0) else pytest.approx(loss, abs=0.05))
 
 
-def test_losses_do_not_move_the_luck_of_others() -> None:
-    """Whatever a link loses, it draws one number for each action."""
+def test_one_number_is_drawn_per_action_whatever_the_loss() -> None:
     for loss in (0.0, 0.5, 1.0):
         rng = np.random.default_rng(4)
         link = CommandLink(LinkSpec(loss=loss), rng)

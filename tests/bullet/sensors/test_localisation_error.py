@@ -1,4 +1,4 @@
-"""Errors of outdoor localisation: what they do to poses, to whom, and how they are drawn."""
+"""Errors of an outdoor localisation: sizes, the bodies that they affect, and how they are drawn."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def model() -> OverheadModel:
     return OverheadModel.from_scene(scene, scene.plan[0])
 
 
-def seen(model: OverheadModel, frame: int, names: tuple[str, ...] = tuple(POSES)) -> Detections:
+def exact_detections(model: OverheadModel, frame: int, names: tuple[str, ...] = tuple(POSES)) -> Detections:
     """Exact detections at 10 Hz."""
     locator = model.localizer(0.1)
     tags = [
@@ -51,26 +51,26 @@ def errors(model: OverheadModel, detections: Detections) -> dict[str, np.ndarray
     return found
 
 
-def test_bias_moves_the_docking_unit_against_all_others(model: OverheadModel) -> None:
+def test_bias_moves_the_docking_unit_and_no_other_body(model: OverheadModel) -> None:
     spec = LocalisationErrorSpec(bias_x_m=0.03, bias_y_m=-0.02, bias_yaw_deg=2.0)
     error = LocalisationError(spec, seed=1)
     for frame in range(3):
-        found = errors(model, error.apply(seen(model, frame), model))
+        found = errors(model, error.apply(exact_detections(model, frame), model))
         np.testing.assert_allclose(found["a"], [0.03, -0.02, math.radians(2.0)], atol=1e-9)
         np.testing.assert_allclose(found["b"], 0.0, atol=1e-9)
         np.testing.assert_allclose(found["post"], 0.0, atol=1e-9)
 
 
-def test_without_errors_every_detection_is_what_it_was(model: OverheadModel) -> None:
-    before = seen(model, 0)
+def test_without_errors_detections_are_not_changed(model: OverheadModel) -> None:
+    before = exact_detections(model, 0)
     after = LocalisationError(LocalisationErrorSpec(), seed=1).apply(before, model)
     assert all(x is y for x, y in zip(before.tags, after.tags, strict=True))
 
 
-def test_image_noise_stays_as_it_was(model: OverheadModel) -> None:
-    """A tag that is moved keeps its misfit: the error is one of the pose, not of the picture."""
+def test_image_noise_is_not_changed(model: OverheadModel) -> None:
+    """The residuals of a moved tag stay: the error is one of the pose, not of the image."""
     spec = LocalisationErrorSpec(bias_x_m=0.03, bias_yaw_deg=2.0)
-    clean = seen(model, 0, ("a",))
+    clean = exact_detections(model, 0, ("a",))
     shaken = replace(
         clean,
         tags=(
@@ -88,11 +88,11 @@ def test_image_noise_stays_as_it_was(model: OverheadModel) -> None:
 
 
 def test_noise_drift_and_dropout_have_the_sizes_given(model: OverheadModel) -> None:
-    """Intervals that 1 in 10,000 draws of 2000 frames would leave, each."""
+    """Each interval contains all but 1 in 10,000 draws of 2000 frames."""
     n = 2000
     spec = LocalisationErrorSpec(noise_m=0.01, noise_yaw_deg=1.0, dropout=0.1)
     error = LocalisationError(spec, seed=2)
-    found = [errors(model, error.apply(seen(model, frame), model)) for frame in range(n)]
+    found = [errors(model, error.apply(exact_detections(model, frame), model)) for frame in range(n)]
     for name in POSES:
         drawn = np.array([f[name] for f in found if name in f])
         kept = len(drawn)
@@ -101,7 +101,9 @@ def test_noise_drift_and_dropout_have_the_sizes_given(model: OverheadModel) -> N
         for i, sigma in enumerate((0.01, 0.01, math.radians(1.0))):
             assert low < float((drawn[:, i] ** 2).sum()) / sigma**2 < high
     walk = LocalisationError(LocalisationErrorSpec(drift_m=0.01, drift_yaw_deg=0.5), seed=3)
-    path = np.array([errors(model, walk.apply(seen(model, frame), model))["a"] for frame in range(n)])
+    path = np.array(
+        [errors(model, walk.apply(exact_detections(model, frame), model))["a"] for frame in range(n)]
+    )
     np.testing.assert_allclose(path[0], 0.0, atol=1e-9)
     steps = np.diff(path, axis=0)
     low, high = chi2.ppf([5e-5, 1 - 5e-5], n - 1)
@@ -109,20 +111,22 @@ def test_noise_drift_and_dropout_have_the_sizes_given(model: OverheadModel) -> N
         assert low < float((steps[:, i] ** 2).sum()) / (sigma**2 * 0.1) < high
 
 
-def test_what_is_seen_does_not_change_what_is_drawn(model: OverheadModel) -> None:
+def test_the_errors_do_not_depend_on_what_is_detected(model: OverheadModel) -> None:
     spec = LocalisationErrorSpec(noise_m=0.01, drift_m=0.01)
     every, alone = (LocalisationError(spec, seed=4) for _ in range(2))
     for frame in range(5):
-        of_all = errors(model, every.apply(seen(model, frame), model))
-        of_one = errors(model, alone.apply(seen(model, frame, ("a",) if frame != 2 else ()), model))
+        of_all = errors(model, every.apply(exact_detections(model, frame), model))
+        of_one = errors(
+            model, alone.apply(exact_detections(model, frame, ("a",) if frame != 2 else ()), model)
+        )
         if frame != 2:
             np.testing.assert_array_equal(of_all["a"], of_one["a"])
-    other = LocalisationError(spec, seed=5).apply(seen(model, 0), model)
+    other = LocalisationError(spec, seed=5).apply(exact_detections(model, 0), model)
     assert not np.allclose(errors(model, other)["a"], of_all["a"])
 
 
-def test_tags_of_nobody_are_left_alone(model: OverheadModel) -> None:
-    stray = TagDetection(333, np.array([[10.0, 40.0], [40.0, 40.0], [40.0, 10.0], [10.0, 10.0]]))
+def test_tags_of_no_body_are_not_changed(model: OverheadModel) -> None:
+    foreign = TagDetection(333, np.array([[10.0, 40.0], [40.0, 40.0], [40.0, 10.0], [10.0, 10.0]]))
     spec = LocalisationErrorSpec(bias_x_m=0.03, noise_m=0.01)
-    out = LocalisationError(spec, 1).apply(Detections(Exposure("overhead", 0, 0), (stray,), ()), model)
-    assert out.tags == (stray,)
+    out = LocalisationError(spec, 1).apply(Detections(Exposure("overhead", 0, 0), (foreign,), ()), model)
+    assert out.tags == (foreign,)

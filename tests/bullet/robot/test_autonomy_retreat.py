@@ -1,4 +1,4 @@
-"""Before it backs out of a port a unit looks behind itself: whole trials with a post put up there."""
+"""Before a retreat the area behind the unit is searched: trials with a post that appears there."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from msrr_scenes.specs.scene import Scene
 
 SEED = 1
 BLIND = {"plant": "unicycle", "perception": "parametric"}
-#: The unit is at the port by then and finds it plugged.
+#: Time at which the post appears; the unit is then at the plugged port.
 APPEARS_S = 10.5
-#: Behind the standing unit's back, seen from the port [m], and how far it could still back out there.
+#: Position of the post behind the unit, from the port, and the distance that the unit can retreat [m].
 ROOM = {-0.42: 0.10, -0.29: 0.0}
 
 
 def plugged(post_x_m: float | None, **changes: Any) -> Scene:
-    """A plugged port; a post comes up in the lane behind the unit while that presses."""
+    """A plugged port, and a post that appears in the lane behind the unit."""
     post = {"shape": "cylinder", "radius_m": 0.05, "height_m": 0.3, "tag_id": 40, "appears_at_s": APPEARS_S}
     post["pose"] = {"frame": "b.rear", "x_m": post_x_m}
     return Scene.model_validate(
@@ -45,7 +45,7 @@ def plugged(post_x_m: float | None, **changes: Any) -> Scene:
 
 @dataclass
 class Watched:
-    """A trial with every instant of it."""
+    """A trial with the progress at every instant."""
 
     scene: Scene
     instants: list[Progress] = field(default_factory=list)
@@ -58,7 +58,7 @@ class Watched:
 
     @property
     def waited_s(self) -> float:
-        """How long the unit stood before it backed out."""
+        """Time for which the unit stood before it retreated [s]."""
         retreat = self.of(Phase.RETREAT)
         moves = (b.time_s for a, b in pairwise(retreat) if a.true.x - b.true.x > 1e-4)
         return next(moves) - retreat[0].time_s
@@ -66,49 +66,47 @@ class Watched:
 
 @pytest.mark.parametrize("post_x_m", ROOM)
 @pytest.mark.parametrize("models", [BLIND, {}], ids=["blind", "pixels"])
-def test_a_post_behind_the_docking_unit_is_not_backed_into(
-    post_x_m: float, models: Mapping[str, str]
-) -> None:
-    """It stops short of the post, or where it stands, and says why it gave up: the port, not the post."""
+def test_a_unit_does_not_retreat_into_a_post(post_x_m: float, models: Mapping[str, str]) -> None:
+    """It stops short of the post, or does not move, and gives up because of the port, not the post."""
     trial = Watched(plugged(post_x_m, **models))
     result = trial.run()
     docking = trial.of(Phase.DOCK)
     assert docking[0].time_s < APPEARS_S < docking[-1].time_s
     assert result.outcome is Outcome.NOT_SEATED
     assert "no progress" in result.belief_reason
-    guard = trial.scene.control.guard
+    stop_m = trial.scene.control.guard.stop_m
     assert result.min_clearance_m is not None
-    assert result.min_clearance_m > guard.stop_m - 0.002
+    assert result.min_clearance_m > stop_m - 0.002
     backed = trial.of(Phase.RETREAT)[0].true.x - trial.instants[-1].true.x
     assert backed == pytest.approx(ROOM[post_x_m], abs=0.04)
 
 
-def test_the_overhead_camera_hardly_looks_while_the_unit_docks_and_does_while_it_backs_out(
+def test_the_overhead_camera_exposes_once_a_second_while_docking_and_at_its_rate_while_retreating(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    looks: list[float] = []
-    look = ParametricOverheadCamera.capture
+    exposures: list[float] = []
+    capture = ParametricOverheadCamera.capture
 
-    def noted(self: ParametricOverheadCamera, now_ns: int, robot: Any) -> Any:
-        looks.append(1e-9 * now_ns)
-        return look(self, now_ns, robot)
+    def recorded(self: ParametricOverheadCamera, now_ns: int, robot: Any) -> Any:
+        exposures.append(1e-9 * now_ns)
+        return capture(self, now_ns, robot)
 
-    monkeypatch.setattr(ParametricOverheadCamera, "capture", noted)
+    monkeypatch.setattr(ParametricOverheadCamera, "capture", recorded)
     trial = Watched(plugged(None, **BLIND))
     trial.run()
     docking, retreat = trial.of(Phase.DOCK), trial.of(Phase.RETREAT)
-    glances = [t for t in looks if docking[0].time_s < t <= docking[-1].time_s]
-    assert 0.7 < len(glances) / (docking[-1].time_s - docking[0].time_s) < 1.0
-    seen = [t for t in looks if t > retreat[0].time_s]
+    checks = [t for t in exposures if docking[0].time_s < t <= docking[-1].time_s]
+    assert 0.7 < len(checks) / (docking[-1].time_s - docking[0].time_s) < 1.0
+    frames = [t for t in exposures if t > retreat[0].time_s]
     overhead = trial.scene.cameras.overhead
     assert overhead is not None
-    assert len(seen) == pytest.approx(overhead.rate_hz * (retreat[-1].time_s - retreat[0].time_s), abs=2)
-    # A period and the latency of the camera, and the drive's first movement.
+    assert len(frames) == pytest.approx(overhead.rate_hz * (retreat[-1].time_s - retreat[0].time_s), abs=2)
+    # The period and the latency of the camera, and the start of the drive.
     assert 0.06 < trial.waited_s < 0.4
 
 
-def test_without_the_overhead_camera_it_backs_out_all_the_same() -> None:
-    """It fails while the unit docks: the wait ends by itself."""
+def test_a_unit_retreats_although_the_overhead_camera_fails() -> None:
+    """The camera fails while the unit docks, and the wait ends by a time limit."""
     dark = {"kind": "camera_blackout", "camera": "overhead", "from_s": 5.0, "to_s": 90.0}
     scene = plugged(None, **BLIND)
     trial = Watched(plugged(None, faults=[*(f.model_dump() for f in scene.faults), dark], **BLIND))

@@ -1,0 +1,48 @@
+"""A replay in a process that cannot import the simulator."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from msrr_bullet.replay import replay_isolated
+from msrr_bullet.replay.comparison import ReplayError
+
+
+def test_an_isolated_replay_reports_why_it_cannot_be_made(tmp_path: Path) -> None:
+    with pytest.raises(ReplayError, match="cannot read the log"):
+        replay_isolated(tmp_path / "gone")
+
+
+def test_the_simulator_cannot_be_imported_by_any_module(tmp_path: Path) -> None:
+    (tmp_path / "indirect.py").write_text("def load():\n    import pybullet\n")
+    code = """
+import sys
+from msrr_bullet.replay.isolation import SimulatorBarrier
+assert not [m for m in sys.modules if m.startswith("pybullet")], "importing replay imports the simulator"
+SimulatorBarrier.install()
+import indirect
+import importlib
+names = ("pybullet_data", "pybullet_utils.bullet_client")
+for attempt in (indirect.load, *(lambda name=name: importlib.import_module(name) for name in names)):
+    try:
+        attempt()
+    except ImportError as error:
+        assert "without the simulator" in str(error)
+    else:
+        raise AssertionError("imported")
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    code = """
+import pybullet
+from msrr_bullet.replay.isolation import SimulatorBarrier
+SimulatorBarrier.install()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "ReplayError: pybullet was imported before" in done.stderr

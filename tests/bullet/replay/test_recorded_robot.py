@@ -1,0 +1,183 @@
+"""Recordings of real trials: equal logs in two processes, and identical replays without the simulator."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msrr_bullet.log import (
+    CameraWindow,
+    Log,
+    LogHeader,
+    McapRecorder,
+    TruePose,
+    read_log,
+)
+from msrr_bullet.log.codec import to_bytes
+from msrr_bullet.log.formats import format_of
+from msrr_bullet.replay import replay, replay_isolated
+from msrr_bullet.run import run_trial
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.trial import Trial
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.messages import Action, Detections, Phase, PoseEstimate
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.scene import Scene
+
+SEED = 1
+
+
+def record(scene: Scene, seed: int, path: Path) -> TrialResult:
+    """Run a trial and write the log without the other files of a run folder."""
+    with McapRecorder(path, LogHeader.of(scene, seed, {})) as recorder:
+        return Trial(scene, seed, recorder=recorder).run()
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One docking by rendered images, from the start to the pull test."""
+    out = tmp_path_factory.mktemp("docking") / "run"
+    assert run_trial(load_scene("close_range"), SEED, out=out).outcome is Outcome.DOCKED
+    return out
+
+
+@pytest.fixture(scope="module")
+def log(run: Path) -> Log:
+    return read_log(run)
+
+
+def test_the_log_holds_the_whole_trial(log: Log) -> None:
+    topics = {record.topic for record in log.records()}
+    assert topics >= {
+        "/plan/step",
+        "/events",
+        "/frames",
+        "/truth/start",
+        "/truth/clearance",
+        "/truth/a/pose",
+        "/truth/b/pose",
+        "/sensors/a/odometry",
+        "/sensors/a/seat_switches",
+        "/sensors/a/lock",
+        "/camera/a/onboard/exposure",
+        "/camera/a/onboard/window",
+        "/perception/a/detections",
+        "/perception/a/estimate",
+        "/perception/a/los",
+        "/control/a/action",
+        "/control/a/belief",
+    }
+    phases = [action.phase for _, action in log.messages(Action)]
+    assert phases[-1] is Phase.DONE
+    assert len(list(log.messages(CameraWindow))) >= len(list(log.messages(Detections))) > 50
+    stamps = [record.stamp_ns for record in log.records()]
+    assert stamps == sorted(stamps)
+    assert (log.complete, log.header.seed) == (True, SEED)
+    # At the end the estimate is close to the true pose.
+    *_, (_, belief) = log.messages(PoseEstimate)
+    poses = {m.name: m.X_WB for _, m in log.messages(TruePose)}
+    X_WD = poses["b"] @ log.header.scene.geometry("b").dock_frame("rear")
+    error = (X_WD @ belief.X_DU).inverse() @ poses["a"]
+    assert np.hypot(error.x, error.y) < 0.005
+
+
+def test_a_replay_without_the_simulator_is_identical(run: Path, log: Log) -> None:
+    report = replay_isolated(run)
+    assert report.mismatches == ()
+    assert report.identical
+    assert report.complete
+    assert report.commands == len(list(log.messages(Action)))
+    assert report.windows == len(list(log.messages(CameraWindow)))
+    assert report.detections == len(list(log.messages(Detections)))
+
+
+def test_another_process_writes_the_same_log(run: Path, log: Log, tmp_path: Path) -> None:
+    code = (
+        "import sys; from pathlib import Path\n"
+        "from msrr_bullet.run import run_trial\n"
+        "from msrr_scenes.loading.load import load_scene\n"
+        f"run_trial(load_scene('close_range'), {SEED}, out=Path(sys.argv[1]))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()
+    first = [(r.topic, r.stamp_ns, r.sequence, r.data) for r in log.records()]
+    second = [(r.topic, r.stamp_ns, r.sequence, r.data) for r in read_log(tmp_path).records()]
+    assert first == second
+    assert (tmp_path / "trial.mcap").read_bytes() == (run / "trial.mcap").read_bytes()
+    assert (tmp_path / "result.json").read_text() == (run / "result.json").read_text()
+
+
+def rewritten(log: Log, path: Path, change: type, edit: object) -> Path:
+    """Copy a log, with every message of one class passed through ``edit``."""
+    with McapRecorder(path, log.header) as recorder:
+        for record in log.records():
+            if record.topic == "/frames":
+                continue  # the recorder adds these itself
+            message = record.message
+            recorder.write(record.topic, record.stamp_ns, edit(message) if record.kind is change else message)  # type: ignore[operator]
+    return path
+
+
+def test_copying_a_log_changes_nothing(log: Log, tmp_path: Path) -> None:
+    copy = read_log(rewritten(log, tmp_path / "copy.mcap", Action, lambda m: m))
+    assert [r.data for r in copy.records()] == [r.data for r in log.records()]
+    assert copy.path.read_bytes() == log.path.read_bytes()
+
+
+def test_the_robot_depends_on_the_pixels_of_the_log(log: Log, tmp_path: Path) -> None:
+    """With black images the robot detects no tag, so that the replay differs."""
+
+    def dark(m: CameraWindow) -> CameraWindow:
+        return CameraWindow(m.exposure, m.window, np.zeros_like(m.pixels))
+
+    report = replay(rewritten(log, tmp_path / "dark.mcap", CameraWindow, dark))
+    assert report.mismatches[0].what in ("window", "detections")
+
+
+def test_the_robot_does_not_depend_on_the_truth_of_the_log(log: Log, tmp_path: Path) -> None:
+    def elsewhere(m: TruePose) -> TruePose:
+        return TruePose(m.name, m.stamp_ns, m.X_WB.inverse())
+
+    assert replay(rewritten(log, tmp_path / "truth.mcap", TruePose, elsewhere)).identical
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"perception": "parametric"},
+        {"perception": "parametric", "plant": "unicycle"},
+        {"cameras.onboard.dropout": "0.3", "cameras.onboard.latency_ms": "120", "time_limit_s": "1.5"},
+        {"control.delay_compensation": "false", "link.loss": "0.1", "time_limit_s": "1.0"},
+        {"cameras.onboard.readout": "frames", "time_limit_s": "0.3"},
+    ],
+    ids=["parametric", "unicycle", "dropped frames", "lossy link", "whole frames"],
+)
+def test_other_kinds_of_trial_replay_identically(overrides: dict[str, str], tmp_path: Path) -> None:
+    # One sample per pixel, for speed.
+    scene = load_scene("close_range", {**overrides, "cameras.onboard.samples": "1"})
+    record(scene, 2, tmp_path / "trial.mcap")
+    report = replay(tmp_path)
+    assert report.mismatches == ()
+    assert report.identical
+
+
+def test_recording_changes_nothing_in_the_trial(tmp_path: Path) -> None:
+    quick = load_scene("close_range", {"perception": "parametric"})
+    assert record(quick, 4, tmp_path / "trial.mcap") == Trial(quick, 4).run()
+
+
+def test_every_message_of_a_trial_is_encoded_again_to_the_same_bytes(log: Log) -> None:
+    for record in log.records():
+        assert to_bytes(format_of(record.message).encode(record.message, record.topic)) == record.data
+
+
+@pytest.mark.parametrize("scene", ["two_units", "close_range"])
+def test_a_log_of_an_earlier_version_can_be_replayed(scene: str) -> None:
+    """The first 0.4 s of a trial without pixels and of one with, written by version 0.1.0."""
+    report = replay_isolated(Path(__file__).parent / "data" / f"{scene}_0_1_0.mcap")
+    assert report.identical
+    assert report.windows > 0 or scene == "two_units"

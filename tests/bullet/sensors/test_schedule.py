@@ -1,0 +1,56 @@
+"""Periodic events and delayed messages on an integer time axis."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msrr_bullet.sensors.schedule import Delayed, Periodic, duration_ns
+
+S = 1_000_000_000
+
+
+def test_durations_are_whole_nanoseconds() -> None:
+    assert duration_ns(0.04) == 40_000_000
+    assert duration_ns(1.0 / 3.0) == 333_333_333
+
+
+@given(st.floats(0.5, 300.0), st.floats(20.0, 1000.0), st.integers(0, S))
+def test_an_event_happens_at_the_first_tick_at_or_after_each_due_time(
+    rate_hz: float, tick_hz: float, start_ns: int
+) -> None:
+    """Without drift: after any time the number of events is that of the due times, up to the tick rate."""
+    event = Periodic(rate_hz, start_ns)
+    assert not event.due(start_ns - 1)
+    ticks = [start_ns + round(k * S / tick_hz) for k in range(400)]
+    events = [tick for tick in ticks if event.due(tick)]
+    assert events[0] == start_ns
+    due = [start_ns + round(k * S / rate_hz) for k in range(int(400 * rate_hz / tick_hz) + 2)]
+    expected = {next(tick for tick in ticks if tick >= time) for time in due if time <= ticks[-1]}
+    # A due time within a nanosecond of a tick may fall on either side of it by rounding.
+    assert len(set(events) ^ expected) <= sum(min(abs(t - k) for k in ticks) <= 1 for t in due) * 2
+    assert len(events) == len(set(events))
+
+
+def test_events_that_nobody_asked_for_count_as_one() -> None:
+    event = Periodic(10.0)
+    assert event.due(0)
+    assert event.due(S)  # nine were missed
+    assert not event.due(S + 1)
+    assert event.due(S + S // 10)
+
+
+@given(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 20)), max_size=40))
+def test_every_message_arrives_once_in_order_of_arrival_and_sending(messages: list[tuple[int, int]]) -> None:
+    """Messages of (time of arrival, time step before the next poll)."""
+    queue: Delayed[int] = Delayed()
+    for i, (arrival, _) in enumerate(messages):
+        queue.send(arrival, i)
+    arrived, now = [], 0
+    for _, step in [*messages, (0, 51)]:
+        now += step
+        batch = queue.arrived(now)
+        assert all(messages[i][0] <= now for i in batch)
+        arrived += batch
+    assert arrived == sorted(range(len(messages)), key=lambda i: (messages[i][0], i))
+    assert queue.arrived(10**9) == []

@@ -1,0 +1,179 @@
+"""The sensors of a docking unit in a running simulation: rates, latencies, faults, unused cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+
+from msrr_bullet.profiler import NullProfiler
+from msrr_bullet.sensors.sensor_suite import SensorSuite
+from msrr_bullet.trial.environment import Environment, open_environment
+from msrr_perception.detection.detector import PupilDetector
+from msrr_scenes.messages import (
+    Detections,
+    Exposure,
+    Fetch,
+    LockFeedback,
+    LockPosition,
+    PoseMeasurement,
+    SeatSwitches,
+    SensorMessage,
+    Twist,
+    WheelOdometry,
+)
+from msrr_scenes.placement.placement import draw_placement
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.scene import Scene
+
+
+class Listener:
+    """A robot that keeps what it receives, and when; it detects all tags in the full frame."""
+
+    def __init__(self, scene: Scene, *, uses: bool = True) -> None:
+        self.messages: list[tuple[int, SensorMessage]] = []
+        self.exposures: list[Exposure] = []
+        self.now_ns = 0
+        self._frame = scene.cameras.onboard.pinhole.frame
+        self._uses = uses
+
+    def uses_camera(self, camera: str) -> bool:
+        return self._uses
+
+    def expose(self, exposure: Exposure, fetch: Fetch) -> Detections:
+        self.exposures.append(exposure)
+        tags = PupilDetector().detect(fetch(self._frame), self._frame)
+        return Detections(exposure, tags, (self._frame,))
+
+    def receive(self, message: SensorMessage) -> None:
+        self.messages.append((self.now_ns, message))
+
+    def of(self, kind: type) -> list[tuple[int, Any]]:
+        return [(now_ns, m) for now_ns, m in self.messages if isinstance(m, kind)]
+
+
+def scene(**keys: Any) -> Scene:
+    return Scene.model_validate(
+        {
+            "name": "sensed",
+            "plant": "unicycle",
+            "perception": "parametric",
+            "units": {
+                "b": {"number": 1, "pose": {"x_m": 0.4}},
+                "a": {"number": 0, "pose": {"frame": "b.rear", "x_m": -0.3}},
+            },
+            "plan": [{"unit": "a", "to": "b.rear"}],
+            **keys,
+        }
+    )
+
+
+@contextmanager
+def suite(of: Scene) -> Iterator[tuple[Environment, SensorSuite]]:
+    with open_environment(of, 3, draw_placement(of, lambda name: stream(3, name))) as environment:
+        step, plant = of.plan[0], environment.simulation.plant
+        plant.begin_dock(step)
+        X_WD = plant.pose("b") @ of.geometry("b").dock_frame("rear")
+        cameras = environment.devices.cameras(step, lambda: X_WD.inverse() @ plant.pose("a"), NullProfiler())
+        encoders = environment.devices.encoders["a"]
+        yield environment, SensorSuite(of, step, plant, encoders, cameras, NullProfiler())
+
+
+def run(environment: Environment, sensors: SensorSuite, robot: Listener, time_s: float) -> None:
+    plant = environment.simulation.plant
+    end_ns = plant.now_ns() + round(1e9 * time_s)
+    while plant.now_ns() < end_ns:
+        robot.now_ns = plant.now_ns()
+        sensors.tick(robot.now_ns, robot)
+        plant.step()
+
+
+@pytest.mark.parametrize("latency_ms", [0.0, 35.0, 90.0])
+def test_measurements_arrive_at_their_rate_after_the_latency(latency_ms: float) -> None:
+    of = scene(cameras={"onboard": {"latency_ms": latency_ms, "rate_hz": 25.0}}, odometry={"rate_hz": 60.0})
+    robot, tick_ns = Listener(of), 1e9 / of.physics_hz
+    with suite(of) as (environment, sensors):
+        run(environment, sensors, robot, 1.0)
+    assert len(robot.of(WheelOdometry)) == 60
+    measurements = robot.of(PoseMeasurement)
+    assert len(measurements) == pytest.approx(25 - 0.025 * latency_ms, abs=1)
+    for arrival_ns, message in measurements:
+        assert 0.0 <= arrival_ns - message.exposure.stamp_ns - 1e6 * latency_ms < tick_ns + 1
+    stamps = np.array([message.exposure.stamp_ns for _, message in measurements])
+    np.testing.assert_allclose(np.diff(stamps), 40_000_000, atol=tick_ns + 1)
+
+
+def test_a_camera_that_the_robot_does_not_use_exposes_no_frame() -> None:
+    of = scene()
+    with suite(of) as (environment, sensors):
+        unused, used = Listener(of, uses=False), Listener(of)
+        run(environment, sensors, unused, 0.5)
+        assert unused.of(PoseMeasurement) == []
+        assert not sensors.ever_detected
+        run(environment, sensors, used, 0.5)
+        assert used.of(PoseMeasurement)[0][1].exposure.frame == 0
+        assert sensors.ever_detected
+
+
+def test_switches_and_lock_report_changes_only() -> None:
+    of = scene(lock={"close_time_s": 0.3})
+    robot = Listener(of)
+    with suite(of) as (environment, sensors):
+        run(environment, sensors, robot, 0.2)
+        environment.simulation.plant.set_lock("a", True)
+        run(environment, sensors, robot, 0.8)
+    assert [(m.left, m.right) for _, m in robot.of(SeatSwitches)] == [(False, False)]
+    positions = [m.position for _, m in robot.of(LockFeedback)]
+    assert positions == [LockPosition.OPEN, LockPosition.CLOSING, LockPosition.CLOSED]
+
+
+@pytest.mark.parametrize("value", ["open", "closed"])
+def test_a_stuck_seat_switch_hides_the_true_state(value: str) -> None:
+    of = scene(faults=[{"kind": "seat_switch_stuck", "unit": "b", "value": value}])
+    robot = Listener(of)
+    with suite(of) as (environment, sensors):
+        run(environment, sensors, robot, 0.2)
+        assert environment.simulation.plant.switches("a") == (False, False)
+    stuck = value == "closed"
+    assert [(m.left, m.right) for _, m in robot.of(SeatSwitches)] == [(stuck, stuck)]
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_only_tags_of_the_target_count_as_detected(hidden: bool) -> None:
+    """Rendered images of two units, of which the target may have blank plates."""
+    of = scene(
+        perception="images",
+        units={
+            "b": {"number": 1, "pose": {"x_m": 0.4}},
+            "a": {"number": 0, "pose": {"frame": "b.rear", "x_m": -0.4}},
+            "c": {"number": 2, "pose": {"x_m": 0.9, "y_m": 0.25}},
+        },
+        cameras={"onboard": {"renderer": "raster", "samples": 1, "latency_ms": 20.0}},
+        faults=[{"kind": "marker_hidden", "unit": "b"}] if hidden else [],
+    )
+    robot = Listener(of)
+    with suite(of) as (environment, sensors):
+        run(environment, sensors, robot, 0.2)
+        assert sensors.ever_detected is not hidden
+    detections = [m for _, m in robot.of(Detections)]
+    assert [m.exposure for m in detections] == robot.exposures[: len(detections)]
+    ids = {tag.tag_id for m in detections for tag in m.tags}
+    assert ids & set(of.tag_ids("c").values())
+    assert (not ids & set(of.tag_ids("b").values())) is hidden
+
+
+def test_odometry_follows_the_wheels() -> None:
+    of = scene(odometry={"scale_error": 0.0, "noise_rad": 0.0, "ticks_per_turn": 100_000})
+    robot = Listener(of)
+    with suite(of) as (environment, sensors):
+        plant = environment.simulation.plant
+        start = np.array(plant.wheel_angles("a"))
+        plant.command("a", Twist(-0.2, 0.3))
+        run(environment, sensors, robot, 0.5)
+        turned = np.array(plant.wheel_angles("a")) - start
+    last = robot.of(WheelOdometry)[-1][1]
+    assert (last.left, last.right) == pytest.approx(turned, abs=0.1)
+    assert abs(last.right - last.left) > 0.1
