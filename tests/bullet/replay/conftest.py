@@ -126,7 +126,7 @@ def record_trial(
         recorder.close()
     else:
         recorder._send(flush=True)
-        recorder._settle(0)
+        recorder._await_batches(0)
 
 
 @pytest.fixture(scope="session")
