@@ -1,4 +1,4 @@
-"""The judge's verdict on clearance, against a plain reading of all pairs."""
+"""The judge: clearance against a check of all pairs, seat, arena, and the outcomes at the end."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def scene() -> Scene:
 
 @dataclass
 class Crowd:
-    """The truth that a judge is shown."""
+    """A simulation with units at given poses, and what a judge needs."""
 
     simulation: Simulation
     clearance: ClearanceModel
@@ -53,59 +53,59 @@ def crowd(scene: Scene, model: ClearanceModel, units: dict[str, SE2], post: SE2)
     return Crowd(Simulation(scene, placement, KinematicPlant(scene, placement), None), model)
 
 
-def plain_reading(judge: Judge, at: Crowd, docking: bool) -> tuple[Outcome | None, float | None]:
-    """Return the verdict and the smallest clearance that counts, from every pair in turn."""
+def check_all_pairs(judge: Judge, crowded: Crowd, docking: bool) -> tuple[Outcome | None, float | None]:
+    """Return the outcome and the smallest clearance that counts, from every pair in turn."""
     authorised = docking and judge.port_pose().in_zone
     counted = None
-    for clearance in at.clearance.query(at.simulation.poses(), at.locked.pairs):
+    for clearance in crowded.clearance.query(crowded.simulation.poses(), crowded.locked.pairs):
         own = clearance.pair == PAIR
         if clearance.distance <= 0.0 and not (own and authorised):
             return Outcome.COLLISION, counted
         if own and docking:
             continue
         counted = clearance.distance if counted is None else min(counted, clearance.distance)
-        if clearance.distance < at.simulation.scene.judge.min_clearance_m:
+        if clearance.distance < crowded.simulation.scene.judge.min_clearance_m:
             return Outcome.CLEARANCE_VIOLATED, counted
     return None, counted
 
 
-def test_the_verdict_is_that_of_a_plain_reading_of_all_pairs(scene: Scene) -> None:
-    """600 crowds: before the port or not, docking or not, two of them locked together or not."""
+def test_the_outcome_is_that_of_a_check_of_all_pairs(scene: Scene) -> None:
+    """600 crowds: in front of the port or not, docking or not, with a locked pair or not."""
     rng = stream(0, "test_judge/crowds")
     model = ClearanceModel.from_scene(scene)
     seat = scene.geometry("b").dock_frame("rear") @ SE2(-scene.geometry("a").control_offset("front"))
-    seen = set()
+    cases = set()
     for i in range(600):
         X_WB = SE2(*rng.uniform([-0.3, -0.3, -3.0], [0.3, 0.3, 3.0]))
         units = {name: SE2(*rng.uniform([-0.6, -0.6, -3.0], [0.6, 0.6, 3.0])) for name in "abc"} | {"b": X_WB}
         if i % 2:
             units["a"] = X_WB @ seat @ SE2(*rng.uniform([-0.04, -0.02, -0.2], [0.0, 0.02, 0.2]))
-        at = crowd(scene, model, units, SE2(*rng.uniform([-0.6, -0.6, 0.0], [0.6, 0.6, 0.0])))
+        crowded = crowd(scene, model, units, SE2(*rng.uniform([-0.6, -0.6, 0.0], [0.6, 0.6, 0.0])))
         if i % 3 == 0:
-            at.locked.pairs.add(frozenset("bc"))
-        judge, docking = at.judge(), bool(i % 5)
+            crowded.locked.pairs.add(frozenset("bc"))
+        judge, docking = crowded.judge(), bool(i % 5)
         phase = Phase.DOCK if docking else Phase.HAND_OVER
-        expected, counted = plain_reading(judge, at, docking)
+        expected, counted = check_all_pairs(judge, crowded, docking)
         verdict, nearest = judge.safety(Action(0, phase, 1))
         assert verdict is expected
         if verdict is None:
             assert judge.min_clearance == counted
-            assert nearest == at.clearance.query(at.simulation.poses(), at.locked.pairs)[0]
-        seen.add((verdict, judge.port_pose().in_zone))
-    assert {v for v, _ in seen} == {None, Outcome.COLLISION, Outcome.CLEARANCE_VIOLATED}
-    assert (None, True) in seen  # docked, and nothing else near
+            assert nearest == crowded.clearance.query(crowded.simulation.poses(), crowded.locked.pairs)[0]
+        cases.add((verdict, judge.port_pose().in_zone))
+    assert {v for v, _ in cases} == {None, Outcome.COLLISION, Outcome.CLEARANCE_VIOLATED}
+    assert (None, True) in cases  # docking, and no other body near
 
 
 def test_an_empty_arena_has_no_clearance(scene: Scene) -> None:
-    at = crowd(
+    crowded = crowd(
         scene,
         ClearanceModel.from_scene(scene),
         {name: SE2(x, 0.0) for x, name in enumerate("abc")},
         SE2(0, 2),
     )
     everything = {frozenset(p) for p in ("ab", "bc", "ac")} | {frozenset((u, "post")) for u in "abc"}
-    at.locked.pairs |= everything
-    judge = at.judge()
+    crowded.locked.pairs |= everything
+    judge = crowded.judge()
     assert judge.safety(Action(0, Phase.HAND_OVER, 1)) == (None, None)
     assert judge.min_clearance is None
 
@@ -118,7 +118,7 @@ def beside(scene: Scene, x: float, y: float = 0.0, yaw: float = 0.0) -> Crowd:
     return crowd(scene, ClearanceModel.from_scene(scene), units, SE2(-1.0, 1.0, 0.0))
 
 
-def sat(judge: Judge, ticks: int = 200) -> Judge:
+def keep_seated(judge: Judge, ticks: int = 200) -> Judge:
     for k in range(ticks):
         judge.tick(k * 4_166_667, 1, None)
     return judge
@@ -137,21 +137,23 @@ def sat(judge: Judge, ticks: int = 200) -> Judge:
         (0.3, 0.0, 0.0, False),
     ],
 )
-def test_seated_is_in_the_seat(scene: Scene, x: float, y: float, yaw_deg: float, seated: bool) -> None:
-    at = beside(scene, x, y, math.radians(yaw_deg))
-    at.simulation.plant.begin_dock(scene.plan[0])
-    judge = sat(at.judge())
+def test_a_unit_is_seated_only_in_the_seat(
+    scene: Scene, x: float, y: float, yaw_deg: float, seated: bool
+) -> None:
+    crowded = beside(scene, x, y, math.radians(yaw_deg))
+    crowded.simulation.plant.begin_dock(scene.plan[0])
+    judge = keep_seated(crowded.judge())
     seating = judge.seating()
     assert (seating is not None and seating.seated) is seated
-    # Whoever gives up there makes a mistake, or not.
+    # A seated unit that gives up is a false abort.
     verdict = judge.verdict_gave_up(FailureReason.NOT_LOCALISED, ever_detected=False)
     assert (verdict is Outcome.FALSE_ABORT) is seated
 
 
-def test_a_new_attempt_is_judged_anew(scene: Scene) -> None:
-    at = beside(scene, 0.0)
-    at.simulation.plant.begin_dock(scene.plan[0])
-    judge = sat(at.judge())
+def test_a_new_attempt_resets_the_seat(scene: Scene) -> None:
+    crowded = beside(scene, 0.0)
+    crowded.simulation.plant.begin_dock(scene.plan[0])
+    judge = keep_seated(crowded.judge())
     assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is Outcome.FALSE_ABORT
     judge.tick(10**9, 2, None)
     assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is not Outcome.FALSE_ABORT
@@ -162,17 +164,17 @@ def test_a_pair_that_tried_to_dock_may_stay_close_until_it_has_parted(scene: Sce
     near, far = beside(scene, -0.03), beside(scene, -0.10)
     judge = near.judge()
     assert near.clearance.minimum(near.simulation.poses()).distance < scene.judge.min_clearance_m
-    assert judge.safety(Action(0, phase, 1))[0] is Outcome.CLEARANCE_VIOLATED, "it never docked"
+    assert judge.safety(Action(0, phase, 1))[0] is Outcome.CLEARANCE_VIOLATED, "the pair has not docked"
     judge = near.judge()
     for step in (Phase.DOCK, Phase.RETREAT, phase, phase):
         assert judge.safety(Action(0, step, 1))[0] is None
     judge._simulation = far.simulation
     assert judge.safety(Action(0, phase, 1))[0] is None
     judge._simulation = near.simulation
-    assert judge.safety(Action(0, phase, 1))[0] is Outcome.CLEARANCE_VIOLATED, "it had parted"
+    assert judge.safety(Action(0, phase, 1))[0] is Outcome.CLEARANCE_VIOLATED, "the pair has parted"
 
 
-def test_a_unit_over_the_edge_has_left_the_arena(scene: Scene) -> None:
+def test_a_unit_beyond_the_edge_has_left_the_arena(scene: Scene) -> None:
     arena = scene.arena
     model = ClearanceModel.from_scene(scene)
     for x, y, left in (

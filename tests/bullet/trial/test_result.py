@@ -1,4 +1,4 @@
-"""The record of a trial: written, read back, and strict about what it holds."""
+"""The result of a trial: written, read back, and strict about values."""
 
 import json
 import math
@@ -53,7 +53,7 @@ def test_json_reads_back_bit_for_bit() -> None:
     assert TrialResult.from_json(result().to_json()) == result()
 
 
-def test_json_is_for_other_programs_too() -> None:
+def test_json_holds_plain_values() -> None:
     data = json.loads(result().to_json())
     assert data["outcome"] == "docked"
     assert data["phase"] == "done"
@@ -74,7 +74,7 @@ def test_json_is_for_other_programs_too() -> None:
         {"min_clearance_m": math.inf},
     ],
 )
-def test_nothing_that_cannot_be(changes: dict[str, object]) -> None:
+def test_impossible_values_are_refused(changes: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         result(**changes)
 
@@ -85,14 +85,14 @@ def test_a_result_cannot_be_changed() -> None:
 
 
 @pytest.mark.parametrize("outcome", list(Outcome))
-def test_docked_is_one_outcome_only(outcome: Outcome) -> None:
+def test_docked_is_a_single_outcome(outcome: Outcome) -> None:
     assert result(outcome=outcome).docked is (outcome is Outcome.DOCKED)
 
 
-def test_poses_go_in_and_out() -> None:
+def test_poses_are_converted_both_ways() -> None:
     X = SE2(0.1, -0.2, 0.3)
     assert PlanarPose.of(X).se2 == X
 
 
-def test_versions_name_what_can_change_a_bit() -> None:
+def test_versions_hold_what_can_change_a_trial() -> None:
     assert {"python", "msrr-bullet", "pybullet", "numpy", "python-fcl"} <= set(package_versions())

@@ -1,4 +1,4 @@
-"""Every outcome is reached by a shipped scene or a switch, with the robot's belief beside it."""
+"""Every outcome is reached by a shipped scene with or without overrides, with the belief of the robot."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from msrr_scenes.specs.scene import Scene
 
 SEED = 1
 
-#: Gives up sooner, from a start nearer to the port: a shorter trial with the same end.
+#: A shorter trial with the same end: a start nearer to the port, and limits that give up sooner.
 BRIEF = {"units.a.pose.x_m": "-0.25", "docking.stall_time_s": "0.8", "docking.retreat_m": "0.15"}
 
 
 @dataclass(frozen=True)
 class Case:
-    """How an outcome is provoked, and what else has to be true of it."""
+    """How an outcome is provoked, and what else has to hold."""
 
     outcome: Outcome
     scene: str
     belief: Belief
     true: Callable[[TrialResult], bool]
-    switches: Mapping[str, str] = field(default_factory=dict)
+    overrides: Mapping[str, str] = field(default_factory=dict)
     blind: bool = False
 
     @cached_property
@@ -47,7 +47,7 @@ def nothing_touched(result: TrialResult) -> bool:
 CASES = (
     Case(
         Outcome.DOCKED,
-        "weak_lock",  # the lock's strength is all that parts it from lock_failed
+        "weak_lock",  # only the strength of the lock differs from the case lock_failed
         "docked",
         lambda r: seated(r) and r.lock_engaged and r.pull_test_passed is True and r.phase is Phase.DONE,
         {"lock.strength_n": "26", "perception": "parametric"},
@@ -62,7 +62,7 @@ CASES = (
         Outcome.JAMMED,
         "askew_camera",
         "gave_up",
-        # Past what the funnel takes in, and no lock was ever closed on it.
+        # Beyond the capture range of the funnel, and the lock was never closed.
         lambda r: r.contact is not None and r.contact.lateral_m > 0.016 and not r.lock_closed,
         {"docking.retreat_m": "0.15"},
     ),
@@ -92,7 +92,10 @@ CASES = (
         "obstacle_in_lane",
         "undecided",
         nothing_touched,
-        {"judge.min_clearance_m": "0", "perception": "parametric"},  # with real contact: it stops at the post
+        {
+            "judge.min_clearance_m": "0",
+            "perception": "parametric",
+        },  # with contact physics, so that the unit stops at the post
     ),
     Case(
         Outcome.CLEARANCE_VIOLATED,
@@ -110,7 +113,7 @@ CASES = (
         Outcome.FALSE_DOCK,
         "stuck_seat_switch",
         "docked",
-        # The cam closed, and says so, on nothing.
+        # The lock closed on nothing and reports that it is closed.
         lambda r: not seated(r) and r.lock_closed and not r.lock_engaged and r.pull_test_passed is not True,
     ),
     Case(
@@ -127,19 +130,19 @@ Load = Callable[..., Scene]
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)
 def test_an_outcome_is_provoked(case: Case, shipped: Load) -> None:
-    result = run_trial(shipped(case.scene, case.switches, blind=case.blind), SEED)
+    result = run_trial(shipped(case.scene, case.overrides, blind=case.blind), SEED)
     assert (result.outcome, result.belief) == (case.outcome, case.belief), result.belief_reason
     assert case.true(result), result
     assert result.belief_reason
     assert result.docked == (case.outcome is Outcome.DOCKED)
 
 
-def test_no_outcome_is_left_out() -> None:
+def test_every_outcome_has_a_case() -> None:
     assert {case.outcome for case in CASES} == set(Outcome)
 
 
-def test_a_stuck_seat_switch_fools_nobody_who_looks(shipped: Load) -> None:
-    """The lie of the false dock, with verification by sight: the robot knows that it is not docked."""
+def test_verification_by_sight_detects_a_stuck_seat_switch(shipped: Load) -> None:
+    """The case false_dock with verification by sight: the robot knows that it is not docked."""
     scene = shipped(
         "stuck_seat_switch", {"docking.verify.by_sight": "true", "docking.attempts": "1", **BRIEF}
     )
@@ -147,7 +150,7 @@ def test_a_stuck_seat_switch_fools_nobody_who_looks(shipped: Load) -> None:
     assert (result.outcome, result.belief) == (Outcome.NOT_SEATED, "gave_up")
 
 
-def test_a_stuck_switch_does_no_harm_to_a_unit_that_seats(shipped: Load) -> None:
+def test_a_stuck_seat_switch_does_not_prevent_a_docking(shipped: Load) -> None:
     clear = {
         "faults": "[{kind: seat_switch_stuck, unit: b, value: closed}]",
         "docking.verify.by_sight": "true",
@@ -157,7 +160,7 @@ def test_a_stuck_switch_does_no_harm_to_a_unit_that_seats(shipped: Load) -> None
 
 def test_touching_the_target_beside_its_port_is_a_collision(shipped: Load) -> None:
     """The docking pair may touch where it docks and nowhere else."""
-    astray = {"faults": "[{kind: camera_misaligned, unit: a, yaw_deg: 20}]", "docking.attempts": "1"}
-    result = run_trial(shipped("askew_camera", astray), SEED)
+    misaligned = {"faults": "[{kind: camera_misaligned, unit: a, yaw_deg: 20}]", "docking.attempts": "1"}
+    result = run_trial(shipped("askew_camera", misaligned), SEED)
     assert (result.outcome, result.belief) == (Outcome.COLLISION, "undecided")
     assert result.contact is None

@@ -1,0 +1,20 @@
+"""The import of PyBullet writes nothing to the terminal, and later output is not lost."""
+
+import subprocess
+import sys
+
+CODE = """
+import sys
+from msrr_bullet.pybullet_client import load_simulator
+print("before", flush=True)
+load_simulator()
+assert "pybullet" in sys.modules
+load_simulator()
+print("after")
+print("error", file=sys.stderr)
+"""
+
+
+def test_pybullet_is_imported_silently() -> None:
+    done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("before\nafter\n", "error\n")

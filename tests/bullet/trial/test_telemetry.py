@@ -1,0 +1,132 @@
+"""The reports of a running trial: progress, snapshots, truth and events, in agreement with each other."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from msrr_bullet.log import MemoryRecorder, StartPoses, TruePose
+from msrr_bullet.log.records import Event
+from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.telemetry import Progress
+from msrr_bullet.trial.trial import Trial
+from msrr_scenes.messages import Action, Phase, PoseEstimate
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.scene import Scene
+
+Load = Callable[..., Scene]
+
+
+@dataclass
+class Watched:
+    """A trial with all reports."""
+
+    scene: Scene
+    result: TrialResult
+    recorder: MemoryRecorder
+    progress: list[Progress]
+    snapshots: list[Snapshot] = field(default_factory=list)
+
+    def of(self, kind: type) -> list:
+        return [m for _, _, m in self.recorder.messages if isinstance(m, kind)]
+
+
+class KeepingViewer:
+    """A viewer that keeps the snapshots."""
+
+    def __init__(self) -> None:
+        self.snapshots: list[Snapshot] = []
+
+    def update(self, snapshot: Snapshot) -> None:
+        self.snapshots.append(snapshot)
+
+
+def watch(scene: Scene, seed: int) -> Watched:
+    recorder, viewer, progress = MemoryRecorder(), KeepingViewer(), []
+    result = Trial(scene, seed, recorder=recorder, viewer=viewer, observer=progress.append).run()
+    return Watched(scene, result, recorder, progress, viewer.snapshots)
+
+
+@pytest.fixture(scope="module")
+def docking(shipped: Load) -> Watched:
+    """A docking from in front of the port, without an overhead camera."""
+    return watch(shipped("close_range", blind=True), 7)
+
+
+@pytest.fixture(scope="module")
+def mission(shipped: Load) -> Watched:
+    """The first seconds of a mission with a long-distance phase."""
+    return watch(shipped("two_units", {"time_limit_s": "4"}, blind=True), 1)
+
+
+def test_the_observer_gets_every_decision(docking: Watched) -> None:
+    times = [p.time_s for p in docking.progress]
+    steps = np.diff(times)
+    assert steps.min() > 0.0
+    assert steps.mean() == pytest.approx(1.0 / docking.scene.control.rate_hz, rel=0.01)
+    assert len(times) == len(docking.of(Action)) == len(docking.snapshots)
+    phases = [phase for phase, _ in itertools.groupby(p.phase for p in docking.progress)]
+    assert phases == [Phase.HAND_OVER, Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.DONE]
+    assert docking.progress[0].believed is None  # no measurement arrives before the first latency is over
+    latency = docking.scene.cameras.onboard.latency_ms * 1e-3
+    known = next(p for p in docking.progress if p.believed is not None)
+    assert latency <= known.time_s < latency + 0.2
+
+
+def test_progress_snapshots_and_log_agree(docking: Watched) -> None:
+    actions, truth = docking.of(Action), docking.of(TruePose)
+    estimates = {m.stamp_ns: m for m in docking.of(PoseEstimate)}
+    X_BD = docking.scene.geometry("b").dock_frame("rear")
+    for action, progress, snapshot in zip(actions, docking.progress, docking.snapshots, strict=True):
+        assert progress.time_s == pytest.approx(1e-9 * action.stamp_ns)
+        assert (progress.phase, progress.attempt) == (action.phase, action.attempt)
+        assert (snapshot.stamp_ns, snapshot.twist) == (action.stamp_ns, action.twist)
+        poses = {m.name: m.X_WB for m in truth if m.stamp_ns == action.stamp_ns}
+        assert poses == dict(snapshot.units)
+        true = (poses["b"] @ X_BD).inverse() @ poses["a"]
+        assert progress.true is not None
+        np.testing.assert_allclose(progress.true.as_array(), true.as_array(), atol=1e-12)
+        if action.stamp_ns in estimates:
+            assert progress.believed == estimates[action.stamp_ns].X_DU
+            assert snapshot.estimate is not None
+            between = (poses["b"] @ X_BD @ progress.believed).inverse() @ snapshot.estimate
+            np.testing.assert_allclose(between.as_array(), 0.0, atol=1e-12)
+
+
+def test_far_away_the_believed_pose_is_that_of_the_overhead_camera(mission: Watched) -> None:
+    far = [p for p in mission.progress if p.phase is Phase.ASSEMBLE and p.believed is not None]
+    assert len(far) > 100
+    for p in far:
+        assert p.true is not None
+        between = p.true.inverse() @ p.believed
+        assert np.hypot(between.x, between.y) < 0.05
+        assert between.as_array().any()  # an estimate, not the truth
+
+
+def test_events_are_the_changes_of_phase_and_the_verdict(docking: Watched, mission: Watched) -> None:
+    for trial in (docking, mission):
+        *changes, verdict = trial.of(Event)
+        phases = [phase for phase, _ in itertools.groupby(p.phase for p in trial.progress)]
+        assert [event.source for event in changes] == ["a"] * len(phases)
+        for event, phase in zip(changes, phases, strict=True):
+            assert event.text.startswith(f"attempt 1: {phase.value}: ")
+        assert (verdict.source, verdict.text) == ("judge", trial.result.outcome.value)
+    assert docking.result.outcome is Outcome.DOCKED
+    assert mission.result.outcome is Outcome.TIMEOUT
+    assert docking.of(Event)[-1].level.value != mission.of(Event)[-1].level.value
+
+
+def test_the_start_poses_come_first(mission: Watched) -> None:
+    start = mission.recorder.messages[0][2]
+    assert isinstance(start, StartPoses)
+    assert start.poses.keys() == mission.scene.units.keys() | mission.scene.obstacles.keys()
+    assert start.poses["a"] == mission.snapshots[0].units["a"]
+
+
+def test_reports_change_nothing_in_the_trial(docking: Watched) -> None:
+    assert Trial(docking.scene, 7).run() == docking.result
