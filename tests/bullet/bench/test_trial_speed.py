@@ -52,7 +52,7 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
     assert sum(report.stages_ms_per_s.values()) == pytest.approx(total)
     assert {"physics", "render", "perception", "control", "clearance", "rest"} <= set(report.stages_ms_per_s)
     assert all(ms >= 0.0 for ms in report.stages_ms_per_s.values())
-    assert "guard" not in report.stages_ms_per_s  # without an overhead camera there is none
+    assert "collision monitor" not in report.stages_ms_per_s  # without an overhead camera there is none
     assert report.control_step_ms == pytest.approx(report.stages_ms_per_s["control"] / 50.0)
     assert json.loads(report.to_json())["control_step_ms"] == report.control_step_ms
     assert report.naive_ratio == report.naive_ratio_one_sample  # the scene has one sample a pixel itself
@@ -65,7 +65,7 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
 def test_the_guard_is_a_stage_of_its_own() -> None:
     profiler = StageProfiler()
     Trial(load_scene("two_units", {"time_limit_s": "0.3"}), 0, profiler=profiler).run()
-    assert profiler.spent_ns["guard"] > 0
+    assert profiler.spent_ns["collision monitor"] > 0
     assert profiler.spent_ns["control"] > 0
 
 
