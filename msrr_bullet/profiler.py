@@ -6,7 +6,7 @@ Only the benchmarks read the times. Nothing in a trial may depend on them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from time import perf_counter_ns
 from types import TracebackType
 from typing import Protocol
@@ -92,14 +92,9 @@ class _Stage:
 class NullProfiler:
     """A profiler that measures nothing, the default of a trial."""
 
-    def __call__(self, stage: str) -> NullProfiler:
+    def __call__(self, stage: str) -> AbstractContextManager[None]:
         """Return a context manager that does nothing."""
-        return self
+        return _NOTHING
 
-    def __enter__(self) -> None:
-        """Do nothing."""
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Do nothing."""
+_NOTHING = nullcontext()

@@ -7,29 +7,16 @@ from collections.abc import Callable
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
 from msrr_bullet.log.records import StepStart
-from msrr_bullet.robot.interface import Robot
+from msrr_bullet.robot.interface import ObservableRobot
 from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.messages import (
-    Action,
-    ArenaEstimate,
-    AssemblyPath,
-    AssemblyProgress,
-    Belief,
-    Detections,
-    Exposure,
-    Fetch,
-    LosObservation,
-    Pixels,
-    PoseEstimate,
-    SensorMessage,
-)
+from msrr_scenes.messages import Action, AssemblyPath, Detections, Exposure, Fetch, Pixels, SensorMessage
 
 
 class RecordedRobot:
-    """A robot all of whose inputs and outputs are recorded."""
+    """A robot whose inputs, actions and estimates are recorded."""
 
     def __init__(
-        self, robot: Robot, unit: str, recorder: Recorder, index: int, now_ns: Callable[[], int]
+        self, robot: ObservableRobot, unit: str, recorder: Recorder, index: int, now_ns: Callable[[], int]
     ) -> None:
         """Record the start of a step of the plan.
 
@@ -46,36 +33,6 @@ class RecordedRobot:
         self._now_ns = now_ns
         self._path: AssemblyPath | None = None
         recorder.write(topics.STEPS, now_ns(), StepStart(now_ns(), index, unit))
-
-    @property
-    def estimate(self) -> PoseEstimate | None:
-        """Pose estimate on which the last decision was based."""
-        return self._robot.estimate
-
-    @property
-    def los(self) -> LosObservation | None:
-        """Line of sight on which the last decision was based."""
-        return self._robot.los
-
-    @property
-    def belief(self) -> Belief:
-        """Belief of the robot about the outcome of the step."""
-        return self._robot.belief
-
-    @property
-    def arena(self) -> ArenaEstimate | None:
-        """Estimate of all bodies in the arena on which the last decision was based."""
-        return self._robot.arena
-
-    @property
-    def assembly(self) -> AssemblyProgress | None:
-        """Progress of the long-distance phase at the last decision; None in other phases."""
-        return self._robot.assembly
-
-    @property
-    def path(self) -> AssemblyPath | None:
-        """Path that the long-distance phase follows or followed last."""
-        return self._robot.path
 
     def uses_camera(self, camera: str) -> bool:
         """Return whether the robot uses the frames of ``camera`` now."""

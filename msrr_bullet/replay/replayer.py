@@ -17,7 +17,7 @@ from msrr_bullet.log.reader import Log, LogRecord, read_log
 from msrr_bullet.log.records import CameraWindow, StepStart
 from msrr_bullet.replay.comparison import Comparison, Diverged, ReplayError, ReplayReport, encoded
 from msrr_bullet.robot.autonomy import Autonomy
-from msrr_bullet.robot.interface import Robot
+from msrr_bullet.robot.interface import ObservableRobot
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import (
     Action,
@@ -52,7 +52,7 @@ _ESTIMATES: dict[type, str] = {
     Belief: "belief",
 }
 
-RobotFactory = Callable[[Scene, DockStep], Robot]
+RobotFactory = Callable[[Scene, DockStep], ObservableRobot]
 
 
 def replay(run: Path, robot: RobotFactory = Autonomy) -> ReplayReport:
@@ -79,7 +79,7 @@ class Replayer:
         self._log = log
         self._scene = scene
         self._factory = factory
-        self._robot: Robot | None = None
+        self._robot: ObservableRobot | None = None
         self._exposure: LogRecord | None = None
         self._windows: list[LogRecord] = []
         self._detections: dict[tuple[str, int], Detections] = {}
@@ -135,7 +135,7 @@ class Replayer:
         elif kind is Action:
             self._decide(record)
 
-    def _robot_of(self, record: LogRecord) -> Robot:
+    def _robot_of(self, record: LogRecord) -> ObservableRobot:
         if self._robot is None:
             raise ReplayError(
                 f"{self._log.path}: message {record.sequence} on {record.topic} comes before the first step"

@@ -2,12 +2,13 @@
 
 from msrr_bullet.robot.autonomy import Autonomy
 from msrr_bullet.robot.collision_monitor import CollisionMonitor, MonitorDecision, MonitorState
-from msrr_bullet.robot.interface import Robot
+from msrr_bullet.robot.interface import ObservableRobot, Robot
 
 __all__ = [
     "Autonomy",
     "CollisionMonitor",
     "MonitorDecision",
     "MonitorState",
+    "ObservableRobot",
     "Robot",
 ]

@@ -1,4 +1,4 @@
-"""The interface of a robot, which the trial, the sensors, the recorder and the replay use."""
+"""The interface of a robot: inputs and actions, and the estimates behind the actions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from msrr_scenes.messages import (
 
 
 class Robot(Protocol):
-    """One docking unit during one step of the plan, such as :class:`msrr_bullet.robot.autonomy.Autonomy`."""
+    """One docking unit during one step of the plan."""
 
     def uses_camera(self, camera: str) -> bool:
         """Return whether the robot uses the frames of ``camera`` in its present phase."""
@@ -40,6 +40,10 @@ class Robot(Protocol):
     def step(self, now_ns: int) -> Action:
         """Return the action of one control instant."""
         ...
+
+
+class ObservableRobot(Robot, Protocol):
+    """A robot that shows its estimates, such as :class:`msrr_bullet.robot.autonomy.Autonomy`."""
 
     @property
     def estimate(self) -> PoseEstimate | None:

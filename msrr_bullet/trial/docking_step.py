@@ -68,9 +68,8 @@ class DockingStep:
         plant.begin_dock(step)
         self._set_plug(attempt=1)
         self._judge = Judge(simulation, environment.clearance, environment.locked, step)
-        self._robot = RecordedRobot(
-            Autonomy(scene, step, profiler), step.unit, telemetry.recorder, index, plant.now_ns
-        )
+        self._autonomy = Autonomy(scene, step, profiler)
+        self._robot = RecordedRobot(self._autonomy, step.unit, telemetry.recorder, index, plant.now_ns)
         devices = environment.devices
         cameras = devices.cameras(step, self._judge.X_DU, profiler)
         self._sensors = SensorSuite(scene, step, plant, devices.encoders[step.unit], cameras, profiler)
@@ -100,7 +99,7 @@ class DockingStep:
                 self._collect_assembly(action)
                 with profiler("log"):
                     self._telemetry.report(
-                        self._environment, self._index, self._judge, self._robot, action, nearest
+                        self._environment, self._index, self._judge, self._autonomy, action, nearest
                     )
                 finished = action.phase in _FINISHED
                 if outcome is None and not finished and now_ns >= deadline_ns:
@@ -111,11 +110,11 @@ class DockingStep:
             with profiler("physics"):
                 plant.step()
             with profiler("judge"):
-                self._judge.tick(plant.now_ns(), action.attempt, self._robot.estimate)
+                self._judge.tick(plant.now_ns(), action.attempt, self._autonomy.estimate)
 
     def _collect_assembly(self, action: Action) -> None:
         """Store the true pose of the unit during the long-distance phase."""
-        assembly = self._robot.assembly
+        assembly = self._autonomy.assembly
         if assembly is not None:
             true = {self._step.unit: self._plant.pose(self._step.unit)}
             self._assembly_instants.append(Instant(action, assembly=assembly, true=true))
@@ -148,7 +147,7 @@ class DockingStep:
                 self._plant.set_plug(fault.unit, fault.port, attempt in fault.attempts)
 
     def _record(self, last: Action, reason: str) -> AttemptRecord:
-        estimate = self._robot.estimate
+        estimate = self._autonomy.estimate
         return AttemptRecord(
             step=self._index,
             attempt=last.attempt,
@@ -172,11 +171,14 @@ class DockingStep:
                 passed = engaged and plant.pull_test(unit).holds
                 outcome = self._judge.verdict_docked(seating, engaged, passed)
             else:
-                outcome = self._judge.verdict_gave_up(self._robot.belief.setback, self._sensors.ever_detected)
+                reason = self._autonomy.belief.setback
+                outcome = self._judge.verdict_gave_up(reason, self._sensors.ever_detected)
+                    self._autonomy.belief.setback, self._sensors.ever_detected
+                )
         self._telemetry.verdict(plant.now_ns(), outcome)
         return StepResult(
             outcome=outcome,
-            belief=self._robot.belief,
+            belief=self._autonomy.belief,
             action=action,
             contact=self._judge.contact,
             seating=seating,

@@ -9,7 +9,7 @@ from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
 from msrr_bullet.log.records import JUDGE, ClearanceRecord, Event, Level, StartPoses, TruePose
-from msrr_bullet.robot.interface import Robot
+from msrr_bullet.robot.interface import ObservableRobot
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.timeline.snapshot import Snapshot, Viewer
 from msrr_bullet.trial.environment import Environment
@@ -74,7 +74,7 @@ class Telemetry:
         environment: Environment,
         index: int,
         judge: Judge,
-        robot: Robot,
+        robot: ObservableRobot,
         action: Action,
         nearest: Clearance | None,
     ) -> None:
@@ -129,7 +129,7 @@ def _snapshot(
     step: DockStep,
     poses: dict[str, SE2],
     estimate: SE2 | None,
-    robot: Robot,
+    robot: ObservableRobot,
     action: Action,
     nearest: Clearance | None,
 ) -> Snapshot:

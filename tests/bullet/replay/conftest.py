@@ -12,7 +12,7 @@ import pytest
 from msrr_bullet.log import LogHeader, McapRecorder, topics
 from msrr_bullet.log.records import TruePose
 from msrr_bullet.replay.recorded_robot import RecordedRobot
-from msrr_bullet.robot.interface import Robot
+from msrr_bullet.robot.interface import ObservableRobot
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
@@ -96,7 +96,7 @@ class HashRobot:
 
 
 def record_trial(
-    path: Path, finish: bool = True, factory: Callable[[Scene, DockStep], Robot] = HashRobot
+    path: Path, finish: bool = True, factory: Callable[[Scene, DockStep], ObservableRobot] = HashRobot
 ) -> None:
     """Record two steps of 1 s each, with a camera latency of 40 ms."""
     rng = np.random.default_rng(5)
