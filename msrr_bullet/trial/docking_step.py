@@ -173,8 +173,6 @@ class DockingStep:
             else:
                 reason = self._autonomy.belief.setback
                 outcome = self._judge.verdict_gave_up(reason, self._sensors.ever_detected)
-                    self._autonomy.belief.setback, self._sensors.ever_detected
-                )
         self._telemetry.verdict(plant.now_ns(), outcome)
         return StepResult(
             outcome=outcome,
