@@ -7,19 +7,21 @@ from typing import overload
 
 import numpy as np
 
+from msrr_control.kinematics.elementwise import join, limit, split
 from msrr_scenes.arrays import Array
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 
 @overload
 def nested_limit(
-    speed: float, wish: float, max_speed: float, max_rate: float, kappa: float, dt: float
+    speed: float, command: float, max_speed: float, max_rate: float, kappa: float, dt: float
 ) -> float: ...
 @overload
 def nested_limit(
-    speed: Array, wish: Array, max_speed: float, max_rate: float, kappa: float, dt: float
+    speed: Array, command: Array, max_speed: float, max_rate: float, kappa: float, dt: float
 ) -> Array: ...
 def nested_limit(
-    speed: float | Array, wish: float | Array, max_speed: float, max_rate: float, kappa: float, dt: float
+    speed: float | Array, command: float | Array, max_speed: float, max_rate: float, kappa: float, dt: float
 ) -> float | Array:
     r"""Advance one speed behind its nested magnitude and rate limits by ``dt``.
 
@@ -29,7 +31,7 @@ def nested_limit(
 
     Args:
         speed: Present speed v_s, any shape [m/s or rad/s].
-        wish: Commanded speed v_d, same shape.
+        command: Commanded speed v_d, same shape.
         max_speed: V > 0.
         max_rate: a > 0 [per second].
         kappa: Bandwidth of the inner loop [1/s]; ``kappa * dt`` above 1 counts as 1: no step overshoots.
@@ -38,26 +40,62 @@ def nested_limit(
     Returns:
         The speed one step later, same shape.
     """
-    if isinstance(speed, float) and isinstance(wish, float):
-        return follower(max_speed, max_rate, kappa, dt)(speed, wish)
-    change_ = min(kappa * dt, 1.0) * (np.clip(wish, -max_speed, max_speed) - speed)
-    return speed + np.clip(change_, -max_rate * dt, max_rate * dt)
+    if isinstance(speed, float) and isinstance(command, float):
+        return nested_limiter(max_speed, max_rate, kappa, dt)(speed, command)
+    change = min(kappa * dt, 1.0) * (np.clip(command, -max_speed, max_speed) - speed)
+    return speed + np.clip(change, -max_rate * dt, max_rate * dt)
 
 
-def follower(max_speed: float, max_rate: float, kappa: float, dt: float) -> Callable[[float, float], float]:
-    """Return :func:`nested_limit` of one drive and one step size, as a function of speed and wish."""
-    share, most = min(kappa * dt, 1.0), max_rate * dt
+def nested_limiter(
+    max_speed: float, max_rate: float, kappa: float, dt: float
+) -> Callable[[float, float], float]:
+    """Return :func:`nested_limit` of one drive and one step size, as a function of speed and command."""
+    share, max_change = min(kappa * dt, 1.0), max_rate * dt
 
-    def follow(speed: float, wish: float) -> float:
-        if wish > max_speed:
-            wish = max_speed
-        elif wish < -max_speed:
-            wish = -max_speed
-        change = share * (wish - speed)
-        if change > most:
-            return speed + most
-        if change < -most:
-            return speed - most
-        return speed + change  # what is no number stays none
+    def limited(speed: float, command: float) -> float:
+        if command > max_speed:
+            command = max_speed
+        elif command < -max_speed:
+            command = -max_speed
+        change = share * (command - speed)
+        if change > max_change:
+            return speed + max_change
+        if change < -max_change:
+            return speed - max_change
+        return speed + change  # NaN passes both comparisons and stays NaN
 
-    return follow
+    return limited
+
+
+def nested_limit_twist(
+    twist: Array, command: Array, limits: LimitsSpec, kappa: float, dt: float, max_v: float | None = None
+) -> Array:
+    """Advance the speeds (v, w) of a unit behind their nested limits by ``dt``.
+
+    Source: Zheng et al., eq. 3.
+
+    Args:
+        twist: Present (v, w), shape (..., 2) [m/s, rad/s].
+        command: Commanded (v, w), same shape.
+        limits: What the drive can do.
+        kappa: Bandwidth of the inner loop [1/s]; 1 / dt is a limiter without lag.
+        dt: Step [s].
+        max_v: Largest |v| [m/s]; None for that of the drive.
+
+    Returns:
+        (v, w) one step later, same shape.
+    """
+    bounds = (
+        (limits.v_max_mps if max_v is None else max_v, limits.a_max_mps2),
+        (limits.w_max_radps, limits.dw_max_radps2),
+    )
+    limited = np.empty(command.shape)
+    for i, (max_speed, max_rate) in enumerate(bounds):
+        limited[..., i] = nested_limit(twist[..., i], command[..., i], max_speed, max_rate, kappa, dt)
+    return limited
+
+
+def limit_twist(twist: Array, max_v: float, max_w: float) -> Array:
+    """Return twists, shape (..., 2), with |v| limited to ``max_v`` [m/s] and |w| to ``max_w`` [rad/s]."""
+    v, w = split(twist)
+    return join(limit(v, -max_v, max_v), limit(w, -max_w, max_w))

@@ -1,54 +1,39 @@
-"""Ideal unicycles behind the nested limits of eq. 3, any number at once."""
+"""Motion of ideal unicycles, any number at once, and what slip and odometry make of it."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from msrr_control.kinematics.drive_limits import nested_limit
-from msrr_control.kinematics.offset_point import rotate
+from msrr_control.kinematics.controlled_point import rotate
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.vehicle import LimitsSpec
 
 
-def drive(twist: Array, command: Array, limits: LimitsSpec, dt: float) -> Array:
-    """Return the speeds (v, w), shape (..., 2), one step of ``dt`` [s] after a command.
-
-    Source: Zheng et al., eq. 3.
-    """
-    passed = np.empty(twist.shape)
-    for axis, most, rate in (
-        (0, limits.v_max_mps, limits.a_max_mps2),
-        (1, limits.w_max_radps, limits.dw_max_radps2),
-    ):
-        passed[..., axis] = nested_limit(
-            twist[..., axis], command[..., axis], most, rate, limits.kappa_per_s, dt
-        )
-    return passed
-
-
-def roll(pose: Array, twist: Array, dt: float) -> Array:
-    """Move poses, shape (..., 3), by a constant twist for ``dt`` [s]: along the chord of the arc."""
+def advance_pose(pose: Array, twist: Array, dt: float) -> Array:
+    """Move poses, shape (..., 3), by constant twists, shape (..., 2), for ``dt`` [s], along the chords."""
     middle = pose[..., 2] + 0.5 * dt * twist[..., 1]
     step = dt * twist[..., 0] * np.sinc(0.5 * dt * twist[..., 1] / np.pi)
     change = [step * np.cos(middle), step * np.sin(middle), dt * twist[..., 1]]
     return pose + np.stack(change, axis=-1)
 
 
-def slipped(twist: Array, grips: Array, track: float) -> Array:
-    """Return the speeds of a unit whose wheels slip, from the (v, w) that its encoders tell.
+def slipping_twist(twist: Array, grips: Array, track: float) -> Array:
+    """Return the true speeds of a unit whose wheels slip.
 
     Args:
-        twist: Shape (..., 2) [m/s, rad/s].
-        grips: What the left and the right wheel cover of their encoder's path, shape (..., 2).
+        twist: (v, w) as the encoders measure them, shape (..., 2) [m/s, rad/s].
+        grips: Share of its encoder's path that the left and the right wheel cover, shape (..., 2).
         track: Distance between the wheels [m].
+
+    Returns:
+        (v, w), shape (..., 2).
     """
     half = 0.5 * track * twist[..., 1]
     left, right = grips[..., 0] * (twist[..., 0] - half), grips[..., 1] * (twist[..., 0] + half)
     return np.stack([0.5 * (left + right), (right - left) / track], axis=-1)
 
 
-def moved_on(seen: Array, was: Array, now: Array) -> Array:
-    """Apply the motion from pose ``was`` to pose ``now`` to the pose ``seen``, each of shape (..., 3)."""
-    moved = seen + (now - was)
-    moved[..., :2] = seen[..., :2] + rotate(now[..., :2] - was[..., :2], seen[..., 2] - was[..., 2])
+def apply_motion(pose: Array, before: Array, after: Array) -> Array:
+    """Move ``pose`` by the motion from the odometry pose ``before`` to ``after``, each of shape (..., 3)."""
+    moved = pose + (after - before)
+    moved[..., :2] = pose[..., :2] + rotate(after[..., :2] - before[..., :2], pose[..., 2] - before[..., 2])
     return moved

@@ -1,21 +1,25 @@
-"""The controlled point ahead of (or behind) the axle, through which a differential drive moves freely."""
+"""The controlled point ahead of (or behind) the axle, which the drive can move in any direction."""
 
 from __future__ import annotations
 
-from msrr_control.kinematics.elementwise import Number, cos, join, number, sin, split
+from msrr_control.kinematics.elementwise import Number, cos, join, limit, number, sin, split
 from msrr_scenes.arrays import Array
 
+#: Position errors beyond this [m] are cut: farther than any arena, and long before eq. 27's exponential
+#: overflows.
+_MAX_ERROR_M = 100.0
 
-def rotated(x: Number, y: Number, angle: Number) -> tuple[Number, Number]:
-    """Return the components of vectors that are rotated by ``angle`` [rad], counter-clockwise."""
+
+def rotate_components(x: Number, y: Number, angle: Number) -> tuple[Number, Number]:
+    """Return the components of the vectors (x, y) rotated by ``angle`` [rad], counter-clockwise positive."""
     c, s = cos(angle), sin(angle)
     return c * x - s * y, s * x + c * y
 
 
 def rotate(vector: Array, angle: Array) -> Array:
-    """Rotate vectors, shape (..., 2), by ``angle`` [rad], shape (...), counter-clockwise."""
+    """Rotate vectors, shape (..., 2), by ``angle`` [rad], shape (...), counter-clockwise positive."""
     x, y = split(vector)
-    return join(*rotated(x, y, number(angle)))
+    return join(*rotate_components(x, y, number(angle)))
 
 
 def offset_point(pose: Array, offset: float) -> Array:
@@ -50,7 +54,7 @@ def point_velocity(twist: Array, yaw: Array, offset: float) -> Array:
         Velocity in the frame that ``yaw`` is measured in, shape (..., 2) [m/s].
     """
     v, w = split(twist)
-    return join(*rotated(v, offset * w, number(yaw)))
+    return join(*rotate_components(v, offset * w, number(yaw)))
 
 
 def twist_for(velocity: Array, yaw: Array, offset: float) -> Array:
@@ -67,5 +71,10 @@ def twist_for(velocity: Array, yaw: Array, offset: float) -> Array:
         (v, w), shape (..., 2) [m/s, rad/s].
     """
     x, y = split(velocity)
-    v, across = rotated(x, y, -number(yaw))
+    v, across = rotate_components(x, y, -number(yaw))
     return join(v, across / offset)
+
+
+def position_error(position: Number, goal: Number) -> Number:
+    """Return the error of a position against its goal, any shape [m], cut beyond the size of any arena."""
+    return limit(position - goal, -_MAX_ERROR_M, _MAX_ERROR_M)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from msrr_control.path_following.path import Path
-from msrr_control.path_following.walls import PassageError, WallSpec, encounter, side_wall
+from msrr_control.path_following.walls import PassageError, WallSpec, find_encounter, side_wall
 from msrr_scenes.errors import MsrrError
 
 SPEC = WallSpec()
@@ -15,7 +15,7 @@ def _straight(length: float = 3.0) -> Path:
 
 def _met(path: Path, x: float, y: float):
     centre = np.array([x, y])
-    return encounter(path, centre, D, SPEC), centre
+    return find_encounter(path, centre, D, SPEC), centre
 
 
 @pytest.mark.parametrize(("y", "side"), [(0.03, -1.0), (-0.03, 1.0), (0.2, -1.0)])
@@ -48,7 +48,7 @@ def test_the_wall_stands_from_before_the_obstacle_until_it_is_passed(x: float, s
 def test_the_wall_is_beside_the_obstacle_across_the_path(side: float, turn: float) -> None:
     path = Path(np.array([0.5, 0.2, 1.0]), np.array([turn]), np.array([2.5]))
     at = path.at(1.3)
-    met = encounter(path, at.point, D, SPEC)
+    met = find_encounter(path, at.point, D, SPEC)
     wall = side_wall(met, np.array(side), at.point, at.point, D, SPEC)
     out = np.array([np.cos(wall.normal), np.sin(wall.normal)])
     along = np.array([np.cos(at.heading), np.sin(at.heading)])
@@ -59,7 +59,7 @@ def test_the_wall_is_beside_the_obstacle_across_the_path(side: float, turn: floa
 
 def test_on_the_outside_of_a_bend_it_rises_later() -> None:
     path = Path(np.zeros(3), np.array([1.0]), np.array([2.5]))
-    met = encounter(path, path.at(1.5).point, D, SPEC)
+    met = find_encounter(path, path.at(1.5).point, D, SPEC)
     right, left = met.rise
     assert left == SPEC.ahead_m
     assert 0.3 < right < SPEC.ahead_m

@@ -3,7 +3,7 @@ import pytest
 
 from msrr_control.docking.law import DockSetup
 from msrr_control.docking.retreat import RetreatSpec, retreat_twist
-from msrr_control.kinematics.offset_point import offset_point, twist_for
+from msrr_control.kinematics.controlled_point import offset_point, twist_for
 
 SPEC = RetreatSpec()
 

@@ -6,9 +6,9 @@ Percentiles at a fixed seed: these tests cannot fail by chance. The bounds are t
 import numpy as np
 import pytest
 
-from msrr_control.path_following.baseline import C2PathFollowingLaw, C2PathFollowingParams
 from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams
-from msrr_control.studies.docking_study import Disturbance
+from msrr_control.path_following.c2 import C2PathFollowingLaw, C2PathFollowingParams
+from msrr_control.studies.disturbance import Disturbance
 from msrr_control.studies.path_following_study import (
     PathFollowingStartSet,
     PathFollowingStudyResult,

@@ -5,24 +5,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msrr_control.feedback.auxiliary import AuxiliaryGains
-from msrr_control.path_following.path import Desired
+from msrr_control.path_following.obstacle_forces import Obstacles, SpringGains
 from msrr_control.path_following.reference import (
-    ReferenceGains,
     ReferenceState,
     SideWall,
-    reference_step,
+    reference_start,
 )
-from msrr_control.path_following.tracking import (
-    Obstacles,
-    SpringGains,
-    TrackingGains,
-    TrackingState,
-    tracking_step,
-)
+from msrr_control.path_following.tracking import TrackingGains, TrackingState, tracking_start, tracking_step
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 LIMITS = LimitsSpec()
@@ -33,58 +27,6 @@ NEAR = st.floats(-0.5, 0.5)
 PAIR = st.tuples(NEAR, NEAR).map(np.array)
 #: Off the clamp at 1.5, where the auxiliary state no longer moves as its equation says.
 LAMBDA = st.tuples(st.floats(-1.3, 1.3), st.floats(-1.3, 1.3)).map(np.array)
-
-
-def _guidance_errors(state: ReferenceState, desired: Desired, gains: ReferenceGains) -> np.ndarray:
-    """z1 and z2 of eqs. 11 and 12, as rows."""
-    point, rate, _ = desired
-    z1 = state.position - point
-    z2 = state.velocity - (rate - gains.c1_per_s * z1) - gains.windup.gamma_m * np.tanh(state.lam)
-    return np.stack([z1, z2])
-
-
-@settings(max_examples=200, deadline=None)
-@given(PAIR, PAIR, LAMBDA, PAIR, PAIR, PAIR)
-def test_the_errors_of_the_reference_fall_as_they_were_designed_to(
-    position: np.ndarray,
-    velocity: np.ndarray,
-    lam: np.ndarray,
-    point: np.ndarray,
-    rate: np.ndarray,
-    forward: np.ndarray,
-) -> None:
-    """z1' = z2 - c1 z1 + gamma tanh(lambda) and z2' = -c2 z2 - z1, saturated or not.
-
-    It is what u_r is for: every term of it is needed, with its sign, and lambda takes up what saturation
-    takes away.
-    """
-    gains = ReferenceGains()
-    before = ReferenceState(position, velocity, lam)
-    now = Desired(point, rate, forward)
-    then = Desired(point + TINY * rate, rate + TINY * forward, forward)
-    after = reference_step(before, now, NOWHERE, gains, TINY)
-    z1, z2 = _guidance_errors(before, now, gains)
-    falls = (_guidance_errors(after, then, gains) - np.stack([z1, z2])) / TINY
-    np.testing.assert_allclose(
-        falls[0], z2 - gains.c1_per_s * z1 + gains.windup.gamma_m * np.tanh(lam), atol=1e-4
-    )
-    np.testing.assert_allclose(falls[1], -gains.c2_per_s * z2 - z1, atol=5e-4)
-
-
-def test_one_step_of_the_reference_by_hand() -> None:
-    """With c1 = 0.5, c2 = 2, k = 0.2, gamma = 0.1 and tanh(lambda) = 0.6, lambda = 0.693147.
-
-    x: z1 = 0.1; z2 = 0.2 - (0.1 - 0.5 x 0.1) - 0.1 x 0.6 = 0.09;
-    u_r = -0.18 + 0.05 - 0.2 x 0.693147 - 0.1 - 0.5 (0.09 - 0.05 + 0.06) = -0.418629.
-    y: all zero but p_d' = 0.1: z2 = -0.1, u_r = 0.2 - 0.5 (-0.1) = 0.25.
-    """
-    gains = ReferenceGains(c1_per_s=0.5, c2_per_s=2.0, windup=AuxiliaryGains(k_mps=0.2, gamma_m=0.1))
-    state = ReferenceState(np.array([0.3, 0.0]), np.array([0.2, 0.0]), np.array([math.log(2.0), 0.0]))
-    desired = Desired(np.array([0.2, 0.0]), np.array([0.1, 0.1]), np.array([0.05, 0.0]))
-    after = reference_step(state, desired, NOWHERE, gains, 0.1)
-    acceleration = (after.velocity - state.velocity) / 0.1
-    np.testing.assert_allclose(acceleration, [-0.418629, 0.25], atol=1e-6)
-    np.testing.assert_allclose(after.position, [0.3 + 0.02 - 0.5e-2 * 0.418629, 0.5e-2 * 0.25], atol=1e-8)
 
 
 def _tip(pose: np.ndarray, offset: float) -> np.ndarray:
@@ -147,3 +89,46 @@ def test_one_command_by_hand() -> None:
     ):
         command, _ = tracking_step(state, reference, np.array(pose), ALONE, gains, LIMITS, offset, 0.02)
         np.testing.assert_allclose(command, expected, atol=1e-6)
+
+
+DT = 0.02
+NORMAL = LimitsSpec.model_validate({})
+TIGHT = LimitsSpec.model_validate({"setting": "tight"})
+POINT = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)).map(np.array)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    POINT,
+    st.tuples(POINT, st.floats(-10.0, 10.0)),
+    POINT,
+    POINT,
+    st.sampled_from([NORMAL, TIGHT]),
+    st.booleans(),
+)
+def test_commands_stay_within_the_drive(goal, pose, velocity, obstacle, limits, on: bool) -> None:
+    """Any reference, any pose, an obstacle anywhere, the unit's own place included."""
+    state = tracking_start(np.array([9.0, -9.0]), limits)
+    reference = reference_start(goal, velocity)
+    for _ in range(5):
+        command, state = tracking_step(
+            state,
+            reference,
+            np.array([*pose[0], pose[1]]),
+            Obstacles(np.stack([obstacle, pose[0]]), np.array([True, True])),
+            TrackingGains(),
+            limits,
+            0.1,
+            DT,
+            anti_windup=on,
+            spring=on,
+        )
+        assert np.isfinite(command).all()
+        assert abs(command[0]) <= limits.v_max_mps
+        assert abs(command[1]) <= limits.w_max_radps
+        assert np.abs(state.lam).max() <= 1.5
+
+
+def test_a_loop_slower_than_its_anti_windup_is_refused() -> None:
+    with pytest.raises(ValueError, match="limit cycle"):
+        TrackingGains(k_l_per_s=0.5)

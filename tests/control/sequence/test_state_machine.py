@@ -7,11 +7,18 @@ import pytest
 
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
-from msrr_control.sequence.observation import Observation
+from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.sequence.state_machine import PhaseMachine
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Conviction, FailureReason, LosStatus, Phase, SeatSwitches, Twist
+from msrr_scenes.messages import (
+    Conviction,
+    FailureReason,
+    LosStatus,
+    Phase,
+    SeatSwitches,
+    Twist,
+)
 from msrr_scenes.specs.plan import DockingSpec, VerifySpec
 from msrr_scenes.specs.spec import Choice
 
@@ -186,7 +193,7 @@ class _Drives:
     def __init__(self, steps: int) -> None:
         self.left = steps
 
-    def step(self, senses: Observation) -> Twist | None:
+    def step(self, observation: Observation) -> Twist | None:
         self.left -= 1
         return Twist(0.1, 0.0) if self.left >= 0 else None
 
@@ -263,3 +270,60 @@ def test_a_whole_decision_is_fast(toy) -> None:
             robot.machine.step(senses)
         rounds.append((time.thread_time() - began) / 50)
     assert min(rounds) < 2e-4
+
+
+class _Scripted:
+    """An assembler that does what it is told, and counts."""
+
+    def __init__(self, *decisions: Twist | GiveUp | None) -> None:
+        self.decisions, self.resets = list(decisions), list[str]()
+
+    def reset(self, reason: str) -> None:
+        self.resets.append(reason)
+
+    def step(self, observation: Observation) -> Twist | GiveUp | None:
+        return self.decisions.pop(0) if self.decisions else None
+
+
+def _with(robot, assembler: _Scripted, spec: DockingSpec | None = None) -> None:
+    robot.machine = PhaseMachine(
+        spec or DockingSpec(), robot.facts, build_controller(robot.controller, robot.facts), assembler
+    )
+
+
+def test_the_phase_machine_assembles_first(toy) -> None:
+    robot = toy()
+    _with(robot, _Scripted(Twist(0.35, 0.0), Twist(0.0, 0.1)))
+    first = robot.step()
+    assert (first.phase, first.twist) == (Phase.ASSEMBLE, Twist(0.35, 0.0))
+    robot.run()
+    assert robot.phases() == [Phase.ASSEMBLE, Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.DONE]
+
+
+def test_the_phase_machine_gives_up_with_its_assembler(toy) -> None:
+    robot = toy()
+    _with(robot, _Scripted(Twist(), GiveUp(FailureReason.BLOCKED, "a fence")))
+    robot.run()
+    assert robot.phases() == [Phase.ASSEMBLE, Phase.FAILED]
+    assert (robot.machine.belief.setback, robot.machine.belief.reason) == (FailureReason.BLOCKED, "a fence")
+
+
+def test_a_failed_hand_over_goes_back_to_assembly(toy) -> None:
+    robot, assembler = toy(blind=True), _Scripted()
+    _with(robot, assembler)
+    while robot.machine.attempt == 1:
+        robot.step()
+    assert len(assembler.resets) == 1
+    assert "no marker seen" in assembler.resets[0]
+    robot.blind = False
+    last = robot.run()
+    assert (last.phase, last.attempt) == (Phase.DONE, 2)
+
+
+def test_a_marker_that_is_never_seen_ends_with_the_attempts(toy) -> None:
+    robot, assembler = toy(blind=True), _Scripted()
+    _with(robot, assembler, DockingSpec(attempts=2))
+    robot.run()
+    assert robot.machine.belief.setback is FailureReason.NEVER_DETECTED
+    assert len(assembler.resets) == 1
+    assert robot.log[-1].attempt == 2

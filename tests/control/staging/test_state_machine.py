@@ -8,30 +8,24 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from msrr_control.docking.controller import build_controller
-from msrr_control.kinematics.unicycle import drive, roll
+from msrr_control.kinematics.drive_limits import nested_limit_twist
+from msrr_control.kinematics.unicycle import advance_pose
 from msrr_control.sequence.observation import GiveUp, Observation
-from msrr_control.sequence.state_machine import PhaseMachine
-from msrr_control.staging.feasibility import check_assembly
 from msrr_control.staging.parameters import AssemblyParams
-from msrr_control.staging.registry import ASSEMBLERS, build_assembler
+from msrr_control.staging.registry import build_assembler
 from msrr_control.staging.setup import AssemblySetup
-from msrr_control.staging.state_machine import LongDistanceAssembler, Stage
+from msrr_control.staging.state_machine import AssemblyState, LongDistanceAssembler
 from msrr_control.studies import metrics
-from msrr_scenes.errors import SceneError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import (
     ArenaEstimate,
     AssemblyProgress,
     FailureReason,
     GlobalPose,
     ObstacleEstimate,
-    Phase,
     Twist,
 )
 from msrr_scenes.specs.bodies import ArenaSpec
-from msrr_scenes.specs.plan import DockingSpec
 from msrr_scenes.specs.spec import Choice
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -91,7 +85,7 @@ class Arena:
         now = 1e-9 * self.now_ns
         return {name: (x, y, r) for name, (x, y, r, at) in self.obstacles.items() if at <= now}
 
-    def situation(self) -> ArenaEstimate | None:
+    def arena_estimate(self) -> ArenaEstimate | None:
         now = self.now_ns
         if not self.hidden[0] <= 1e-9 * now < self.hidden[1]:
             self.seen_ns = now
@@ -111,7 +105,7 @@ class Arena:
 
     def step(self) -> None:
         decision = self.assembler.step(
-            Observation(now_ns=self.now_ns, twist=Twist(*map(float, self.twist)), situation=self.situation())
+            Observation(now_ns=self.now_ns, twist=Twist(*map(float, self.twist)), arena=self.arena_estimate())
         )
         if self.assembler.progress is not None:
             self.log.append(self.assembler.progress)
@@ -121,9 +115,10 @@ class Arena:
         assert abs(decision.v) <= self.setup.limits.v_max_mps
         assert abs(decision.w) <= self.setup.limits.w_max_radps
         held = self.held[0] <= 1e-9 * self.now_ns < self.held[1]
-        wish = np.zeros(2) if held else np.array([decision.v, decision.w])
-        self.twist = drive(self.twist, wish, self.setup.limits, 0.02)
-        self.X_WU = SE2(*roll(self.X_WU.as_array(), self.twist, 0.02))
+        limits = self.setup.limits
+        command = np.zeros(2) if held else np.array([decision.v, decision.w])
+        self.twist = nested_limit_twist(self.twist, command, limits, limits.kappa_per_s, 0.02)
+        self.X_WU = SE2(*advance_pose(self.X_WU.as_array(), self.twist, 0.02))
         self.now_ns += DT_NS
         bodies = [*self.standing().values(), *((X.x, X.y, 0.128) for X in (self.X_WT, *self.others.values()))]
         for x, y, r in bodies:
@@ -199,7 +194,7 @@ def test_where_there_is_no_way_it_gives_up_at_rest(late: bool) -> None:
     fence = {f"f{k}": (-0.1, y, 0.1, at) for k, y in enumerate(np.arange(-1.4, 1.45, 0.28))}
     arena = Arena(SE2(-1.5, 0.3, 0.0), obstacles=fence).run()
     assert arena.outcome is not None
-    assert arena.outcome.setback is FailureReason.BLOCKED
+    assert arena.outcome.failure is FailureReason.BLOCKED
     assert "no way to the port" in arena.outcome.reason
     assert abs(arena.twist[0]) < 0.01
     assert arena.gap > 0.1
@@ -230,7 +225,7 @@ def test_a_unit_that_is_never_seen_shows_itself_and_gives_up() -> None:
     assert arena.twist[0] == 0.0
     arena.run()
     assert arena.outcome is not None
-    assert arena.outcome.setback is FailureReason.NOT_LOCALISED
+    assert arena.outcome.failure is FailureReason.NOT_LOCALISED
 
 
 def test_a_unit_that_is_held_waits_and_then_plans_anew() -> None:
@@ -243,7 +238,7 @@ def test_a_unit_that_is_held_waits_and_then_plans_anew() -> None:
 def test_a_unit_that_is_held_for_good_gives_up() -> None:
     arena = Arena(SE2(-1.5, 0.3, 0.0), held=(4.0, math.inf)).run(seconds=200.0)
     assert arena.outcome is not None
-    assert arena.outcome.setback is FailureReason.BLOCKED
+    assert arena.outcome.failure is FailureReason.BLOCKED
     assert "paths" in arena.outcome.reason
 
 
@@ -277,7 +272,7 @@ def test_a_unit_that_is_carried_off_its_path_takes_another(aside_m: float, astra
     arena = Arena(SE2(-1.5, 0.3, 0.0))
     while arena.now_ns < 4e9:
         arena.step()
-    assert arena.assembler.stage is Stage.DRIVE
+    assert arena.assembler.state is AssemblyState.DRIVE
     arena.X_WU = arena.X_WU @ SE2(0.0, aside_m, 0.0)
     assert arena.run().stands_before_the_port()
     off = [r for r in arena.reasons() if "off the path" in r]
@@ -338,122 +333,3 @@ def test_the_same_senses_give_the_same_bits() -> None:
         Arena(SE2(-1.7, 0.3, 0.0), obstacles={"o": (-0.75, 0.09, 0.08, 0.0)}).run().X_WU for _ in range(2)
     ]
     assert ends[0] == ends[1]
-
-
-@pytest.mark.parametrize(
-    ("choice", "error", "says"),
-    [
-        (Choice(name="c3"), UnknownNameError, "Known: c1"),
-        (Choice(name="c1", params={"envelop": False}), SceneError, "envelope"),
-        (Choice(name="c1", params={"guidance": {"u_max_mps2": 0.1}}), SceneError, "less than u_max_mps2"),
-        (Choice(name="c1", params={"pace": {"cruise_mps": 0.39}}), SceneError, "three quarters"),
-        (Choice(name="c1", params={"route": {"border_m": 1.5}}), SceneError, "cannot move in it"),
-    ],
-)
-def test_bad_choices_are_refused(choice: Choice, error: type[Exception], says: str) -> None:
-    with pytest.raises(error, match=says):
-        build_assembler(choice, make_setup())
-    assert "c1" in ASSEMBLERS
-
-
-def test_an_obstacle_that_no_circle_can_stand_for_is_refused() -> None:
-    with pytest.raises(SceneError, match=r"obstacles\.fence has a radius of 0\.80 m"):
-        build_assembler(Choice(name="c1"), make_setup(fence=0.8))
-
-
-WORLD = """
-name: from_afar
-units:
-  b: {number: 1, pose: {x_m: 1.2, yaw_deg: %s}}
-  a: {number: 0, pose: {x_m: -1.2, y_m: 0.3}}
-cameras: {overhead: {}}
-obstacles:
-  crate: {shape: cylinder, radius_m: 0.08, tag_id: 500, pose: {x_m: %s, y_m: %s, spread: {x_m: %s}}}
-plan:
-  - {unit: a, to: b.rear}
-"""
-
-
-@pytest.mark.parametrize(
-    ("yaw", "x", "y", "spread", "says"),
-    [
-        (0, 0.0, 0.8, 0.0, None),
-        (0, 0.35, 0.0, 0.0, "crate stands on the place in front of b.rear"),
-        (0, 0.35, 0.0, 0.3, None),
-        (180, 0.0, 0.0, 0.0, None),
-        (150, 0.0, 0.0, 0.0, None),
-    ],
-)
-def test_scenes_are_checked_before_they_run(tmp_path, yaw, x, y, spread, says: str | None) -> None:
-    path = tmp_path / "from_afar.yaml"
-    path.write_text(WORLD % (yaw, x, y, spread))
-    scene = load_scene(path)
-    if says is None:
-        check_assembly(scene)
-    else:
-        with pytest.raises(SceneError, match=says):
-            check_assembly(scene)
-
-
-def test_a_port_that_faces_the_border_is_refused(tmp_path) -> None:
-    path = tmp_path / "from_afar.yaml"
-    path.write_text((WORLD % (180, 0.0, 0.0, 0.0)).replace("x_m: 1.2,", "x_m: 1.7,"))
-    with pytest.raises(SceneError, match="lies outside the arena"):
-        check_assembly(load_scene(path))
-
-
-class _Scripted:
-    """An assembler that does what it is told, and counts."""
-
-    def __init__(self, *decisions: Twist | GiveUp | None) -> None:
-        self.decisions, self.resets = list(decisions), list[str]()
-
-    def reset(self, reason: str) -> None:
-        self.resets.append(reason)
-
-    def step(self, senses: Observation) -> Twist | GiveUp | None:
-        return self.decisions.pop(0) if self.decisions else None
-
-
-def _with(robot, assembler: _Scripted, spec: DockingSpec | None = None) -> None:
-    robot.machine = PhaseMachine(
-        spec or DockingSpec(), robot.facts, build_controller(robot.controller, robot.facts), assembler
-    )
-
-
-def test_the_phase_machine_assembles_first(toy) -> None:
-    robot = toy()
-    _with(robot, _Scripted(Twist(0.35, 0.0), Twist(0.0, 0.1)))
-    first = robot.step()
-    assert (first.phase, first.twist) == (Phase.ASSEMBLE, Twist(0.35, 0.0))
-    robot.run()
-    assert robot.phases() == [Phase.ASSEMBLE, Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.DONE]
-
-
-def test_the_phase_machine_gives_up_with_its_assembler(toy) -> None:
-    robot = toy()
-    _with(robot, _Scripted(Twist(), GiveUp(FailureReason.BLOCKED, "a fence")))
-    robot.run()
-    assert robot.phases() == [Phase.ASSEMBLE, Phase.FAILED]
-    assert (robot.machine.belief.setback, robot.machine.belief.reason) == (FailureReason.BLOCKED, "a fence")
-
-
-def test_a_failed_hand_over_goes_back_to_assembly(toy) -> None:
-    robot, assembler = toy(blind=True), _Scripted()
-    _with(robot, assembler)
-    while robot.machine.attempt == 1:
-        robot.step()
-    assert len(assembler.resets) == 1
-    assert "no marker seen" in assembler.resets[0]
-    robot.blind = False
-    last = robot.run()
-    assert (last.phase, last.attempt) == (Phase.DONE, 2)
-
-
-def test_a_marker_that_is_never_seen_ends_with_the_attempts(toy) -> None:
-    robot, assembler = toy(blind=True), _Scripted()
-    _with(robot, assembler, DockingSpec(attempts=2))
-    robot.run()
-    assert robot.machine.belief.setback is FailureReason.NEVER_DETECTED
-    assert len(assembler.resets) == 1
-    assert robot.log[-1].attempt == 2

@@ -4,7 +4,7 @@ import time
 import numpy as np
 import pytest
 
-from msrr_control.docking.controller import CONTROLLERS, ControlInputs, build_controller, sense
+from msrr_control.docking.controller import CONTROLLERS, ControlInputs, build_controller, law_inputs
 from msrr_control.docking.law import DockSetup
 from msrr_scenes.errors import SceneError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
@@ -103,12 +103,12 @@ def test_bad_parameters_are_one_message(facts: DockSetup, params, message) -> No
 
 
 def test_lost_or_missing_sight_is_no_measurement() -> None:
-    assert sense(_inputs(status=LosStatus.LOST)).visibility == 0.0
-    assert 0.0 < sense(_inputs(status=LosStatus.PREDICTED)).visibility < 1.0
+    assert law_inputs(_inputs(status=LosStatus.LOST)).visibility == 0.0
+    assert 0.0 < law_inputs(_inputs(status=LosStatus.PREDICTED)).visibility < 1.0
     blind = ControlInputs(0, 0.02, _inputs().pose, None)
-    assert sense(blind).visibility == 0.0
+    assert law_inputs(blind).visibility == 0.0
     nan = LosObservation(0, math.nan, math.nan, math.nan, LosStatus.SEEN)
-    assert sense(ControlInputs(0, 0.02, _inputs().pose, nan)).visibility == 0.0
+    assert law_inputs(ControlInputs(0, 0.02, _inputs().pose, nan)).visibility == 0.0
 
 
 def test_a_step_is_fast(facts: DockSetup) -> None:

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msrr_control.kinematics.offset_point import offset_point, point_velocity, rotate, twist_for
+from msrr_control.kinematics.controlled_point import offset_point, point_velocity, rotate, twist_for
 
 ANGLES = st.floats(-10.0, 10.0)
 SPEEDS = st.floats(-5.0, 5.0)

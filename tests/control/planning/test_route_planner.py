@@ -7,10 +7,9 @@ import pytest
 
 from msrr_control.path_following.path import PaceSpec
 from msrr_control.path_following.walls import WallSpec
-from msrr_control.planning.free_space import Disc, FreeSpace
-from msrr_control.planning.route import Route, RouteSpec, Surroundings
+from msrr_control.planning.free_space import Disc
+from msrr_control.planning.route import ArenaMap, Route, RouteSpec
 from msrr_control.planning.route_planner import RoutePlanner
-from msrr_control.planning.tangents import Goal, shortest_way
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ObstacleEstimate
 
@@ -23,22 +22,22 @@ def _obstacle(name: str, x: float, y: float, radius: float = 0.08) -> ObstacleEs
     return ObstacleEstimate(name, 0, SE2(x, y), np.eye(3) * 1e-6, radius)
 
 
-def _around(X_WU: SE2, *obstacles: ObstacleEstimate, target: SE2 = TARGET, others=()) -> Surroundings:
+def _around(X_WU: SE2, *obstacles: ObstacleEstimate, target: SE2 = TARGET, others=()) -> ArenaMap:
     units = [
         Disc("b", target.x, target.y, 0.128),
         *(Disc(f"u{k}", *at, 0.128) for k, at in enumerate(others)),
     ]
-    return Surroundings(X_WU, target @ X_TD, tuple(units), obstacles)
+    return ArenaMap(X_WU, target @ X_TD, tuple(units), obstacles)
 
 
-def _ends_before_the_port(route: Route, around: Surroundings) -> bool:
+def _ends_before_the_port(route: Route, around: ArenaMap) -> bool:
     end = route.path.at(route.path.length)
     goal = PLANNER.handover(around.X_WD)
     near = float(np.hypot(*(end.point - goal.translation))) < 1e-6
     return near and abs(wrap_angle(float(end.heading) - goal.yaw)) < 1e-6
 
 
-def _clearance(route: Route, around: Surroundings) -> float:
+def _clearance(route: Route, around: ArenaMap) -> float:
     """Smallest distance of the path from what is not left to walls, beyond the bodies' radii."""
     _, points = route.path.sample(0.01)
     bodies = [(u.x, u.y, u.radius) for u in around.units]
@@ -149,34 +148,3 @@ def test_where_there_is_no_way_there_is_no_route() -> None:
     fence = [_obstacle(f"f{k}", -0.3, y, 0.1) for k, y in enumerate(np.arange(-1.4, 1.45, 0.28))]
     assert PLANNER.plan(_around(SE2(-1.4, 0.2, 0.0), *fence)) is None
     assert PLANNER.plan(_around(SE2(-1.4, 0.2, 0.0), _obstacle("o", 0.4, 0.0))) is None
-
-
-def test_the_shortest_way_around_a_disc_is_a_taut_string() -> None:
-    ground = FreeSpace((-5.0, 5.0, -5.0, 5.0), (Disc("d", 0.0, 0.0, 1.0),))
-    path = shortest_way(ground, (-2.0, 0.0), Goal(2.0, 0.0))
-    assert path is not None
-    assert float(path.length) == pytest.approx(2 * math.sqrt(3) + math.pi / 3, abs=1e-6)
-    straight = shortest_way(ground, (-2.0, 1.5), Goal(2.0, 1.5))
-    assert straight is not None
-    assert float(straight.length) == pytest.approx(4.0)
-
-
-def test_a_way_arrives_with_the_heading_that_is_asked_for() -> None:
-    ground = FreeSpace((-5.0, 5.0, -5.0, 5.0), ())
-    for heading in np.linspace(-3.0, 3.0, 7):
-        path = shortest_way(ground, (-2.0, 0.5), Goal(1.0, 0.2, float(heading), 0.5))
-        assert path is not None
-        end = path.at(path.length)
-        np.testing.assert_allclose(end.point, [1.0, 0.2], atol=1e-9)
-        assert wrap_angle(float(end.heading) - heading) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_unit_may_leave_ground_that_it_stands_on_but_not_go_deeper() -> None:
-    ground = FreeSpace((-1.0, 1.0, -1.0, 1.0), (Disc("d", 0.0, 0.0, 0.5),))
-    here = ground.left_from(0.3, 0.0)
-    assert not ground.allows(np.array([[0.3, 0.0]]))
-    assert here.allows(np.array([[0.3, 0.0], [0.9, 0.0]]))
-    assert not here.allows(np.array([[0.2, 0.0]]))
-    outside = ground.left_from(1.2, 0.0)
-    assert outside.allows(np.array([[1.2, 0.0]]))
-    assert not outside.allows(np.array([[1.3, 0.0]]))

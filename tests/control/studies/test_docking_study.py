@@ -12,10 +12,10 @@ import pytest
 from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams
 from msrr_control.docking.guidance import GuidanceSpec
 from msrr_control.docking.law import DockSetup
+from msrr_control.studies.disturbance import Disturbance
 from msrr_control.studies.docking_study import (
     CLOSE,
     CLOSE_HARD,
-    Disturbance,
     StudyResult,
     draw_starts,
     run_study,

@@ -3,8 +3,7 @@ import pytest
 from pydantic import ValidationError
 
 from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams, LinearParams
-from msrr_control.docking.law import DockSetup, Sensed
-from msrr_scenes.errors import SceneError
+from msrr_control.docking.law import DockSetup, LawInputs
 from msrr_scenes.specs.plan import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -15,7 +14,7 @@ LAW = C1DockingLaw(C1DockingParams(), FACTS)
 def test_a_lost_target_pulls_nowhere() -> None:
     pose, rest = np.array([-0.5, 0.0, 0.0]), np.zeros(2)
     wide = np.array([0.5, 0.3])
-    lost = Sensed(pose, wide, np.array(0.0), rest)
+    lost = LawInputs(pose, wide, np.array(0.0), rest)
     command, _ = LAW.step(LAW.start(lost), lost, 0.02)
     np.testing.assert_allclose(command, 0.0, atol=1e-12)
     seen = lost._replace(visibility=np.array(1.0))
@@ -25,7 +24,7 @@ def test_a_lost_target_pulls_nowhere() -> None:
 
 def test_every_switch_changes_what_it_names_and_nothing_else() -> None:
     """Where the cone is not touched and no limit bites, switching either off changes no command."""
-    near = Sensed(np.array([-0.5, 0.005, 0.0]), np.array([0.08, -0.08]), np.array(1.0), np.zeros(2))
+    near = LawInputs(np.array([-0.5, 0.005, 0.0]), np.array([0.08, -0.08]), np.array(1.0), np.zeros(2))
     commands = []
     for params in (
         C1DockingParams(),
@@ -36,24 +35,10 @@ def test_every_switch_changes_what_it_names_and_nothing_else() -> None:
         commands.append(law.step(law.start(near), near, 0.02)[0])
     np.testing.assert_array_equal(commands[1], commands[0])
     np.testing.assert_array_equal(commands[2], commands[0])
-    linear = C1DockingLaw(LinearParams().as_close_range(), FACTS)
+    linear = C1DockingLaw(LinearParams().as_c1(), FACTS)
     assert abs(linear.step(linear.start(near), near, 0.02)[0][1]) < abs(commands[0][1])
 
 
 def test_an_anti_windup_that_would_cycle_is_refused() -> None:
     with pytest.raises(ValidationError, match="limit cycle"):
         C1DockingParams.model_validate({"windup": {"k_mps": 0.24, "gamma_m": 0.1}})
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"offset": -0.1}, "ahead of the axle"),
-        ({"camera_offset": 0.2}, "beyond the line-of-sight target"),
-        ({"los": LosSpec(half_width_m=0.06)}, "park short"),
-    ],
-)
-def test_a_geometry_that_cannot_work_is_refused(changes, message) -> None:
-    values = {"offset": 0.1, "camera_offset": 0.0, "pin_reach": 0.018, "los": LosSpec()}
-    with pytest.raises(SceneError, match=message):
-        DockSetup(**{**values, **changes}, limits=FACTS.limits, rate_hz=50.0)

@@ -3,7 +3,7 @@ import pytest
 
 from msrr_control.docking.barrier import BarrierLaw, BarrierParams
 from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams
-from msrr_control.docking.law import DockSetup, Sensed
+from msrr_control.docking.law import DockSetup, LawInputs
 from msrr_control.feedback.visibility_cone import edge_angles
 from msrr_control.studies.docking_study import StartSet, run_study
 from msrr_scenes.errors import SceneError
@@ -30,7 +30,7 @@ def test_at_the_barrier_the_edge_moves_no_further_out(facts: DockSetup) -> None:
         pose = np.array([x, y, 0.0])
         left = edge_angles(pose, setup.los, 0.015)[0]
         pose[2] = left - law._limit
-        sensed = Sensed(pose, edge_angles(pose, setup.los, 0.015), np.array(1.0), np.zeros(2))
+        sensed = LawInputs(pose, edge_angles(pose, setup.los, 0.015), np.array(1.0), np.zeros(2))
         for _ in range(5):  # the camera's lever moves the edge a little when the unit turns
             pose[2] += sensed.edges[0] - law._limit
             sensed = sensed._replace(pose=pose, edges=edge_angles(pose, setup.los, 0.015))
@@ -43,7 +43,7 @@ def test_at_the_barrier_the_edge_moves_no_further_out(facts: DockSetup) -> None:
 def test_a_lost_target_sets_no_barrier(facts: DockSetup) -> None:
     law = BarrierLaw(BarrierParams(), facts)
     pose = np.array([-0.6, 0.05, 0.0])
-    seen = Sensed(pose, np.array([0.6, 0.5]), np.array(1.0), np.zeros(2))
+    seen = LawInputs(pose, np.array([0.6, 0.5]), np.array(1.0), np.zeros(2))
     lost = seen._replace(visibility=np.array(0.0))
     assert law.step(law.start(seen), seen, 0.02)[0][1] > 0.0
     assert law.step(law.start(lost), lost, 0.02)[0][1] < 0.0
