@@ -22,8 +22,7 @@ def read_params(name: str, kind: type[P], params: dict[str, Any]) -> P:
         params: The parameters as the scene gives them.
 
     Raises:
-        SceneError: A parameter is wrong; the message lists each, what is wrong with it and the nearest valid
-            name.
+        SceneError: Parameters are wrong; the message says of each what is wrong and the nearest valid name.
     """
     try:
         return kind.model_validate(params)

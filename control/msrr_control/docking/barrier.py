@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-import numpy as np
 from pydantic import Field
 
 from msrr_control.docking.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
@@ -47,12 +45,6 @@ class BarrierParams(Spec):
     guidance: GuidanceSpec = GuidanceSpec()
 
 
-class BarrierState(NamedTuple):
-    """State of the law: the reference on the docking axis."""
-
-    guidance: GuidanceState
-
-
 class BarrierLaw:
     r"""Tracks the guidance linearly, with the turn rate bounded so that the target stays in view.
 
@@ -73,34 +65,30 @@ class BarrierLaw:
             raise SceneError(f"margin_deg = {params.margin_deg:g} leaves nothing of los.outer_deg")
         self._gains = EnvelopeGains(gamma=params.braking * setup.limits.dw_max_radps2, rho=params.rho_rad)
 
-    def start(self, inputs: LawInputs) -> BarrierState:
+    def start(self, inputs: LawInputs) -> GuidanceState:
         """Return the state at the beginning of an approach."""
-        return BarrierState(guidance_start(offset_point(inputs.pose, self.setup.offset)))
+        return guidance_start(offset_point(inputs.pose, self.setup.offset))
 
-    def step(self, state: BarrierState, inputs: LawInputs, dt: float) -> tuple[Array, BarrierState]:
+    def step(self, state: GuidanceState, inputs: LawInputs, dt: float) -> tuple[Array, GuidanceState]:
         """Advance by ``dt`` [s]; return (v, w), shape (..., 2), and the next state."""
         params, setup, limits = self.params, self.setup, self.setup.limits
         visibility = number(inputs.visibility)
         x, y, yaw = split(inputs.pose)
         tip = join(x + setup.offset * cos(yaw), y + setup.offset * sin(yaw))
-        guidance = guidance_step(state.guidance, tip, visibility, params.guidance, setup.pin_reach, dt)
+        guidance = guidance_step(state, tip, visibility, params.guidance, setup.pin_reach, dt)
         tip_x, tip_y = split(tip)
         velocity_x = -params.k_n_per_s * position_error(tip_x, number(guidance.x)) + number(guidance.speed)
         velocity_y = -params.k_n_per_s * position_error(tip_y, 0.0)
         v, across = rotate_components(velocity_x, velocity_y, -yaw)
         v = limit(v, -limits.v_close_mps, limits.v_close_mps)
         w = limit(across / setup.offset, -limits.w_max_radps, limits.w_max_radps)
-        low, high = self._turn_bounds(v, inputs)
+        low, high = self.turn_bounds(v, inputs)
         w_in_view = where(low > high, 0.5 * low + 0.5 * high, limit(w, low, high))
         w = limit(where(visibility > 0.0, w_in_view, w), -limits.w_max_radps, limits.w_max_radps)
-        return join(v, w), BarrierState(guidance)
+        return join(v, w), guidance
 
-    def turn_bounds(self, v: Array, inputs: LawInputs) -> tuple[Array, Array]:
+    def turn_bounds(self, v: Number, inputs: LawInputs) -> tuple[Number, Number]:
         """Return the lowest and highest turn rate [rad/s] that keep both edges in the cone (may cross)."""
-        low, high = self._turn_bounds(number(v), inputs)
-        return np.asarray(low), np.asarray(high)
-
-    def _turn_bounds(self, v: Number, inputs: LawInputs) -> tuple[Number, Number]:
         los, camera_offset = self.setup.los, self.setup.camera_offset
         x, y, yaw = split(inputs.pose)
         camera_x, camera_y = x + camera_offset * cos(yaw), y + camera_offset * sin(yaw)
@@ -114,6 +102,6 @@ class BarrierLaw:
             bounds.append((v * sin(angle) / distance - allowed) / lever)
         return bounds[0], bounds[1]
 
-    def reference(self, state: BarrierState) -> Array:
+    def reference(self, state: GuidanceState) -> Array:
         """Return the guidance trajectory's point p_r in D, shape (..., 2) [m]."""
-        return state.guidance.point
+        return state.point

@@ -30,9 +30,6 @@ class C1DockingParams(CorrectedGuidanceParams):
     Attributes:
         feedback: Composite feedback (eqs. 26, 27).
         windup: Anti-windup system xi (eq. 25).
-        cone: Line-of-sight correction (eqs. 21 to 24).
-        guidance: Guidance trajectory.
-        los_correction: Whether the line-of-sight correction is used.
         anti_windup: Whether the anti-windup system is used.
     """
 
@@ -42,11 +39,8 @@ class C1DockingParams(CorrectedGuidanceParams):
 
     @model_validator(mode="after")
     def _windup_below_loop(self) -> C1DockingParams:
-        if self.anti_windup and self.windup.bandwidth >= self.feedback.k_n_per_s:
-            raise ValueError(
-                f"windup.k_mps / windup.gamma_m = {self.windup.bandwidth:.3g} 1/s has to stay below"
-                f" feedback.k_n_per_s = {self.feedback.k_n_per_s:.3g} 1/s; else anti-windup is a limit cycle"
-            )
+        if self.anti_windup:
+            self.windup.check_below(self.feedback.k_n_per_s, "feedback.k_n_per_s")
         return self
 
 
@@ -92,14 +86,6 @@ class C1DockingLaw:
         measured wheel speeds in its place the law keeps 4.5 to 7.7 mm of final bias.
 
         Source: Zheng et al., eqs. 24 to 27.
-
-        Args:
-            state: State of the law.
-            inputs: Pose, line of sight and twist, leading shape (...).
-            dt: Control period [s].
-
-        Returns:
-            (v, w) within the drive's speed limits, shape (..., 2), and the next state.
         """
         params, setup, limits = self.params, self.setup, self.setup.limits
         yaw = inputs.pose[..., 2]

@@ -25,9 +25,6 @@ class C2DockingParams(CorrectedGuidanceParams):
 
     Attributes:
         feedback: Sliding feedback with a boundary layer.
-        cone: Line-of-sight correction, as in C1.
-        guidance: Guidance trajectory, as in C1.
-        los_correction: Whether the line-of-sight correction is used.
     """
 
     feedback: SlidingGains = SlidingGains()

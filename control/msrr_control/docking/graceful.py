@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from msrr_control.docking.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
@@ -34,12 +32,6 @@ class GracefulParams(Spec):
     guidance: GuidanceSpec = GuidanceSpec()
 
 
-class GracefulState(NamedTuple):
-    """State of the law: a reference on the docking axis, no farther ahead than the controlled point."""
-
-    guidance: GuidanceState
-
-
 class GracefulLaw:
     r"""Steers along a smooth curve into the port, without a cone and without tracking a point.
 
@@ -59,22 +51,22 @@ class GracefulLaw:
         """Bind the law to its parameters and to the facts of the docking step."""
         self.params, self.setup = params, setup
 
-    def start(self, inputs: LawInputs) -> GracefulState:
+    def start(self, inputs: LawInputs) -> GuidanceState:
         """Return the state at the beginning of an approach."""
-        return GracefulState(guidance_start(offset_point(inputs.pose, self.setup.offset)))
+        return guidance_start(offset_point(inputs.pose, self.setup.offset))
 
-    def step(self, state: GracefulState, inputs: LawInputs, dt: float) -> tuple[Array, GracefulState]:
+    def step(self, state: GuidanceState, inputs: LawInputs, dt: float) -> tuple[Array, GuidanceState]:
         """Advance by ``dt`` [s]; return (v, w), shape (..., 2), and the next state."""
         params, setup, limits = self.params, self.setup, self.setup.limits
         tip = offset_point(inputs.pose, setup.offset)
-        abreast = GuidanceState(np.minimum(tip[..., 0], state.guidance.x), state.guidance.speed)
+        abreast = state._replace(x=np.minimum(tip[..., 0], state.x))
         guidance = guidance_step(abreast, tip, inputs.visibility, params.guidance, setup.pin_reach, dt)
         curvature = self.curvature(inputs.pose)
         speed = guidance.speed / (1.0 + params.slow_down * np.abs(curvature) ** params.sharpness)
         twist = np.empty(tip.shape)
         twist[..., 0] = speed
         twist[..., 1] = curvature * speed
-        return limit_twist(twist, limits.v_close_mps, limits.w_max_radps), GracefulState(guidance)
+        return limit_twist(twist, limits.v_close_mps, limits.w_max_radps), guidance
 
     def curvature(self, pose: Array) -> Array:
         """Return the curvature [1/m] of the path from a pose in D, shape (..., 3), to the goal."""
@@ -89,6 +81,6 @@ class GracefulLaw:
         curvature: Array = -(k2 * (delta - np.arctan(-k1 * theta)) + slope * np.sin(delta)) / distance
         return curvature
 
-    def reference(self, state: GracefulState) -> Array:
+    def reference(self, state: GuidanceState) -> Array:
         """Return the point of the docking axis abreast of the controlled point, shape (..., 2) [m]."""
-        return state.guidance.point
+        return state.point

@@ -74,14 +74,11 @@ def guidance_step(
 
     Args:
         state: Reference.
-        tip: The controlled point in D, shape (..., 2) [m].
+        tip: Controlled point in D, shape (..., 2) [m].
         visibility: 1 where the target is seen, 0 where lost, between where predicted; shape (...).
         spec: Speeds and bounds.
         pin_reach: Distance by which the pins stick out beyond the controlled point [m].
         dt: Step [s].
-
-    Returns:
-        The reference one step later.
     """
     a = spec.acceleration
     x, speed = number(state.x), number(state.speed)
@@ -118,14 +115,7 @@ class CorrectedGuidanceParams(Spec):
 
 
 class CorrectedGuidance(NamedTuple):
-    """The reference with its line-of-sight correction, p_r + lambda_1.
-
-    Attributes:
-        position: Where the controlled point should be in D, shape (..., 2) [m].
-        velocity: Rate of that position, shape (..., 2) [m/s].
-        guidance: Reference one step later.
-        cone: Filters of the correction one step later.
-    """
+    """The corrected reference p_r + lambda_1 in D, its rate, shape (..., 2) [m, m/s], and the next states."""
 
     position: Array
     velocity: Array
@@ -142,18 +132,9 @@ def corrected_guidance(
     setup: DockSetup,
     dt: float,
 ) -> CorrectedGuidance:
-    """Advance the guidance and its line-of-sight correction by ``dt``.
+    """Advance the guidance and its line-of-sight correction by ``dt`` [s]; ``tip`` is p_l in D.
 
     Source: Zheng et al., eqs. 21 to 24.
-
-    Args:
-        guidance: Reference on the docking axis.
-        cone: Filters of the correction.
-        tip: The controlled point in D, shape (..., 2) [m].
-        inputs: Pose and line of sight, leading shape (...).
-        params: Trajectory and gains.
-        setup: Facts of the docking step.
-        dt: Step [s].
     """
     guidance = guidance_step(guidance, tip, inputs.visibility, params.guidance, setup.pin_reach, dt)
     position, velocity = np.zeros_like(tip), np.zeros_like(tip)

@@ -94,7 +94,16 @@ class DockingLaw(Protocol[State]):
         ...
 
     def step(self, state: State, inputs: LawInputs, dt: float) -> tuple[Array, State]:
-        """Return the commanded (v, w), shape (..., 2), within the speed limits, and the next state."""
+        """Advance the law by one control period.
+
+        Args:
+            state: State of the law.
+            inputs: Pose, line of sight and twist, leading shape (...).
+            dt: Control period [s].
+
+        Returns:
+            The commanded (v, w) within the drive's speed limits, shape (..., 2), and the next state.
+        """
         ...
 
     def reference(self, state: State) -> Array:

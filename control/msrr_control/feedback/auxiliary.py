@@ -27,8 +27,16 @@ class AuxiliaryGains(Spec):
 
     @property
     def bandwidth(self) -> float:
-        """Ratio k / gamma [1/s]; above the gain of the position loop it makes a limit cycle."""
+        """Ratio k / gamma [1/s]."""
         return self.k_mps / self.gamma_m
+
+    def check_below(self, gain: float, name: str) -> None:
+        """Refuse a bandwidth above the gain of the position loop [1/s], which makes a limit cycle."""
+        if self.bandwidth >= gain:
+            raise ValueError(
+                f"windup.k_mps / windup.gamma_m = {self.bandwidth:.3g} 1/s has to stay below {name} ="
+                f" {gain:.3g} 1/s; else anti-windup is a limit cycle"
+            )
 
 
 def auxiliary_step(state: Number, excess: Number, gains: AuxiliaryGains, dt: float) -> Number:

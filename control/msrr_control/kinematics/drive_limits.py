@@ -3,26 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import overload
 
 import numpy as np
 
-from msrr_control.kinematics.elementwise import join, limit, split
+from msrr_control.kinematics.elementwise import Number, join, limit, split
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 
-@overload
 def nested_limit(
-    speed: float, command: float, max_speed: float, max_rate: float, kappa: float, dt: float
-) -> float: ...
-@overload
-def nested_limit(
-    speed: Array, command: Array, max_speed: float, max_rate: float, kappa: float, dt: float
-) -> Array: ...
-def nested_limit(
-    speed: float | Array, command: float | Array, max_speed: float, max_rate: float, kappa: float, dt: float
-) -> float | Array:
+    speed: Number, command: Number, max_speed: float, max_rate: float, kappa: float, dt: float
+) -> Number:
     r"""Advance one speed behind its nested magnitude and rate limits by ``dt``.
 
     .. math:: \dot v_s = \mathrm{sat}(-a, \kappa(\mathrm{sat}(-V, v_d, V) - v_s), a)
@@ -40,16 +31,14 @@ def nested_limit(
     Returns:
         The speed one step later, same shape.
     """
-    if isinstance(speed, float) and isinstance(command, float):
-        return nested_limiter(max_speed, max_rate, kappa, dt)(speed, command)
-    change = min(kappa * dt, 1.0) * (np.clip(command, -max_speed, max_speed) - speed)
-    return speed + np.clip(change, -max_rate * dt, max_rate * dt)
+    change = min(kappa * dt, 1.0) * (limit(command, -max_speed, max_speed) - speed)
+    return speed + limit(change, -max_rate * dt, max_rate * dt)
 
 
 def nested_limiter(
     max_speed: float, max_rate: float, kappa: float, dt: float
 ) -> Callable[[float, float], float]:
-    """Return :func:`nested_limit` of one drive and one step size, as a function of speed and command."""
+    """Return :func:`nested_limit` as a function of speed and command, fast for many calls on floats."""
     share, max_change = min(kappa * dt, 1.0), max_rate * dt
 
     def limited(speed: float, command: float) -> float:
@@ -70,28 +59,16 @@ def nested_limiter(
 def nested_limit_twist(
     twist: Array, command: Array, limits: LimitsSpec, kappa: float, dt: float, max_v: float | None = None
 ) -> Array:
-    """Advance the speeds (v, w) of a unit behind their nested limits by ``dt``.
+    """Advance the speeds (v, w) of a unit, shape (..., 2), behind their nested limits (eq. 3) by ``dt`` [s].
 
-    Source: Zheng et al., eq. 3.
-
-    Args:
-        twist: Present (v, w), shape (..., 2) [m/s, rad/s].
-        command: Commanded (v, w), same shape.
-        limits: What the drive can do.
-        kappa: Bandwidth of the inner loop [1/s]; 1 / dt is a limiter without lag.
-        dt: Step [s].
-        max_v: Largest |v| [m/s]; None for that of the drive.
-
-    Returns:
-        (v, w) one step later, same shape.
+    The limits are those of the drive, or ``max_v`` [m/s] for v; ``kappa`` = 1 / dt is a limiter without lag.
     """
-    bounds = (
-        (limits.v_max_mps if max_v is None else max_v, limits.a_max_mps2),
-        (limits.w_max_radps, limits.dw_max_radps2),
-    )
+    v_max = limits.v_max_mps if max_v is None else max_v
     limited = np.empty(command.shape)
-    for i, (max_speed, max_rate) in enumerate(bounds):
-        limited[..., i] = nested_limit(twist[..., i], command[..., i], max_speed, max_rate, kappa, dt)
+    limited[..., 0] = nested_limit(twist[..., 0], command[..., 0], v_max, limits.a_max_mps2, kappa, dt)
+    limited[..., 1] = nested_limit(
+        twist[..., 1], command[..., 1], limits.w_max_radps, limits.dw_max_radps2, kappa, dt
+    )
     return limited
 
 

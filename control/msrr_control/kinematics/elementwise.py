@@ -64,7 +64,7 @@ def join(*components: Any) -> Array:
 
 def number(scalars: NDArray[Any] | float) -> Any:
     """Return an array of shape () as a plain number, anything else as it is."""
-    return scalars.item() if isinstance(scalars, np.ndarray) and scalars.ndim == 0 else scalars
+    return scalars.item() if isinstance(scalars, np.ndarray | np.generic) and scalars.ndim == 0 else scalars
 
 
 def limit(value: Number, low: Number | float, high: Number | float) -> Number:

@@ -72,13 +72,7 @@ class C1PathFollowingLaw:
         self.params, self.limits, self.offset = params, limits, offset
 
     def start(self, pose: Array, twist: Array, s: float = 0.0) -> C1PathFollowingState:
-        """Return the state at the beginning of a path, or ``s`` [m] into it.
-
-        Args:
-            pose: Axle pose, shape (..., 3) [m, m, rad].
-            twist: Measured (v, w), shape (..., 2).
-            s: Arc length at which the desired point begins [m].
-        """
+        """Return the state at the beginning of a path, or ``s`` [m] into it."""
         tip = offset_point(pose, self.offset)
         velocity = point_velocity(twist, pose[..., 2], self.offset)
         return C1PathFollowingState(
@@ -97,38 +91,23 @@ class C1PathFollowingLaw:
         obstacles: Obstacles,
         dt: float,
     ) -> tuple[Array, C1PathFollowingState]:
-        """Advance by ``dt`` [s] and return (v, w) within the drive's speed limits, shape (..., 2).
-
-        Args:
-            state: State of the law.
-            path: Path to follow.
-            pose: Measured axle pose, shape (..., 3).
-            wall: Wall that stands now, if any.
-            obstacles: Obstacles to which springs are attached.
-            dt: Control period.
-        """
-        params = self.params
+        """Advance by ``dt`` [s]; return (v, w), shape (..., 2), and the next state."""
+        p = self.params
         tip = offset_point(pose, self.offset)
-        pace, desired = pace_step(state.pace, path, tip, params.pace, dt)
+        pace, desired = pace_step(state.pace, path, tip, p.pace, dt)
         guidance = reference_step(
-            state.guidance,
-            desired,
-            wall,
-            params.guidance,
-            dt,
-            envelope=params.envelope,
-            anti_windup=params.anti_windup,
+            state.guidance, desired, wall, p.guidance, dt, envelope=p.envelope, anti_windup=p.anti_windup
         )
         command, tracking = tracking_step(
             state.tracking,
             guidance,
             pose,
             obstacles,
-            params.tracking,
+            p.tracking,
             self.limits,
             self.offset,
             dt,
-            anti_windup=params.anti_windup,
-            spring=params.spring,
+            anti_windup=p.anti_windup,
+            spring=p.spring,
         )
         return command, C1PathFollowingState(pace, desired.point, guidance, tracking)

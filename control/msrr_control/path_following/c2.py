@@ -59,7 +59,7 @@ class C2PathFollowingLaw:
         self.params, self.limits, self.offset = params, limits, offset
 
     def start(self, pose: Array, twist: Array, s: float = 0.0) -> C2PathFollowingState:
-        """Return the state at the beginning of a path, or ``s`` [m] into it; ``pose`` has shape (..., 3)."""
+        """Return the state at the beginning of a path, or ``s`` [m] into it."""
         tip = offset_point(pose, self.offset)
         velocity = point_velocity(twist, pose[..., 2], self.offset)
         return C2PathFollowingState(pace_start(pose, s), tip, reference_start(tip, velocity))
@@ -73,16 +73,7 @@ class C2PathFollowingLaw:
         obstacles: Obstacles,
         dt: float,
     ) -> tuple[Array, C2PathFollowingState]:
-        """Advance by ``dt`` [s] and return (v, w) within the drive's speed limits, shape (..., 2).
-
-        Args:
-            state: State of the law.
-            path: Path to follow.
-            pose: Measured axle pose, shape (..., 3).
-            wall: Not used by this law.
-            obstacles: Obstacles that repel.
-            dt: Control period.
-        """
+        """Advance by ``dt`` [s]; return (v, w), shape (..., 2), and the next state. It uses no wall."""
         tip = offset_point(pose, self.offset)
         pace, desired = pace_step(state.pace, path, tip, self.params.pace, dt)
         error = position_error(tip, desired.point)

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from bisect import bisect_right
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from msrr_control.kinematics.elementwise import at_least, at_most, cos, join, limit, number, sin, split, sqrt
+from msrr_control.kinematics.unicycle import advance_pose
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Positive, Spec
 
@@ -54,7 +53,8 @@ class Path:
             object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=np.float64))
         pose, poses = self.start, [self.start]
         for k in range(self.curvature.shape[-1]):
-            pose = _advance(pose, self.curvature[..., k], self.lengths[..., k])
+            turn = self.curvature[..., k] * self.lengths[..., k]
+            pose = advance_pose(pose, self.lengths[..., k], turn)
             poses.append(pose)
         knots = np.zeros((*self.lengths.shape[:-1], self.lengths.shape[-1] + 1))
         knots[..., 1:] = np.cumsum(self.lengths, axis=-1)
@@ -75,33 +75,21 @@ class Path:
         return ends
 
     def at(self, s: ArrayLike) -> PathPoint:
-        """Return the point at arc length ``s`` [m], shape (...), which is limited to the path."""
-        asked = np.asarray(s, dtype=np.float64)
-        if asked.ndim == 0 and self.start.ndim == 1:
-            x, y, heading, bend = self._single_point(asked.item())
-            return PathPoint(np.array([x, y]), np.array(heading), np.array(bend))
-        within = np.minimum(np.maximum(asked, 0.0), self.length)
-        piece = (within[..., None] >= self._knots[..., 1:-1]).sum(axis=-1)
-        if self.start.ndim == 1:  # one path, and s of any shape
-            pose, curvature, begin = self._poses[piece], self.curvature[piece], self._knots[piece]
-        else:
-            index = piece[..., None]
-            pose = np.take_along_axis(self._poses, index[..., None], axis=-2)[..., 0, :]
-            curvature = np.take_along_axis(self.curvature, index, axis=-1)[..., 0]
-            begin = np.take_along_axis(self._knots, index, axis=-1)[..., 0]
-        poses = _advance(pose, curvature, within - begin)
-        return PathPoint(poses[..., :2], poses[..., 2], curvature)
+        """Return the points at arc lengths ``s`` [m], limited to the path.
 
-    def _single_point(self, s: float) -> tuple[float, float, float, float]:
-        """Return x, y, heading and curvature at one arc length ``s`` [m] of a single path."""
-        knots = self._knots.tolist()
-        s = limit(s, 0.0, knots[-1])
-        piece = bisect_right(knots, s, 1, len(knots) - 1) - 1
-        x, y, yaw = self._poses[piece].tolist()
-        curvature = self.curvature[piece].item()
-        half = 0.5 * curvature * (s - knots[piece])
-        chord = (s - knots[piece]) * _sinc(half)
-        return x + chord * cos(yaw + half), y + chord * sin(yaw + half), yaw + 2.0 * half, curvature
+        Args:
+            s: Any shape for one path; shape (..., *leading shape of the paths) for many.
+        """
+        within = np.minimum(np.maximum(np.asarray(s, dtype=np.float64), 0.0), self.length)
+        piece = (*self._rows, (within[..., None] >= self._knots[..., 1:-1]).sum(axis=-1))
+        along, curvature = within - self._knots[piece], self.curvature[piece]
+        pose = advance_pose(self._poses[piece], along, curvature * along)
+        return PathPoint(pose[..., :2], pose[..., 2], curvature)
+
+    @cached_property
+    def _rows(self) -> NDArray[np.int_]:
+        """Indices of the paths, one array for each of their leading axes."""
+        return np.indices(self.start.shape[:-1])
 
     def sample(self, spacing: float) -> tuple[Array, Array]:
         """Return arc lengths and points every ``spacing`` [m] or less, both ends included, of a single path.
@@ -111,24 +99,6 @@ class Path:
         """
         s = np.linspace(0.0, float(self.length), int(np.ceil(float(self.length) / spacing)) + 2)
         return s, self.at(s).point
-
-
-def _sinc(angle: float) -> float:
-    """Return sin(angle) / angle with the same bits as the np.sinc of :func:`_advance`."""
-    y = math.pi * (angle / math.pi) if angle else 1e-20
-    return sin(y) / y
-
-
-def _advance(pose: Array, curvature: Array, s: Array) -> Array:
-    """Move poses, shape (..., 3), by ``s`` [m] along circles of a curvature [1/m], by their chords."""
-    half = 0.5 * curvature * s
-    chord = s * np.sinc(half / np.pi)
-    middle = pose[..., 2] + half
-    moved = np.empty(np.broadcast_shapes(pose.shape, (*np.shape(half), 3)))
-    moved[..., 0] = pose[..., 0] + chord * np.cos(middle)
-    moved[..., 1] = pose[..., 1] + chord * np.sin(middle)
-    moved[..., 2] = pose[..., 2] + 2.0 * half
-    return moved
 
 
 class PaceSpec(Spec):

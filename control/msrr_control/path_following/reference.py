@@ -11,7 +11,7 @@ from pydantic import model_validator
 from msrr_control.feedback.auxiliary import AuxiliaryGains, auxiliary_step
 from msrr_control.feedback.envelope import EnvelopeGains, enveloped_acceleration
 from msrr_control.kinematics.controlled_point import rotate_components
-from msrr_control.kinematics.elementwise import Number, join, limit, number, split, tanh, where
+from msrr_control.kinematics.elementwise import join, limit, number, split, tanh, where
 from msrr_control.path_following.path import DesiredPoint
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Positive, Spec
@@ -115,11 +115,15 @@ def reference_step(
     """
     u_max = gains.u_max_mps2
     position, velocity, lam = split(state.position), split(state.velocity), split(state.lam)
-    point, rate, forward = map(split, desired)
+    point, rate, acceleration_d = map(split, desired)
     axes = (0, 1)
-    u_r = [
-        _backstepping(position[i], velocity[i], lam[i], point[i], rate[i], forward[i], gains) for i in axes
-    ]
+    k, gamma, c1, c2 = gains.windup.k_mps, gains.windup.gamma_m, gains.c1_per_s, gains.c2_per_s
+    u_r = []
+    for i in axes:
+        bias = gamma * tanh(lam[i])
+        z1 = position[i] - point[i]
+        z2 = velocity[i] - rate[i] + c1 * z1 - bias
+        u_r.append(-c2 * z2 + acceleration_d[i] - k * lam[i] - z1 - c1 * (z2 - c1 * z1 + bias))
     if envelope and bool(np.any(wall.active)):
         acceleration = _saturate_at_wall(u_r, position, velocity, wall, gains)
     else:
@@ -131,24 +135,6 @@ def reference_step(
         join(*(velocity[i] + dt * acceleration[i] for i in axes)),
         join(*lam),
     )
-
-
-def _backstepping(
-    position: Number,
-    velocity: Number,
-    lam: Number,
-    desired: Number,
-    rate: Number,
-    acceleration: Number,
-    gains: ReferenceGains,
-) -> Number:
-    """Return u_r along one axis."""
-    k, gamma = gains.windup.k_mps, gains.windup.gamma_m
-    c1, c2 = gains.c1_per_s, gains.c2_per_s
-    bias = gamma * tanh(lam)
-    z1 = position - desired
-    z2 = velocity - rate + c1 * z1 - bias
-    return -c2 * z2 + acceleration - k * lam - z1 - c1 * (z2 - c1 * z1 + bias)
 
 
 def _saturate_at_wall(

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from msrr_control.feedback.auxiliary import AuxiliaryGains, auxiliary_step
 from msrr_control.kinematics.controlled_point import position_error, rotate_components
 from msrr_control.kinematics.drive_limits import limit_twist, nested_limit
-from msrr_control.kinematics.elementwise import Number, cos, join, limit, sin, split, tanh
+from msrr_control.kinematics.elementwise import cos, join, limit, sin, split, tanh
 from msrr_control.path_following.obstacle_forces import Obstacles, SpringGains, spring_force
 from msrr_control.path_following.reference import ReferenceState
 from msrr_scenes.arrays import Array
@@ -33,11 +33,7 @@ class TrackingGains(Spec):
 
     @model_validator(mode="after")
     def _windup_below_loop(self) -> TrackingGains:
-        if self.windup.bandwidth >= self.k_l_per_s:
-            raise ValueError(
-                f"windup.k_mps / windup.gamma_m = {self.windup.bandwidth:.3g} 1/s has to stay below k_l_per_s"
-                f" = {self.k_l_per_s:.3g} 1/s; else anti-windup is a limit cycle"
-            )
+        self.windup.check_below(self.k_l_per_s, "k_l_per_s")
         return self
 
 
@@ -105,10 +101,14 @@ def tracking_step(
         force = split(spring_force(join(*tip), obstacles, gains.spring))
         lam_s = [auxiliary_step(lam_s[i], force[i], gains.spring.windup, dt) for i in axes]
     goal, rate = split(reference.position), split(reference.velocity)
-    u_x, u_y = (
-        _velocity(tip[i], goal[i], rate[i], lam[i], lam_s[i], gains, anti_windup, spring) for i in axes
-    )
-    v, across = rotate_components(u_x, u_y, -yaw)
+    windup, gamma_s = gains.windup, gains.spring.windup.gamma_m
+    velocity = []
+    for i in axes:
+        u_d = rate[i] - gains.k_l_per_s * position_error(tip[i], goal[i])
+        if anti_windup:
+            u_d = u_d + gains.k_l_per_s * windup.gamma_m * tanh(lam[i]) - windup.k_mps * lam[i]
+        velocity.append(u_d - gamma_s * tanh(lam_s[i]) if spring else u_d)
+    v, across = rotate_components(velocity[0], velocity[1], -yaw)
     w = across / offset
     max_v, max_w = limits.v_max_mps, limits.w_max_radps
     previous_v, previous_w = split(state.limited)
@@ -116,26 +116,6 @@ def tracking_step(
     limited_w = nested_limit(previous_w, w, max_w, limits.dw_max_radps2, 1.0 / dt, dt)
     if anti_windup:
         excess = rotate_components(limited_v - v, offset * (limited_w - w), yaw)
-        lam = [auxiliary_step(lam[i], excess[i], gains.windup, dt) for i in axes]
+        lam = [auxiliary_step(lam[i], excess[i], windup, dt) for i in axes]
     command = join(limit(v, -max_v, max_v), limit(w, -max_w, max_w))
     return command, TrackingState(join(*lam), join(*lam_s), join(limited_v, limited_w))
-
-
-def _velocity(
-    tip: Number,
-    goal: Number,
-    rate: Number,
-    lam: Number,
-    lam_s: Number,
-    gains: TrackingGains,
-    anti_windup: bool,
-    spring: bool,
-) -> Number:
-    """Return u_d along one axis."""
-    velocity = rate - gains.k_l_per_s * position_error(tip, goal)
-    if anti_windup:
-        windup = gains.windup
-        velocity = velocity + gains.k_l_per_s * windup.gamma_m * tanh(lam) - windup.k_mps * lam
-    if spring:
-        velocity = velocity - gains.spring.windup.gamma_m * tanh(lam_s)
-    return velocity

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 
 from msrr_control.kinematics.elementwise import cos, join, number, sin, split, where
-from msrr_control.path_following.path import Path, PathPoint
+from msrr_control.path_following.path import Path
 from msrr_control.path_following.reference import SideWall
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
@@ -106,7 +106,7 @@ def find_encounter(path: Path, centre: Array, half_width: Array, spec: WallSpec)
     count = 1 + int(np.ceil(float(np.max(path.length)) / 0.02))
     share = np.linspace(0.0, 1.0, count).reshape(-1, *(1,) * path.length.ndim)
     s = share * path.length
-    points = path.at(s) if path.start.ndim == 1 else _at_each(path, s)
+    points = path.at(s)
     apart = points.point - centre
     distance = np.hypot(apart[..., 0], apart[..., 1])
     nearest = distance.argmin(axis=0)[None]
@@ -123,11 +123,6 @@ def find_encounter(path: Path, centre: Array, half_width: Array, spec: WallSpec)
     rise = np.min(np.where(too_early, -along[..., None], spec.ahead_m), axis=0)
     blocked = distance.min(axis=0) < half_width
     return Encounter(s_near, heading, blocked, detours, rise)
-
-
-def _at_each(path: Path, s: Array) -> PathPoint:
-    sampled = [path.at(row) for row in s]
-    return PathPoint(*(np.stack(part) for part in zip(*sampled, strict=True)))
 
 
 def side_wall(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -41,12 +42,14 @@ class FreeSpace:
 
     box: tuple[float, float, float, float]
     discs: tuple[Disc, ...]
-    _centres: Array = field(init=False, repr=False)
-    _radii: Array = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_centres", np.array([(d.x, d.y) for d in self.discs]).reshape(-1, 2))
-        object.__setattr__(self, "_radii", np.array([d.radius for d in self.discs]))
+    @cached_property
+    def _centres(self) -> Array:
+        return np.array([(d.x, d.y) for d in self.discs]).reshape(-1, 2)
+
+    @cached_property
+    def _radii(self) -> Array:
+        return np.array([d.radius for d in self.discs])
 
     def opened_at(self, x: float, y: float) -> FreeSpace:
         """Return this space, enlarged as little as necessary to contain (x, y), where the unit stands."""

@@ -44,6 +44,10 @@ class RouteSpec(Spec):
     least_run_m: Positive = 0.45
     turn_radps: Positive = 0.8
 
+    def handover(self, X_WD: SE2) -> SE2:
+        """Return the end of the path: the place of the controlled point, and the heading."""
+        return X_WD @ SE2(-self.handover_m, 0.0, 0.0)
+
 
 class ArenaMap(NamedTuple):
     """The estimates in which a route is planned, all in the world frame.

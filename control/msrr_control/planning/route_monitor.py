@@ -45,7 +45,7 @@ class RouteMonitor:
         """
         self.route = route
         self._planner, self._walls, self._half_width = planner, walls, half_width
-        self._end = planner.handover(arena.X_WD)
+        self._end = planner.spec.handover(arena.X_WD)
         self._units = {unit.name: unit for unit in arena.units}
         self._passages: dict[str, _Passage] = {}
         for obstacle in arena.obstacles:
@@ -56,7 +56,7 @@ class RouteMonitor:
 
     def end_moved(self, X_WD: SE2) -> tuple[float, float]:
         """Return how far the estimate of the place in front of the port has moved [m, rad]."""
-        X = self._end.inverse() @ self._planner.handover(X_WD)
+        X = self._end.inverse() @ self._planner.spec.handover(X_WD)
         return math.hypot(X.x, X.y), abs(wrap_angle(X.yaw))
 
     def reason_to_replan(self, arena: ArenaMap, s: float, moved: float) -> str | None:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from msrr_control.path_following.path import PaceSpec, Path
-from msrr_control.path_following.walls import Encounter, PassageError, WallSpec, find_encounter
+from msrr_control.path_following.walls import Encounter, WallSpec, find_encounter
 from msrr_control.planning.free_space import Disc, FreeSpace
 from msrr_control.planning.route import ArenaMap, Route, RouteSpec
 from msrr_control.planning.tangents import Goal, shortest_path
@@ -54,10 +54,6 @@ class RoutePlanner:
         self._box = (x0 + b, x1 - b, y0 + b, y1 - b)
         self._offset, self._half_width = offset, body_half_width
 
-    def handover(self, X_WD: SE2) -> SE2:
-        """Return the end of the path: the place of the controlled point, and the heading."""
-        return X_WD @ SE2(-self.spec.handover_m, 0.0, 0.0)
-
     def plan(self, arena: ArenaMap, caution: int = 0) -> Route | None:
         """Return the best route from where the unit stands, None if there is none.
 
@@ -77,7 +73,7 @@ class RoutePlanner:
     def blocker(self, arena: ArenaMap) -> str | None:
         """Return the name of the body that stands on the place in front of the port, None if it is free."""
         bodies = (*map(self.unit_disc, arena.units), *map(self.obstacle_disc, arena.obstacles))
-        place = self.handover(arena.X_WD).translation[None]
+        place = self.spec.handover(arena.X_WD).translation[None]
         disc = FreeSpace((-math.inf, math.inf, -math.inf, math.inf), bodies).deepest_disc(place)
         return None if disc is None else disc.name
 
@@ -115,13 +111,10 @@ class RoutePlanner:
         encounter = find_encounter(path, centre, np.asarray(half_width), self._walls)
         if not bool(encounter.blocked):
             return encounter, None
-        try:
-            self._walls.half_width(obstacle.radius, self._half_width)
-        except PassageError:
-            return encounter, None
+        too_wide = half_width > self._walls.widest_m
         too_soon = float(encounter.s) - s < self.spec.least_run_m
         too_late = float(path.length) - float(encounter.s) < self._walls.before_end_m
-        if too_soon or too_late:
+        if too_wide or too_soon or too_late:
             return encounter, None
         nearer = float(encounter.side)
         for candidate in (nearer, -nearer) if side is None else (side,):
@@ -169,7 +162,7 @@ class RoutePlanner:
 
     def _arc_path(self, arena: ArenaMap, lead_in: float) -> Path | None:
         """Return the circle from the axle that touches the docking axis where the lead-in begins."""
-        X_WL = self.handover(arena.X_WD) @ SE2(-lead_in, 0.0, 0.0)
+        X_WL = self.spec.handover(arena.X_WD) @ SE2(-lead_in, 0.0, 0.0)
         X_LU = X_WL.inverse() @ arena.X_WU
         x, y = X_LU.x, X_LU.y
         squared = x * x + y * y
@@ -192,7 +185,7 @@ class RoutePlanner:
     def _routes_around(self, arena: ArenaMap, margin: float) -> Iterator[Route]:
         """Yield routes of lines and arcs around everything, one for each lead-in that allows one."""
         space = self._free_space(arena, [self.obstacle_disc(o, margin) for o in arena.obstacles])
-        end = self.handover(arena.X_WD)
+        end = self.spec.handover(arena.X_WD)
         for lead_in in self.spec.lead_in_m:
             X_WL = end @ SE2(-lead_in, 0.0, 0.0)
             for radius in self.spec.turn_radius_m:
@@ -204,7 +197,7 @@ class RoutePlanner:
     def _staged_routes(self, arena: ArenaMap, margin: float) -> Iterator[Route]:
         """Yield routes to a place on the docking axis where the unit turns on the spot."""
         space = self._free_space(arena, [self.obstacle_disc(o, margin) for o in arena.obstacles])
-        end = self.handover(arena.X_WD)
+        end = self.spec.handover(arena.X_WD)
         for distance in self.spec.stage_m:
             X_WP = end @ SE2(-distance - self._offset, 0.0, 0.0)
             remaining = np.linspace(X_WP.translation, end.translation, 40)

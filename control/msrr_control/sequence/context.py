@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from msrr_control.docking.controller import ControlInputs, Controller
 from msrr_control.docking.law import DockSetup
@@ -89,45 +89,40 @@ class StateMemory:
         return self._frames
 
 
+@dataclass(slots=True)
 class DockingContext:
     """What the states go by, and what outlasts a stay in one of them.
 
     Attributes:
-        spec: Attempts, times and speeds of the task.
-        setup: Facts of the docking step.
-        controller: Drives from the hand-over to the port.
-        assembler: Long-distance phase; None if the unit starts in front of the port.
-        tuning: Figures of the mechanism and the sensors.
+        spec, setup, controller, assembler, tuning: As the phase machine was given them.
+        dt: Time between the last two instants [s].
         observation: What is known at this instant.
         view: Where the port is at this instant, None while nothing is known of it.
-        dt: Time since the previous instant [s].
         memory: Memory of the present stay.
         belief: What the unit says about this docking step so far.
         attempt: Attempt under way, counted from 1.
         ever_seen: Whether the target was ever seen.
         undocking: Whether the unit was told to undock.
         reassemble: Whether the next attempt begins with the long-distance phase.
+        last_gap: Last known distance between the faces [m], updated by odometry; None while unknown.
     """
 
-    def __init__(
-        self,
-        spec: DockingSpec,
-        setup: DockSetup,
-        controller: Controller,
-        assembler: Assembler | None,
-        tuning: PhaseTuning,
-    ) -> None:
-        """Begin before the first attempt."""
-        self.spec, self.setup, self.controller = spec, setup, controller
-        self.assembler, self.tuning = assembler, tuning
-        self.observation = Observation(0)
-        self.view: PortView | None = None
-        self.dt = 1.0 / setup.rate_hz
-        self.memory = StateMemory(0)
-        self.belief, self.attempt = Belief(), 1
-        self.ever_seen = self.undocking = self.reassemble = False
-        self._gap: float | None = None  # last known, updated by odometry while there is no estimate
-        self._previous_ns: int | None = None
+    spec: DockingSpec
+    setup: DockSetup
+    controller: Controller
+    assembler: Assembler | None
+    tuning: PhaseTuning
+    dt: float
+    observation: Observation = field(default_factory=lambda: Observation(0))
+    view: PortView | None = None
+    memory: StateMemory = field(default_factory=lambda: StateMemory(0))
+    belief: Belief = field(default_factory=Belief)
+    attempt: int = 1
+    ever_seen: bool = False
+    undocking: bool = False
+    reassemble: bool = False
+    last_gap: float | None = None
+    _previous_ns: int | None = None
 
     @property
     def now_ns(self) -> int:
@@ -137,11 +132,7 @@ class DockingContext:
     @property
     def gap(self) -> float:
         """Last known distance between the faces [m]; that of a finished retreat while it is unknown."""
-        return self._gap if self._gap is not None else self.spec.retreat_m
-
-    def forget_gap(self) -> None:
-        """Take the gap for unknown, as the unit goes far away."""
-        self._gap = None
+        return self.last_gap if self.last_gap is not None else self.spec.retreat_m
 
     def observe(self, observation: Observation) -> None:
         """Take in what is known at this instant; called once an instant."""
@@ -151,11 +142,11 @@ class DockingContext:
         self._previous_ns, self.observation = now_ns, observation
         if pose is None:
             self.view = None
-            if self._gap is not None:
-                self._gap -= self.dt * observation.twist.v
+            if self.last_gap is not None:
+                self.last_gap -= self.dt * observation.twist.v
             return
         self.view = PortView.of(pose, observation.los, self.setup, now_ns)
-        self._gap, self.ever_seen = self.view.gap, True
+        self.last_gap, self.ever_seen = self.view.gap, True
 
     def control_inputs(self, pose: PoseEstimate) -> ControlInputs:
         """Return what the controller is given at this instant."""

@@ -1,14 +1,5 @@
 """The state machine of one docking step, from the first look at the target to the verified lock.
 
-::
-
-    ASSEMBLE -> HAND_OVER -> DOCK -> LOCK -> VERIFY -> DONE
-     ^  |         ^   |       |       |        |
-     |  |         |   +-------+-------+--------+--> RETREAT -> FAILED   (no attempt left)
-     |  |         +-----------------------------------+   (next attempt)
-     |  +--> FAILED  (no way, or not localised)       |
-     +------------------------------------------------+   (next attempt after a failed hand-over)
-
 It decides by estimates and the unit's own sensors alone. Without a long-distance phase (the unit starts in
 front of the port) every attempt begins at the hand-over, and a target that is never seen there ends the step.
 """
@@ -46,16 +37,21 @@ class State(NamedTuple):
     enter: Callable[[DockingContext], None] | None = None
 
 
-#: What the unit does in each phase and what may come next. Undocking leads from DONE to RETREAT and back.
+#: What the unit does in each phase and what may come next, in the order of a docking without failures. Any
+#: failure leads to a retreat, from there to the next attempt: at the hand-over, or with the long-distance
+#: phase
+#: if the hand-over itself had failed. Undocking leads from DONE to RETREAT and back.
 STATES = {
-    Phase.ASSEMBLE: State(states.assemble, (Phase.HAND_OVER, Phase.FAILED)),
-    Phase.HAND_OVER: State(states.hand_over, (Phase.DOCK, Phase.RETREAT, Phase.FAILED)),
-    Phase.DOCK: State(states.dock, (Phase.LOCK, Phase.RETREAT), enter=states.begin_approach),
-    Phase.LOCK: State(states.lock, (Phase.VERIFY, Phase.RETREAT), holds_lock=True),
-    Phase.VERIFY: State(states.verify, (Phase.DONE, Phase.RETREAT), holds_lock=True),
-    Phase.RETREAT: State(states.retreat, (Phase.HAND_OVER, Phase.ASSEMBLE, Phase.DONE, Phase.FAILED)),
-    Phase.DONE: State(states.rest, (), holds_lock=True),
-    Phase.FAILED: State(states.rest, ()),
+    Phase.ASSEMBLE: State(states.assemble, leads_to=(Phase.HAND_OVER, Phase.FAILED)),
+    Phase.HAND_OVER: State(states.hand_over, leads_to=(Phase.DOCK, Phase.RETREAT, Phase.FAILED)),
+    Phase.DOCK: State(states.dock, leads_to=(Phase.LOCK, Phase.RETREAT), enter=states.begin_approach),
+    Phase.LOCK: State(states.lock, leads_to=(Phase.VERIFY, Phase.RETREAT), holds_lock=True),
+    Phase.VERIFY: State(states.verify, leads_to=(Phase.DONE, Phase.RETREAT), holds_lock=True),
+    Phase.DONE: State(states.rest, leads_to=(), holds_lock=True),
+    Phase.RETREAT: State(
+        states.retreat, leads_to=(Phase.HAND_OVER, Phase.ASSEMBLE, Phase.DONE, Phase.FAILED)
+    ),
+    Phase.FAILED: State(states.rest, leads_to=()),
 }
 
 
@@ -80,7 +76,7 @@ class PhaseMachine:
             tuning: Figures of the mechanism and the sensors.
         """
         tuning = tuning if tuning is not None else PhaseTuning()
-        self._context = DockingContext(spec, setup, controller, assembler, tuning)
+        self._context = DockingContext(spec, setup, controller, assembler, tuning, 1.0 / setup.rate_hz)
         self._phase, self._reason = Phase.ASSEMBLE, "start"
         self._entered = False
 

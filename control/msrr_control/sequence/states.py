@@ -39,22 +39,25 @@ def hand_over(c: DockingContext) -> Twist | Transition:
     if view is None or unseen >= 0.0:
         if unseen > c.spec.search_time_s:
             if c.ever_seen:
-                return _retry_from_afar(f"target not found in {unseen:.1f} s", FailureReason.TARGET_LOST)
+                return _fail(
+                    f"target not found in {unseen:.1f} s", FailureReason.TARGET_LOST, reassemble=True
+                )
             reason = f"no marker seen in {unseen:.1f} s"
             if c.assembler is None:
                 return Transition(Phase.FAILED, reason, FailureReason.NEVER_DETECTED)
-            return _retry_from_afar(reason, FailureReason.NEVER_DETECTED)
+            return _fail(reason, FailureReason.NEVER_DETECTED, reassemble=True)
         middle = view.bearing if view is not None else -memory.turned
         wanted = middle + scan_angle(unseen, c.spec.search_time_s, tuning.search)
         return Twist(0.0, turn_rate(wanted, tuning.search, max_w))
     memory.turned = 0.0
     in_cone = view.widest_edge < c.setup.los.outer
-    certain = view.sigma_lateral <= tuning.ready_sigma_m and view.sigma_yaw <= tuning.ready_sigma
+    ready_sigma_yaw = math.radians(tuning.ready_sigma_deg)
+    certain = view.sigma_lateral <= tuning.ready_sigma_m and view.sigma_yaw <= ready_sigma_yaw
     if in_cone and certain:
         return Transition(Phase.DOCK, f"target seen at {view}")
     if memory.lasted(c.now_ns) > tuning.ready_time_s:
         obstacle = "uncertain" if in_cone else "outside the cone"
-        return _retry_from_afar(f"target seen but {obstacle} at {view}", FailureReason.UNREADY)
+        return _fail(f"target seen but {obstacle} at {view}", FailureReason.UNREADY, reassemble=True)
     creep = tuning.search.creep_mps if in_cone and view.gap > tuning.search.creep_gap_m else 0.0
     return Twist(creep, turn_rate(view.bearing, tuning.search, max_w))
 
@@ -70,9 +73,7 @@ def dock(c: DockingContext) -> Twist | Transition:
     view, pose, switches = c.view, c.observation.pose, c.observation.switches
     spec, tuning = c.spec, c.tuning
     if view is None or pose is None or view.age > spec.lost_time_s:
-        return Transition(
-            Phase.RETREAT, f"target lost for {spec.lost_time_s:.2f} s", FailureReason.TARGET_LOST
-        )
+        return _fail(f"target lost for {spec.lost_time_s:.2f} s", FailureReason.TARGET_LOST)
     at_port = view.gap <= c.setup.pin_reach + tuning.contact_m
     closed = switches is not None and switches.both
     agrees = abs(view.gap - tuning.seated_gap_m) <= tuning.near_m or not spec.verify.by_sight
@@ -80,35 +81,30 @@ def dock(c: DockingContext) -> Twist | Transition:
         return Transition(Phase.LOCK, f"both seat switches closed at {view}")
     idle = c.memory.without_progress(view.off_seat(tuning.seated_gap_m), tuning.progress_m, c.now_ns)
     if idle > spec.stall_time_s:
-        return Transition(Phase.RETREAT, f"no progress for {idle:.1f} s at {view}", FailureReason.STALLED)
+        return _fail(f"no progress for {idle:.1f} s at {view}", FailureReason.STALLED)
     twist = c.controller.step(c.control_inputs(pose))
     if not at_port:
         return twist
-    if abs(view.lateral) > tuning.capture_m or abs(view.yaw) > tuning.capture:
-        return Transition(Phase.RETREAT, f"too far off the axis at {view}", FailureReason.OFF_AXIS)
+    if abs(view.lateral) > tuning.capture_m or abs(view.yaw) > math.radians(tuning.capture_deg):
+        return _fail(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
     turn = min(max(twist.w, -tuning.press_turn_radps), tuning.press_turn_radps)
     return Twist(spec.press_mps, turn)
 
 
 def lock(c: DockingContext) -> Twist | Transition:
     """Close the lock while leaning on the port without pushing."""
-    switches, feedback = c.observation.switches, c.observation.lock
-    memory, tuning = c.memory, c.tuning
+    switches, report, memory, tuning = c.observation.switches, c.observation.lock, c.memory, c.tuning
     opened = switches is None or not switches.both
     if memory.switches.update(opened, c.now_ns) > tuning.debounce_s:
-        return Transition(
-            Phase.RETREAT, "seat switches opened while the cam closed", FailureReason.NOT_LATCHED
-        )
-    if (
-        feedback is not None
-        and feedback.position is LockPosition.CLOSED
-        and feedback.stamp_ns >= memory.since_ns  # a report from before the command is none
-    ):
+        return _fail("seat switches opened while the cam closed", FailureReason.NOT_LATCHED)
+    # A report from before the command to close does not count.
+    closed = (
+        report is not None and report.stamp_ns >= memory.since_ns and report.position is LockPosition.CLOSED
+    )
+    if closed:
         return Transition(Phase.VERIFY, f"cam closed after {memory.lasted(c.now_ns):.2f} s")
     if memory.lasted(c.now_ns) > tuning.latch_s:
-        return Transition(
-            Phase.RETREAT, f"cam not closed in {tuning.latch_s:.1f} s", FailureReason.NOT_LATCHED
-        )
+        return _fail(f"cam not closed in {tuning.latch_s:.1f} s", FailureReason.NOT_LATCHED)
     return Twist(tuning.hold_share * c.spec.press_mps, 0.0)
 
 
@@ -124,7 +120,7 @@ def verify(c: DockingContext) -> Twist | Transition:
             return Transition(Phase.DONE, f"locked, and seen seated at {view}")
     if c.memory.lasted(c.now_ns) > check.time_s:
         seen = f"seen at {view}" if view is not None else "not seen"
-        return Transition(Phase.RETREAT, f"locked, but {seen}", FailureReason.NOT_VERIFIED)
+        return _fail(f"locked, but {seen}", FailureReason.NOT_VERIFIED)
     return STILL
 
 
@@ -135,9 +131,8 @@ def retreat(c: DockingContext) -> Twist | Transition:
     after the decision to back out, so that its collision monitor knows of new obstacles behind it; after too
     long a wait it goes by what was known before.
     """
-    memory, tuning = c.memory, c.tuning
-    feedback, pose = c.observation.lock, c.observation.pose
-    is_open = feedback is None or feedback.position is LockPosition.OPEN
+    memory, tuning, report, pose = c.memory, c.tuning, c.observation.lock, c.observation.pose
+    is_open = report is None or report.position is LockPosition.OPEN
     opened = memory.opened.update(is_open or memory.lasted(c.now_ns) > tuning.unlatch_s, c.now_ns)
     looked_behind = memory.looked_behind.update(_has_looked_behind(c), c.now_ns)
     free = min(opened, looked_behind)
@@ -181,11 +176,11 @@ def _after_retreat(c: DockingContext) -> Transition:
     if not c.reassemble or c.assembler is None:
         return Transition(Phase.HAND_OVER, reason)
     c.reassemble = False
-    c.forget_gap()
+    c.last_gap = None  # the unit goes far away
     c.assembler.reset(c.belief.reason)
     return Transition(Phase.ASSEMBLE, reason)
 
 
-def _retry_from_afar(reason: str, failure: FailureReason) -> Transition:
-    """End an attempt whose hand-over failed: the next one begins with the long-distance phase, if any."""
-    return Transition(Phase.RETREAT, reason, failure, reassemble=True)
+def _fail(reason: str, failure: FailureReason, reassemble: bool = False) -> Transition:
+    """End an attempt: back out, then try again, with the long-distance phase first if it is to reassemble."""
+    return Transition(Phase.RETREAT, reason, failure, reassemble)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from pydantic import Field
 
 from msrr_control.docking.retreat import RetreatSpec
@@ -60,13 +58,3 @@ class PhaseTuning(Spec):
     retreat_margin_s: Positive = 3.0
     retreat: RetreatSpec = RetreatSpec()
     search: SearchSpec = SearchSpec()
-
-    @property
-    def ready_sigma(self) -> float:
-        """Largest standard deviation of the heading at the hand-over [rad]."""
-        return math.radians(self.ready_sigma_deg)
-
-    @property
-    def capture(self) -> float:
-        """Heading error from which the funnel still centres the pins [rad]."""
-        return math.radians(self.capture_deg)

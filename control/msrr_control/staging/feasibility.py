@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from msrr_control.planning.free_space import Disc, FreeSpace
-from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.errors import SceneError
@@ -16,21 +15,18 @@ from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
 
 
-def check_assembly(scene: Scene, params: RouteFollowingParams | None = None) -> None:
+def check_assembly(scene: Scene) -> None:
     """Refuse a scene in which the place in front of a port can never be reached.
 
     The check uses the poses in the scene, which a unit must not know: it belongs before a trial, not in one.
-    It does not search for routes, and leaves out targets that earlier steps move.
-
-    Args:
-        scene: A checked scene.
-        params: Parameters of the assembler; None for the defaults.
+    It does not search for routes, assumes the default parameters, and leaves out targets that earlier steps
+    move.
 
     Raises:
         SceneError: The place in front of a port lies outside the arena or is always occupied, or
             :meth:`AssemblySetup.check` refuses the scene.
     """
-    params = params if params is not None else RouteFollowingParams()
+    params = RouteFollowingParams()
     close_range = close_range_steps(scene)
     placed = nominal_units(scene)
     moved: set[str] = set()
@@ -39,35 +35,29 @@ def check_assembly(scene: Scene, params: RouteFollowingParams | None = None) -> 
         if close_range.get(step.unit) is not step:
             setup.check(params.pace.cruise_mps, params.widest_obstacle_m, params.route.border_m)
             if step.target_unit not in moved:
-                _check_end(scene, i, step, setup, params, placed, moved)
+                end = params.route.handover(placed[step.target_unit] @ setup.X_TD)
+                bodies = _standing_bodies(scene, step, setup, placed, moved)
+                _check_end(scene, f"plan.{i}", step, setup, end, bodies)
         moved.add(step.unit)
 
 
 def _check_end(
-    scene: Scene,
-    i: int,
-    step: DockStep,
-    setup: AssemblySetup,
-    params: RouteFollowingParams,
-    placed: dict[str, SE2],
-    moved: set[str],
+    scene: Scene, where: str, step: DockStep, setup: AssemblySetup, end: SE2, bodies: list[Disc]
 ) -> None:
-    planner = RoutePlanner(params.route, params.walls, params.pace, setup.box, setup.offset, setup.half_width)
-    target = placed[step.target_unit]
-    end = planner.handover(target @ setup.X_TD)
+    """Refuse a place in front of the port that is outside the arena or always occupied."""
     spread = _largest_shift(scene, scene.units[step.target_unit].pose)
     x0, x1, y0, y1 = setup.box
     if not (x0 - spread <= end.x <= x1 + spread and y0 - spread <= end.y <= y1 + spread):
         raise SceneError(
-            f"plan.{i}: the place in front of {step.to}, ({end.x:.2f}, {end.y:.2f}), lies outside the arena; "
+            f"{where}: the place in front of {step.to}, ({end.x:.2f}, {end.y:.2f}), lies outside the arena; "
             f"turn or move {step.target_unit!r}, or lower control.assembly.params.route.handover_m"
         )
-    for disc in _standing_bodies(scene, step, setup, placed, moved):
+    for disc in bodies:
         room = disc.radius + setup.half_width - spread
         space = FreeSpace((-math.inf, math.inf, -math.inf, math.inf), (disc._replace(radius=room),))
         if room > 0.0 and not space.allows(end.translation[None]):
             raise SceneError(
-                f"plan.{i}: {disc.name} stands on the place in front of {step.to}, ({end.x:.2f}, "
+                f"{where}: {disc.name} stands on the place in front of {step.to}, ({end.x:.2f}, "
                 f"{end.y:.2f}); move it at least {room:.2f} m away from there"
             )
 

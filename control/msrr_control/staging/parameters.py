@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from pydantic import Field
 
 from msrr_control.path_following.c1 import C1PathFollowingParams
@@ -56,16 +54,6 @@ class WatchSpec(Spec):
     patience_s: NonNegative = 6.0
     retry_s: Positive = 1.0
     paths: int = Field(default=8, ge=1)
-
-    @property
-    def aligned(self) -> float:
-        """Heading error at which a turn on the spot ends [rad]."""
-        return math.radians(self.aligned_deg)
-
-    @property
-    def askew(self) -> float:
-        """Heading error that needs no turn on the spot [rad]."""
-        return math.radians(self.askew_deg)
 
 
 class RouteFollowingParams(Spec):

@@ -41,10 +41,7 @@ def build_assembler(choice: Choice, setup: AssemblySetup) -> Assembler:
         SceneError: The parameters are wrong, the class lacks a method or property, or the scene cannot work.
     """
     built = build("assembler", choice, ASSEMBLERS, setup)
-    for method in ("reset", "step"):
-        if not callable(getattr(built, method, None)):
-            raise SceneError(f"assembler {choice.name!r} has no method {method}")
-    for name in ("progress", "path"):
-        if not hasattr(built, name):
-            raise SceneError(f"assembler {choice.name!r} has no property {name}")
+    for member in ("reset", "step", "progress", "path"):
+        if not hasattr(built, member):
+            raise SceneError(f"assembler {choice.name!r} has no method or property {member}")
     return built

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Generic, Protocol, TypeVar
+from typing import Generic
 
 import numpy as np
 
 from msrr_control.kinematics.controlled_point import offset_point
-from msrr_control.path_following.law import PathFollowingLaw, PathFollowingState
-from msrr_control.path_following.reference import ReferenceState
+from msrr_control.path_following.law import PathFollowingLaw, State
 from msrr_control.planning.route import ArenaMap, Route
 from msrr_control.planning.route_monitor import RouteMonitor, as_obstacles
 from msrr_control.planning.route_planner import RoutePlanner
@@ -18,18 +17,6 @@ from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import AssemblyProgress, Twist, seconds
-
-
-class TrackedState(PathFollowingState, Protocol):
-    """State of a law that also has the reference which the controlled point tracks."""
-
-    @property
-    def guidance(self) -> ReferenceState:
-        """Reference that is tracked."""
-        ...
-
-
-State = TypeVar("State", bound=TrackedState)
 
 
 class RouteFollower(Generic[State]):

@@ -24,18 +24,17 @@ import math
 from enum import Enum
 from typing import Generic, NamedTuple
 
-from msrr_control.path_following.law import PathFollowingLaw
+from msrr_control.path_following.law import PathFollowingLaw, State
 from msrr_control.planning.free_space import Disc
 from msrr_control.planning.route import ArenaMap
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.sequence.observation import GiveUp, Observation
+from msrr_control.sequence.states import STILL
 from msrr_control.staging.parameters import RouteFollowingParams
-from msrr_control.staging.route_follower import RouteFollower, State
+from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import wrap_angle
 from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
-
-_STILL = Twist()
 
 #: Speeds below which the unit stands still [m/s], [rad/s], and the longest wait for it [s].
 _STILL_MPS, _STILL_RADPS, _BRAKE_S = 0.02, 0.08, 1.5
@@ -142,7 +141,7 @@ class LongDistanceAssembler(Generic[State]):
                 self._reason = decision.reason
                 return None
             self._change(decision.to, decision.reason)
-        return _STILL
+        return STILL
 
     def _act(self, observation: Observation, arena: ArenaMap) -> _Decision:
         match self._state:
@@ -169,7 +168,7 @@ class LongDistanceAssembler(Generic[State]):
         if waited > self._watch.lost_s:
             return GiveUp(FailureReason.NOT_LOCALISED, f"not localised for {waited:.1f} s")
         turns = self._state is AssemblyState.LOCALISE and waited > self._watch.spin_after_s
-        return Twist(0.0, self._watch.spin_radps) if turns else _STILL
+        return Twist(0.0, self._watch.spin_radps) if turns else STILL
 
     def _localise(self, arena: ArenaMap) -> _Decision:
         """Pass on at once, as unit and target are known; end the phase if the unit is there already."""
@@ -183,7 +182,7 @@ class LongDistanceAssembler(Generic[State]):
         stands = v < _STILL_MPS and w < _STILL_RADPS
         if stands or self._time_in_state(observation.now_ns) > _BRAKE_S:
             return _Transition(AssemblyState.PLAN, self._reason)
-        return _STILL
+        return STILL
 
     def _plan(self, now: int, arena: ArenaMap) -> _Decision:
         """Choose a route; wait for one if there is none."""
@@ -191,13 +190,13 @@ class LongDistanceAssembler(Generic[State]):
         if self._paths >= watch.paths:
             return GiveUp(FailureReason.BLOCKED, f"not there after {self._paths} paths: {self._reason}")
         if self._planned_ns is not None and seconds(now - self._planned_ns) < watch.retry_s:
-            return _STILL
+            return STILL
         self._planned_ns = now
         route = self._planner.plan(arena, self._caution)
         if route is None:
             waited = self._time_in_state(now)
             if waited < watch.patience_s:
-                return _STILL
+                return STILL
             blocker = self._planner.blocker(arena)
             where = "" if blocker is None else f"; {blocker} stands on the place in front of the port"
             reason = f"no way to the port in {waited:.1f} s{where}; {self._reason}"
@@ -218,8 +217,8 @@ class LongDistanceAssembler(Generic[State]):
         if reason is not None:
             return _Transition(AssemblyState.BRAKE, reason)
         error = wrap_angle(float(follower.route.path.start[2]) - arena.X_WU.yaw)
-        tolerance = watch.aligned if time > 0.0 else watch.askew
-        if abs(error) <= tolerance and abs(observation.twist.w) < 0.15:
+        tolerance = watch.aligned_deg if time > 0.0 else watch.askew_deg
+        if abs(error) <= math.radians(tolerance) and abs(observation.twist.w) < 0.15:
             return _Transition(AssemblyState.DRIVE, self._reason)
         if time > _TURN_S:
             self._caution += 1
@@ -266,7 +265,7 @@ class LongDistanceAssembler(Generic[State]):
     def _is_there(self, arena: ArenaMap) -> bool:
         """Return whether the unit stands on the place in front of the port."""
         x, y = self._follower.tip(arena.X_WU)
-        end = self._planner.handover(arena.X_WD)
+        end = self.params.route.handover(arena.X_WD)
         near = math.hypot(x - end.x, y - end.y) <= self._watch.there_m
         return near and abs(wrap_angle(arena.X_WU.yaw - end.yaw)) <= math.radians(self._watch.there_deg)
 

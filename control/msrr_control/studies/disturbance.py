@@ -7,8 +7,9 @@ from collections import deque
 import numpy as np
 from pydantic import Field
 
+from msrr_control.kinematics.controlled_point import rotate
 from msrr_control.kinematics.drive_limits import nested_limit_twist
-from msrr_control.kinematics.unicycle import advance_pose, apply_motion, slipping_twist
+from msrr_control.kinematics.unicycle import advance_pose
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -37,20 +38,6 @@ class Disturbance(Spec):
     slip: NonNegative = Field(default=0.0, le=0.2)
     track_m: Positive = 0.13
 
-    def draw_grips(self, trials: int, rng: np.random.Generator) -> Array:
-        """Draw the share of its encoder's path that each wheel (left, right) covers, shape (trials, 2)."""
-        grips: Array = 1.0 + self.slip * rng.uniform(-1.0, 1.0, (trials, 2))
-        return grips
-
-    @property
-    def pose_sigma(self) -> Array:
-        """Standard deviations of a measured pose [m, m, rad]."""
-        return np.array([self.sigma_xy_m, self.sigma_xy_m, np.radians(self.sigma_yaw_deg)])
-
-    def delay_steps(self, dt: float) -> int:
-        """Return the delay in steps of ``dt`` [s]."""
-        return round(self.delay_s / dt)
-
 
 class DisturbedUnicycles:
     """Unicycles behind the nested limits of eq. 3, with measured poses, odometry and slipping wheels.
@@ -63,39 +50,40 @@ class DisturbedUnicycles:
     def __init__(
         self, pose: Array, disturbance: Disturbance, limits: LimitsSpec, dt: float, rng: np.random.Generator
     ) -> None:
-        """Place the units at rest and draw the grip of their wheels.
-
-        Args:
-            pose: Axle poses at the start, shape (trials, 3).
-            disturbance: Noise and delay of the measured pose, and slip.
-            limits: What the drives can do.
-            dt: Control period [s].
-            rng: Draws the grips here, and the noise at every measurement.
-        """
-        trials = len(pose)
-        self.pose, self.twist = pose, np.zeros((trials, 2))
+        """Place the units at rest at ``pose``, shape (trials, 3); the control period is ``dt`` [s]."""
+        self.pose, self.twist = pose, np.zeros((len(pose), 2))
         self._disturbance, self._limits, self._dt, self._rng = disturbance, limits, dt, rng
-        self._grips = disturbance.draw_grips(trials, rng) if disturbance.slip else np.ones((trials, 2))
         self._odometry = pose
-        self._delayed: deque[tuple[Array, Array]] = deque(maxlen=disturbance.delay_steps(dt) + 1)
+        self._grips = np.ones((len(pose), 2))  # share of its encoder's path that each wheel covers
+        if disturbance.slip:
+            self._grips += disturbance.slip * rng.uniform(-1.0, 1.0, (len(pose), 2))
+        self.delay_steps = round(disturbance.delay_s / dt)
+        self._delayed: deque[tuple[Array, Array]] = deque(maxlen=self.delay_steps + 1)
 
     def measure(self) -> tuple[Array, Array]:
-        """Measure the poses once a step.
+        """Measure the poses, once a step.
 
         Returns:
-            The measured pose as it arrives now, that is, late; and what the law gets: that pose moved forward
-            by the odometry since its exposure, or the same pose if delays are not compensated.
+            The measured poses as they arrive, that is, late; and the poses that the law gets: moved forward
+            by the odometry since their exposure, or the late ones if delays are not compensated.
         """
-        noise = self._disturbance.pose_sigma * self._rng.standard_normal(self.pose.shape)
-        self._delayed.append((self._odometry, self.pose + noise))
-        exposed_at, late = self._delayed[0]
-        if not self._disturbance.compensated:
+        d = self._disturbance
+        sigma = np.array([d.sigma_xy_m, d.sigma_xy_m, np.radians(d.sigma_yaw_deg)])
+        measured = self.pose + sigma * self._rng.standard_normal(self.pose.shape)
+        self._delayed.append((self._odometry, measured))
+        then, late = self._delayed[0]
+        if not d.compensated:
             return late, late
-        return late, apply_motion(late, exposed_at, self._odometry)
+        motion = self._odometry - then
+        moved = late + motion
+        moved[:, :2] = late[:, :2] + rotate(motion[:, :2], late[:, 2] - then[:, 2])
+        return late, moved
 
     def advance(self, command: Array) -> None:
         """Drive by a command (v, w), shape (trials, 2), for one control period."""
-        self.twist = nested_limit_twist(self.twist, command, self._limits, self._limits.kappa_per_s, self._dt)
-        self._odometry = advance_pose(self._odometry, self.twist, self._dt)
-        true_twist = slipping_twist(self.twist, self._grips, self._disturbance.track_m)
-        self.pose = advance_pose(self.pose, true_twist, self._dt)
+        dt, track = self._dt, self._disturbance.track_m
+        self.twist = nested_limit_twist(self.twist, command, self._limits, self._limits.kappa_per_s, dt)
+        v, w = self.twist[:, 0], self.twist[:, 1]
+        self._odometry = advance_pose(self._odometry, dt * v, dt * w)
+        left, right = self._grips[:, 0] * (v - 0.5 * track * w), self._grips[:, 1] * (v + 0.5 * track * w)
+        self.pose = advance_pose(self.pose, dt * (0.5 * (left + right)), dt * ((right - left) / track))

@@ -158,7 +158,7 @@ def run_study(
     poses = np.empty((steps, trials, 3))
     edges, commands, twists, tips, references = (np.empty((steps, trials, 2)) for _ in range(5))
     sigma_bearing = np.radians(disturbance.sigma_bearing_deg)
-    delayed_edges: deque[Array] = deque(maxlen=disturbance.delay_steps(dt) + 1)
+    delayed_edges: deque[Array] = deque(maxlen=units.delay_steps + 1)
     state: State | None = None
     for k in range(steps):
         poses[k], twists[k] = units.pose, units.twist

@@ -3,7 +3,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msrr_control.kinematics.controlled_point import offset_point, point_velocity, rotate, twist_for
+from msrr_control.kinematics.controlled_point import (
+    offset_point,
+    point_velocity,
+    position_error,
+    rotate,
+    twist_for,
+)
 
 ANGLES = st.floats(-10.0, 10.0)
 SPEEDS = st.floats(-5.0, 5.0)
@@ -46,3 +52,8 @@ def test_rotate_turns_counter_clockwise_and_broadcasts() -> None:
     np.testing.assert_allclose(rotate(np.array([1.0, 0.0]), quarter), [0.0, 1.0], atol=1e-15)
     turned = rotate(np.array([1.0, 0.0]), np.array([0.0, np.pi]))
     assert turned == pytest.approx(np.array([[1.0, 0.0], [-1.0, 0.0]]), abs=1e-15)
+
+
+def test_a_position_error_is_cut_beyond_the_size_of_any_arena() -> None:
+    np.testing.assert_allclose(position_error(np.array([1.0, 1e9, -1e9]), np.zeros(3)), [1.0, 100.0, -100.0])
+    assert position_error(2.5, 1.0) == 1.5

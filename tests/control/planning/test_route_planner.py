@@ -32,7 +32,7 @@ def _around(X_WU: SE2, *obstacles: ObstacleEstimate, target: SE2 = TARGET, other
 
 def _ends_before_the_port(route: Route, around: ArenaMap) -> bool:
     end = route.path.at(route.path.length)
-    goal = PLANNER.handover(around.X_WD)
+    goal = PLANNER.spec.handover(around.X_WD)
     near = float(np.hypot(*(end.point - goal.translation))) < 1e-6
     return near and abs(wrap_angle(float(end.heading) - goal.yaw)) < 1e-6
 

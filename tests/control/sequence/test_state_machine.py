@@ -7,8 +7,9 @@ import pytest
 
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
+from msrr_control.sequence.context import Transition
 from msrr_control.sequence.observation import GiveUp, Observation
-from msrr_control.sequence.state_machine import PhaseMachine
+from msrr_control.sequence.state_machine import STATES, PhaseMachine
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
@@ -327,3 +328,16 @@ def test_a_marker_that_is_never_seen_ends_with_the_attempts(toy) -> None:
     assert robot.machine.belief.setback is FailureReason.NEVER_DETECTED
     assert len(assembler.resets) == 1
     assert robot.log[-1].attempt == 2
+
+
+def test_the_table_of_states_is_whole() -> None:
+    assert set(STATES) == set(Phase)
+    assert all(set(state.leads_to) <= set(Phase) for state in STATES.values())
+    assert {phase for phase, state in STATES.items() if not state.leads_to} == {Phase.DONE, Phase.FAILED}
+
+
+def test_a_transition_that_the_table_does_not_have_is_an_error(toy, monkeypatch: pytest.MonkeyPatch) -> None:
+    leap = STATES[Phase.DOCK]._replace(act=lambda context: Transition(Phase.DONE, "wishful thinking"))
+    monkeypatch.setitem(STATES, Phase.DOCK, leap)
+    with pytest.raises(RuntimeError, match="no transition from"):
+        toy().run()

@@ -1,15 +1,23 @@
 from __future__ import annotations
 
+import sys
+import types
+from dataclasses import replace
+
 import pytest
 
+from msrr_control.sequence.observation import Observation
 from msrr_control.staging.registry import ASSEMBLERS, build_assembler
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.errors import SceneError, UnknownNameError
-from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.specs.scene import ArenaSpec
 from msrr_scenes.specs.spec import Choice
-from msrr_scenes.specs.vehicle import LimitsSpec
+
+
+@pytest.fixture(scope="module")
+def setup() -> AssemblySetup:
+    scene = load_scene("two_units")
+    return AssemblySetup.of(scene, scene.plan[0])
 
 
 def test_the_assembler_c2_is_built_from_a_scene() -> None:
@@ -21,22 +29,22 @@ def test_the_assembler_c2_is_built_from_a_scene() -> None:
         build_assembler(Choice(name="c2", params={"repulsion": {"eta": -1.0}}), setup)
 
 
-HALF = 0.1  # the unit is a square
+class _NoReport:
+    """An assembler of a user's own that reports neither progress nor path."""
+
+    def __init__(self, setup: AssemblySetup) -> None: ...
+    def reset(self, reason: str) -> None: ...
+    def step(self, observation: Observation) -> None: ...
 
 
-def make_setup(limits: str = "normal", **obstacles: float) -> AssemblySetup:
-    return AssemblySetup(
-        unit="a",
-        target="b",
-        offset=0.1,
-        half_width=HALF,
-        X_TD=SE2(-0.1, 0.0, 0.0),
-        unit_radius={"a": 0.128, "b": 0.128, "c": 0.128},
-        obstacle_radius=obstacles,
-        arena=ArenaSpec(),
-        limits=LimitsSpec.model_validate({"setting": limits}),
-        rate_hz=50.0,
-    )
+def test_an_assembler_of_one_s_own_needs_the_whole_interface(
+    setup: AssemblySetup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = types.ModuleType("users_assembler")
+    module.NoReport = _NoReport  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "users_assembler", module)
+    with pytest.raises(SceneError, match="no method or property progress"):
+        build_assembler(Choice(name="users_assembler:NoReport"), setup)
 
 
 @pytest.mark.parametrize(
@@ -49,12 +57,15 @@ def make_setup(limits: str = "normal", **obstacles: float) -> AssemblySetup:
         (Choice(name="c1", params={"route": {"border_m": 1.5}}), SceneError, "cannot move in it"),
     ],
 )
-def test_bad_choices_are_refused(choice: Choice, error: type[Exception], says: str) -> None:
+def test_bad_choices_are_refused(
+    setup: AssemblySetup, choice: Choice, error: type[Exception], says: str
+) -> None:
     with pytest.raises(error, match=says):
-        build_assembler(choice, make_setup())
+        build_assembler(choice, setup)
     assert "c1" in ASSEMBLERS
 
 
-def test_an_obstacle_that_no_circle_can_stand_for_is_refused() -> None:
+def test_an_obstacle_that_no_circle_can_stand_for_is_refused(setup: AssemblySetup) -> None:
+    fenced = replace(setup, obstacle_radius={"fence": 0.8})
     with pytest.raises(SceneError, match=r"obstacles\.fence has a radius of 0\.80 m"):
-        build_assembler(Choice(name="c1"), make_setup(fence=0.8))
+        build_assembler(Choice(name="c1"), fenced)

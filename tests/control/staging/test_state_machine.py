@@ -118,7 +118,7 @@ class Arena:
         limits = self.setup.limits
         command = np.zeros(2) if held else np.array([decision.v, decision.w])
         self.twist = nested_limit_twist(self.twist, command, limits, limits.kappa_per_s, 0.02)
-        self.X_WU = SE2(*advance_pose(self.X_WU.as_array(), self.twist, 0.02))
+        self.X_WU = SE2(*advance_pose(self.X_WU.as_array(), 0.02 * self.twist[0], 0.02 * self.twist[1]))
         self.now_ns += DT_NS
         bodies = [*self.standing().values(), *((X.x, X.y, 0.128) for X in (self.X_WT, *self.others.values()))]
         for x, y, r in bodies:
