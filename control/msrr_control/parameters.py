@@ -1,4 +1,4 @@
-"""Reads a controller's parameters from a scene, with messages for whoever wrote the scene."""
+"""The parameters that a scene gives to a controller, checked with messages for the author of the scene."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ def read_params(name: str, kind: type[P], params: dict[str, Any]) -> P:
     """Validate a controller's parameters.
 
     Args:
-        name: The controller, for messages.
-        kind: Their specification.
-        params: As the scene gives them.
+        name: Name of the controller, for messages.
+        kind: Specification of the parameters.
+        params: The parameters as the scene gives them.
 
     Raises:
-        SceneError: One line with each parameter at fault, what is wrong with it, and the nearest valid one.
+        SceneError: Parameters are wrong; the message says of each what is wrong and the nearest valid name.
     """
     try:
         return kind.model_validate(params)

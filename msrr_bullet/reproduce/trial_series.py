@@ -12,10 +12,10 @@ from msrr_bullet.log import topics
 from msrr_bullet.log.records import TruePose
 from msrr_bullet.studies.docking_studies import docking_law
 from msrr_bullet.timeline.path_following_series import Instant
-from msrr_control.docking.controller import ControlInputs, sense
+from msrr_control.docking.controller import ControlInputs, law_inputs
 from msrr_control.docking.law import DockSetup
 from msrr_control.feedback.visibility_cone import edge_angles
-from msrr_control.kinematics.offset_point import offset_point
+from msrr_control.kinematics.controlled_point import offset_point
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure, Phase, Pixels, seconds
@@ -159,7 +159,7 @@ def _guidance(instants: list[Instant], scene: Scene, setup: DockSetup) -> Array:
         if estimate is None:
             continue
         dt = seconds(now_ns - previous_ns)
-        sensed = sense(ControlInputs(now_ns, dt, estimate, instant.los))
+        sensed = law_inputs(ControlInputs(now_ns, dt, estimate, instant.los))
         state = law.start(sensed) if state is None else state
         _, state = law.step(state, sensed, dt)
         points.append(law.reference(state))

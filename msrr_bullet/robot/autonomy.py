@@ -134,12 +134,12 @@ class Autonomy:
         """Progress of the long-distance phase at the last decision; None in other phases."""
         if self._phases.phase is not Phase.ASSEMBLE:
             return None
-        return getattr(self._assembler, "progress", None)
+        return None if self._assembler is None else self._assembler.progress
 
     @property
     def path(self) -> AssemblyPath | None:
         """Path that the long-distance phase follows or followed last."""
-        return getattr(self._assembler, "path", None)
+        return None if self._assembler is None else self._assembler.path
 
     def uses_camera(self, camera: str) -> bool:
         """Return whether the robot uses the frames of ``camera`` now; other cameras need not expose."""
@@ -203,8 +203,8 @@ class Autonomy:
                 switches=self._switches,
                 lock=self._lock,
                 twist=self._twist(),
-                situation=self.arena,
-                looked_around_ns=self._overhead.newest_ns if self._overhead else None,
+                arena=self.arena,
+                overhead_exposed_ns=self._overhead.newest_ns if self._overhead else None,
             )
         )
         if action.phase is Phase.ASSEMBLE and before is not Phase.ASSEMBLE:

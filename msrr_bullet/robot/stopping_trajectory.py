@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
-from msrr_control.kinematics.drive_limits import follower, nested_limit
+from msrr_control.kinematics.drive_limits import nested_limit, nested_limiter
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import NS_PER_S, ArenaEstimate, GlobalPose, ObstacleEstimate, Twist, seconds
@@ -97,8 +97,8 @@ class StoppingTrajectory:
     def __init__(self, scene: Scene) -> None:
         """Take limits, control rate and latency from the scene; the unit starts at rest."""
         self._limits = lim = scene.limits
-        self._follow_v = follower(lim.v_max_mps, lim.a_max_mps2, lim.kappa_per_s, _STEP_S)
-        self._follow_w = follower(lim.w_max_radps, lim.dw_max_radps2, lim.kappa_per_s, _STEP_S)
+        self._follow_v = nested_limiter(lim.v_max_mps, lim.a_max_mps2, lim.kappa_per_s, _STEP_S)
+        self._follow_w = nested_limiter(lim.w_max_radps, lim.dw_max_radps2, lim.kappa_per_s, _STEP_S)
         self._period_s = 1.0 / scene.control.rate_hz
         self._latency_s = 1e-3 * scene.link.latency_ms
         self._delay_s = self._latency_s + self._period_s + 2.0 * _STEP_S + 1.0 / lim.kappa_per_s

@@ -11,8 +11,8 @@ from msrr_bullet.studies.measures import paper_measures
 from msrr_bullet.studies.model import Measured, Row, Series, count_within_paper, rate_of
 from msrr_bullet.studies.settings import PAPER_PACE, Setting, merge_params
 from msrr_control.parameters import read_params
-from msrr_control.path_following.baseline import C2PathFollowingLaw, C2PathFollowingParams
 from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams, C1PathFollowingState
+from msrr_control.path_following.c2 import C2PathFollowingLaw, C2PathFollowingParams
 from msrr_control.path_following.law import PathFollowingLaw
 from msrr_control.path_following.walls import WallSpec
 from msrr_control.studies.path_following_study import PathFollowingStudyResult, run_path_following_study

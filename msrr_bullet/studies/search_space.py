@@ -13,8 +13,8 @@ from msrr_control.docking.barrier import BarrierParams
 from msrr_control.docking.c1 import C1DockingParams, LinearParams
 from msrr_control.docking.c2 import C2DockingParams
 from msrr_control.docking.graceful import GracefulParams
-from msrr_control.path_following.baseline import C2PathFollowingParams
 from msrr_control.path_following.c1 import C1PathFollowingParams
+from msrr_control.path_following.c2 import C2PathFollowingParams
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Spec
 

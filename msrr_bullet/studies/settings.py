@@ -8,7 +8,8 @@ from typing import Any
 from msrr_control.docking.guidance import GuidanceSpec
 from msrr_control.docking.law import DockSetup
 from msrr_control.path_following.path import PaceSpec
-from msrr_control.studies.docking_study import CLOSE, CLOSE_HARD, Disturbance, StartSet
+from msrr_control.studies.disturbance import Disturbance
+from msrr_control.studies.docking_study import CLOSE, CLOSE_HARD, StartSet
 from msrr_control.studies.path_following_study import PathFollowingStartSet
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene

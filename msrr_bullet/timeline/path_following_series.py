@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_control.kinematics.offset_point import offset_point
+from msrr_control.kinematics.controlled_point import offset_point
 from msrr_control.studies import metrics
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2

@@ -1,4 +1,4 @@
-"""The paper's close-range law: composite feedback, line-of-sight correction and anti-windup."""
+"""The paper's close-range law C1: composite feedback, line-of-sight correction and anti-windup."""
 
 from __future__ import annotations
 
@@ -7,46 +7,40 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import model_validator
 
-from msrr_control.docking.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
-from msrr_control.docking.law import DockSetup, Sensed, limit_twist
+from msrr_control.docking.guidance import (
+    CorrectedGuidanceParams,
+    GuidanceSpec,
+    GuidanceState,
+    corrected_guidance,
+    guidance_start,
+)
+from msrr_control.docking.law import DockSetup, LawInputs
 from msrr_control.feedback.auxiliary import AuxiliaryGains, auxiliary_step
 from msrr_control.feedback.composite import CompositeGains, composite_feedback
-from msrr_control.feedback.visibility_cone import ConeGains, ConeState, cone_force, cone_step
-from msrr_control.kinematics.drive_limits import nested_limit
-from msrr_control.kinematics.offset_point import offset_point, point_velocity, twist_for
+from msrr_control.feedback.visibility_cone import ConeState
+from msrr_control.kinematics.controlled_point import offset_point, point_velocity, position_error, twist_for
+from msrr_control.kinematics.drive_limits import limit_twist, nested_limit_twist
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Positive, Spec
 
-#: Errors beyond this [m] are cut: farther than any arena, and long before eq. 27's exponential overflows.
-_FARTHEST = 100.0
 
-
-class C1DockingParams(Spec):
-    """Parameters of :class:`C1DockingLaw`; the three switches are ablations.
+class C1DockingParams(CorrectedGuidanceParams):
+    """Parameters of :class:`C1DockingLaw`; the two switches and ``feedback.nonlinear`` are ablations.
 
     Attributes:
-        feedback: Composite feedback (eqs. 26, 27); ``feedback.nonlinear`` switches its second term.
+        feedback: Composite feedback (eqs. 26, 27).
         windup: Anti-windup system xi (eq. 25).
-        cone: Line-of-sight correction (eqs. 21 to 24).
-        guidance: The trajectory that is followed.
-        los_correction: Use the line-of-sight correction.
-        anti_windup: Use the anti-windup system.
+        anti_windup: Whether the anti-windup system is used.
     """
 
     feedback: CompositeGains = CompositeGains()
     windup: AuxiliaryGains = AuxiliaryGains(k_mps=0.05, gamma_m=0.10)
-    cone: ConeGains = ConeGains()
-    guidance: GuidanceSpec = GuidanceSpec()
-    los_correction: bool = True
     anti_windup: bool = True
 
     @model_validator(mode="after")
     def _windup_below_loop(self) -> C1DockingParams:
-        if self.anti_windup and self.windup.bandwidth >= self.feedback.k_n_per_s:
-            raise ValueError(
-                f"windup.k_mps / windup.gamma_m = {self.windup.bandwidth:.3g} 1/s has to stay below"
-                f" feedback.k_n_per_s = {self.feedback.k_n_per_s:.3g} 1/s; else anti-windup is a limit cycle"
-            )
+        if self.anti_windup:
+            self.windup.check_below(self.feedback.k_n_per_s, "feedback.k_n_per_s")
         return self
 
 
@@ -71,86 +65,50 @@ class C1DockingLaw:
 
     def __init__(self, params: C1DockingParams, setup: DockSetup) -> None:
         """Bind the law to its parameters and to the facts of the docking step."""
-        self.params = params
-        self.setup = setup
+        self.params, self.setup = params, setup
 
-    def start(self, sensed: Sensed) -> C1DockingState:
-        """Return the state at the beginning of an approach: the reference beside the tip, at rest."""
-        tip = offset_point(sensed.pose, self.setup.offset)
-        nothing = np.zeros_like(tip)
-        return C1DockingState(
-            guidance=guidance_start(tip),
-            cone=ConeState(nothing, nothing),
-            xi=nothing,
-            limited=limit_twist(np.asarray(sensed.twist, dtype=np.float64), self.setup.limits),
-        )
+    def start(self, inputs: LawInputs) -> C1DockingState:
+        """Return the state at the beginning of an approach, the reference abreast of the controlled point."""
+        limits = self.setup.limits
+        twist = np.asarray(inputs.twist, dtype=np.float64)
+        tip = offset_point(inputs.pose, self.setup.offset)
+        zero = np.zeros_like(tip)
+        limited = limit_twist(twist, limits.v_close_mps, limits.w_max_radps)
+        return C1DockingState(guidance_start(tip), ConeState(zero, zero), zero, limited)
 
-    def step(self, state: C1DockingState, sensed: Sensed, dt: float) -> tuple[Array, C1DockingState]:
+    def step(self, state: C1DockingState, inputs: LawInputs, dt: float) -> tuple[Array, C1DockingState]:
         r"""Advance the law by ``dt`` and return the command.
 
         .. math:: e = p_l - (p_r + \lambda_1) - \gamma\tanh\xi,\quad
             u = u_{27}(e) + \dot p_r + \dot\lambda_1 - k\xi
 
+        The saturation that drives xi is that of the drive's magnitude and rate limits without its lag. With
+        measured wheel speeds in its place the law keeps 4.5 to 7.7 mm of final bias.
+
         Source: Zheng et al., eqs. 24 to 27.
-
-        Args:
-            state: State of the law.
-            sensed: Pose, line of sight and twist, leading shape (...).
-            dt: Control period [s].
-
-        Returns:
-            (v, w) within the drive's speed limits, shape (..., 2), and the next state.
         """
-        params, setup = self.params, self.setup
-        yaw = sensed.pose[..., 2]
-        tip = offset_point(sensed.pose, setup.offset)
-        guidance = guidance_step(state.guidance, tip, sensed.visibility, params.guidance, setup.pin_reach, dt)
-        goal = np.zeros_like(tip)
-        goal[..., 0] = guidance.x
-        pace = np.zeros_like(tip)
-        pace[..., 0] = guidance.speed
-
-        cone = state.cone
-        if params.los_correction:
-            force = cone_force(sensed.edges, yaw, setup.los, params.cone.x_share)
-            # A target that is lost pulls nowhere; its last angles are no measurement.
-            force *= (sensed.visibility > 0.0)[..., None]
-            cone, shift_rate = cone_step(cone, force, params.cone, dt)
-            goal += cone.shift
-            pace += shift_rate
-
-        error = np.minimum(np.maximum(tip - goal, -_FARTHEST), _FARTHEST)
+        params, setup, limits = self.params, self.setup, self.setup.limits
+        yaw = inputs.pose[..., 2]
+        tip = offset_point(inputs.pose, setup.offset)
+        target = corrected_guidance(state.guidance, state.cone, tip, inputs, params, setup, dt)
+        error = position_error(tip, target.position)
         if params.anti_windup:
             error -= params.windup.gamma_m * np.tanh(state.xi)
-        velocity = composite_feedback(error, params.feedback) + pace
+        velocity = composite_feedback(error, params.feedback) + target.velocity
         if params.anti_windup:
             velocity -= params.windup.k_mps * state.xi
-        wish = twist_for(velocity, yaw, setup.offset)
-        limited = self._limited(state.limited, wish, dt)
+        twist = twist_for(velocity, yaw, setup.offset)
+        limited = nested_limit_twist(state.limited, twist, limits, 1.0 / dt, dt, limits.v_close_mps)
         xi = state.xi
         if params.anti_windup:
-            excess = point_velocity(limited - wish, yaw, setup.offset)
+            excess = point_velocity(limited - twist, yaw, setup.offset)
             xi = auxiliary_step(xi, excess, params.windup, dt)
-        return limit_twist(wish, setup.limits), C1DockingState(guidance, cone, xi, limited)
+        command = limit_twist(twist, limits.v_close_mps, limits.w_max_radps)
+        return command, C1DockingState(target.guidance, target.cone, xi, limited)
 
     def reference(self, state: C1DockingState) -> Array:
         """Return the guidance trajectory's point p_r in D, shape (..., 2) [m]."""
-        return np.stack([state.guidance.x, np.zeros_like(state.guidance.x)], axis=-1)
-
-    def _limited(self, limited: Array, wish: Array, dt: float) -> Array:
-        """Pass the wish through the drive's magnitude and rate limits, without its lag.
-
-        With measured wheel speeds in place of this the law keeps 4.5 to 7.7 mm of final bias.
-        """
-        limits, no_lag = self.setup.limits, 1.0 / dt
-        passed = np.empty(wish.shape)
-        passed[..., 0] = nested_limit(
-            limited[..., 0], wish[..., 0], limits.v_close_mps, limits.a_max_mps2, no_lag, dt
-        )
-        passed[..., 1] = nested_limit(
-            limited[..., 1], wish[..., 1], limits.w_max_radps, limits.dw_max_radps2, no_lag, dt
-        )
-        return passed
+        return state.guidance.point
 
 
 class LinearParams(Spec):
@@ -159,8 +117,8 @@ class LinearParams(Spec):
     k_n_per_s: Positive = 0.8
     guidance: GuidanceSpec = GuidanceSpec()
 
-    def as_close_range(self) -> C1DockingParams:
-        """Return the close-range law's parameters with everything but the linear term switched off."""
+    def as_c1(self) -> C1DockingParams:
+        """Return the parameters of C1 with everything but the linear term switched off."""
         return C1DockingParams(
             feedback=CompositeGains(k_n_per_s=self.k_n_per_s, nonlinear=False),
             guidance=self.guidance,

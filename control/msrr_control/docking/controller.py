@@ -1,11 +1,11 @@
-"""The controller protocol, what a controller is given, and the controllers that ship."""
+"""The controller interface, its inputs, and the controllers that come with the package."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Generic, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -13,14 +13,16 @@ from msrr_control.docking.barrier import BarrierLaw, BarrierParams
 from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams, LinearParams
 from msrr_control.docking.c2 import C2DockingLaw, C2DockingParams
 from msrr_control.docking.graceful import GracefulLaw, GracefulParams
-from msrr_control.docking.law import DockingLaw, DockSetup, Sensed, State
+from msrr_control.docking.law import DockingLaw, DockSetup, LawInputs, State
 from msrr_control.parameters import read_params
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, Twist
 from msrr_scenes.registry import build
-from msrr_scenes.specs.spec import Choice
+from msrr_scenes.specs.spec import Choice, Spec
 
-#: Share of its speed that the guidance keeps, by how the line of sight came about.
+P = TypeVar("P", bound=Spec)
+
+#: Share of its speed that the guidance keeps, by the status of the line of sight.
 _VISIBILITY = {LosStatus.SEEN: 1.0, LosStatus.PREDICTED: 0.5, LosStatus.LOST: 0.0}
 
 
@@ -30,10 +32,10 @@ class ControlInputs:
 
     Attributes:
         now_ns: Time of the instant.
-        dt: Time since the last one [s].
-        pose: The unit in the dock frame of its target.
-        los: Line of sight to the target, None before the first.
-        twist: Measured by the wheel encoders.
+        dt: Time since the last instant [s].
+        pose: Pose estimate of the unit in the dock frame of its target.
+        los: Line of sight to the target, None before the first observation.
+        twist: (v, w) as measured by the wheel encoders.
     """
 
     now_ns: int
@@ -46,17 +48,21 @@ class ControlInputs:
 class Controller(Protocol):
     """Drives the unit from the hand-over to the port.
 
-    A scene names one by registered name or import path; it is built as ``Class(setup, **params)`` with a
-    :class:`~msrr_control.docking.law.DockSetup` and the scene's ``control.docking.params``.
+    A scene names a controller by registered name or import path; it is built as ``Class(setup, **params)``
+    with a :class:`~msrr_control.docking.law.DockSetup` and the scene's ``control.docking.params``.
     """
 
     def reset(self, inputs: ControlInputs) -> None:
-        """Begin an approach from here (the first one, or one after a retreat)."""
+        """Begin an approach from here: the first one, or one after a retreat."""
         ...
 
     def step(self, inputs: ControlInputs) -> Twist:
         """Return the command for this instant."""
         ...
+
+
+#: Builds a controller from the facts of a docking step and the parameters of a scene.
+Factory = Callable[..., Controller]
 
 
 class LawController(Generic[State]):
@@ -69,26 +75,26 @@ class LawController(Generic[State]):
 
     def reset(self, inputs: ControlInputs) -> None:
         """Begin an approach from here."""
-        self._state = self.law.start(sense(inputs))
+        self._state = self.law.start(law_inputs(inputs))
 
     def step(self, inputs: ControlInputs) -> Twist:
         """Return the command for this instant; the first call begins an approach."""
-        sensed = sense(inputs)
+        arrays = law_inputs(inputs)
         if self._state is None:
-            self._state = self.law.start(sensed)
-        command, self._state = self.law.step(self._state, sensed, inputs.dt)
+            self._state = self.law.start(arrays)
+        command, self._state = self.law.step(self._state, arrays, inputs.dt)
         return Twist(float(command[0]), float(command[1]))
 
 
-def sense(inputs: ControlInputs) -> Sensed:
-    """Turn one robot's inputs into a law's arrays (no leading shape)."""
+def law_inputs(inputs: ControlInputs) -> LawInputs:
+    """Return one robot's inputs as the arrays of a law, without a leading shape."""
     los = inputs.los
     visibility = 0.0 if los is None else _VISIBILITY[los.status]
     edges = (0.0, 0.0) if los is None else (los.left, los.right)
     if not all(math.isfinite(a) for a in edges):
         edges, visibility = (0.0, 0.0), 0.0
     X_DU = inputs.pose.X_DU
-    return Sensed(
+    return LawInputs(
         pose=np.array([X_DU.x, X_DU.y, X_DU.yaw]),
         edges=np.array(edges),
         visibility=np.array(visibility),
@@ -96,46 +102,31 @@ def sense(inputs: ControlInputs) -> Sensed:
     )
 
 
-def c1(setup: DockSetup, **params: Any) -> Controller:
-    """Build the paper's close-range law C1."""
-    return LawController(C1DockingLaw(read_params("c1", C1DockingParams, params), setup))
+def _controller(name: str, law: Callable[[P, DockSetup], DockingLaw[Any]], kind: type[P]) -> Factory:
+    """Return a factory of controllers that run ``law`` with parameters of the given kind."""
+
+    def build_law(setup: DockSetup, **params: Any) -> Controller:
+        return LawController(law(read_params(name, kind, params), setup))
+
+    return build_law
 
 
-def c2(setup: DockSetup, **params: Any) -> Controller:
-    """Build the comparison law C2 of the paper."""
-    return LawController(C2DockingLaw(read_params("c2", C2DockingParams, params), setup))
-
-
-def linear(setup: DockSetup, **params: Any) -> Controller:
-    """Build plain linear tracking of the same guidance: no cone, no anti-windup, no nonlinear term."""
-    return LawController(C1DockingLaw(read_params("linear", LinearParams, params).as_close_range(), setup))
-
-
-def cbf(setup: DockSetup, **params: Any) -> Controller:
-    """Build linear tracking behind the line-of-sight barrier."""
-    return LawController(BarrierLaw(read_params("cbf", BarrierParams, params), setup))
-
-
-def graceful(setup: DockSetup, **params: Any) -> Controller:
-    """Build Park and Kuipers' pose-reaching law."""
-    return LawController(GracefulLaw(read_params("graceful", GracefulParams, params), setup))
-
-
-CONTROLLERS: dict[str, Callable[..., Controller]] = {
-    "c1": c1,
-    "c2": c2,
-    "cbf": cbf,
-    "graceful": graceful,
-    "linear": linear,
+#: The controllers by the names that a scene gives them: the paper's C1, its comparison C2, and three others.
+CONTROLLERS: dict[str, Factory] = {
+    "c1": _controller("c1", C1DockingLaw, C1DockingParams),
+    "c2": _controller("c2", C2DockingLaw, C2DockingParams),
+    "cbf": _controller("cbf", BarrierLaw, BarrierParams),
+    "graceful": _controller("graceful", GracefulLaw, GracefulParams),
+    "linear": _controller("linear", lambda params, setup: C1DockingLaw(params.as_c1(), setup), LinearParams),
 }
 
 
 def build_controller(choice: Choice, setup: DockSetup) -> Controller:
-    """Build the controller that a scene chose.
+    """Build the controller that a scene names.
 
     Raises:
-        UnknownNameError: Neither a registered name nor an import path that leads anywhere.
-        SceneError: Its parameters are wrong.
+        UnknownNameError: The name is neither registered nor an import path that leads anywhere.
+        SceneError: The parameters are wrong, or the class lacks a method.
     """
     built = build("controller", choice, CONTROLLERS, setup)
     for method in ("reset", "step"):

@@ -1,14 +1,13 @@
-"""Park and Kuipers' smooth law for reaching a pose, the one in common use for docking wheeled robots."""
+"""Park and Kuipers' smooth law for reaching a pose, in common use for docking wheeled robots."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
 from msrr_control.docking.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
-from msrr_control.docking.law import DockSetup, Sensed, limit_twist
-from msrr_control.kinematics.offset_point import offset_point
+from msrr_control.docking.law import DockSetup, LawInputs
+from msrr_control.kinematics.controlled_point import offset_point
+from msrr_control.kinematics.drive_limits import limit_twist
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
 
@@ -18,11 +17,11 @@ class GracefulParams(Spec):
 
     Attributes:
         k1: Ratio of the rates at which the angles to the target and the distance fall.
-        k2: How much faster the heading is corrected than that.
+        k2: Ratio of the rate at which the heading is corrected to the rate of those angles.
         slow_down: beta, how much curvature slows the unit down.
-        sharpness: lambda, how abruptly.
-        ahead_m: The goal lies this far beyond the seat: at the goal itself the law is singular.
-        guidance: Speeds along the way; a curve is taken slower.
+        sharpness: lambda, how abruptly it does.
+        ahead_m: Distance of the goal beyond the seat: at the goal itself the law is singular.
+        guidance: Guidance trajectory, whose speed the unit takes on a straight line; a curve is taken slower.
     """
 
     k1: Positive = 2.0
@@ -33,14 +32,8 @@ class GracefulParams(Spec):
     guidance: GuidanceSpec = GuidanceSpec()
 
 
-class GracefulState(NamedTuple):
-    """The pace keeper: a reference that glides along the axis abreast of the tip."""
-
-    guidance: GuidanceState
-
-
 class GracefulLaw:
-    r"""Steers along a smooth curve into the port; no cone, no tracking of a point.
+    r"""Steers along a smooth curve into the port, without a cone and without tracking a point.
 
     .. math:: w = -\frac{v}{r}\left[k_2(\delta - \arctan(-k_1\theta))
         + \left(1 + \frac{k_1}{1 + (k_1\theta)^2}\right)\sin\delta\right],\quad
@@ -56,25 +49,24 @@ class GracefulLaw:
 
     def __init__(self, params: GracefulParams, setup: DockSetup) -> None:
         """Bind the law to its parameters and to the facts of the docking step."""
-        self.params = params
-        self.setup = setup
+        self.params, self.setup = params, setup
 
-    def start(self, sensed: Sensed) -> GracefulState:
+    def start(self, inputs: LawInputs) -> GuidanceState:
         """Return the state at the beginning of an approach."""
-        return GracefulState(guidance_start(offset_point(sensed.pose, self.setup.offset)))
+        return guidance_start(offset_point(inputs.pose, self.setup.offset))
 
-    def step(self, state: GracefulState, sensed: Sensed, dt: float) -> tuple[Array, GracefulState]:
+    def step(self, state: GuidanceState, inputs: LawInputs, dt: float) -> tuple[Array, GuidanceState]:
         """Advance by ``dt`` [s]; return (v, w), shape (..., 2), and the next state."""
-        params, setup = self.params, self.setup
-        tip = offset_point(sensed.pose, setup.offset)
-        here = GuidanceState(np.minimum(tip[..., 0], state.guidance.x), state.guidance.speed)
-        guidance = guidance_step(here, tip, sensed.visibility, params.guidance, setup.pin_reach, dt)
-        curvature = self.curvature(sensed.pose)
+        params, setup, limits = self.params, self.setup, self.setup.limits
+        tip = offset_point(inputs.pose, setup.offset)
+        abreast = state._replace(x=np.minimum(tip[..., 0], state.x))
+        guidance = guidance_step(abreast, tip, inputs.visibility, params.guidance, setup.pin_reach, dt)
+        curvature = self.curvature(inputs.pose)
         speed = guidance.speed / (1.0 + params.slow_down * np.abs(curvature) ** params.sharpness)
         twist = np.empty(tip.shape)
         twist[..., 0] = speed
         twist[..., 1] = curvature * speed
-        return limit_twist(twist, setup.limits), GracefulState(guidance)
+        return limit_twist(twist, limits.v_close_mps, limits.w_max_radps), guidance
 
     def curvature(self, pose: Array) -> Array:
         """Return the curvature [1/m] of the path from a pose in D, shape (..., 3), to the goal."""
@@ -85,12 +77,10 @@ class GracefulLaw:
         distance = np.maximum(np.hypot(along, across), 0.5 * self.params.ahead_m)
         theta = -line
         delta = np.arctan2(np.sin(pose[..., 2] - line), np.cos(pose[..., 2] - line))
-        bracket = k2 * (delta - np.arctan(-k1 * theta)) + (1.0 + k1 / (1.0 + (k1 * theta) ** 2)) * np.sin(
-            delta
-        )
-        bent: Array = -bracket / distance
-        return bent
+        slope = 1.0 + k1 / (1.0 + (k1 * theta) ** 2)
+        curvature: Array = -(k2 * (delta - np.arctan(-k1 * theta)) + slope * np.sin(delta)) / distance
+        return curvature
 
-    def reference(self, state: GracefulState) -> Array:
-        """Return the point of the docking axis abreast of the tip, shape (..., 2) [m]."""
-        return np.stack([state.guidance.x, np.zeros_like(state.guidance.x)], axis=-1)
+    def reference(self, state: GuidanceState) -> Array:
+        """Return the point of the docking axis abreast of the controlled point, shape (..., 2) [m]."""
+        return state.point

@@ -1,4 +1,4 @@
-"""The reference that glides along the docking axis to the face, and waits for the unit when it has to."""
+"""The reference that a docking law tracks: guidance along the docking axis and line-of-sight correction."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msrr_control.docking.law import DockSetup, LawInputs
+from msrr_control.feedback.visibility_cone import ConeGains, ConeState, cone_force, cone_step
 from msrr_control.kinematics.elementwise import Number, at_least, at_most, limit, number, split, sqrt
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
@@ -18,9 +20,12 @@ class GuidanceSpec(Spec):
         speed_mps: Approach speed.
         ramp_s: Time from rest to that speed and back.
         contact_mps: Speed at which the pins reach the port.
-        overrun_m: How far beyond the face the reference ends, so that the unit is pushed into the port.
-        lag_m: Distance of the tip behind the reference at which the reference waits.
-        corridor_m: Lateral error of the tip at the pins' contact up to which the reference goes on.
+        overrun_m: Distance beyond the face at which the reference ends, so that the unit is pushed into the
+            port.
+        lag_m: Distance of the controlled point behind the reference at which the reference waits; it slows
+            down from half of this on.
+        corridor_m: Lateral error of the controlled point at the pins' contact up to which the reference goes
+            on.
         corridor_slope: Growth of that lateral bound per metre of distance.
     """
 
@@ -44,9 +49,14 @@ class GuidanceState(NamedTuple):
     x: Array
     speed: Array
 
+    @property
+    def point(self) -> Array:
+        """The reference p_r in D, shape (..., 2) [m]."""
+        return np.stack([self.x, np.zeros_like(self.x)], axis=-1)
+
 
 def guidance_start(tip: Array) -> GuidanceState:
-    """Start at rest beside the tip, shape (..., 2) [m] in D: at the distance it has now, on the axis."""
+    """Return a reference at rest on the axis abreast of the controlled point, shape (..., 2) [m] in D."""
     x = np.array(tip[..., 0])
     return GuidanceState(x, np.zeros_like(x))
 
@@ -56,38 +66,84 @@ def guidance_step(
 ) -> GuidanceState:
     """Advance the reference by ``dt``.
 
-    The paper's trajectory (0.11 m/s with ramps of 0.6 s) as long as nothing is amiss. It waits when the tip
-    lags, when the tip is too far off the axis to enter the port from here, and in the measure in which the
-    target is not seen; it slows down to the contact speed before the pins touch.
+    An unhindered approach is the paper's trajectory (0.11 m/s with ramps of 0.6 s), slowed down to the
+    contact speed before the pins touch. The reference slows down or waits while the controlled point lags, is
+    too far off the axis to enter the port from here, or does not see the target.
 
     Source: Zheng et al., the guidance trajectory of the close-range phase; waiting is an addition.
 
     Args:
         state: Reference.
-        tip: The controlled point in D, shape (..., 2) [m].
-        visibility: 1 seen, 0 lost, between: predicted; shape (...).
+        tip: Controlled point in D, shape (..., 2) [m].
+        visibility: 1 where the target is seen, 0 where lost, between where predicted; shape (...).
         spec: Speeds and bounds.
-        pin_reach: How far the pins stick out beyond the controlled point [m].
+        pin_reach: Distance by which the pins stick out beyond the controlled point [m].
         dt: Step [s].
-
-    Returns:
-        The reference one step later.
     """
     a = spec.acceleration
-    x, before = number(state.x), number(state.speed)
+    x, speed = number(state.x), number(state.speed)
     tip_x, tip_y = split(tip)
     to_pins = at_least(-pin_reach - x, 0.0)
     to_end = at_least(spec.overrun_m - x, 0.0)
-    wish = at_most(sqrt(spec.contact_mps**2 + 2.0 * a * to_pins), spec.speed_mps)
-    wish = at_most(wish, sqrt(2.0 * a * to_end))
+    wanted = at_most(sqrt(spec.contact_mps**2 + 2.0 * a * to_pins), spec.speed_mps)
+    wanted = at_most(wanted, sqrt(2.0 * a * to_end))
     corridor = spec.corridor_m + spec.corridor_slope * to_pins
-    on_axis = _fades(abs(tip_y) / corridor)
-    in_step = _fades(2.0 * (x - tip_x) / spec.lag_m)
-    wish = wish * (number(visibility) * on_axis * in_step)
-    speed = before + limit(wish - before, -a * dt, a * dt)
+    on_axis = _fade(abs(tip_y) / corridor)
+    in_step = _fade(2.0 * (x - tip_x) / spec.lag_m)
+    wanted = wanted * (number(visibility) * on_axis * in_step)
+    speed = speed + limit(wanted - speed, -a * dt, a * dt)
     return GuidanceState(np.asarray(at_most(x + dt * speed, spec.overrun_m)), np.asarray(speed))
 
 
-def _fades(ratio: Number) -> Number:
+def _fade(ratio: Number) -> Number:
     """Return 1 up to a ratio of 1, falling to 0 at a ratio of 2."""
     return limit(2.0 - ratio, 0.0, 1.0)
+
+
+class CorrectedGuidanceParams(Spec):
+    """Parameters of the guidance with its line-of-sight correction, which C1 and C2 have in common.
+
+    Attributes:
+        cone: Line-of-sight correction (eqs. 21 to 24).
+        guidance: Guidance trajectory.
+        los_correction: Whether the line-of-sight correction is used (False is an ablation).
+    """
+
+    cone: ConeGains = ConeGains()
+    guidance: GuidanceSpec = GuidanceSpec()
+    los_correction: bool = True
+
+
+class CorrectedGuidance(NamedTuple):
+    """The corrected reference p_r + lambda_1 in D, its rate, shape (..., 2) [m, m/s], and the next states."""
+
+    position: Array
+    velocity: Array
+    guidance: GuidanceState
+    cone: ConeState
+
+
+def corrected_guidance(
+    guidance: GuidanceState,
+    cone: ConeState,
+    tip: Array,
+    inputs: LawInputs,
+    params: CorrectedGuidanceParams,
+    setup: DockSetup,
+    dt: float,
+) -> CorrectedGuidance:
+    """Advance the guidance and its line-of-sight correction by ``dt`` [s]; ``tip`` is p_l in D.
+
+    Source: Zheng et al., eqs. 21 to 24.
+    """
+    guidance = guidance_step(guidance, tip, inputs.visibility, params.guidance, setup.pin_reach, dt)
+    position, velocity = np.zeros_like(tip), np.zeros_like(tip)
+    position[..., 0], velocity[..., 0] = guidance.x, guidance.speed
+    if params.los_correction:
+        force = cone_force(inputs.edges, inputs.pose[..., 2], setup.los, params.cone.x_share)
+        # The last angles of a lost target are no measurement: it exerts no force.
+        force *= (inputs.visibility > 0.0)[..., None]
+        cone, shift_rate = cone_step(cone, force, params.cone, dt)
+        position += cone.shift
+        velocity += shift_rate
+    return CorrectedGuidance(position, velocity, guidance, cone)

@@ -1,4 +1,4 @@
-"""What a docking law is: a pure step over arrays; one robot and a thousand trials run the same code."""
+"""The interface of a docking law: a pure step over arrays, the same code for one robot and for a thousand."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from msrr_control.kinematics.elementwise import join, limit, split
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.specs.plan import LosSpec
@@ -18,8 +17,8 @@ if TYPE_CHECKING:
     from msrr_scenes.specs.scene import Scene
 
 
-class Sensed(NamedTuple):
-    """What a law may know at one control instant.
+class LawInputs(NamedTuple):
+    """What a law is given at one control instant.
 
     Attributes:
         pose: Axle pose (x, y, yaw) in the dock frame D, shape (..., 3) [m, m, rad].
@@ -39,9 +38,9 @@ class DockSetup:
     """The fixed facts of one docking step, from the unit's geometry and the scene.
 
     Attributes:
-        offset: l, the active port's face ahead of the axle [m].
-        camera_offset: l_c, the camera ahead of the axle [m].
-        pin_reach: How far the pins stick out beyond the face [m].
+        offset: l, distance of the active port's face ahead of the axle [m].
+        camera_offset: l_c, distance of the camera ahead of the axle [m].
+        pin_reach: Distance by which the pins stick out beyond the face [m].
         los: Line-of-sight target and cone.
         limits: What the drive can do.
         rate_hz: Control rate.
@@ -88,24 +87,25 @@ State = TypeVar("State")
 
 
 class DockingLaw(Protocol[State]):
-    """A close-range law with explicit state. It keeps nothing between calls."""
+    """A close-range law with explicit state: the law itself keeps nothing between calls."""
 
-    def start(self, sensed: Sensed) -> State:
+    def start(self, inputs: LawInputs) -> State:
         """Return the state with which an approach begins from here."""
         ...
 
-    def step(self, state: State, sensed: Sensed, dt: float) -> tuple[Array, State]:
-        """Return the commanded (v, w), shape (..., 2), within the speed limits, and the next state."""
+    def step(self, state: State, inputs: LawInputs, dt: float) -> tuple[Array, State]:
+        """Advance the law by one control period.
+
+        Args:
+            state: State of the law.
+            inputs: Pose, line of sight and twist, leading shape (...).
+            dt: Control period [s].
+
+        Returns:
+            The commanded (v, w) within the drive's speed limits, shape (..., 2), and the next state.
+        """
         ...
 
     def reference(self, state: State) -> Array:
-        """Return where the guidance wants the controlled point in D, shape (..., 2) [m]."""
+        """Return the point of the guidance trajectory in D, shape (..., 2) [m]."""
         ...
-
-
-def limit_twist(twist: Array, limits: LimitsSpec) -> Array:
-    """Return ``twist``, shape (..., 2), with v within the close-range speed and w within the drive's."""
-    v, w = split(twist)
-    return join(
-        limit(v, -limits.v_close_mps, limits.v_close_mps), limit(w, -limits.w_max_radps, limits.w_max_radps)
-    )

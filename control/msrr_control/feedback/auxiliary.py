@@ -1,4 +1,4 @@
-"""The auxiliary (anti-windup) dynamics, stepped so that no step size can make them diverge."""
+"""The auxiliary (anti-windup) system of the paper, stepped so that no step size makes it diverge."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class AuxiliaryGains(Spec):
     """Gains of one auxiliary system.
 
     Attributes:
-        k_mps: Decay of the state [m/s] (m/s2 for the upper layer of the long-distance phase).
-        gamma_m: Scale of its contribution gamma tanh(lambda) [m] (m/s for that layer).
+        k_mps: Decay k of the state [m/s] (m/s2 in the upper layer of the long-distance phase).
+        gamma_m: Scale gamma of its contribution gamma tanh(lambda) [m] (m/s in that layer).
         clamp: Largest |lambda|; beyond it the state can escape in finite time.
     """
 
@@ -27,8 +27,16 @@ class AuxiliaryGains(Spec):
 
     @property
     def bandwidth(self) -> float:
-        """Decay over scale, k / gamma [1/s]; below the gain of the loop it serves, else a limit cycle."""
+        """Ratio k / gamma [1/s]."""
         return self.k_mps / self.gamma_m
+
+    def check_below(self, gain: float, name: str) -> None:
+        """Refuse a bandwidth above the gain of the position loop [1/s], which makes a limit cycle."""
+        if self.bandwidth >= gain:
+            raise ValueError(
+                f"windup.k_mps / windup.gamma_m = {self.bandwidth:.3g} 1/s has to stay below {name} ="
+                f" {gain:.3g} 1/s; else anti-windup is a limit cycle"
+            )
 
 
 def auxiliary_step(state: Number, excess: Number, gains: AuxiliaryGains, dt: float) -> Number:
@@ -44,7 +52,7 @@ def auxiliary_step(state: Number, excess: Number, gains: AuxiliaryGains, dt: flo
 
     Args:
         state: lambda, a number or an array of any shape.
-        excess: Delta, what saturation took from (or a force adds to) the command, same shape [m/s].
+        excess: Delta, what saturation takes from (or a force adds to) the command, same shape [m/s].
         gains: k, gamma and the clamp.
         dt: Step [s] >= 0.
 
@@ -52,12 +60,12 @@ def auxiliary_step(state: Number, excess: Number, gains: AuxiliaryGains, dt: flo
         lambda one step later, same shape, within the clamp.
     """
     k, gamma, clamp = gains.k_mps * dt, gains.gamma_m, gains.clamp
-    most = gamma * tanh(clamp) + k * clamp
-    goal = limit(gamma * tanh(state) + dt * excess, -most, most)
+    bound = gamma * tanh(clamp) + k * clamp
+    goal = limit(gamma * tanh(state) + dt * excess, -bound, bound)
     root = goal / (gamma + k)
     for _ in range(_ITERATIONS):
         t = tanh(root)
-        before, root = root, root - (gamma * t + k * root - goal) / (gamma * (1.0 - t * t) + k)
-        if isinstance(root, float) and root == before:
-            break  # no further step would move it
+        previous, root = root, root - (gamma * t + k * root - goal) / (gamma * (1.0 - t * t) + k)
+        if isinstance(root, float) and root == previous:
+            break  # converged: no further step would change it
     return limit(root, -clamp, clamp)

@@ -1,4 +1,4 @@
-"""Composite linear and nonlinear feedback of the close-range phase."""
+"""The composite feedback of the close-range phase: a linear and a nonlinear term."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class CompositeGains(Spec):
         alpha: Exponent of the nonlinear term, in (0, 1).
         predefined_s: T, the predefined time of the nonlinear term. At 20 s it exceeds the approach and the
             term only helps at the beginning; at 5 s it costs about 5 mm and 3 deg under noise.
-        nonlinear: False leaves the linear term alone (ablation).
+        nonlinear: Whether the nonlinear term is used (False is an ablation).
     """
 
     k_n_per_s: Positive = 0.8
@@ -27,18 +27,18 @@ class CompositeGains(Spec):
 
 
 def composite_feedback(error: Array, gains: CompositeGains) -> Array:
-    r"""Return the feedback velocity of the lock tip.
+    r"""Return the feedback velocity of the controlled point.
 
     .. math:: u = -k_n e - \frac{e^{|e|^\alpha}\,\mathrm{sig}(e)^{1-\alpha}}{\alpha T},\quad
         \mathrm{sig}(e)^a = |e|^a\,\mathrm{sgn}(e)
 
-    per axis. Finite, continuous at 0, odd and strictly falling in e; not bounded.
+    on each axis. It is finite, continuous at 0, odd and strictly falling in e, and not bounded.
 
     Source: Zheng et al., eqs. 26 and 27; exponent sign corrected (printed -alpha, unbounded at e = 0).
 
     Args:
-        error: Position error of the tip in the dock frame [m], any shape. The exponential overflows beyond
-            (700)**(1 / alpha) m, far outside anything the caller's limits let through.
+        error: Position error of the controlled point in the dock frame [m], any shape. The exponential
+            overflows beyond (700)**(1 / alpha) m, far outside of what ``position_error`` lets through.
         gains: ``k_n`` [1/s], ``alpha`` and ``T`` [s].
 
     Returns:
@@ -47,6 +47,6 @@ def composite_feedback(error: Array, gains: CompositeGains) -> Array:
     linear: Array = -gains.k_n_per_s * error
     if not gains.nonlinear:
         return linear
-    size = np.abs(error)
-    power = np.exp(size**gains.alpha) * size ** (1.0 - gains.alpha)
-    return linear - np.copysign(power, error) / (gains.alpha * gains.predefined_s)
+    magnitude = np.abs(error)
+    nonlinear = np.exp(magnitude**gains.alpha) * magnitude ** (1.0 - gains.alpha)
+    return linear - np.copysign(nonlinear, error) / (gains.alpha * gains.predefined_s)

@@ -1,4 +1,4 @@
-"""The safety envelope of a double integrator: how fast it may still approach a bound, and what stops it."""
+"""The safety envelope of a double integrator: the speed at which it may approach a bound."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _SMALL = 1e-3
 
 
 class EnvelopeGains(Spec):
-    """Gains of the envelope. It holds only if ``gamma`` is less than the acceleration that is available.
+    """Gains of the envelope, which holds only if ``gamma`` is less than the available acceleration.
 
     Attributes:
         gamma: Deceleration that the envelope asks for [units/s2].
-        rho: Length over which it rounds off near the bound [units].
-        alpha_per_s: Rate at which a violated envelope is returned to.
+        rho: Length over which the envelope rounds off near the bound [units].
+        alpha_per_s: Rate at which the state returns to a violated envelope.
     """
 
     gamma: Positive = 0.28
@@ -45,8 +45,8 @@ def braking_speed(distance: Number, gains: EnvelopeGains) -> Number:
     Source: Zheng et al., eq. 5. ln cosh is written so that it neither overflows nor cancels.
     """
     z = abs(distance) / gains.rho
-    near = at_most(z, _SMALL)
-    log_cosh: Number = where(z < _SMALL, 0.5 * near * near, z + log1p(exp(-2.0 * z)) - _LOG_2)
+    small_z = at_most(z, _SMALL)
+    log_cosh: Number = where(z < _SMALL, 0.5 * small_z * small_z, z + log1p(exp(-2.0 * z)) - _LOG_2)
     return sqrt(2.0 * gains.gamma * gains.rho * at_least(log_cosh, 0.0))
 
 
@@ -55,7 +55,7 @@ def envelope(position: Number, gains: EnvelopeGains) -> Number:
 
     .. math:: F(x) = \beta(x)\ (x \le 0),\quad -\sqrt{\gamma/\rho}\,x\ (x > 0)
 
-    Source: Zheng et al., eqs. 4 and 5; the sign is corrected (printed opposite, it drives the state away).
+    Source: Zheng et al., eqs. 4 and 5; the sign is corrected (the printed one drives the state away).
 
     Args:
         position: eta1, safe where it is not positive, any shape [units].
@@ -64,9 +64,8 @@ def envelope(position: Number, gains: EnvelopeGains) -> Number:
     Returns:
         F, same shape [units/s]; negative beyond the bound, which pulls the state back.
     """
-    speed: Number = where(
-        position <= 0.0, braking_speed(position, gains), -math.sqrt(gains.gamma / gains.rho) * position
-    )
+    outside = -math.sqrt(gains.gamma / gains.rho) * position
+    speed: Number = where(position <= 0.0, braking_speed(position, gains), outside)
     return speed
 
 
@@ -79,9 +78,9 @@ def envelope_slope(position: Number, gains: EnvelopeGains) -> Number:
     """
     beta = braking_speed(position, gains)
     inside = position < -_SMALL * _SMALL * gains.rho
-    slope = gains.gamma * tanh(position / gains.rho) / where(inside, beta, 1.0)
-    full: Number = where(inside, slope, -math.sqrt(gains.gamma / gains.rho))
-    return full
+    slope_inside = gains.gamma * tanh(position / gains.rho) / where(inside, beta, 1.0)
+    slope: Number = where(inside, slope_inside, -math.sqrt(gains.gamma / gains.rho))
+    return slope
 
 
 def safe_acceleration(position: Number, velocity: Number, gains: EnvelopeGains) -> Number:
@@ -104,43 +103,45 @@ def safe_acceleration(position: Number, velocity: Number, gains: EnvelopeGains) 
 
 
 def enveloped_acceleration(
-    wish: Number,
+    wanted: Number,
     position: Number,
     velocity: Number,
     gains: EnvelopeGains,
-    most: float,
+    max_acceleration: float,
     lower: float | None = None,
     upper: float | None = None,
 ) -> Number:
-    r"""Return the acceleration nearest to ``wish`` that respects a lower and an upper wall.
+    r"""Return the acceleration nearest to ``wanted`` that respects a lower and an upper wall.
 
     .. math:: u = \mathrm{sat}(-u_{max}, \mathrm{sat}(-u_s^{lower}, u_r, u_s^{upper}), u_{max})
 
-    From a state inside the envelope no wish leads across the wall. Walls in x and y at once can deadlock a
-    unit: use one, aligned with the path.
+    From a state inside the envelope no wanted acceleration leads across the wall. Walls in x and y at once
+    can deadlock a unit: use one wall, aligned with the path.
 
     Source: Zheng et al., eq. 9.
 
     Args:
-        wish: u_r, any shape [m/s2].
+        wanted: u_r, any shape [m/s2].
         position: Coordinate across the wall, same shape [m].
-        velocity: Its rate [m/s].
-        gains: Envelope; gamma has to be less than ``most``.
-        most: u_max [m/s2].
-        lower: Wall below, None if there is none [m].
-        upper: Wall above, None if there is none [m].
+        velocity: Rate of that coordinate, same shape [m/s].
+        gains: Envelope; gamma has to be less than ``max_acceleration``.
+        max_acceleration: u_max [m/s2].
+        lower: Coordinate of the wall below, None if there is none [m].
+        upper: Coordinate of the wall above, None if there is none [m].
 
     Returns:
         u, same shape [m/s2].
 
     Raises:
-        ValueError: gamma is not less than ``most``: the envelope would ask for more than there is.
+        ValueError: gamma is not less than u_max: the envelope would ask for more than the drive can do.
     """
-    if gains.gamma >= most:
-        raise ValueError(f"the envelope's gamma = {gains.gamma} has to be less than u_max = {most}")
-    u = wish
+    if gains.gamma >= max_acceleration:
+        raise ValueError(
+            f"the envelope's gamma = {gains.gamma} has to be less than u_max = {max_acceleration}"
+        )
+    u = wanted
     if lower is not None:
         u = at_least(u, -safe_acceleration(lower - position, -velocity, gains))
     if upper is not None:
         u = at_most(u, safe_acceleration(position - upper, velocity, gains))
-    return limit(u, -most, most)
+    return limit(u, -max_acceleration, max_acceleration)

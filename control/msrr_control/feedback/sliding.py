@@ -1,4 +1,4 @@
-"""Sliding-mode-flavoured feedback with a boundary layer: the tracking of the paper's comparison."""
+"""Sliding-mode feedback with a boundary layer, by which the paper's comparison C2 tracks."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ class SlidingGains(Spec):
     """Gains of the sliding feedback.
 
     Attributes:
-        k_per_s: Linear gain.
-        reach_mps: Reaching speed, the size of the switching term outside the boundary layer.
-        layer_m: Thickness of the boundary layer, within which that term is linear.
+        k_per_s: Linear gain k.
+        reach_mps: Reaching speed rho, the magnitude of the switching term outside the boundary layer.
+        layer_m: Thickness delta of the boundary layer, within which the switching term is linear.
     """
 
     k_per_s: Positive = 0.8
@@ -23,16 +23,16 @@ class SlidingGains(Spec):
 
     @property
     def slope_per_s(self) -> float:
-        """Gain inside the boundary layer [1/s]: what the loop's delay has to bear."""
+        """Gain inside the boundary layer [1/s]; together with the loop's delay it decides on stability."""
         return self.k_per_s + self.reach_mps / self.layer_m
 
 
 def sliding_feedback(error: Array, gains: SlidingGains) -> Array:
-    r"""Return the feedback velocity.
+    r"""Return the feedback velocity of the controlled point.
 
     .. math:: u = -k e - \rho\,\mathrm{sat}(-1, e/\delta, 1)
 
-    per axis. Continuous, odd and strictly falling in e.
+    on each axis. It is continuous, odd and strictly falling in e.
 
     Source: the comparison of Zheng et al. (their reference [22]); the boundary layer is that of J.-J. Slotine
     and W. Li, "Applied Nonlinear Control", 1991, section 7.2.

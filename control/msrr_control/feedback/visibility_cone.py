@@ -1,29 +1,26 @@
-"""The line-of-sight correction: keeps the docking target inside the cone of the camera."""
+"""The line-of-sight correction, which keeps the docking target inside the visibility cone of the camera."""
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from msrr_control.kinematics.offset_point import rotate
+from msrr_control.kinematics.controlled_point import rotate
+from msrr_control.kinematics.elementwise import tanh_tan
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.plan import LosSpec
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
-
-#: Keeps tan below its pole; the force there is 1 to all digits.
-_BELOW_ONE = 1.0 - 1e-6
 
 
 class ConeGains(Spec):
     """Gains of the cone correction.
 
     Attributes:
-        reach_m: k_cone, how far the reference is moved when one edge is at the outer bound.
-        k1_per_s: First filter (the slower one; its output moves the reference).
-        k2_per_s: Second filter (takes the force in).
+        reach_m: k_cone, the shift of the reference when one edge is at the outer bound.
+        k1_per_s: Bandwidth of the first filter (the slower one, whose output shifts the reference).
+        k2_per_s: Bandwidth of the second filter (whose input is the force).
         x_share: Share of the force that acts backwards along the unit's axis.
     """
 
@@ -34,7 +31,7 @@ class ConeGains(Spec):
 
 
 class ConeState(NamedTuple):
-    """The two filter states of each axis in D, shape (..., 2): ``shift`` [m] and ``drive`` [m/s]."""
+    """Filter states of both axes in D, shape (..., 2): ``shift`` lambda_1 [m], ``drive`` lambda_2 [m/s]."""
 
     shift: Array
     drive: Array
@@ -45,15 +42,15 @@ def edge_angles(pose: Array, los: LosSpec, camera_offset: float) -> Array:
 
     .. math:: a_{l,r} = \mathrm{atan2}(\pm b - y_c, s_b - x_c) - \theta
 
-    For studies and predictions; the running system measures these angles in the image.
+    Studies and predictions use it; the running system measures these angles in the image.
 
     Source: Zheng et al., eq. 21; the target is set back by s_b (on the face itself it would leave the cone at
     contact unless b <= 0.03 m).
 
     Args:
         pose: Axle pose (x, y, yaw) in D, shape (..., 3).
-        los: The target: b and s_b.
-        camera_offset: l_c, camera ahead of the axle [m].
+        los: Half-width b and setback s_b of the target.
+        camera_offset: l_c, distance of the camera ahead of the axle [m].
 
     Returns:
         (left, right) from the camera's axis, counter-clockwise positive, shape (..., 2) [rad], in (-pi, pi].
@@ -85,16 +82,14 @@ def edge_force(angle: Array, inner: float, outer: float) -> Array:
     Returns:
         F in [0, 1], same shape.
     """
-    share = (np.abs(angle) - inner) / (outer - inner)
-    force: Array = np.tanh(np.tan((0.5 * math.pi) * np.minimum(np.maximum(share, 0.0), _BELOW_ONE)))
-    return force
+    return tanh_tan((np.abs(angle) - inner) / (outer - inner))
 
 
 def cone_force(edges: Array, yaw: Array, los: LosSpec, x_share: float) -> Array:
     r"""Return the correction of both edges, in the dock frame.
 
-    In the unit's body frame :math:`\Delta_x = -s_x \sum F\cos a,\ \Delta_y = \sum F\sin a`: wait, and turn
-    the tip towards the edge that is about to leave the view.
+    In the unit's body frame :math:`\Delta_x = -s_x \sum F\cos a,\ \Delta_y = \sum F\sin a`: the unit waits,
+    and turns its controlled point towards the edge that is about to leave the view.
 
     Source: Zheng et al., eq. 23, in the body frame; the sign of x corrected (with +x the unit advances when
     it should wait).
@@ -102,8 +97,8 @@ def cone_force(edges: Array, yaw: Array, los: LosSpec, x_share: float) -> Array:
     Args:
         edges: Angles (left, right), shape (..., 2) [rad].
         yaw: Heading in D, shape (...) [rad].
-        los: Cone th_in, th_out.
-        x_share: Share of the force along x.
+        los: Bounds th_in and th_out of the cone.
+        x_share: s_x, share of the force along x.
 
     Returns:
         Delta in D, shape (..., 2), dimensionless.
@@ -121,8 +116,8 @@ def cone_step(state: ConeState, force: Array, gains: ConeGains, dt: float) -> tu
     .. math:: \dot\lambda_2 = -k_2\lambda_2 + k_{cone} k_1 k_2 \Delta,\quad
         \dot\lambda_1 = -k_1\lambda_1 + \lambda_2
 
-    The force is scaled so that :math:`\lambda_1` settles at :math:`k_{cone}\Delta`, in metres. Backward
-    Euler, stable for any ``dt``.
+    The force is scaled so that :math:`\lambda_1` settles at :math:`k_{cone}\Delta`, in metres. The step is a
+    backward Euler step, stable for any ``dt``.
 
     Source: Zheng et al., eq. 24.
 

@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import overload
 
 import numpy as np
 
+from msrr_control.kinematics.elementwise import Number, join, limit, split
 from msrr_scenes.arrays import Array
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 
-@overload
 def nested_limit(
-    speed: float, wish: float, max_speed: float, max_rate: float, kappa: float, dt: float
-) -> float: ...
-@overload
-def nested_limit(
-    speed: Array, wish: Array, max_speed: float, max_rate: float, kappa: float, dt: float
-) -> Array: ...
-def nested_limit(
-    speed: float | Array, wish: float | Array, max_speed: float, max_rate: float, kappa: float, dt: float
-) -> float | Array:
+    speed: Number, command: Number, max_speed: float, max_rate: float, kappa: float, dt: float
+) -> Number:
     r"""Advance one speed behind its nested magnitude and rate limits by ``dt``.
 
     .. math:: \dot v_s = \mathrm{sat}(-a, \kappa(\mathrm{sat}(-V, v_d, V) - v_s), a)
@@ -29,7 +22,7 @@ def nested_limit(
 
     Args:
         speed: Present speed v_s, any shape [m/s or rad/s].
-        wish: Commanded speed v_d, same shape.
+        command: Commanded speed v_d, same shape.
         max_speed: V > 0.
         max_rate: a > 0 [per second].
         kappa: Bandwidth of the inner loop [1/s]; ``kappa * dt`` above 1 counts as 1: no step overshoots.
@@ -38,26 +31,48 @@ def nested_limit(
     Returns:
         The speed one step later, same shape.
     """
-    if isinstance(speed, float) and isinstance(wish, float):
-        return follower(max_speed, max_rate, kappa, dt)(speed, wish)
-    change_ = min(kappa * dt, 1.0) * (np.clip(wish, -max_speed, max_speed) - speed)
-    return speed + np.clip(change_, -max_rate * dt, max_rate * dt)
+    change = min(kappa * dt, 1.0) * (limit(command, -max_speed, max_speed) - speed)
+    return speed + limit(change, -max_rate * dt, max_rate * dt)
 
 
-def follower(max_speed: float, max_rate: float, kappa: float, dt: float) -> Callable[[float, float], float]:
-    """Return :func:`nested_limit` of one drive and one step size, as a function of speed and wish."""
-    share, most = min(kappa * dt, 1.0), max_rate * dt
+def nested_limiter(
+    max_speed: float, max_rate: float, kappa: float, dt: float
+) -> Callable[[float, float], float]:
+    """Return :func:`nested_limit` as a function of speed and command, fast for many calls on floats."""
+    share, max_change = min(kappa * dt, 1.0), max_rate * dt
 
-    def follow(speed: float, wish: float) -> float:
-        if wish > max_speed:
-            wish = max_speed
-        elif wish < -max_speed:
-            wish = -max_speed
-        change = share * (wish - speed)
-        if change > most:
-            return speed + most
-        if change < -most:
-            return speed - most
-        return speed + change  # what is no number stays none
+    def limited(speed: float, command: float) -> float:
+        if command > max_speed:
+            command = max_speed
+        elif command < -max_speed:
+            command = -max_speed
+        change = share * (command - speed)
+        if change > max_change:
+            return speed + max_change
+        if change < -max_change:
+            return speed - max_change
+        return speed + change  # NaN passes both comparisons and stays NaN
 
-    return follow
+    return limited
+
+
+def nested_limit_twist(
+    twist: Array, command: Array, limits: LimitsSpec, kappa: float, dt: float, max_v: float | None = None
+) -> Array:
+    """Advance the speeds (v, w) of a unit, shape (..., 2), behind their nested limits (eq. 3) by ``dt`` [s].
+
+    The limits are those of the drive, or ``max_v`` [m/s] for v; ``kappa`` = 1 / dt is a limiter without lag.
+    """
+    v_max = limits.v_max_mps if max_v is None else max_v
+    limited = np.empty(command.shape)
+    limited[..., 0] = nested_limit(twist[..., 0], command[..., 0], v_max, limits.a_max_mps2, kappa, dt)
+    limited[..., 1] = nested_limit(
+        twist[..., 1], command[..., 1], limits.w_max_radps, limits.dw_max_radps2, kappa, dt
+    )
+    return limited
+
+
+def limit_twist(twist: Array, max_v: float, max_w: float) -> Array:
+    """Return twists, shape (..., 2), with |v| limited to ``max_v`` [m/s] and |w| to ``max_w`` [rad/s]."""
+    v, w = split(twist)
+    return join(limit(v, -max_v, max_v), limit(w, -max_w, max_w))

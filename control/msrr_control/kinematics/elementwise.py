@@ -1,16 +1,17 @@
-"""One text of a law for one robot and for a thousand trials: arithmetic on numbers or on arrays.
+"""Arithmetic on numbers or on arrays, so that one text of a law serves one robot and a thousand trials.
 
-Numpy takes half a microsecond for an operation, be it on two numbers or a thousand; Python takes a tenth of
-that for one. So a law takes its vectors apart (:func:`split`), computes with their components, and puts the
-outcome together again (:func:`join`): the components of one robot are floats, those of many trials arrays.
-Where the last bit of Python's own functions differs from numpy's, it is numpy's in both. Bounds are numbers,
-a lower one not above an upper one, and arguments lie in a function's domain: beyond, the two need not agree.
+Numpy takes half a microsecond for an operation, be it on two numbers or on a thousand; Python takes a tenth
+of that for one. A law therefore takes its vectors apart (:func:`split`), computes with their components, and
+puts the results together again (:func:`join`): the components of one robot are floats, those of many trials
+are arrays. Where the last bit of Python's own functions differs from numpy's, both use numpy's. Bounds are
+numbers, a lower one not above an upper one, and arguments lie in a function's domain; outside of that the
+results for floats and arrays may differ.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,31 @@ from msrr_scenes.arrays import Array
 #: A float, or an array with one element for each trial.
 Number = TypeVar("Number", float, Array)
 
+#: Keeps tan below its pole; tanh of it is 1 to all digits.
+_BELOW_ONE = 1.0 - 1e-6
+
+
+class _Function(Protocol):
+    """A function of one number that gives a float for a float and an array for an array."""
+
+    def __call__(self, x: Number, /) -> Number: ...
+
+
+def _elementwise(ufunc: np.ufunc) -> _Function:
+    """Return a function of numpy's for floats and for arrays."""
+
+    def apply(x: Any) -> Any:
+        return float(ufunc(x)) if isinstance(x, float) else ufunc(x)
+
+    return apply
+
+
+sin, cos, tan = _elementwise(np.sin), _elementwise(np.cos), _elementwise(np.tan)
+tanh, exp, log1p = _elementwise(np.tanh), _elementwise(np.exp), _elementwise(np.log1p)
+
 
 def split(vectors: Array) -> list[Any]:
-    """Return the components of vectors, shape (..., N): floats of a single one, else arrays (...)."""
+    """Return the components of vectors of shape (..., N): floats for a single vector, else arrays (...)."""
     if vectors.ndim == 1:
         components: list[Any] = vectors.tolist()
         return components
@@ -41,25 +64,25 @@ def join(*components: Any) -> Array:
 
 def number(scalars: NDArray[Any] | float) -> Any:
     """Return an array of shape () as a plain number, anything else as it is."""
-    return scalars.item() if isinstance(scalars, np.ndarray) and scalars.ndim == 0 else scalars
+    return scalars.item() if isinstance(scalars, np.ndarray | np.generic) and scalars.ndim == 0 else scalars
 
 
 def limit(value: Number, low: Number | float, high: Number | float) -> Number:
-    """Return ``value`` within two bounds; what is no number stays none."""
+    """Return ``value`` held between two bounds; NaN stays NaN."""
     if isinstance(value, float):
         return low if value < low else high if value > high else value
     return np.minimum(np.maximum(value, low), high)
 
 
 def at_least(value: Number, low: Number | float) -> Number:
-    """Return the larger of a value and its bound; what is no number stays none."""
+    """Return the larger of ``value`` and its lower bound; NaN stays NaN."""
     if isinstance(value, float):
         return low if value < low else value
     return np.maximum(value, low)
 
 
 def at_most(value: Number, high: Number | float) -> Number:
-    """Return the smaller of a value and its bound; what is no number stays none."""
+    """Return the smaller of ``value`` and its upper bound; NaN stays NaN."""
     if isinstance(value, float):
         return high if value > high else value
     return np.minimum(value, high)
@@ -72,36 +95,6 @@ def where(condition: Any, one: Any, other: Any) -> Any:
     return np.where(condition, one, other)
 
 
-def sin(x: Number) -> Number:
-    """Return the sine."""
-    return float(np.sin(x)) if isinstance(x, float) else np.sin(x)
-
-
-def cos(x: Number) -> Number:
-    """Return the cosine."""
-    return float(np.cos(x)) if isinstance(x, float) else np.cos(x)
-
-
-def tan(x: Number) -> Number:
-    """Return the tangent."""
-    return float(np.tan(x)) if isinstance(x, float) else np.tan(x)
-
-
-def tanh(x: Number) -> Number:
-    """Return the hyperbolic tangent."""
-    return float(np.tanh(x)) if isinstance(x, float) else np.tanh(x)
-
-
-def exp(x: Number) -> Number:
-    """Return the exponential."""
-    return float(np.exp(x)) if isinstance(x, float) else np.exp(x)
-
-
-def log1p(x: Number) -> Number:
-    """Return the logarithm of 1 + x."""
-    return float(np.log1p(x)) if isinstance(x, float) else np.log1p(x)
-
-
 def sqrt(x: Number) -> Number:
     """Return the square root."""
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
@@ -112,6 +105,6 @@ def hypot(x: Number, y: Number) -> Number:
     return float(np.hypot(x, y)) if isinstance(x, float) else np.hypot(x, y)
 
 
-def power(x: Number, exponent: float) -> Number:
-    """Return a power of numbers that are not negative."""
-    return float(np.power(x, exponent)) if isinstance(x, float) else np.power(x, exponent)
+def tanh_tan(share: Number) -> Number:
+    """Return tanh(tan(pi/2 share)), the force of eqs. 15 and 22; the share is held between 0 and 1."""
+    return tanh(tan((0.5 * math.pi) * limit(share, 0.0, _BELOW_ONE)))

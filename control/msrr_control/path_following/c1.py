@@ -1,13 +1,12 @@
-"""The paper's long-distance law C1: upper layer, lower layer and pace in one step."""
+"""The paper's long-distance law C1: pace, upper layer and lower layer in one step."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from msrr_control.kinematics.offset_point import offset_point, point_velocity
-from msrr_control.path_following.path import Pace, PaceSpec, Path, pace_step
+from msrr_control.kinematics.controlled_point import offset_point, point_velocity
+from msrr_control.path_following.obstacle_forces import Obstacles
+from msrr_control.path_following.path import Pace, PaceSpec, Path, pace_start, pace_step
 from msrr_control.path_following.reference import (
     ReferenceGains,
     ReferenceState,
@@ -16,7 +15,6 @@ from msrr_control.path_following.reference import (
     reference_step,
 )
 from msrr_control.path_following.tracking import (
-    Obstacles,
     TrackingGains,
     TrackingState,
     tracking_start,
@@ -35,10 +33,10 @@ class C1PathFollowingParams(Spec):
         guidance: Upper layer (eqs. 8 to 13).
         tracking: Lower layer (eqs. 14 to 20).
         walls: Walls beside obstacles (eq. 9).
-        pace: How fast the path is followed.
-        envelope: Keep the reference outside the walls.
-        anti_windup: Use the auxiliary systems of both layers.
-        spring: Use the virtual spring.
+        pace: Speed along the path.
+        envelope: Whether walls keep the reference out.
+        anti_windup: Whether the auxiliary systems of both layers are used.
+        spring: Whether the virtual spring is used.
     """
 
     guidance: ReferenceGains = ReferenceGains()
@@ -54,10 +52,10 @@ class C1PathFollowingState(NamedTuple):
     """State of the law; all arrays share the leading shape of the trials.
 
     Attributes:
-        pace: Where the desired point is on the path.
-        desired: The desired point of the last step, shape (..., 2) [m].
-        guidance: Upper layer.
-        tracking: Lower layer.
+        pace: Arc length and speed of the desired point.
+        desired: Desired point of the last step, shape (..., 2) [m].
+        guidance: State of the upper layer.
+        tracking: State of the lower layer.
     """
 
     pace: Pace
@@ -74,17 +72,11 @@ class C1PathFollowingLaw:
         self.params, self.limits, self.offset = params, limits, offset
 
     def start(self, pose: Array, twist: Array, s: float = 0.0) -> C1PathFollowingState:
-        """Return the state at the beginning of a path, or ``s`` [m] into it.
-
-        Args:
-            pose: Axle pose, shape (..., 3) [m, m, rad].
-            twist: Measured (v, w), shape (..., 2).
-            s: Where the desired point begins.
-        """
+        """Return the state at the beginning of a path, or ``s`` [m] into it."""
         tip = offset_point(pose, self.offset)
         velocity = point_velocity(twist, pose[..., 2], self.offset)
         return C1PathFollowingState(
-            pace=Pace(np.full(pose.shape[:-1], s), np.zeros(pose.shape[:-1])),
+            pace=pace_start(pose, s),
             desired=tip,
             guidance=reference_start(tip, velocity),
             tracking=tracking_start(twist, self.limits),
@@ -99,38 +91,23 @@ class C1PathFollowingLaw:
         obstacles: Obstacles,
         dt: float,
     ) -> tuple[Array, C1PathFollowingState]:
-        """Advance by ``dt`` [s] and return (v, w) within the drive's speed limits, shape (..., 2).
-
-        Args:
-            state: State of the law.
-            path: What to follow.
-            pose: Measured axle pose, shape (..., 3).
-            wall: The wall that stands now, if any.
-            obstacles: What the springs push off from.
-            dt: Control period.
-        """
-        params = self.params
+        """Advance by ``dt`` [s]; return (v, w), shape (..., 2), and the next state."""
+        p = self.params
         tip = offset_point(pose, self.offset)
-        pace, desired = pace_step(state.pace, path, tip, params.pace, dt)
+        pace, desired = pace_step(state.pace, path, tip, p.pace, dt)
         guidance = reference_step(
-            state.guidance,
-            desired,
-            wall,
-            params.guidance,
-            dt,
-            envelope=params.envelope,
-            anti_windup=params.anti_windup,
+            state.guidance, desired, wall, p.guidance, dt, envelope=p.envelope, anti_windup=p.anti_windup
         )
         command, tracking = tracking_step(
             state.tracking,
             guidance,
             pose,
             obstacles,
-            params.tracking,
+            p.tracking,
             self.limits,
             self.offset,
             dt,
-            anti_windup=params.anti_windup,
-            spring=params.spring,
+            anti_windup=p.anti_windup,
+            spring=p.spring,
         )
         return command, C1PathFollowingState(pace, desired.point, guidance, tracking)

@@ -1,32 +1,31 @@
-"""Paths of circular arcs and straight lines, and the pace at which they are followed."""
+"""Paths of circular arcs and straight lines, and the desired point that moves along them."""
 
 from __future__ import annotations
 
-import math
-from bisect import bisect_right
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from msrr_control.kinematics.elementwise import at_least, at_most, cos, join, limit, number, sin, split, sqrt
+from msrr_control.kinematics.unicycle import advance_pose
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Positive, Spec
 
 
 class PathPoint(NamedTuple):
-    """A point of a path: where, shape (..., 2) [m]; tangent's angle (...) [rad]; curvature (...) [1/m]."""
+    """A point of a path (..., 2) [m], the tangent's angle (...) [rad] and the curvature (...) [1/m]."""
 
     point: Array
     heading: Array
     curvature: Array
 
 
-class Desired(NamedTuple):
-    """p_d and its first two derivatives in time, each of shape (..., 2) [m, m/s, m/s2]."""
+class DesiredPoint(NamedTuple):
+    """The desired point p_d and its first two derivatives in time, each of shape (..., 2) [m, m/s, m/s2]."""
 
     point: Array
     velocity: Array
@@ -39,8 +38,8 @@ class Path:
 
     Attributes:
         start: Pose at s = 0, shape (..., 3) [m, m, rad].
-        curvature: Of each of K pieces, shape (..., K); 0 is a line, positive turns left [1/m].
-        lengths: Of each piece, shape (..., K) [m].
+        curvature: Curvature of each of K pieces, shape (..., K); 0 is a line, positive turns left [1/m].
+        lengths: Length of each piece, shape (..., K) [m].
     """
 
     start: Array
@@ -54,7 +53,8 @@ class Path:
             object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=np.float64))
         pose, poses = self.start, [self.start]
         for k in range(self.curvature.shape[-1]):
-            pose = _along(pose, self.curvature[..., k], self.lengths[..., k])
+            turn = self.curvature[..., k] * self.lengths[..., k]
+            pose = advance_pose(pose, self.lengths[..., k], turn)
             poses.append(pose)
         knots = np.zeros((*self.lengths.shape[:-1], self.lengths.shape[-1] + 1))
         knots[..., 1:] = np.cumsum(self.lengths, axis=-1)
@@ -63,45 +63,33 @@ class Path:
 
     @property
     def length(self) -> Array:
-        """Length, shape (...) [m]."""
+        """Length of the path, shape (...) [m]."""
         total: Array = self._knots[..., -1]
         return total
 
     @cached_property
     def arc_end(self) -> Array:
         """Arc length at which the last arc ends, shape (...) [m]; 0 where there is none."""
-        bent = self.curvature != 0.0
-        ends: Array = np.max(np.where(bent, self._knots[..., 1:], 0.0), axis=-1)
+        is_arc = self.curvature != 0.0
+        ends: Array = np.max(np.where(is_arc, self._knots[..., 1:], 0.0), axis=-1)
         return ends
 
     def at(self, s: ArrayLike) -> PathPoint:
-        """Return the point at arc length ``s`` [m], shape (...), which is held within the path."""
-        asked = np.asarray(s, dtype=np.float64)
-        if asked.ndim == 0 and self.start.ndim == 1:
-            x, y, heading, bent = self._place(asked.item())
-            return PathPoint(np.array([x, y]), np.array(heading), np.array(bent))
-        reached = np.minimum(np.maximum(asked, 0.0), self.length)
-        piece = (reached[..., None] >= self._knots[..., 1:-1]).sum(axis=-1)
-        if self.start.ndim == 1:  # one path, and s of any shape
-            pose, curvature, began = self._poses[piece], self.curvature[piece], self._knots[piece]
-        else:
-            at = piece[..., None]
-            pose = np.take_along_axis(self._poses, at[..., None], axis=-2)[..., 0, :]
-            curvature = np.take_along_axis(self.curvature, at, axis=-1)[..., 0]
-            began = np.take_along_axis(self._knots, at, axis=-1)[..., 0]
-        poses = _along(pose, curvature, reached - began)
-        return PathPoint(poses[..., :2], poses[..., 2], curvature)
+        """Return the points at arc lengths ``s`` [m], limited to the path.
 
-    def _place(self, s: float) -> tuple[float, float, float, float]:
-        """Return x, y, heading and curvature at one arc length [m] of a single path."""
-        knots = self._knots.tolist()
-        s = limit(s, 0.0, knots[-1])
-        piece = bisect_right(knots, s, 1, len(knots) - 1) - 1
-        x, y, yaw = self._poses[piece].tolist()
-        curvature = self.curvature[piece].item()
-        half = 0.5 * curvature * (s - knots[piece])
-        chord = (s - knots[piece]) * _sinc(half)
-        return x + chord * cos(yaw + half), y + chord * sin(yaw + half), yaw + 2.0 * half, curvature
+        Args:
+            s: Any shape for one path; shape (..., *leading shape of the paths) for many.
+        """
+        within = np.minimum(np.maximum(np.asarray(s, dtype=np.float64), 0.0), self.length)
+        piece = (*self._rows, (within[..., None] >= self._knots[..., 1:-1]).sum(axis=-1))
+        along, curvature = within - self._knots[piece], self.curvature[piece]
+        pose = advance_pose(self._poses[piece], along, curvature * along)
+        return PathPoint(pose[..., :2], pose[..., 2], curvature)
+
+    @cached_property
+    def _rows(self) -> NDArray[np.int_]:
+        """Indices of the paths, one array for each of their leading axes."""
+        return np.indices(self.start.shape[:-1])
 
     def sample(self, spacing: float) -> tuple[Array, Array]:
         """Return arc lengths and points every ``spacing`` [m] or less, both ends included, of a single path.
@@ -113,32 +101,14 @@ class Path:
         return s, self.at(s).point
 
 
-def _sinc(angle: float) -> float:
-    """Return sin(angle) / angle, to the bit as :func:`_along` has it from numpy."""
-    y = math.pi * (angle / math.pi) if angle else 1e-20
-    return sin(y) / y
-
-
-def _along(pose: Array, curvature: Array, s: Array) -> Array:
-    """Move poses, shape (..., 3), by ``s`` along circles of the given curvature (along the chord)."""
-    half = 0.5 * curvature * s
-    chord = s * np.sinc(half / np.pi)
-    middle = pose[..., 2] + half
-    moved = np.empty(np.broadcast_shapes(pose.shape, (*np.shape(half), 3)))
-    moved[..., 0] = pose[..., 0] + chord * np.cos(middle)
-    moved[..., 1] = pose[..., 1] + chord * np.sin(middle)
-    moved[..., 2] = pose[..., 2] + 2.0 * half
-    return moved
-
-
 class PaceSpec(Spec):
-    """How fast a path is followed.
+    """Speed of the desired point along its path.
 
     Attributes:
-        cruise_mps: Speed of the desired point.
+        cruise_mps: Cruising speed.
         ramp_s: Time from rest to that speed and back.
-        lag_m: Distance of the controlled point behind the desired one, along the path, at which that slows;
-            at twice this it waits.
+        lag_m: Distance of the controlled point behind the desired one, along the path, at which the desired
+            point slows down; at twice this distance it waits.
     """
 
     cruise_mps: Positive = 0.22
@@ -152,41 +122,45 @@ class PaceSpec(Spec):
 
 
 class Pace(NamedTuple):
-    """Where the desired point is on its path, (...) [m], and its speed [m/s]."""
+    """Arc length s of the desired point on its path [m] and its speed [m/s], each of shape (...)."""
 
     s: Array
     speed: Array
 
 
-def pace_step(pace: Pace, path: Path, tip: Array, spec: PaceSpec, dt: float) -> tuple[Pace, Desired]:
+def pace_start(pose: Array, s: float) -> Pace:
+    """Return a desired point at rest at arc length ``s`` [m], for units of poses of shape (..., 3)."""
+    return Pace(np.full(pose.shape[:-1], s), np.zeros(pose.shape[:-1]))
+
+
+def pace_step(pace: Pace, path: Path, tip: Array, spec: PaceSpec, dt: float) -> tuple[Pace, DesiredPoint]:
     """Advance the desired point by ``dt`` [s] and return it with its derivatives.
 
     It ramps up, cruises, ramps down to rest at the end of the path, and waits for a controlled point that
-    lags (which an ideal unit never does).
+    lags (that of an ideal unit never does).
 
     Source: Zheng et al., the circular guidance trajectory of the long-distance phase; waiting is an addition.
 
     Args:
-        pace: Where the desired point is.
-        path: The path, leading shape (...).
-        tip: The controlled point, shape (..., 2) [m].
+        pace: Arc length and speed of the desired point.
+        path: Path, leading shape (...).
+        tip: Controlled point, shape (..., 2) [m].
         spec: Speeds.
         dt: Step [s].
     """
     now = path.at(pace.s)
     (x, y), (tip_x, tip_y) = split(now.point), split(tip)
     heading, curvature, length = number(now.heading), number(now.curvature), number(path.length)
-    reached, before = number(pace.s), number(pace.speed)
+    arc_length, speed = number(pace.s), number(pace.speed)
     c, s = cos(heading), sin(heading)
-    behind = (x - tip_x) * c + (y - tip_y) * s
-    patience = limit(2.0 - behind / spec.lag_m, 0.0, 1.0)
+    lag = (x - tip_x) * c + (y - tip_y) * s
+    share = limit(2.0 - lag / spec.lag_m, 0.0, 1.0)
     a = spec.acceleration
-    left = at_least(length - reached - before * dt, 0.0)
-    wish = at_most(spec.cruise_mps * patience, sqrt(2.0 * a * left))
-    change = limit(wish - before, -a * dt, a * dt)
-    speed = at_least(before + change, 0.0)
-    bend = curvature * speed * speed
-    rate = change / dt
-    onward = Pace(np.asarray(at_most(reached + dt * speed, length)), np.asarray(speed))
-    acceleration = join(rate * c - bend * s, rate * s + bend * c)
-    return onward, Desired(now.point, join(speed * c, speed * s), acceleration)
+    remaining = at_least(length - arc_length - speed * dt, 0.0)
+    wanted = at_most(spec.cruise_mps * share, sqrt(2.0 * a * remaining))
+    change = limit(wanted - speed, -a * dt, a * dt)
+    speed = at_least(speed + change, 0.0)
+    tangential, normal = change / dt, curvature * speed * speed
+    after = Pace(np.asarray(at_most(arc_length + dt * speed, length)), np.asarray(speed))
+    acceleration = join(tangential * c - normal * s, tangential * s + normal * c)
+    return after, DesiredPoint(now.point, join(speed * c, speed * s), acceleration)

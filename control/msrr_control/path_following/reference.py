@@ -1,4 +1,4 @@
-"""Upper layer of the long-distance phase: a reference that follows the path and stays outside walls."""
+"""The upper layer of the long-distance law C1: a reference that follows the path and stays outside walls."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pydantic import model_validator
 
 from msrr_control.feedback.auxiliary import AuxiliaryGains, auxiliary_step
 from msrr_control.feedback.envelope import EnvelopeGains, enveloped_acceleration
-from msrr_control.kinematics.elementwise import Number, join, limit, number, split, tanh, where
-from msrr_control.kinematics.offset_point import rotated
-from msrr_control.path_following.path import Desired
+from msrr_control.kinematics.controlled_point import rotate_components
+from msrr_control.kinematics.elementwise import join, limit, number, split, tanh, where
+from msrr_control.path_following.path import DesiredPoint
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Positive, Spec
 
@@ -21,11 +21,11 @@ class ReferenceGains(Spec):
     """Gains of the upper layer.
 
     Attributes:
-        c1_per_s: Backstepping gain on the position.
-        c2_per_s: Backstepping gain on the velocity.
+        c1_per_s: Backstepping gain c1 on the position.
+        c2_per_s: Backstepping gain c2 on the velocity.
         u_max_mps2: Largest acceleration of the reference along each axis.
-        windup: Its auxiliary system; an acceleration drives it, so k is in m/s2 and gamma in m/s here.
-        envelope: The safety envelope before a wall.
+        windup: Auxiliary system; an acceleration drives it, so k is in m/s2 and gamma in m/s.
+        envelope: Safety envelope before a wall.
     """
 
     c1_per_s: Positive = 0.8
@@ -53,8 +53,8 @@ class SideWall(NamedTuple):
     """A straight wall beside an obstacle; the reference stays on the side its normal points to.
 
     Attributes:
-        active: Where one stands, shape (...) bool.
-        foot: A point of the wall, shape (..., 2) [m].
+        active: Whether the wall stands, shape (...) bool.
+        foot: Point of the wall, shape (..., 2) [m].
         normal: Angle of the normal that points to the free side, shape (...) [rad].
     """
 
@@ -64,7 +64,7 @@ class SideWall(NamedTuple):
 
 
 class ReferenceState(NamedTuple):
-    """phi1 [m], phi2 [m/s] and the auxiliary state, each of shape (..., 2)."""
+    """Position phi1 [m], velocity phi2 [m/s] and auxiliary state lambda_phi, each of shape (..., 2)."""
 
     position: Array
     velocity: Array
@@ -72,13 +72,13 @@ class ReferenceState(NamedTuple):
 
 
 def reference_start(tip: Array, velocity: Array) -> ReferenceState:
-    """Start at the measured controlled point and its velocity, each of shape (..., 2)."""
+    """Return a reference at the measured controlled point and its velocity, each of shape (..., 2)."""
     return ReferenceState(np.array(tip), np.array(velocity), np.zeros_like(tip))
 
 
 def reference_step(
     state: ReferenceState,
-    desired: Desired,
+    desired: DesiredPoint,
     wall: SideWall,
     gains: ReferenceGains,
     dt: float,
@@ -103,9 +103,9 @@ def reference_step(
 
     Args:
         state: Reference and auxiliary state, leading shape (...).
-        desired: p_d and derivatives.
-        wall: The wall that stands now, if any.
-        gains: Gains.
+        desired: p_d and its derivatives.
+        wall: Wall that stands now, if any.
+        gains: Gains of the layer.
         dt: Step [s].
         envelope: False leaves the wall out (ablation).
         anti_windup: False keeps the auxiliary state at zero (ablation).
@@ -113,17 +113,23 @@ def reference_step(
     Returns:
         The state one step later.
     """
-    most = gains.u_max_mps2
+    u_max = gains.u_max_mps2
     position, velocity, lam = split(state.position), split(state.velocity), split(state.lam)
-    point, rate, forward = map(split, desired)
+    point, rate, acceleration_d = map(split, desired)
     axes = (0, 1)
-    wish = [_wish(position[i], velocity[i], lam[i], point[i], rate[i], forward[i], gains) for i in axes]
+    k, gamma, c1, c2 = gains.windup.k_mps, gains.windup.gamma_m, gains.c1_per_s, gains.c2_per_s
+    u_r = []
+    for i in axes:
+        bias = gamma * tanh(lam[i])
+        z1 = position[i] - point[i]
+        z2 = velocity[i] - rate[i] + c1 * z1 - bias
+        u_r.append(-c2 * z2 + acceleration_d[i] - k * lam[i] - z1 - c1 * (z2 - c1 * z1 + bias))
     if envelope and bool(np.any(wall.active)):
-        acceleration = _kept_out(wish, position, velocity, wall, gains)
+        acceleration = _saturate_at_wall(u_r, position, velocity, wall, gains)
     else:
-        acceleration = [limit(u, -most, most) for u in wish]
+        acceleration = [limit(u, -u_max, u_max) for u in u_r]
     if anti_windup:
-        lam = [auxiliary_step(lam[i], acceleration[i] - wish[i], gains.windup, dt) for i in axes]
+        lam = [auxiliary_step(lam[i], acceleration[i] - u_r[i], gains.windup, dt) for i in axes]
     return ReferenceState(
         join(*(position[i] + dt * velocity[i] + 0.5 * dt * dt * acceleration[i] for i in axes)),
         join(*(velocity[i] + dt * acceleration[i] for i in axes)),
@@ -131,34 +137,16 @@ def reference_step(
     )
 
 
-def _wish(
-    position: Number,
-    velocity: Number,
-    lam: Number,
-    desired: Number,
-    rate: Number,
-    acceleration: Number,
-    gains: ReferenceGains,
-) -> Number:
-    """Return u_r along one axis."""
-    k, gamma = gains.windup.k_mps, gains.windup.gamma_m
-    c1, c2 = gains.c1_per_s, gains.c2_per_s
-    bias = gamma * tanh(lam)
-    z1 = position - desired
-    z2 = velocity - rate + c1 * z1 - bias
-    return -c2 * z2 + acceleration - k * lam - z1 - c1 * (z2 - c1 * z1 + bias)
-
-
-def _kept_out(
-    wish: list[Any], position: list[Any], velocity: list[Any], wall: SideWall, gains: ReferenceGains
+def _saturate_at_wall(
+    u_r: list[Any], position: list[Any], velocity: list[Any], wall: SideWall, gains: ReferenceGains
 ) -> list[Any]:
-    """Saturate in the frame of the wall, whose first axis is its normal (eq. 9, a lower wall)."""
-    most, normal = gains.u_max_mps2, number(wall.normal)
+    """Saturate u_r in the frame of the wall, whose first axis is the wall's normal (eq. 9, a lower wall)."""
+    u_max, normal = gains.u_max_mps2, number(wall.normal)
     foot = split(wall.foot)
-    wanted, along = rotated(wish[0], wish[1], -normal)
-    across, _ = rotated(position[0] - foot[0], position[1] - foot[1], -normal)
-    rate, _ = rotated(velocity[0], velocity[1], -normal)
-    allowed = enveloped_acceleration(wanted, across, rate, gains.envelope, most, lower=0.0)
-    kept = rotated(allowed, limit(along, -most, most), normal)
-    # Where no wall stands there is no frame of a wall: the limits are those of the axes, as without.
-    return [where(number(wall.active), kept[i], limit(wish[i], -most, most)) for i in (0, 1)]
+    wanted, along = rotate_components(u_r[0], u_r[1], -normal)
+    across, _ = rotate_components(position[0] - foot[0], position[1] - foot[1], -normal)
+    rate, _ = rotate_components(velocity[0], velocity[1], -normal)
+    allowed = enveloped_acceleration(wanted, across, rate, gains.envelope, u_max, lower=0.0)
+    walled = rotate_components(allowed, limit(along, -u_max, u_max), normal)
+    # Trials without a wall have no wall's frame: their accelerations are limited along the axes.
+    return [where(number(wall.active), walled[i], limit(u_r[i], -u_max, u_max)) for i in (0, 1)]

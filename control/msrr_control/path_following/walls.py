@@ -1,4 +1,4 @@
-"""Which side of an obstacle a unit passes, and the wall that keeps it there."""
+"""The side on which a unit passes an obstacle, and the wall that keeps it there."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 
 from msrr_control.kinematics.elementwise import cos, join, number, sin, split, where
-from msrr_control.path_following.path import Path, PathPoint
+from msrr_control.path_following.path import Path
 from msrr_control.path_following.reference import SideWall
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
@@ -17,22 +17,24 @@ from msrr_scenes.specs.spec import NonNegative, Positive, Spec
 
 
 class PassageError(MsrrError):
-    """An obstacle that walls cannot lead around; the text says what would have to change."""
+    """No wall can lead around an obstacle; the message says what would have to change."""
 
 
 class WallSpec(Spec):
     """When walls stand and how far from an obstacle.
 
     Attributes:
-        margin_m: Added to the obstacle's radius and half the body's width; it covers overshoot, tracking
-            error and the error of the estimates.
-        ahead_m: Distance before the obstacle, along the path's tangent there, at which its wall rises.
-        early_m: On the outside of a bend the wall rises later: when the path is no further inside it than
-            where they are nearest, plus this. Else the unit would swing out twice.
-        past_m: Distance behind it at which the wall is released.
-        widest_m: Largest distance of a wall from the obstacle's middle; further out a unit cannot get within
+        margin_m: Distance added to the obstacle's radius and half the body's width; it covers overshoot,
+            tracking error and the error of the estimates.
+        ahead_m: Distance before the obstacle, along the path's tangent there, at which the wall rises.
+        early_m: Largest depth of the path inside the wall when the wall rises, beyond the depth where path
+            and obstacle are nearest. On the outside of a bend the wall rises later by this rule; otherwise
+            the unit would swing out twice.
+        past_m: Distance behind the obstacle at which the wall is released.
+        widest_m: Largest distance of a wall from the obstacle's middle; a unit cannot move further out within
             ``ahead_m``.
-        before_end_m: An obstacle nearer to the end of the path than this leaves no room to come back to it.
+        before_end_m: Smallest distance from the obstacle to the end of the path that leaves room to come back
+            to the path.
     """
 
     margin_m: NonNegative = 0.055
@@ -67,13 +69,13 @@ class WallSpec(Spec):
 
 
 class Encounter(NamedTuple):
-    """A path passing an obstacle, or one for each of many trials.
+    """How a path passes an obstacle, one for each trial (leading shape (...)).
 
     Attributes:
         s: Arc length at which the path is nearest to the obstacle, shape (...) [m].
-        heading: Tangent's angle there, shape (...) [rad].
-        blocked: The path comes nearer to the obstacle than its wall, shape (...) bool.
-        detours: How far the path lies inside the wall on the right and on the left of the obstacle there,
+        heading: Angle of the path's tangent there, shape (...) [rad].
+        blocked: Whether the path comes nearer to the obstacle than the wall, shape (...) bool.
+        detours: Depth of the path there inside the wall on the right and on the left of the obstacle,
             shape (..., 2) [m].
         rise: Distance before the obstacle, along the tangent, at which the wall on the right and on the left
             of it rises, shape (..., 2) [m].
@@ -87,24 +89,24 @@ class Encounter(NamedTuple):
 
     @property
     def side(self) -> Array:
-        """The side of the smaller detour: -1 right, +1 left, shape (...)."""
+        """Side of the smaller detour: -1 right, +1 left, shape (...)."""
         smaller: Array = np.where(self.detours[..., 0] < self.detours[..., 1], -1.0, 1.0)
         return smaller
 
 
-def encounter(path: Path, centre: Array, half_width: Array, spec: WallSpec) -> Encounter:
-    """Say how a path passes an obstacle.
+def find_encounter(path: Path, centre: Array, half_width: Array, spec: WallSpec) -> Encounter:
+    """Return how a path passes an obstacle.
 
     Args:
         path: One path, or one for each trial (leading shape (...)).
         centre: Middle of the obstacle, shape (..., 2) [m].
-        half_width: d, shape (...) [m].
+        half_width: d, distance of the wall from that middle, shape (...) [m].
         spec: When walls stand.
     """
     count = 1 + int(np.ceil(float(np.max(path.length)) / 0.02))
     share = np.linspace(0.0, 1.0, count).reshape(-1, *(1,) * path.length.ndim)
     s = share * path.length
-    points = path.at(s) if path.start.ndim == 1 else _at_each(path, s)
+    points = path.at(s)
     apart = points.point - centre
     distance = np.hypot(apart[..., 0], apart[..., 1])
     nearest = distance.argmin(axis=0)[None]
@@ -114,9 +116,8 @@ def encounter(path: Path, centre: Array, half_width: Array, spec: WallSpec) -> E
     along = c * apart[..., 0] + n * apart[..., 1]
     left_of = c * apart[..., 1] - n * apart[..., 0]
     inside = half_width[..., None] + np.stack([left_of, -left_of], axis=-1)
-    # Judged where the path is nearest: measured, the amplitude on either side is this detour plus 2 cm.
-    at = nearest[..., None]
-    detours = np.maximum(np.take_along_axis(inside, at, axis=0)[0], 0.0)
+    # The detour is judged where the path is nearest: measured amplitudes on either side are 2 cm larger.
+    detours = np.maximum(np.take_along_axis(inside, nearest[..., None], axis=0)[0], 0.0)
     before = (s <= s_near) & (along >= -spec.ahead_m)
     too_early = before[..., None] & (inside > detours + spec.early_m)
     rise = np.min(np.where(too_early, -along[..., None], spec.ahead_m), axis=0)
@@ -124,34 +125,29 @@ def encounter(path: Path, centre: Array, half_width: Array, spec: WallSpec) -> E
     return Encounter(s_near, heading, blocked, detours, rise)
 
 
-def _at_each(path: Path, s: Array) -> PathPoint:
-    sampled = [path.at(row) for row in s]
-    return PathPoint(*(np.stack(part) for part in zip(*sampled, strict=True)))
-
-
 def side_wall(
-    met: Encounter, side: Array, tip: Array, centre: Array, half_width: Array, spec: WallSpec
+    encounter: Encounter, side: Array, tip: Array, centre: Array, half_width: Array, spec: WallSpec
 ) -> SideWall:
     """Return the wall beside an obstacle; it stands from before the obstacle until the unit has passed.
 
-    Its normal is that of the path at the obstacle. Walls along the axes of the world cost 30 % more
+    The wall's normal is that of the path at the obstacle. Walls along the axes of the world cost 30 % more
     amplitude, and walls along both axes at once deadlock the unit.
 
-    Source: Zheng et al., eq. 9; frame, side and times as found in a study of 200 starts per case.
+    Source: Zheng et al., eq. 9; frame, side and times were found in a study of 200 starts per case.
 
     Args:
-        met: How the path passes the obstacle, leading shape (...).
-        side: The side to pass it on, -1 right, +1 left, shape (...).
-        tip: The controlled point, shape (..., 2) [m].
+        encounter: How the path passes the obstacle, leading shape (...).
+        side: Side to pass it on, -1 right, +1 left, shape (...).
+        tip: Controlled point, shape (..., 2) [m].
         centre: Middle of the obstacle, as estimated now, shape (..., 2) [m].
-        half_width: d, shape (...) [m].
+        half_width: d, distance of the wall from that middle, shape (...) [m].
         spec: When walls stand.
     """
-    heading, side, d = number(met.heading), number(side), number(half_width)
+    heading, side, d = number(encounter.heading), number(side), number(half_width)
     (x, y), (centre_x, centre_y) = split(tip), split(centre)
-    rise = where(side < 0.0, number(met.rise[..., 0]), number(met.rise[..., 1]))
+    rise = where(side < 0.0, number(encounter.rise[..., 0]), number(encounter.rise[..., 1]))
     along = cos(heading) * (x - centre_x) + sin(heading) * (y - centre_y)
     normal = heading + 0.5 * np.pi * side
     foot = join(centre_x + d * cos(normal), centre_y + d * sin(normal))
-    stands = np.asarray(met.blocked & (along >= -rise) & (along <= spec.past_m))
+    stands = np.asarray(encounter.blocked & (along >= -rise) & (along <= spec.past_m))
     return SideWall(stands, foot, np.asarray(normal))

@@ -1,8 +1,9 @@
-"""The ground a unit may drive over, as far as it is known: an arena and round bodies in it."""
+"""The space in which the controlled point may be: a box without the discs of known bodies."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -10,18 +11,18 @@ from numpy.typing import NDArray
 
 from msrr_scenes.arrays import Array
 
-#: What a path may come nearer than it should; it makes up for rounding where a path touches a circle [m].
+#: Depth by which a path may enter a disc [m]; it allows for rounding where a path touches a circle.
 _SLACK = 1e-3
 
 
 class Disc(NamedTuple):
-    """Ground that the controlled point keeps out of.
+    """A disc that the controlled point keeps out of.
 
     Attributes:
-        name: Body that stands there.
-        x: Middle [m].
-        y: Middle [m].
-        radius: The body's, with the unit's own and a margin [m].
+        name: Name of the body that stands there.
+        x: Middle along x [m].
+        y: Middle along y [m].
+        radius: Radius of the body, plus where it says so that of the unit and a margin [m].
     """
 
     name: str
@@ -32,27 +33,26 @@ class Disc(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FreeSpace:
-    """Where the controlled point may be.
+    """The space in which the controlled point may be.
 
     Attributes:
-        box: Its bounds: x low, x high, y low, y high [m].
-        discs: What stands in it.
+        box: Bounds: x low, x high, y low, y high [m].
+        discs: Discs to keep out of.
     """
 
     box: tuple[float, float, float, float]
     discs: tuple[Disc, ...]
-    _centres: Array = field(init=False, repr=False)
-    _radii: Array = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_centres", np.array([(d.x, d.y) for d in self.discs]).reshape(-1, 2))
-        object.__setattr__(self, "_radii", np.array([d.radius for d in self.discs]))
+    @cached_property
+    def _centres(self) -> Array:
+        return np.array([(d.x, d.y) for d in self.discs]).reshape(-1, 2)
 
-    def left_from(self, x: float, y: float) -> FreeSpace:
-        """Return the ground for a unit that stands at (x, y) already, be it forbidden.
+    @cached_property
+    def _radii(self) -> Array:
+        return np.array([d.radius for d in self.discs])
 
-        Discs and bounds give way as far as it takes to stand there, not further.
-        """
+    def opened_at(self, x: float, y: float) -> FreeSpace:
+        """Return this space, enlarged as little as necessary to contain (x, y), where the unit stands."""
         x0, x1, y0, y1 = self.box
         box = (min(x0, x), max(x1, x), min(y0, y), max(y1, y))
         discs = tuple(
@@ -62,29 +62,29 @@ class FreeSpace:
         return FreeSpace(box, discs)
 
     def allows(self, points: Array) -> bool:
-        """Say whether all of the points, shape (N, 2) [m], may be driven over."""
-        return bool(self._inside(points).all()) and self.hit(points) is None
+        """Return whether all of the points, shape (N, 2) [m], are free."""
+        return bool(self._inside(points).all()) and self.deepest_disc(points) is None
 
-    def hit(self, points: Array) -> Disc | None:
-        """Return the disc that the points, shape (N, 2), run into deepest, None if none."""
+    def deepest_disc(self, points: Array) -> Disc | None:
+        """Return the disc that the points, shape (N, 2) [m], enter deepest, None if they enter none."""
         if not self.discs:
             return None
-        apart = np.linalg.norm(points[:, None] - self._centres, axis=-1).min(axis=0)
-        depth = self._radii - _SLACK - apart
+        distance = np.linalg.norm(points[:, None] - self._centres, axis=-1).min(axis=0)
+        depth = self._radii - _SLACK - distance
         deepest = int(depth.argmax())
         return self.discs[deepest] if depth[deepest] > 0.0 else None
 
     def allows_lines(self, a: Array, b: Array) -> NDArray[np.bool_]:
-        """Say which lines from ``a`` to ``b``, each of shape (N, 2), may be driven along, shape (N,)."""
+        """Return which lines from ``a`` to ``b``, each of shape (N, 2) [m], are free, shape (N,)."""
         free: NDArray[np.bool_] = self._inside(a) & self._inside(b)
         if self.discs:
             along = b - a
             square = np.maximum(np.sum(along * along, axis=-1), 1e-12)[:, None]
-            to = self._centres - a[:, None]
-            share = np.sum(to * along[:, None], axis=-1) / square
+            to_centres = self._centres - a[:, None]
+            share = np.sum(to_centres * along[:, None], axis=-1) / square
             nearest = a[:, None] + np.minimum(np.maximum(share, 0.0), 1.0)[..., None] * along[:, None]
-            apart = np.linalg.norm(nearest - self._centres, axis=-1)
-            free = free & (apart >= self._radii - _SLACK).all(axis=-1)
+            distance = np.linalg.norm(nearest - self._centres, axis=-1)
+            free = free & (distance >= self._radii - _SLACK).all(axis=-1)
         return free
 
     def _inside(self, points: Array) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""A path of the long-distance phase: what it has to look like, what it is planned in, and what comes out."""
+"""A route of the long-distance phase: its parameters, the map in which it is planned, and the result."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from msrr_scenes.specs.spec import NonNegative, Positive, Spec
 
 
 class RouteSpec(Spec):
-    """What a path to the place in front of the port looks like.
+    """The shape of routes to the place in front of the port.
 
     Attributes:
         handover_m: Distance between the faces at which the path ends.
         lead_in_m: Lengths of the straight line before that end, in the order in which they are tried.
-        least_radius_m: Of the large arc.
-        most_sweep_deg: Of the large arc.
-        turn_radius_m: Radii of the last arc of a way around things, tried in this order.
+        least_radius_m: Smallest radius of the large arc.
+        most_sweep_deg: Largest angle of the large arc.
+        turn_radius_m: Radii of the last arc of a path around obstacles, in the order in which they are tried.
         stage_m: Distances before the end of the path at which the unit may stop and turn on the spot.
-        unit_margin_m: Kept from other units, beyond both bodies.
-        around_margin_m: Kept from an obstacle that is driven around, beyond what a wall beside it keeps.
-        border_m: Kept by the controlled point from the border of the arena.
-        least_run_m: An obstacle nearer along the path than this cannot be left to a wall any more.
-        turn_radps: Rate at which a turn on the spot is reckoned.
+        unit_margin_m: Distance kept from other units, beyond both bodies.
+        around_margin_m: Distance kept from an obstacle that is driven around, beyond that of a wall.
+        border_m: Distance of the controlled point from the border of the arena.
+        least_run_m: Smallest distance along the path to an obstacle that can still be left to a wall.
+        turn_radps: Turn rate that is assumed for turns on the spot.
     """
 
     handover_m: Positive = 0.70
@@ -44,15 +44,19 @@ class RouteSpec(Spec):
     least_run_m: Positive = 0.45
     turn_radps: Positive = 0.8
 
+    def handover(self, X_WD: SE2) -> SE2:
+        """Return the end of the path: the place of the controlled point, and the heading."""
+        return X_WD @ SE2(-self.handover_m, 0.0, 0.0)
 
-class Surroundings(NamedTuple):
-    """What a path is planned in; everything in the world frame.
+
+class ArenaMap(NamedTuple):
+    """The estimates in which a route is planned, all in the world frame.
 
     Attributes:
-        X_WU: The unit.
+        X_WU: Pose of the unit.
         X_WD: Dock frame of the target port.
         units: Middle and radius of every other unit, the target among them.
-        obstacles: Every obstacle that is known.
+        obstacles: All known obstacles.
     """
 
     X_WU: SE2
@@ -63,14 +67,14 @@ class Surroundings(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A path and how it passes what stands on it.
+    """A path, and how it passes the obstacles on it.
 
     Attributes:
-        path: Of the controlled point; it begins in the middle of the axle.
-        shape: ``arc``: one circle and the lead-in; ``around``: lines and arcs around things; ``staged``: to a
-            place from which the rest is planned anew, after a turn on the spot.
-        sides: Obstacles on the path that are left to walls: the side they are passed on, -1 right, +1 left.
-        seconds: Time it should take [s].
+        path: Path of the controlled point; it begins in the middle of the axle.
+        shape: ``arc``: one circle and the lead-in; ``around``: lines and arcs around obstacles; ``staged``:
+            to a place from which the rest is planned anew, after a turn on the spot.
+        sides: Side on which each obstacle that is left to a wall is passed, -1 right, +1 left, by name.
+        seconds: Expected duration [s].
     """
 
     path: Path
@@ -80,5 +84,5 @@ class Route:
 
     @property
     def final(self) -> bool:
-        """The path ends in front of the port."""
+        """Whether the path ends in front of the port."""
         return self.shape != "staged"

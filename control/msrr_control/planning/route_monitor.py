@@ -1,4 +1,4 @@
-"""Watches a route while it is driven: what stands beside it, which wall holds, whether it is still free."""
+"""The monitor of a route under way: the wall that stands now, and whether the route is still free."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msrr_control.path_following.obstacle_forces import Obstacles
 from msrr_control.path_following.reference import SideWall
-from msrr_control.path_following.tracking import Obstacles
 from msrr_control.path_following.walls import Encounter, WallSpec, side_wall
 from msrr_control.planning.free_space import Disc, FreeSpace
-from msrr_control.planning.route import Route, Surroundings
+from msrr_control.planning.route import ArenaMap, Route
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
@@ -20,102 +20,100 @@ from msrr_scenes.messages import ObstacleEstimate
 NO_WALL = SideWall(np.array(False), np.zeros(2), np.array(0.0))
 
 
-class _Met(NamedTuple):
-    """An obstacle beside the path: where it stood when that was found out, and how it is passed."""
+class _Passage(NamedTuple):
+    """How the route passes an obstacle: the obstacle's pose at the time, the encounter, the wall's side."""
 
-    at: SE2
+    X_WB: SE2
     encounter: Encounter
     side: float | None
 
 
 class RouteMonitor:
-    """What is known about one route while it is under way."""
+    """Compares one route with what is known while the unit drives along it."""
 
     def __init__(
-        self, route: Route, planner: RoutePlanner, around: Surroundings, walls: WallSpec, half_width: float
+        self, route: Route, planner: RoutePlanner, arena: ArenaMap, walls: WallSpec, half_width: float
     ) -> None:
-        """Begin with what the route was planned in.
+        """Begin with the map in which the route was planned.
 
         Args:
             route: The route.
-            planner: Who planned it.
-            around: What was known.
+            planner: The planner of the route.
+            arena: What was known.
             walls: When walls stand.
-            half_width: Half the unit's width [m].
+            half_width: Half the width of the unit's body [m].
         """
         self.route = route
-        self._planner, self._walls, self._half = planner, walls, half_width
-        self._end = planner.handover(around.X_WD)
-        self._units = {unit.name: unit for unit in around.units}
-        self._met: dict[str, _Met] = {}
-        for obstacle in around.obstacles:
-            met, side = planner.pass_by(
-                route.path, obstacle, around, -math.inf, route.sides.get(obstacle.name)
+        self._planner, self._walls, self._half_width = planner, walls, half_width
+        self._end = planner.spec.handover(arena.X_WD)
+        self._units = {unit.name: unit for unit in arena.units}
+        self._passages: dict[str, _Passage] = {}
+        for obstacle in arena.obstacles:
+            encounter, side = planner.passing_side(
+                route.path, obstacle, arena, -math.inf, route.sides.get(obstacle.name)
             )
-            self._met[obstacle.name] = _Met(obstacle.X_WB, met, side)
+            self._passages[obstacle.name] = _Passage(obstacle.X_WB, encounter, side)
 
     def end_moved(self, X_WD: SE2) -> tuple[float, float]:
-        """Return how far the place in front of the port has moved, in its estimate [m, rad]."""
-        X = self._end.inverse() @ self._planner.handover(X_WD)
+        """Return how far the estimate of the place in front of the port has moved [m, rad]."""
+        X = self._end.inverse() @ self._planner.spec.handover(X_WD)
         return math.hypot(X.x, X.y), abs(wrap_angle(X.yaw))
 
-    def trouble(self, around: Surroundings, s: float, moved: float) -> str | None:
-        """Say why the route can no longer be followed, None if it can.
+    def reason_to_replan(self, arena: ArenaMap, s: float, moved: float) -> str | None:
+        """Return why the route can no longer be followed, None if it can.
 
         Args:
-            around: What is known now.
+            arena: What is known now.
             s: Arc length that has been reached [m].
             moved: Motion of an estimate from which on it counts [m].
         """
-        for obstacle in around.obstacles:
-            reason = self._obstacle_trouble(obstacle, around, s, moved)
+        for obstacle in arena.obstacles:
+            reason = self._check_obstacle(obstacle, arena, s, moved)
             if reason is not None:
                 return reason
-        for unit in around.units:
-            before = self._units.get(unit.name)
-            if before is not None and math.hypot(unit.x - before.x, unit.y - before.y) <= moved:
+        for unit in arena.units:
+            known = self._units.get(unit.name)
+            if known is not None and math.hypot(unit.x - known.x, unit.y - known.y) <= moved:
                 continue
             self._units[unit.name] = unit
-            if self._in_the_way(unit, around, s):
+            if self._is_in_the_way(unit, arena, s):
                 return f"{unit.name} stands in the way now"
         return None
 
-    def _obstacle_trouble(
-        self, obstacle: ObstacleEstimate, around: Surroundings, s: float, moved: float
+    def _check_obstacle(
+        self, obstacle: ObstacleEstimate, arena: ArenaMap, s: float, moved: float
     ) -> str | None:
-        at = obstacle.X_WB
-        known = self._met.get(obstacle.name)
-        if known is not None and math.hypot(at.x - known.at.x, at.y - known.at.y) <= moved:
+        X_WB = obstacle.X_WB
+        known = self._passages.get(obstacle.name)
+        if known is not None and math.hypot(X_WB.x - known.X_WB.x, X_WB.y - known.X_WB.y) <= moved:
             return None
-        was_passed = known is not None and known.side is not None
-        met, side = self._planner.pass_by(
-            self.route.path, obstacle, around, s, known.side if known is not None else None
-        )
-        if was_passed and side is None and bool(met.blocked):
-            # Too near to choose again: the wall that leads past it moves with the estimate.
-            side = known.side if known is not None else None
-        self._met[obstacle.name] = _Met(at, met, side)
-        if side is not None or not bool(met.blocked) or float(met.s) < s - self._walls.past_m:
+        known_side = known.side if known is not None else None
+        encounter, side = self._planner.passing_side(self.route.path, obstacle, arena, s, known_side)
+        if side is None and bool(encounter.blocked):
+            side = known_side  # too near to choose again: the wall of the known side moves with the estimate
+        self._passages[obstacle.name] = _Passage(X_WB, encounter, side)
+        ahead = float(encounter.s) - s
+        if side is not None or not bool(encounter.blocked) or float(encounter.s) < s - self._walls.past_m:
             return None
-        where = f"{float(met.s) - s:.2f} m ahead"
-        return f"{obstacle.name} {'appeared' if known is None else 'moved'} on the path, {where}"
+        return f"{obstacle.name} {'appeared' if known is None else 'moved'} on the path, {ahead:.2f} m ahead"
 
-    def _in_the_way(self, unit: Disc, around: Surroundings, s: float) -> bool:
+    def _is_in_the_way(self, unit: Disc, arena: ArenaMap, s: float) -> bool:
+        """Return whether another unit stands on the rest of the path."""
         stations, points = self.route.path.sample(0.04)
-        free = (-math.inf, math.inf, -math.inf, math.inf)
-        ground = FreeSpace(free, (self._planner.unit_disc(unit),)).left_from(around.X_WU.x, around.X_WU.y)
-        return ground.hit(points[stations >= s]) is not None
+        everywhere = (-math.inf, math.inf, -math.inf, math.inf)
+        space = FreeSpace(everywhere, (self._planner.unit_disc(unit),))
+        return space.opened_at(arena.X_WU.x, arena.X_WU.y).deepest_disc(points[stations >= s]) is not None
 
-    def wall(self, around: Surroundings, tip: Array, s: float) -> tuple[SideWall, str | None]:
-        """Return the one wall that stands now and whose it is: that of the first obstacle not yet passed."""
+    def wall(self, arena: ArenaMap, tip: Array, s: float) -> tuple[SideWall, str | None]:
+        """Return the one wall that stands now, that of the first obstacle not yet passed, and its name."""
         standing: list[tuple[float, SideWall, str]] = []
-        for obstacle in around.obstacles:
-            known = self._met.get(obstacle.name)
+        for obstacle in arena.obstacles:
+            known = self._passages.get(obstacle.name)
             if known is None or known.side is None:
                 continue
             if abs(float(known.encounter.s) - s) > 2.0 * self._walls.ahead_m:
                 continue
-            d = np.asarray(obstacle.radius + self._half + self._walls.margin_m)
+            d = np.asarray(obstacle.radius + self._half_width + self._walls.margin_m)
             wall = side_wall(
                 known.encounter, np.asarray(known.side), tip, obstacle.X_WB.translation, d, self._walls
             )
@@ -123,11 +121,11 @@ class RouteMonitor:
                 standing.append((float(known.encounter.s), wall, obstacle.name))
         if not standing:
             return NO_WALL, None
-        _, first, name = min(standing, key=lambda item: item[0])
-        return first, name
+        _, wall, name = min(standing, key=lambda item: item[0])
+        return wall, name
 
 
-def as_obstacles(around: Surroundings) -> Obstacles:
-    """Return what the springs push off from."""
-    centre = np.array([(o.X_WB.x, o.X_WB.y) for o in around.obstacles]).reshape(-1, 2)
+def as_obstacles(arena: ArenaMap) -> Obstacles:
+    """Return the obstacles of a map as arrays for a law."""
+    centre = np.array([(o.X_WB.x, o.X_WB.y) for o in arena.obstacles]).reshape(-1, 2)
     return Obstacles(centre, np.ones(len(centre), dtype=bool))

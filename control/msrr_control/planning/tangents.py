@@ -1,4 +1,4 @@
-"""Shortest ways around discs: lines that touch them and arcs along them."""
+"""Shortest paths around discs: lines that touch them and arcs along them."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from msrr_control.planning.free_space import FreeSpace
 
 _TURN = 2.0 * math.pi
 
-#: A longer arc around one body than this is no way that makes sense [rad].
+#: Longest arc around one body that a path may take [rad].
 _LONGEST_ARC = 1.5 * math.pi
 
 
 class Goal(NamedTuple):
-    """Where a way ends.
+    """The end of a path.
 
     Attributes:
-        x: [m].
-        y: [m].
-        heading: In which direction it arrives; None if that does not matter [rad].
-        radius: Of the last arc, by which it comes to that heading [m].
+        x: Position along x [m].
+        y: Position along y [m].
+        heading: Direction of arrival; None for any [rad].
+        radius: Radius of the last arc, which turns the path to that heading [m].
     """
 
     x: float
@@ -34,7 +34,7 @@ class Goal(NamedTuple):
 
 
 class _Circle(NamedTuple):
-    """A circle that is driven along, ``turn`` +1 counter-clockwise, -1 clockwise."""
+    """A circle to drive along, counter-clockwise for ``turn`` = +1, clockwise for -1."""
 
     x: float
     y: float
@@ -43,7 +43,7 @@ class _Circle(NamedTuple):
 
 
 class _Line(NamedTuple):
-    """A line from one circle to another that touches both."""
+    """A line that touches two circles, from point ``a`` on circle ``start`` to ``b`` on circle ``end``."""
 
     start: int
     end: int
@@ -53,28 +53,29 @@ class _Line(NamedTuple):
     length: float
 
 
-def shortest_way(ground: FreeSpace, start: tuple[float, float], goal: Goal) -> Path | None:
-    """Return the shortest way around the discs of ``ground``, None if there is none.
+def shortest_path(space: FreeSpace, start: tuple[float, float], goal: Goal) -> Path | None:
+    """Return the shortest path around the discs of ``space``, None if there is none.
 
-    It begins at ``start`` in whatever direction suits it and consists of lines and of arcs around discs. With
-    a goal that has a heading the last arc has the goal's radius.
+    The path begins at ``start`` (x, y) [m] in any direction and consists of lines and of arcs around discs.
+    With a goal that has a heading the last arc has the goal's radius.
     """
     circles = [_Circle(*start, 0.0, 1.0)]
-    circles += [_Circle(d.x, d.y, d.radius, t) for d in ground.discs for t in (1.0, -1.0)]
+    circles += [_Circle(d.x, d.y, d.radius, t) for d in space.discs for t in (1.0, -1.0)]
     ends = range(len(circles), len(circles) + (1 if goal.heading is None else 2))
     if goal.heading is None:
         circles.append(_Circle(goal.x, goal.y, 0.0, 1.0))
     else:
-        for turn in (1.0, -1.0):  # the middle is on the left of a path that turns left
+        for turn in (1.0, -1.0):  # the middle of the circle is on the left of a path that turns left
             side = goal.heading + turn * 0.5 * math.pi
             x, y = goal.x + goal.radius * math.cos(side), goal.y + goal.radius * math.sin(side)
             circles.append(_Circle(x, y, goal.radius, turn))
-    lines = _touching_lines(ground, circles, ends)
-    chain = _search(ground, circles, lines, ends, goal)
+    lines = _free_tangents(space, circles, ends)
+    chain = _search(space, circles, lines, ends, goal)
     return None if chain is None else _as_path(start, circles, chain, goal)
 
 
-def _touching_lines(ground: FreeSpace, circles: list[_Circle], ends: range) -> list[_Line]:
+def _free_tangents(space: FreeSpace, circles: list[_Circle], ends: range) -> list[_Line]:
+    """Return the free lines that touch two circles in the sense of their turns."""
     found: list[_Line] = []
     for i, a in enumerate(circles):
         if i in ends:
@@ -83,80 +84,80 @@ def _touching_lines(ground: FreeSpace, circles: list[_Circle], ends: range) -> l
             if j == 0 or (a.x, a.y) == (b.x, b.y):
                 continue
             dx, dy = b.x - a.x, b.y - a.y
-            apart = math.hypot(dx, dy)
+            distance = math.hypot(dx, dy)
             offset = b.turn * b.radius - a.turn * a.radius
-            if abs(offset) > apart:
+            if abs(offset) > distance:
                 continue
-            heading = math.atan2(dy, dx) - math.asin(offset / apart)
+            heading = math.atan2(dy, dx) - math.asin(offset / distance)
             n = (-math.sin(heading), math.cos(heading))
             p = (a.x - a.turn * a.radius * n[0], a.y - a.turn * a.radius * n[1])
             q = (b.x - b.turn * b.radius * n[0], b.y - b.turn * b.radius * n[1])
             found.append(_Line(i, j, p, q, heading, math.hypot(q[0] - p[0], q[1] - p[1])))
     if not found:
         return []
-    free = ground.allows_lines(np.array([line.a for line in found]), np.array([line.b for line in found]))
-    return [line for line, good in zip(found, free, strict=True) if good]
+    free = space.allows_lines(np.array([line.a for line in found]), np.array([line.b for line in found]))
+    return [line for line, is_free in zip(found, free, strict=True) if is_free]
 
 
 def _search(
-    ground: FreeSpace, circles: list[_Circle], lines: list[_Line], ends: range, goal: Goal
+    space: FreeSpace, circles: list[_Circle], lines: list[_Line], ends: range, goal: Goal
 ) -> list[_Line] | None:
-    """Dijkstra's algorithm over lines; an arc joins two of them."""
+    """Return the lines of the shortest path, found by Dijkstra's algorithm; an arc joins two lines."""
     leaving: dict[int, list[int]] = {}
     for k, line in enumerate(lines):
         leaving.setdefault(line.start, []).append(k)
-    best: dict[int, float] = {}
-    before: dict[int, int] = {}
+    previous: dict[int, int] = {}
     queue: list[tuple[float, int, int]] = [(lines[k].length, k, -1) for k in leaving.get(0, [])]
     heapq.heapify(queue)
-    done: tuple[float, int] | None = None
+    shortest: tuple[float, int] | None = None  # length and last line
     while queue:
         cost, k, parent = heapq.heappop(queue)
-        if done is not None and cost >= done[0]:
+        if shortest is not None and cost >= shortest[0]:
             break
-        if k in best:
+        if k in previous:
             continue
-        best[k], before[k] = cost, parent
+        previous[k] = parent
         line = lines[k]
         circle = circles[line.end]
         if line.end in ends:
-            last = 0.0
+            last_arc = 0.0
             if goal.heading is not None:
                 angle = _arc(circle, line.heading, goal.heading)
-                if angle > _LONGEST_ARC or not _arc_is_free(ground, circle, line, angle):
+                if angle > _LONGEST_ARC or not _arc_is_free(space, circle, line, angle):
                     continue
-                last = circle.radius * angle
-            if done is None or cost + last < done[0]:
-                done = (cost + last, k)
+                last_arc = circle.radius * angle
+            if shortest is None or cost + last_arc < shortest[0]:
+                shortest = (cost + last_arc, k)
             continue
         for following in leaving.get(line.end, []):
             angle = _arc(circle, line.heading, lines[following].heading)
-            if following in best or angle > _LONGEST_ARC:
+            if following in previous or angle > _LONGEST_ARC:
                 continue
-            if _arc_is_free(ground, circle, line, angle):
+            if _arc_is_free(space, circle, line, angle):
                 total = cost + circle.radius * angle + lines[following].length
                 heapq.heappush(queue, (total, following, k))
-    if done is None:
+    if shortest is None:
         return None
-    chain, k = [], done[1]
+    chain, k = [], shortest[1]
     while k >= 0:
         chain.append(lines[k])
-        k = before[k]
+        k = previous[k]
     return chain[::-1]
 
 
 def _arc(circle: _Circle, arrive: float, leave: float) -> float:
-    """Return the angle [rad] >= 0 driven along a circle from one heading to another."""
+    """Return the angle [rad] >= 0 driven along a circle from heading ``arrive`` to heading ``leave``."""
     angle = (circle.turn * (leave - arrive)) % _TURN
     return 0.0 if angle > _TURN - 1e-9 else angle
 
 
-def _arc_is_free(ground: FreeSpace, circle: _Circle, line: _Line, angle: float) -> bool:
+def _arc_is_free(space: FreeSpace, circle: _Circle, line: _Line, angle: float) -> bool:
+    """Return whether an arc of that angle, entered from ``line``, is free."""
     count = 2 + int(circle.radius * angle / 0.03)
     headings = line.heading + circle.turn * np.linspace(0.0, angle, count)
     reach = circle.turn * circle.radius
     points = np.stack([circle.x + reach * np.sin(headings), circle.y - reach * np.cos(headings)], axis=-1)
-    return ground.allows(points)
+    return space.allows(points)
 
 
 def _as_path(start: tuple[float, float], circles: list[_Circle], chain: list[_Line], goal: Goal) -> Path:

@@ -1,4 +1,4 @@
-"""What the phase machine is told, and who drives before the hand-over."""
+"""What the phase machine observes, and the interface of the long-distance phase that it runs first."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import Protocol
 
 from msrr_scenes.messages import (
     ArenaEstimate,
+    AssemblyPath,
+    AssemblyProgress,
     FailureReason,
     LockFeedback,
     LosObservation,
@@ -18,17 +20,17 @@ from msrr_scenes.messages import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """All that is known at one control instant; estimates and own sensors only.
+    """All that is known at one control instant, from estimates and the unit's own sensors.
 
     Attributes:
-        now_ns: Time.
-        pose: Estimate of the unit in the dock frame, None before the first measurement.
-        los: Line of sight to the target, None before the first.
-        switches: Seat switches' last report, None before the first.
-        lock: Lock's last report, None before the first.
-        twist: Measured by the wheel encoders. Wheels slip against a port: it proves no motion.
-        situation: What global localisation knows, None before it knows the unit and its target.
-        looked_around_ns: Exposure time of the newest overhead picture that has arrived, None before one.
+        now_ns: Time of the instant.
+        pose: Pose estimate of the unit in the dock frame, None before the first measurement.
+        los: Line of sight to the target, None before the first observation.
+        switches: Last report of the seat switches, None before the first.
+        lock: Last report of the lock, None before the first.
+        twist: (v, w) as measured by the wheel encoders. Wheels slip against a port: it proves no motion.
+        arena: Estimates of global localisation, None before it knows the unit and its target.
+        overhead_exposed_ns: Exposure time of the newest overhead picture that has arrived, None before one.
     """
 
     now_ns: int
@@ -37,25 +39,44 @@ class Observation:
     switches: SeatSwitches | None = None
     lock: LockFeedback | None = None
     twist: Twist = field(default_factory=Twist)
-    situation: ArenaEstimate | None = None
-    looked_around_ns: int | None = None
+    arena: ArenaEstimate | None = None
+    overhead_exposed_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class GiveUp:
-    """The long-distance phase ends here, with the unit at rest."""
+    """The end of the long-distance phase without success, with the unit at rest.
 
-    setback: FailureReason
+    Attributes:
+        failure: Why the unit gives up.
+        reason: Reason with figures, for the log and the reader.
+    """
+
+    failure: FailureReason
     reason: str
 
 
 class Assembler(Protocol):
-    """The long-distance phase: brings the unit in front of the port."""
+    """The long-distance phase, which brings the unit in front of the port.
 
-    def reset(self, reason: str) -> None:
-        """Begin again from wherever the unit stands: the hand-over failed there."""
+    A scene names an assembler by registered name or import path; it is built as ``Class(setup, **params)``
+    with an :class:`~msrr_control.staging.setup.AssemblySetup` and the scene's ``control.assembly.params``.
+    """
+
+    @property
+    def progress(self) -> AssemblyProgress | None:
+        """What the assembler did at the last instant, for the log; None if there is nothing to report."""
         ...
 
-    def step(self, senses: Observation) -> Twist | GiveUp | None:
+    @property
+    def path(self) -> AssemblyPath | None:
+        """Path that is followed or was followed last, for the log; None if there is none."""
+        ...
+
+    def reset(self, reason: str) -> None:
+        """Begin again from wherever the unit stands, after the hand-over failed there."""
+        ...
+
+    def step(self, observation: Observation) -> Twist | GiveUp | None:
         """Return the command, or None once the unit stands where the hand-over can begin."""
         ...

@@ -1,4 +1,4 @@
-"""Where the port is, as the estimate has it: the few figures on which phases decide."""
+"""The unit before its port in the few estimated figures by which the phases decide."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, second
 
 @dataclass(frozen=True, slots=True)
 class PortView:
-    """The docking unit before its target, estimated.
+    """The estimated place of the docking unit before its target.
 
     Attributes:
-        gap: Between the two faces along the docking axis, negative if they overlap [m].
+        gap: Distance between the two faces along the docking axis, negative if they overlap [m].
         lateral: Offset of the active port's face from the docking axis, left of it positive [m].
         yaw: Heading against the docking axis [rad].
-        bearing: From the camera's axis to the middle of the line-of-sight target, left positive [rad].
+        bearing: Angle from the camera's axis to the middle of the line-of-sight target, left positive [rad].
         widest_edge: Larger magnitude of the two edge angles [rad].
         sigma_lateral: Standard deviation of ``lateral`` [m].
         sigma_yaw: Standard deviation of ``yaw`` [rad].
         age: Time since the exposure of the last accepted measurement [s].
-        last_seen_ns: That exposure.
+        last_seen_ns: Time of that exposure.
     """
 
     gap: float
@@ -44,7 +44,7 @@ class PortView:
 
     @classmethod
     def of(cls, pose: PoseEstimate, los: LosObservation | None, setup: DockSetup, now_ns: int) -> PortView:
-        """Derive the view from the estimate; edge angles come from the image where there are any."""
+        """Derive the view from the estimate; edge angles come from the image if the target is seen there."""
         X, target = pose.X_DU, setup.los
         c, s = math.cos(X.yaw), math.sin(X.yaw)
         ahead = target.setback_m - X.x - setup.camera_offset * c

@@ -1,4 +1,4 @@
-"""Looking for a marker that is not in view."""
+"""The search for a marker that is not in view."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ class SearchSpec(Spec):
     """How a unit looks for its target.
 
     Attributes:
-        wait_s: Stands still first: the frame may just be late or lost.
-        sweep_deg: Half-width of the scan to both sides of where the target should be.
+        wait_s: Time for which the unit stands still first, as a frame may just be late or lost.
+        sweep_deg: Half-width of the scan about the bearing at which the target should be.
         k_per_s: Gain of the turn towards the wanted heading.
-        creep_mps: Speed of the creep that improves a poor first estimate.
-        creep_gap_m: No creep closer to the face than this.
+        creep_mps: Speed of the slow approach that improves a poor first estimate.
+        creep_gap_m: Smallest distance to the face for that approach.
     """
 
     wait_s: NonNegative = 0.4
@@ -30,8 +30,8 @@ class SearchSpec(Spec):
 def scan_angle(elapsed: float, duration: float, spec: SearchSpec) -> float:
     """Return the heading [rad] of the scan against its middle, counter-clockwise positive.
 
-    A triangle: wait, out to the left, through the middle to the right, back; timed so that both sides have
-    been looked at when ``duration`` [s] is over.
+    The scan is a triangle wave after a wait: to the left, through the middle to the right, and back. When
+    ``elapsed`` [s] reaches ``duration`` [s] both sides have been scanned.
     """
     sweep = math.radians(spec.sweep_deg)
     rate = 3.0 * sweep / max(duration - spec.wait_s, 1e-3)  # out, and all the way to the other side
@@ -43,6 +43,6 @@ def scan_angle(elapsed: float, duration: float, spec: SearchSpec) -> float:
     return turn - 4.0 * sweep
 
 
-def turn_rate(angle: float, spec: SearchSpec, most: float) -> float:
-    """Return the turn rate [rad/s] towards a target ``angle`` [rad] to the left, at most half of ``most``."""
-    return min(max(spec.k_per_s * angle, -0.5 * most), 0.5 * most)
+def turn_rate(angle: float, spec: SearchSpec, max_w: float) -> float:
+    """Return the turn rate [rad/s] towards a target ``angle`` [rad] to the left, up to half of ``max_w``."""
+    return min(max(spec.k_per_s * angle, -0.5 * max_w), 0.5 * max_w)

@@ -1,8 +1,6 @@
-"""The figures by which the phase machine decides and which a scene need not name."""
+"""The figures by which the phase machine decides and which a scene does not name."""
 
 from __future__ import annotations
-
-import math
 
 from pydantic import Field
 
@@ -16,24 +14,27 @@ class PhaseTuning(Spec):
 
     Attributes:
         ready_sigma_m: Largest standard deviation of the lateral estimate at the hand-over.
-        ready_sigma_deg: The same for the heading.
-        ready_time_s: How long a target that is seen may stay unready before the attempt ends.
-        contact_m: Beyond the pins' length: gap at which the controller hands over to pressing.
-        capture_m: Lateral error from which the funnel still centres a pin.
-        capture_deg: The same for the heading.
+        ready_sigma_deg: Largest standard deviation of the heading at the hand-over.
+        ready_time_s: Time for which a seen target may be uncertain or outside the cone before the attempt
+            ends.
+        contact_m: Gap beyond the pins' length at which pressing replaces the controller.
+        capture_m: Largest lateral error from which the funnel still centres a pin.
+        capture_deg: Largest heading error from which the funnel still centres the pins.
         press_turn_radps: Largest turn rate while pressing.
-        debounce_s: How long both switches have to stay closed, or open, to be believed.
+        debounce_s: Time for which both switches have to stay closed, or open, to be believed.
         near_m: Deviation from the seated gap that agrees with closed switches (verification by sight only).
         seated_gap_m: Gap that is left between the faces of a seated pair.
         progress_m: Approach to the seat that counts as progress.
-        hold_share: Share of the press speed kept while the cam closes.
-        latch_s: How long the cam may take to report closed.
-        unlatch_s: How long it may take to report open before the unit backs out regardless.
-        look_around_s: How long a unit waits for an overhead picture before it backs out regardless.
-        frames: Frames in a row that have to agree at verification.
-        arrived_m: How close to the retreat distance counts as there.
+        hold_share: Share of the press speed that is kept while the lock closes.
+        latch_s: Time that the lock may take to report closed.
+        unlatch_s: Time that the lock may take to report open before the unit backs out regardless.
+        look_around_s: Time for which the unit waits for an overhead picture before it backs out regardless.
+        frames: Number of frames in a row that have to agree at verification.
+        arrived_m: Distance to the end of the retreat at which the unit has arrived.
         settle_s: Pause after backing out.
         retreat_margin_s: Time given to a retreat beyond what its distance takes.
+        retreat: How the unit backs out.
+        search: How the unit looks for its target.
     """
 
     ready_sigma_m: Positive = 0.02
@@ -57,13 +58,3 @@ class PhaseTuning(Spec):
     retreat_margin_s: Positive = 3.0
     retreat: RetreatSpec = RetreatSpec()
     search: SearchSpec = SearchSpec()
-
-    @property
-    def ready_sigma(self) -> float:
-        """Largest standard deviation of the heading at the hand-over [rad]."""
-        return math.radians(self.ready_sigma_deg)
-
-    @property
-    def capture(self) -> float:
-        """Heading error from which the funnel still centres the pins [rad]."""
-        return math.radians(self.capture_deg)

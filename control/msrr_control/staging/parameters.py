@@ -1,40 +1,39 @@
-"""Parameters of the long-distance phase as a scene gives them."""
+"""The parameters of the long-distance phase that a scene gives in ``control.assembly.params``."""
 
 from __future__ import annotations
 
-import math
-
 from pydantic import Field
 
-from msrr_control.path_following.baseline import C2PathFollowingParams
 from msrr_control.path_following.c1 import C1PathFollowingParams
+from msrr_control.path_following.c2 import C2PathFollowingParams
+from msrr_control.path_following.path import PaceSpec
 from msrr_control.path_following.walls import WallSpec
 from msrr_control.planning.route import RouteSpec
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
 
 
 class WatchSpec(Spec):
-    """When the unit waits, plans anew or gives up.
+    """When the unit waits, plans again or gives up.
 
     Attributes:
         stale_s: Age of the last sight of the unit from which on it stands still.
-        lost_s: Time for which it waits for localisation, at the start or on the way.
-        spin_after_s: Time without any localisation after which it turns on the spot, to show itself.
+        lost_s: Time for which the unit waits for localisation, at the start or on the way.
+        spin_after_s: Time without any localisation after which the unit turns on the spot, to show itself.
         spin_radps: Rate of that turn.
         aligned_deg: Heading error at which a turn on the spot ends.
-        askew_deg: Heading error at the start of a path up to which it needs no turn on the spot.
-        moved_m: Motion of an estimate after which what was derived from it is derived again.
-        target_moved_m: The same for the end of the path.
-        target_moved_deg: The same for its heading.
-        stuck_s: Time without ``stuck_m`` of progress along the path after which another is planned.
-        stuck_m: See there.
-        astray_m: Deviation from the path beyond that of passing obstacles at which another is planned.
+        askew_deg: Heading error at the start of a path up to which no turn on the spot is needed.
+        moved_m: Motion of an obstacle's or unit's estimate after which the route is checked against it again.
+        target_moved_m: Motion of the end of the path after which another path is planned.
+        target_moved_deg: Turn of the end of the path after which another path is planned.
+        stuck_s: Time without ``stuck_m`` of progress along the path after which another path is planned.
+        stuck_m: Distance along the path that counts as progress.
+        astray_m: Deviation from the reference at which another path is planned.
         there_m: Distance from the end of the path at which the unit has arrived.
-        there_deg: Heading error at which it has arrived.
-        settle_s: Time for which it is waited for at the end of a path.
-        patience_s: Time for which the unit waits for a way to open.
-        retry_s: Time between two looks for one.
-        paths: How many paths are tried in a row.
+        there_deg: Heading error at which the unit has arrived.
+        settle_s: Time that the unit is given to come to rest at the end of a path.
+        patience_s: Time for which the unit waits for a route if there is none.
+        retry_s: Time between two attempts to plan a route.
+        paths: Number of paths that are tried in a row.
     """
 
     stale_s: Positive = 1.0
@@ -56,58 +55,38 @@ class WatchSpec(Spec):
     retry_s: Positive = 1.0
     paths: int = Field(default=8, ge=1)
 
-    @property
-    def aligned(self) -> float:
-        """Heading error at which a turn on the spot ends [rad]."""
-        return math.radians(self.aligned_deg)
 
-    @property
-    def askew(self) -> float:
-        """Heading error that needs no turn on the spot [rad]."""
-        return math.radians(self.askew_deg)
-
-
-class AssemblyParams(C1PathFollowingParams):
-    """Parameters of the assembler ``c1``: those of its law, its paths and its patience.
+class RouteFollowingParams(Spec):
+    """Parameters that every long-distance phase has in common, whatever its law.
 
     Attributes:
-        route: Shape of the paths.
-        watch: When it waits, plans anew or gives up.
+        walls: Walls beside obstacles; under a law without walls they only decide which obstacles a path may
+            pass.
+        pace: Speed along the path.
+        route: Shape of the routes.
+        watch: When the unit waits, plans again or gives up.
         widest_obstacle_m: Largest radius of an obstacle that a path can lead around.
         turn_per_s: Gain of the turn on the spot.
     """
 
+    walls: WallSpec = WallSpec()
+    pace: PaceSpec = PaceSpec()
     route: RouteSpec = RouteSpec()
     watch: WatchSpec = WatchSpec()
     widest_obstacle_m: Positive = 0.5
     turn_per_s: Positive = 2.5
 
 
-class C2AssemblyParams(C2PathFollowingParams):
-    """Parameters of the assembler ``c2``: those of its law, its paths and its patience.
+class AssemblyParams(C1PathFollowingParams, RouteFollowingParams):
+    """Parameters of the assembler ``c1``: those of its law and those of the routes."""
+
+
+class C2AssemblyParams(C2PathFollowingParams, RouteFollowingParams):
+    """Parameters of the assembler ``c2``: those of its law and those of the routes.
 
     Attributes:
-        walls: Obstacles that paths lead past; nothing else stands at these walls.
-        route: Shape of the paths.
-        watch: When it waits, plans anew or gives up. A potential pushes back further than walls lead around,
-            so that it is given more room.
-        widest_obstacle_m: Largest radius of an obstacle that a path can lead around.
-        turn_per_s: Gain of the turn on the spot.
+        watch: When the unit waits, plans again or gives up. A potential pushes the unit further back than
+            walls lead it around, so that larger deviations from the path are accepted.
     """
 
-    walls: WallSpec = WallSpec()
-    route: RouteSpec = RouteSpec()
     watch: WatchSpec = WatchSpec(astray_m=1.0)
-    widest_obstacle_m: Positive = 0.5
-    turn_per_s: Positive = 2.5
-
-    def paths(self) -> AssemblyParams:
-        """Return what C1 and C2 have in common."""
-        return AssemblyParams(
-            walls=self.walls,
-            route=self.route,
-            watch=self.watch,
-            pace=self.pace,
-            widest_obstacle_m=self.widest_obstacle_m,
-            turn_per_s=self.turn_per_s,
-        )

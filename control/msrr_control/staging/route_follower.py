@@ -1,75 +1,62 @@
-"""Drives a unit along a route by a law of the long-distance phase, and says when it cannot be followed."""
+"""The follower of routes: it drives a unit along a route by a law, and says when another route is needed."""
 
 from __future__ import annotations
 
 import math
-from typing import Generic, Protocol, TypeVar
+from typing import Generic
 
 import numpy as np
 
-from msrr_control.kinematics.offset_point import offset_point
-from msrr_control.path_following.law import PathFollowingLaw, PathFollowingState
-from msrr_control.path_following.reference import ReferenceState
-from msrr_control.planning.route import Route, Surroundings
+from msrr_control.kinematics.controlled_point import offset_point
+from msrr_control.path_following.law import PathFollowingLaw, State
+from msrr_control.planning.route import ArenaMap, Route
 from msrr_control.planning.route_monitor import RouteMonitor, as_obstacles
 from msrr_control.planning.route_planner import RoutePlanner
-from msrr_control.staging.parameters import AssemblyParams
+from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import AssemblyProgress, Twist, seconds
 
 
-class TrackedState(PathFollowingState, Protocol):
-    """State of a law that tells what it lets the controlled point go to besides."""
-
-    @property
-    def guidance(self) -> ReferenceState:
-        """The reference that is tracked."""
-        ...
-
-
-State = TypeVar("State", bound=TrackedState)
-
-
 class RouteFollower(Generic[State]):
-    """One route after the other, and the law's state on the present one."""
+    """Follows one route after the other, with the state of the law on the present one."""
 
     def __init__(
         self,
         law: PathFollowingLaw[State],
         planner: RoutePlanner,
-        params: AssemblyParams,
+        params: RouteFollowingParams,
         setup: AssemblySetup,
     ) -> None:
         """Begin without a route."""
         self._law, self._planner, self._params, self._setup = law, planner, params, setup
-        self._run: RouteMonitor | None = None
+        self._monitor: RouteMonitor | None = None
         self._state: State | None = None
-        self._furthest = (0.0, 0)  # arc length that counts as progress, and when it was reached
+        self._furthest = (0.0, 0)  # arc length that counts as progress, and the time at which it was reached
         self._avoiding: str | None = None
 
-    def take(self, route: Route, around: Surroundings) -> None:
-        """Take up a route that was planned in these surroundings; the unit does not move along it yet."""
+    def set_route(self, route: Route, arena: ArenaMap) -> None:
+        """Take up a route that was planned in ``arena``, without moving along it yet."""
         self._state = None
-        self._run = RouteMonitor(route, self._planner, around, self._params.walls, self._setup.half_width)
+        self._monitor = RouteMonitor(route, self._planner, arena, self._params.walls, self._setup.half_width)
 
-    def drop(self) -> None:
+    def drop_route(self) -> None:
         """Give up the route."""
-        self._run = self._state = None
+        self._monitor = self._state = None
 
-    def forget_wall(self) -> None:
-        """Say of no obstacle that it is being avoided, until the next step."""
+    def clear_avoided(self) -> None:
+        """Report no obstacle as being avoided until the next step."""
         self._avoiding = None
 
     @property
     def route(self) -> Route:
-        """The route under way."""
-        return self._watched().route
+        """The route that was taken up last."""
+        return self._monitored().route
 
     @property
-    def moves(self) -> bool:
-        """The law is at work on the route."""
+    def started(self) -> bool:
+        """Whether the law is at work on the route."""
         return self._state is not None
 
     @property
@@ -79,85 +66,87 @@ class RouteFollower(Generic[State]):
 
     def tip(self, X_WU: SE2) -> tuple[float, float]:
         """Return the controlled point in W [m]."""
-        return _point(offset_point(X_WU.as_array(), self._setup.offset))
+        return _as_tuple(offset_point(X_WU.as_array(), self._setup.offset))
 
-    def start(self, X_WU: SE2, twist: Twist, now_ns: int, s: float) -> None:
-        """Let the law begin from where the unit is, ``s`` [m] into the path."""
-        self._state = self._law.start(X_WU.as_array(), np.array([twist.v, twist.w]), s)
-        self._furthest = (self.s, now_ns)
-
-    def begin(self, X_WU: SE2, twist: Twist, now_ns: int) -> None:
-        """Let the law begin at the start of the path, the controlled point being l [m] ahead of the axle."""
-        self.start(X_WU, twist, now_ns, self._setup.offset)
+    def start(self, X_WU: SE2, twist: Twist, now_ns: int) -> None:
+        """Start the law at the beginning of the path, with the controlled point l [m] ahead of the axle."""
+        self._start_law(X_WU, twist, self._setup.offset)
         self._furthest = (0.0, now_ns)
 
-    def step(self, around: Surroundings, s: float, dt: float) -> Twist:
-        """Return the law's command; the wall is the one that stands at ``s`` [m]."""
+    def restart(self, X_WU: SE2, twist: Twist, now_ns: int) -> None:
+        """Start the law again where the unit is now, at the arc length that it has reached."""
+        self._start_law(X_WU, twist, self.s)
+        self._furthest = (self.s, now_ns)
+
+    def _start_law(self, X_WU: SE2, twist: Twist, s: float) -> None:
+        self._state = self._law.start(X_WU.as_array(), np.array([twist.v, twist.w]), s)
+
+    def step(self, arena: ArenaMap, s: float, dt: float) -> Twist:
+        """Return the command of the law; the wall is the one that stands at ``s`` [m]."""
         if self._state is None:
-            raise RuntimeError("a step along a route that was not begun")
-        run = self._watched()
-        pose = around.X_WU.as_array()
-        wall, self._avoiding = run.wall(around, offset_point(pose, self._setup.offset), s)
-        command, self._state = self._law.step(
-            self._state, run.route.path, pose, wall, as_obstacles(around), dt
-        )
+            raise RuntimeError("a step along a route on which the law was not started")
+        monitor = self._monitored()
+        pose = arena.X_WU.as_array()
+        wall, self._avoiding = monitor.wall(arena, offset_point(pose, self._setup.offset), s)
+        path, obstacles = monitor.route.path, as_obstacles(arena)
+        command, self._state = self._law.step(self._state, path, pose, wall, obstacles, dt)
         v, w = command.tolist()
         return Twist(v, w)
 
-    def without_progress(self, s: float, now_ns: int) -> float:
-        """Return the time [s] since the unit last got on by as much as counts; it is at ``s`` [m] now."""
+    def time_without_progress(self, s: float, now_ns: int) -> float:
+        """Return the time [s] since the unit, which is at ``s`` [m] now, last made enough progress."""
         if s > self._furthest[0] + self._params.watch.stuck_m:
             self._furthest = (s, now_ns)
         return seconds(now_ns - self._furthest[1])
 
-    def from_end(self, X_WU: SE2) -> float:
+    def distance_to_end(self, X_WU: SE2) -> float:
         """Return the distance of the controlled point from the end of the path [m]."""
-        return _apart(self.tip(X_WU), self.route.path.at(math.inf).point)
+        return _distance(self.tip(X_WU), self.route.path.at(math.inf).point)
 
-    def trouble(self, around: Surroundings) -> str | None:
-        """Say why another path is needed, None if none is."""
-        run, watch = self._watched(), self._params.watch
-        moved, turned = run.end_moved(around.X_WD)
+    def reason_to_replan(self, arena: ArenaMap) -> str | None:
+        """Return why another route is needed, None if none is."""
+        monitor, watch = self._monitored(), self._params.watch
+        moved, turned = monitor.end_moved(arena.X_WD)
         if moved > watch.target_moved_m or turned > math.radians(watch.target_moved_deg):
             return f"the place in front of the port is {moved:.3f} m elsewhere"
         if self._state is not None:
-            off = _apart(self.tip(around.X_WU), self._state.guidance.position)
-            if off > watch.astray_m:
-                return f"{off:.2f} m off the path"
-        return run.trouble(around, self.s, watch.moved_m)
+            deviation = _distance(self.tip(arena.X_WU), self._state.guidance.position)
+            if deviation > watch.astray_m:
+                return f"{deviation:.2f} m off the path"
+        return monitor.reason_to_replan(arena, self.s, watch.moved_m)
 
-    def progress(self, X_WU: SE2, stamp_ns: int, stage: str, path: int, reason: str) -> AssemblyProgress:
-        """Return what is going on, for the log: of the stage, and of the path of that number."""
+    def progress(self, X_WU: SE2, stamp_ns: int, state: str, path: int, reason: str) -> AssemblyProgress:
+        """Return the message for the log, with the assembler's state, the path's number and the reason."""
         tip = self.tip(X_WU)
         desired = reference = tip
         if self._state is not None:
-            desired, reference = _point(self._state.desired), _point(self._state.guidance.position)
-        run = self._run
+            desired, reference = _as_tuple(self._state.desired), _as_tuple(self._state.guidance.position)
+        route = None if self._monitor is None else self._monitor.route
         return AssemblyProgress(
             stamp_ns=stamp_ns,
-            stage=stage,
+            stage=state,
             path=path,
             tip=tip,
             desired=desired,
             reference=reference,
             s=self.s,
-            arc_end=0.0 if run is None else float(run.route.path.arc_end),
-            length=0.0 if run is None else float(run.route.path.length),
+            arc_end=0.0 if route is None else float(route.path.arc_end),
+            length=0.0 if route is None else float(route.path.length),
             avoiding=self._avoiding,
             reason=reason,
         )
 
-    def _watched(self) -> RouteMonitor:
-        if self._run is None:
-            raise RuntimeError("nothing to follow: no route was taken up")
-        return self._run
+    def _monitored(self) -> RouteMonitor:
+        if self._monitor is None:
+            raise RuntimeError("no route to follow was taken up")
+        return self._monitor
 
 
-def _point(place: Array) -> tuple[float, float]:
-    x, y = place.tolist()
+def _as_tuple(point: Array) -> tuple[float, float]:
+    x, y = point.tolist()
     return x, y
 
 
-def _apart(tip: tuple[float, float], place: Array) -> float:
-    x, y = place.tolist()
+def _distance(tip: tuple[float, float], point: Array) -> float:
+    x, y = point.tolist()
     return math.hypot(tip[0] - x, tip[1] - y)

@@ -1,4 +1,4 @@
-"""The fixed facts of the long-distance phase of a docking step, and what rules it out from the start."""
+"""The fixed facts of the long-distance phase of a docking step, and their check."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 
 @dataclass(frozen=True, slots=True)
 class AssemblySetup:
-    """What the unit is told by its makers and by the plan.
+    """The fixed facts of one docking step, from the units' geometry, the scene and the plan.
 
     Attributes:
-        unit: The docking unit.
-        target: The unit it docks to.
-        offset: l, the active port's face ahead of the axle [m].
-        half_width: Half the unit's width [m].
+        unit: Name of the docking unit.
+        target: Name of the unit it docks to.
+        offset: l, distance of the active port's face ahead of the axle [m].
+        half_width: Half the width of the docking unit [m].
         X_TD: Dock frame of the target port in the target's frame U.
         unit_radius: Radius of the circle about every unit's footprint, by name [m].
-        obstacle_radius: Radius of the circle about every kind of obstacle's footprint, by name [m].
-        arena: Where units may be.
+        obstacle_radius: Radius of the circle about every obstacle's footprint, by name [m].
+        arena: Bounds of the arena.
         limits: What the drive can do.
         rate_hz: Control rate.
     """
@@ -66,15 +66,15 @@ class AssemblySetup:
         return (*self.arena.x_m, *self.arena.y_m)
 
     def check(self, cruise_mps: float, widest_obstacle_m: float, border_m: float) -> None:
-        """Refuse what cannot work wherever things stand.
+        """Refuse facts that cannot work wherever units and obstacles stand.
 
         Args:
-            cruise_mps: Speed on the path.
+            cruise_mps: Speed along the path.
             widest_obstacle_m: Largest radius of an obstacle that a path can lead around.
-            border_m: Kept from the border of the arena.
+            border_m: Distance of the controlled point from the border of the arena.
 
         Raises:
-            SceneError: With what would have to change.
+            SceneError: The facts cannot work; the message says what would have to change.
         """
         if not self.offset > 0.0:
             raise SceneError(f"the active port has to lie ahead of the axle; its offset is {self.offset} m")

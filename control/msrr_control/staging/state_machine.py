@@ -1,14 +1,21 @@
-"""The long-distance phase: from anywhere in the arena to the place in front of the port.
+"""The state machine of the long-distance phase: from anywhere in the arena to the place in front of the port.
 
-::
+========  ==================================================
+================================================== state     what the unit does
+next ========  ==================================================
+================================================== LOCALISE  stands until global localisation knows it and
+BRAKE; done if it stands in front of the port
+          its target
+BRAKE     comes to rest                                       PLAN
+PLAN      chooses a route, or waits for one to open           TURN; gives up after too many routes or too long
+TURN      turns on the spot to where the path begins          DRIVE; BRAKE if another route is needed
+DRIVE     follows the path                                    SETTLE; BRAKE if another route is needed
+SETTLE    comes to rest at the end of the path                done; BRAKE if it is not in front of the port
+========  ==================================================
+==================================================
 
-    LOCALISE -> PLAN -> TURN -> DRIVE -> SETTLE -> (hand-over)
-                 ^                |        |
-                 |                v        |
-                 +-------------- BRAKE <---+  (stopped, something new on the path, a stage reached, not there)
-
-The unit knows what global localisation tells it and nothing else. Each stage is one method: it returns a
-twist to stay, a :class:`_Transition` to another stage, or why the unit gives up.
+In every state the unit stands still while localisation does not see it, and gives up after too long. It knows
+what global localisation estimates and nothing else.
 """
 
 from __future__ import annotations
@@ -17,27 +24,26 @@ import math
 from enum import Enum
 from typing import Generic, NamedTuple
 
-from msrr_control.path_following.law import PathFollowingLaw
+from msrr_control.path_following.law import PathFollowingLaw, State
 from msrr_control.planning.free_space import Disc
-from msrr_control.planning.route import Surroundings
-from msrr_control.planning.route_planner import RoutePlanner, blocking
+from msrr_control.planning.route import ArenaMap
+from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.sequence.observation import GiveUp, Observation
-from msrr_control.staging.parameters import AssemblyParams
-from msrr_control.staging.route_follower import RouteFollower, State
+from msrr_control.sequence.states import STILL
+from msrr_control.staging.parameters import RouteFollowingParams
+from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import wrap_angle
 from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
 
-_STILL = Twist()
-
-#: At less than this the unit stands [m/s], [rad/s]; longer than this it is not waited for [s].
-_STANDS_MPS, _STANDS_RADPS, _BRAKE_S = 0.02, 0.08, 1.5
+#: Speeds below which the unit stands still [m/s], [rad/s], and the longest wait for it [s].
+_STILL_MPS, _STILL_RADPS, _BRAKE_S = 0.02, 0.08, 1.5
 
 #: Longest turn on the spot [s].
 _TURN_S = 10.0
 
 
-class Stage(Enum):
+class AssemblyState(Enum):
     """What the unit does in the long-distance phase."""
 
     LOCALISE = "localise"
@@ -49,30 +55,35 @@ class Stage(Enum):
 
 
 class _Transition(NamedTuple):
-    """A change of stage and why; to None when the unit is there."""
+    """A change of state and its reason; to None when the unit is in front of the port."""
 
-    to: Stage | None
+    to: AssemblyState | None
     reason: str
 
 
+_Decision = Twist | GiveUp | _Transition
+
+
 class LongDistanceAssembler(Generic[State]):
-    """Leads the unit in front of the port by a long-distance law.
+    """Leads the unit in front of the port by a long-distance law; an ``Assembler`` of the phase machine.
 
     Attributes:
-        progress: What it did at the last instant, None before the first.
-        path: The path it follows or followed last, None before the first.
+        progress: What the unit did at the last instant, None before the first.
+        path: Path that is followed or was followed last, None before the first.
     """
 
-    def __init__(self, params: AssemblyParams, setup: AssemblySetup, law: PathFollowingLaw[State]) -> None:
+    def __init__(
+        self, params: RouteFollowingParams, setup: AssemblySetup, law: PathFollowingLaw[State]
+    ) -> None:
         """Begin before anything is known.
 
         Args:
-            params: Of the paths and of the unit's patience.
-            setup: What the unit is told by its makers and by the plan.
+            params: Parameters of the routes and of the unit's patience.
+            setup: Facts of the docking step.
             law: Drives along the paths.
 
         Raises:
-            SceneError: What is asked cannot work wherever things stand.
+            SceneError: The facts and parameters cannot work wherever units and obstacles stand.
         """
         setup.check(params.pace.cruise_mps, params.widest_obstacle_m, params.route.border_m)
         self.params, self._setup, self._watch = params, setup, params.watch
@@ -82,200 +93,206 @@ class LongDistanceAssembler(Generic[State]):
         self._follower = RouteFollower(law, self._planner, params, setup)
         self.progress: AssemblyProgress | None = None
         self.path: AssemblyPath | None = None
-        self._stages = {
-            Stage.LOCALISE: self._localise,
-            Stage.BRAKE: self._brake,
-            Stage.PLAN: self._plan,
-            Stage.TURN: self._turn,
-            Stage.DRIVE: self._drive,
-            Stage.SETTLE: self._settle,
-        }
-        self._stage, self._reason = Stage.LOCALISE, "start"
-        self._since_ns: int | None = None  # when the stage was entered
-        self._then_ns: int | None = None
+        self._state, self._reason = AssemblyState.LOCALISE, "start"
+        self._since_ns: int | None = None  # time at which the state was entered
+        self._previous_ns: int | None = None
         self._unseen_ns: int | None = None
-        self._looked_ns: int | None = None
+        self._planned_ns: int | None = None
         self._dt = 1.0 / setup.rate_hz
         self._paths, self._caution, self._came_back = 0, 0, False
 
     @property
-    def stage(self) -> Stage:
+    def state(self) -> AssemblyState:
         """What the unit does."""
-        return self._stage
+        return self._state
 
     def reset(self, reason: str) -> None:
-        """Begin again from wherever the unit stands: the hand-over failed there."""
+        """Begin again from wherever the unit stands, after the hand-over failed there."""
         self._paths, self._caution, self._came_back = 0, 0, True
-        self._unseen_ns = self._then_ns = None
-        self._change(_Transition(Stage.LOCALISE, reason))
+        self._unseen_ns = self._previous_ns = None
+        self._change(AssemblyState.LOCALISE, reason)
 
-    def step(self, senses: Observation) -> Twist | GiveUp | None:
+    def step(self, observation: Observation) -> Twist | GiveUp | None:
         """Return the command, None once the unit stands where the hand-over can begin, or why it gives up."""
-        now = senses.now_ns
-        if self._then_ns is not None and now > self._then_ns:
-            self._dt = seconds(now - self._then_ns)
-        self._then_ns = now
-        decision = self._decide(senses)
-        self._report(senses)
+        now = observation.now_ns
+        if self._previous_ns is not None and now > self._previous_ns:
+            self._dt = seconds(now - self._previous_ns)
+        self._previous_ns = now
+        decision = self._decide(observation)
+        self._report(observation)
         return decision
 
-    def _decide(self, senses: Observation) -> Twist | GiveUp | None:
-        situation, now = senses.situation, senses.now_ns
-        if situation is None or seconds(now - situation.last_seen_ns) > self._watch.stale_s:
+    def _decide(self, observation: Observation) -> Twist | GiveUp | None:
+        estimate, now = observation.arena, observation.now_ns
+        if estimate is None or seconds(now - estimate.last_seen_ns) > self._watch.stale_s:
             return self._wait_to_be_seen(now)
-        if self._unseen_ns is not None:  # seen again: the law begins anew where the unit is now
+        if self._unseen_ns is not None:  # seen again: the law starts again where the unit is now
             self._unseen_ns = None
-            if self._follower.moves:
-                self._follower.start(situation.own.X_WB, senses.twist, now, self._follower.s)
-        around = self._surroundings(situation)
-        for _ in range(2 * len(Stage)):  # a stage that has nothing to do is passed in the same instant
+            if self._follower.started:
+                self._follower.restart(estimate.own.X_WB, observation.twist, now)
+        arena = self._map(estimate)
+        for _ in range(2 * len(AssemblyState)):  # a state with nothing to do is passed in the same instant
             if self._since_ns is None:
                 self._since_ns = now
-            decision = self._stages[self._stage](senses, around)
+            decision = self._act(observation, arena)
             if not isinstance(decision, _Transition):
                 return decision
             if decision.to is None:
                 self._reason = decision.reason
                 return None
-            self._change(decision)
-        return _STILL
+            self._change(decision.to, decision.reason)
+        return STILL
 
-    # The stages, in the order in which they come.
+    def _act(self, observation: Observation, arena: ArenaMap) -> _Decision:
+        match self._state:
+            case AssemblyState.LOCALISE:
+                return self._localise(arena)
+            case AssemblyState.BRAKE:
+                return self._brake(observation)
+            case AssemblyState.PLAN:
+                return self._plan(observation.now_ns, arena)
+            case AssemblyState.TURN:
+                return self._turn(observation, arena)
+            case AssemblyState.DRIVE:
+                return self._drive(observation, arena)
+            case AssemblyState.SETTLE:
+                return self._settle(observation, arena)
+
+    # The states, in the order in which they come.
 
     def _wait_to_be_seen(self, now: int) -> Twist | GiveUp:
-        """Stand while nobody knows where the unit is; show another side at the start."""
+        """Stand still while localisation does not see the unit; at the start, turn to show another side."""
         if self._unseen_ns is None:
             self._unseen_ns = now
         waited = seconds(now - self._unseen_ns)
         if waited > self._watch.lost_s:
             return GiveUp(FailureReason.NOT_LOCALISED, f"not localised for {waited:.1f} s")
-        turns = self._stage is Stage.LOCALISE and waited > self._watch.spin_after_s
-        return Twist(0.0, self._watch.spin_radps) if turns else _STILL
+        turns = self._state is AssemblyState.LOCALISE and waited > self._watch.spin_after_s
+        return Twist(0.0, self._watch.spin_radps) if turns else STILL
 
-    def _localise(self, senses: Observation, around: Surroundings) -> Twist | GiveUp | _Transition:
-        """Passed as soon as unit and target are known; so is the rest if the unit stands there already."""
-        if not self._came_back and self._is_there(around):
+    def _localise(self, arena: ArenaMap) -> _Decision:
+        """Pass on at once, as unit and target are known; end the phase if the unit is there already."""
+        if not self._came_back and self._is_there(arena):
             return _Transition(None, "stands in front of the port")
-        return _Transition(Stage.BRAKE, f"localised: {self._reason}")
+        return _Transition(AssemblyState.BRAKE, f"localised: {self._reason}")
 
-    def _brake(self, senses: Observation, around: Surroundings) -> Twist | GiveUp | _Transition:
+    def _brake(self, observation: Observation) -> _Decision:
         """Come to rest."""
-        v, w = abs(senses.twist.v), abs(senses.twist.w)
-        if (v < _STANDS_MPS and w < _STANDS_RADPS) or self._lasted(senses.now_ns) > _BRAKE_S:
-            return _Transition(Stage.PLAN, self._reason)
-        return _STILL
+        v, w = abs(observation.twist.v), abs(observation.twist.w)
+        stands = v < _STILL_MPS and w < _STILL_RADPS
+        if stands or self._time_in_state(observation.now_ns) > _BRAKE_S:
+            return _Transition(AssemblyState.PLAN, self._reason)
+        return STILL
 
-    def _plan(self, senses: Observation, around: Surroundings) -> Twist | GiveUp | _Transition:
-        """Choose a path; wait for one if there is none."""
-        watch, now = self._watch, senses.now_ns
+    def _plan(self, now: int, arena: ArenaMap) -> _Decision:
+        """Choose a route; wait for one if there is none."""
+        watch = self._watch
         if self._paths >= watch.paths:
             return GiveUp(FailureReason.BLOCKED, f"not there after {self._paths} paths: {self._reason}")
-        if self._looked_ns is not None and seconds(now - self._looked_ns) < watch.retry_s:
-            return _STILL
-        self._looked_ns = now
-        route = self._planner.plan(around, self._caution)
+        if self._planned_ns is not None and seconds(now - self._planned_ns) < watch.retry_s:
+            return STILL
+        self._planned_ns = now
+        route = self._planner.plan(arena, self._caution)
         if route is None:
-            waited = self._lasted(now)
+            waited = self._time_in_state(now)
             if waited < watch.patience_s:
-                return _STILL
-            where = blocking(around, self._planner)
-            return GiveUp(
-                FailureReason.BLOCKED, f"no way to the port in {waited:.1f} s{where}; {self._reason}"
-            )
+                return STILL
+            blocker = self._planner.blocker(arena)
+            where = "" if blocker is None else f"; {blocker} stands on the place in front of the port"
+            reason = f"no way to the port in {waited:.1f} s{where}; {self._reason}"
+            return GiveUp(FailureReason.BLOCKED, reason)
         self._paths += 1
-        self._follower.take(route, around)
+        self._follower.set_route(route, arena)
         _, points = route.path.sample(0.05)
         number = 1 if self.path is None else self.path.number + 1
-        shown = tuple((float(x), float(y)) for x, y in points)
-        self.path = AssemblyPath(now, number, route.shape, shown, self._reason)
-        return _Transition(Stage.TURN, f"{route.shape} of {float(route.path.length):.2f} m: {self._reason}")
+        sampled = tuple((float(x), float(y)) for x, y in points)
+        self.path = AssemblyPath(now, number, route.shape, sampled, self._reason)
+        reason = f"{route.shape} of {float(route.path.length):.2f} m: {self._reason}"
+        return _Transition(AssemblyState.TURN, reason)
 
-    def _turn(self, senses: Observation, around: Surroundings) -> Twist | GiveUp | _Transition:
-        """Turn on the spot to where the path begins."""
-        follower, watch = self._follower, self._watch
-        trouble = follower.trouble(around)
-        if trouble is not None:
-            return _Transition(Stage.BRAKE, trouble)
-        off = wrap_angle(float(follower.route.path.start[2]) - around.X_WU.yaw)
-        began = self._lasted(senses.now_ns) > 0.0
-        if abs(off) <= (watch.aligned if began else watch.askew) and abs(senses.twist.w) < 0.15:
-            return _Transition(Stage.DRIVE, self._reason)
-        if self._lasted(senses.now_ns) > _TURN_S:
+    def _turn(self, observation: Observation, arena: ArenaMap) -> _Decision:
+        """Turn on the spot to the heading with which the path begins."""
+        follower, watch, time = self._follower, self._watch, self._time_in_state(observation.now_ns)
+        reason = follower.reason_to_replan(arena)
+        if reason is not None:
+            return _Transition(AssemblyState.BRAKE, reason)
+        error = wrap_angle(float(follower.route.path.start[2]) - arena.X_WU.yaw)
+        tolerance = watch.aligned_deg if time > 0.0 else watch.askew_deg
+        if abs(error) <= math.radians(tolerance) and abs(observation.twist.w) < 0.15:
+            return _Transition(AssemblyState.DRIVE, self._reason)
+        if time > _TURN_S:
             self._caution += 1
-            return _Transition(Stage.BRAKE, "could not turn on the spot")
-        most = min(0.7 * self._setup.limits.w_max_radps, 1.0)
-        return Twist(0.0, min(max(self.params.turn_per_s * off, -most), most))
+            return _Transition(AssemblyState.BRAKE, "could not turn on the spot")
+        max_w = min(0.7 * self._setup.limits.w_max_radps, 1.0)
+        return Twist(0.0, min(max(self.params.turn_per_s * error, -max_w), max_w))
 
-    def _drive(self, senses: Observation, around: Surroundings) -> Twist | GiveUp | _Transition:
+    def _drive(self, observation: Observation, arena: ArenaMap) -> _Decision:
         """Follow the path."""
-        follower, watch, now = self._follower, self._watch, senses.now_ns
-        if not follower.moves:
-            follower.begin(around.X_WU, senses.twist, now)
+        follower, watch, now = self._follower, self._watch, observation.now_ns
+        if not follower.started:
+            follower.start(arena.X_WU, observation.twist, now)
         s = follower.s
-        trouble = follower.trouble(around)
-        if trouble is not None:
-            return _Transition(Stage.BRAKE, trouble)
-        twist = follower.step(around, s, self._dt)
-        idle = follower.without_progress(s, now)
-        left = float(follower.route.path.length) - s
-        if left < 2e-3:
-            return _Transition(Stage.SETTLE, self._reason)
+        reason = follower.reason_to_replan(arena)
+        if reason is not None:
+            return _Transition(AssemblyState.BRAKE, reason)
+        twist = follower.step(arena, s, self._dt)
+        idle = follower.time_without_progress(s, now)
+        remaining = float(follower.route.path.length) - s
+        if remaining < 2e-3:
+            return _Transition(AssemblyState.SETTLE, self._reason)
         if idle > watch.stuck_s:
             self._caution += 1
-            return _Transition(
-                Stage.BRAKE, f"no progress for {watch.stuck_s:.1f} s, {left:.2f} m before the end"
-            )
+            reason = f"no progress for {watch.stuck_s:.1f} s, {remaining:.2f} m before the end"
+            return _Transition(AssemblyState.BRAKE, reason)
         return twist
 
-    def _settle(self, senses: Observation, around: Surroundings) -> Twist | GiveUp | _Transition:
-        """Come to rest at the end of the path, and say whether that is the place."""
-        follower = self._follower
-        if follower.moves:
-            close = follower.from_end(around.X_WU) < 0.5 * self._watch.there_m
-            rests = abs(senses.twist.v) < _STANDS_MPS and close
-            if not rests and self._lasted(senses.now_ns) < self._watch.settle_s:
-                return follower.step(around, math.inf, self._dt)
+    def _settle(self, observation: Observation, arena: ArenaMap) -> _Decision:
+        """Come to rest at the end of the path, and check whether the unit is in front of the port."""
+        follower, watch = self._follower, self._watch
+        if follower.started:
+            close = follower.distance_to_end(arena.X_WU) < 0.5 * watch.there_m
+            rests = abs(observation.twist.v) < _STILL_MPS and close
+            if not rests and self._time_in_state(observation.now_ns) < watch.settle_s:
+                return follower.step(arena, math.inf, self._dt)
         if not follower.route.final:
-            return _Transition(Stage.BRAKE, "turn on the spot before the port")
-        if self._is_there(around):
+            return _Transition(AssemblyState.BRAKE, "turn on the spot before the port")
+        if self._is_there(arena):
             return _Transition(None, "in front of the port")
-        return _Transition(Stage.BRAKE, "not where the path should end")
+        return _Transition(AssemblyState.BRAKE, "not where the path should end")
 
-    # What they share.
+    # What the states share.
 
-    def _is_there(self, around: Surroundings) -> bool:
-        x, y = self._follower.tip(around.X_WU)
-        end = self._planner.handover(around.X_WD)
+    def _is_there(self, arena: ArenaMap) -> bool:
+        """Return whether the unit stands on the place in front of the port."""
+        x, y = self._follower.tip(arena.X_WU)
+        end = self.params.route.handover(arena.X_WD)
         near = math.hypot(x - end.x, y - end.y) <= self._watch.there_m
-        return near and abs(wrap_angle(around.X_WU.yaw - end.yaw)) <= math.radians(self._watch.there_deg)
+        return near and abs(wrap_angle(arena.X_WU.yaw - end.yaw)) <= math.radians(self._watch.there_deg)
 
-    def _change(self, move: _Transition) -> None:
-        if move.to is None:
-            raise RuntimeError("there is no stage after the last")
-        self._stage, self._reason, self._since_ns = move.to, move.reason, None
-        self._follower.forget_wall()
-        if move.to in (Stage.LOCALISE, Stage.BRAKE):
-            self._follower.drop()
-            self._looked_ns = None
+    def _change(self, state: AssemblyState, reason: str) -> None:
+        self._state, self._reason, self._since_ns = state, reason, None
+        self._follower.clear_avoided()
+        if state in (AssemblyState.LOCALISE, AssemblyState.BRAKE):
+            self._follower.drop_route()
+            self._planned_ns = None
 
-    def _lasted(self, now: int) -> float:
+    def _time_in_state(self, now: int) -> float:
         return 0.0 if self._since_ns is None else seconds(now - self._since_ns)
 
-    def _surroundings(self, situation: ArenaEstimate) -> Surroundings:
+    def _map(self, estimate: ArenaEstimate) -> ArenaMap:
+        """Return the map in which routes are planned."""
         radius = self._setup.unit_radius
         units = tuple(
             Disc(unit.name, unit.X_WB.x, unit.X_WB.y, radius[unit.name])
-            for unit in (situation.target, *situation.others)
+            for unit in (estimate.target, *estimate.others)
         )
-        return Surroundings(
-            situation.own.X_WB, situation.target.X_WB @ self._setup.X_TD, units, situation.obstacles
-        )
+        return ArenaMap(estimate.own.X_WB, estimate.target.X_WB @ self._setup.X_TD, units, estimate.obstacles)
 
-    def _report(self, senses: Observation) -> None:
-        if senses.situation is None:
+    def _report(self, observation: Observation) -> None:
+        if observation.arena is None:
             self.progress = None
             return
         number = 0 if self.path is None else self.path.number
         self.progress = self._follower.progress(
-            senses.situation.own.X_WB, senses.now_ns, self._stage.value, number, self._reason
+            observation.arena.own.X_WB, observation.now_ns, self._state.value, number, self._reason
         )

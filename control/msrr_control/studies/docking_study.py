@@ -1,31 +1,27 @@
-"""A thousand unicycle trials in one call: how a law behaves before any picture is rendered."""
+"""Thousands of unicycle trials of the close-range phase under any law, in one call."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
-from msrr_control.docking.law import DockingLaw, DockSetup, Sensed
+from msrr_control.docking.law import DockingLaw, DockSetup, LawInputs, State
 from msrr_control.feedback.visibility_cone import edge_angles
-from msrr_control.kinematics.offset_point import offset_point
-from msrr_control.kinematics.unicycle import drive, moved_on, roll, slipped
+from msrr_control.kinematics.controlled_point import offset_point
+from msrr_control.studies.disturbance import Disturbance, DisturbedUnicycles
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import NonNegative, Positive, Spec, Spread
-
-State = TypeVar("State")
+from msrr_scenes.specs.spec import Positive, Spec, Spread
 
 
 class StartSet(Spec):
-    """A set of starts in front of the port; the same as a scene's ``PoseSpec`` with frame ``<unit>.<port>``.
+    """A set of starts in front of the port, drawn as a scene's ``PoseSpec`` with frame ``<unit>.<port>``.
 
     Attributes:
-        distance_m: Between the two faces.
+        distance_m: Distance between the two faces.
         spread: Half-widths of the uniform distribution of the front port about the docking axis.
     """
 
@@ -35,35 +31,6 @@ class StartSet(Spec):
 
 CLOSE = StartSet()
 CLOSE_HARD = StartSet(spread=Spread(x_m=0.05, y_m=0.15, yaw_deg=25.0))
-
-
-class Disturbance(Spec):
-    """What is wrong with the measurements of a study.
-
-    Attributes:
-        sigma_xy_m: Standard deviation of the measured position, drawn anew every step.
-        sigma_yaw_deg: The same for the heading.
-        sigma_bearing_deg: The same for each edge angle.
-        delay_s: Age of pose and angles when the law gets them.
-        compensated: The estimator moves each delayed pose forward by the odometry since its exposure, and
-            the angles with it.
-        slip: Largest share by which a wheel's path differs from what its encoder says; drawn uniformly for
-            each wheel of each trial.
-        track_m: Distance between the wheels.
-    """
-
-    sigma_xy_m: NonNegative = 0.0
-    sigma_yaw_deg: NonNegative = 0.0
-    sigma_bearing_deg: NonNegative = 0.0
-    delay_s: NonNegative = Field(default=0.0, le=2.0)
-    compensated: bool = True
-    slip: NonNegative = Field(default=0.0, le=0.2)
-    track_m: Positive = 0.13
-
-    def draw_grips(self, trials: int, rng: np.random.Generator) -> Array:
-        """Draw what each wheel (left, right) covers of its encoder's path, shape (trials, 2)."""
-        grips: Array = 1.0 + self.slip * rng.uniform(-1.0, 1.0, (trials, 2))
-        return grips
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +45,7 @@ class StudyResult:
         edges: Line-of-sight angles, shape (steps, trials, 2) [rad].
         tip: Controlled point in D, shape (steps, trials, 2) [m].
         reference: The law's guidance trajectory, shape (steps, trials, 2) [m].
-        contact: Step at which the faces meet, -1 if they never do, shape (trials,).
+        contact: Step at which the faces meet, -1 without contact, shape (trials,).
         redrawn: Number of starts that were drawn again because the target lay outside the outer cone.
     """
 
@@ -94,7 +61,7 @@ class StudyResult:
 
     @property
     def docked(self) -> NDArray[np.bool_]:
-        """The trials whose tip reached the face, shape (trials,)."""
+        """Whether the controlled point reached the face, shape (trials,)."""
         return self.contact >= 0
 
     def _until_contact(self) -> NDArray[np.bool_]:
@@ -103,21 +70,21 @@ class StudyResult:
         return steps <= last[None, :]
 
     def error(self) -> Array:
-        """Distance between tip and guidance trajectory, shape (steps, trials) [m]."""
+        """Return the distance of the controlled point from the guidance trajectory, (steps, trials) [m]."""
         distance: Array = np.linalg.norm(self.tip - self.reference, axis=-1)
         return distance
 
     def settling_time(self, bound: float = 0.015) -> Array:
         """Return the time [s] from which on the error stays below ``bound`` [m] to the end, shape (trials,).
 
-        The end is the contact, or that of the trial without one. Infinite where the error is above the bound
-        there: such a trial never settles, and is no faster for having come to contact early.
+        The end is the contact, or without one the end of the trial. The time is infinite where the error is
+        above the bound at the end: such a trial never settles, and an early contact does not make it faster.
         """
-        until = self._until_contact()
-        beyond = (self.error() > bound) & until
+        until_contact = self._until_contact()
+        above = (self.error() > bound) & until_contact
         steps = np.arange(len(self.pose))[:, None]
-        first = np.max(np.where(beyond, steps + 1, 0), axis=0)
-        return np.where(first < until.sum(axis=0), first * self.dt, np.inf)
+        first = np.max(np.where(above, steps + 1, 0), axis=0)
+        return np.where(first < until_contact.sum(axis=0), first * self.dt, np.inf)
 
     def final_error(self, window: float = 1.0) -> Array:
         """Return the largest error in the last ``window`` [s] before contact, shape (trials,) [m]."""
@@ -134,7 +101,7 @@ class StudyResult:
         return self.tip[steps, trials, 1], self.pose[steps, trials, 2]
 
     def in_cone(self, bound: float) -> NDArray[np.bool_]:
-        """Say which trials kept both edges within ``bound`` [rad] from start to contact, shape (trials,)."""
+        """Return which trials kept both edges within ``bound`` [rad] until contact, shape (trials,)."""
         outside = (np.abs(self.edges).max(axis=-1) > bound) & self._until_contact()
         kept: NDArray[np.bool_] = ~outside.any(axis=0)
         return kept
@@ -143,7 +110,7 @@ class StudyResult:
 def draw_starts(
     starts: StartSet, trials: int, setup: DockSetup, rng: np.random.Generator
 ) -> tuple[Array, int]:
-    """Draw axle poses in D, shape (trials, 3), whose target lies inside the outer cone; count the redraws."""
+    """Draw axle poses in D, (trials, 3), with the target inside the outer cone; count the redraws."""
     kept: list[Array] = []
     missing, redrawn = trials, 0
     half = np.array([starts.spread.x_m, starts.spread.y_m, np.radians(starts.spread.yaw_deg)])
@@ -174,56 +141,43 @@ def run_study(
         law: The law; its arrays have the leading shape (trials,).
         setup: Facts of the docking step.
         rng: Draws the starts, then the noise.
-        trials: How many.
+        trials: Number of trials.
         starts: Where they start.
-        disturbance: Noise and delay of what the law is told; None is ideal.
+        disturbance: Noise and delay of what the law is given; None is ideal.
         duration: Simulated time of every trial [s].
-        observer: Is shown the law's state of every step, for what only this law has.
+        observer: Called with the state of the law at every step, for figures that only this law has.
 
     Returns:
-        The trials' truth. The port is no obstacle here: a trial ends (for its figures) where the faces meet.
+        The truth of the trials. The port is no obstacle: for its figures, a trial ends where the faces meet.
     """
     dt = 1.0 / setup.rate_hz
-    wrong = disturbance if disturbance is not None else Disturbance()
-    pose, redrawn = draw_starts(starts, trials, setup, rng)
-    grips = wrong.draw_grips(trials, rng) if wrong.slip else np.ones((trials, 2))
-    counted, twist = pose, np.zeros((trials, 2))  # counted: where the wheels say that the unit is
+    disturbance = disturbance if disturbance is not None else Disturbance()
+    starting_poses, redrawn = draw_starts(starts, trials, setup, rng)
+    units = DisturbedUnicycles(starting_poses, disturbance, setup.limits, dt, rng)
     steps = int(np.ceil(duration / dt))
-    poses, edges = np.empty((steps, trials, 3)), np.empty((steps, trials, 2))
-    commands, twists = np.empty((steps, trials, 2)), np.empty((steps, trials, 2))
-    tips, references = np.empty((steps, trials, 2)), np.empty((steps, trials, 2))
-    delayed: deque[tuple[Array, Array, Array]] = deque(maxlen=round(wrong.delay_s / dt) + 1)
+    poses = np.empty((steps, trials, 3))
+    edges, commands, twists, tips, references = (np.empty((steps, trials, 2)) for _ in range(5))
+    sigma_bearing = np.radians(disturbance.sigma_bearing_deg)
+    delayed_edges: deque[Array] = deque(maxlen=units.delay_steps + 1)
     state: State | None = None
     for k in range(steps):
-        poses[k], twists[k] = pose, twist
-        edges[k] = _edges(pose, setup)
-        tips[k] = offset_point(pose, setup.offset)
-        delayed.append((counted, *_measured(pose, edges[k], wrong, rng)))
-        was, seen, angles = delayed[0]
-        if wrong.compensated:
-            then, seen = seen, moved_on(seen, was, counted)
-            turned = _edges(seen, setup) - _edges(then, setup)
-            angles = angles + np.arctan2(np.sin(turned), np.cos(turned))
-        sensed = Sensed(seen, angles, np.ones(trials), twist)
-        state = law.start(sensed) if state is None else state
-        commands[k], state = law.step(state, sensed, dt)
+        poses[k], twists[k] = units.pose, units.twist
+        edges[k] = edge_angles(units.pose, setup.los, setup.camera_offset)
+        tips[k] = offset_point(units.pose, setup.offset)
+        late, measured = units.measure()
+        delayed_edges.append(edges[k] + sigma_bearing * rng.standard_normal(edges[k].shape))
+        measured_edges = delayed_edges[0]
+        if disturbance.compensated:
+            turned = edge_angles(measured, setup.los, setup.camera_offset)
+            turned -= edge_angles(late, setup.los, setup.camera_offset)
+            measured_edges = measured_edges + np.arctan2(np.sin(turned), np.cos(turned))
+        inputs = LawInputs(measured, measured_edges, np.ones(trials), units.twist)
+        state = law.start(inputs) if state is None else state
+        commands[k], state = law.step(state, inputs, dt)
         references[k] = law.reference(state)
         if observer is not None:
             observer(state)
-        twist = drive(twist, commands[k], setup.limits, dt)
-        counted = roll(counted, twist, dt)
-        pose = roll(pose, slipped(twist, grips, wrong.track_m), dt)
+        units.advance(commands[k])
     reached = tips[..., 0] >= 0.0
     contact = np.where(reached.any(axis=0), reached.argmax(axis=0), -1)
     return StudyResult(dt, poses, commands, twists, edges, tips, references, contact, redrawn)
-
-
-def _edges(pose: Array, setup: DockSetup) -> Array:
-    return edge_angles(pose, setup.los, setup.camera_offset)
-
-
-def _measured(pose: Array, edges: Array, wrong: Disturbance, rng: np.random.Generator) -> tuple[Array, Array]:
-    sigma = np.array([wrong.sigma_xy_m, wrong.sigma_xy_m, np.radians(wrong.sigma_yaw_deg)])
-    noisy = pose + sigma * rng.standard_normal(pose.shape)
-    angles = edges + np.radians(wrong.sigma_bearing_deg) * rng.standard_normal(edges.shape)
-    return noisy, angles

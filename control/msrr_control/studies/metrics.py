@@ -1,12 +1,13 @@
-"""Figures of the long-distance phase, from time series alone: of a study, of a log, of a real unit.
+"""Figures of the long-distance phase, computed from the time series of a study, a log or a real unit.
 
 Each function takes series whose first axis is time; further axes are trials. A figure that a series does not
 have (no obstacle was met, no arc was ended) is NaN.
 
-Two distances are told apart. The *deviation* is that of the controlled point from the desired POINT, which
-moves along the path by the clock: a unit that is held up has a large one, even on the path. The *distance
-from the path* is that from the curve. Tracking error, amplitude and recovery are made of the deviation; how
-much of an amplitude is a swing off the path, and not time lost, the distance from the path says.
+Two distances are distinguished. The *deviation* is the distance of the controlled point from the desired
+POINT, which moves along the path with time: it is large for a unit that is held up, even on the path. The
+*distance from the path* is the distance from the curve. Tracking error, amplitude and recovery use the
+deviation; the distance from the path shows how much of an amplitude is a swing off the path and not time
+lost.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ Mask = NDArray[np.bool_]
 #: Deviation [m] below which an obstacle counts as recovered from.
 RECOVERED_M = 0.05
 
-#: Time by which an obstacle episode outlasts that [s]; the position gain of the path is about 1 1/s.
+#: Time by which an obstacle episode outlasts its recovery [s]; the position gain of the path is about 1 1/s.
 TAIL_S = 2.0
 
 #: Time before and after the end of the arc over which steady tracking is judged [s].
@@ -32,13 +33,14 @@ BEFORE_S, AFTER_S = 1.0, 2.0
 def deviation(tip: Array, desired: Array) -> Array:
     """Return the distance of the controlled point from the desired point, (T, ..., 2) to (T, ...) [m].
 
-    Lag along the path is part of it; see :func:`from_path` for the distance from the curve.
+    It includes the lag along the path; :func:`from_path` is the distance from the curve.
     """
-    return _apart(tip, desired)
+    distance: Array = np.hypot(tip[..., 0] - desired[..., 0], tip[..., 1] - desired[..., 1])
+    return distance
 
 
 def from_path(tip: Array, path: Path) -> Array:
-    """Return the distance of the controlled point from the nearest point of its path, whole and at any time.
+    """Return the distance of the controlled point from the nearest point of its whole path.
 
     Args:
         tip: Shape (T, ..., 2) [m].
@@ -48,14 +50,15 @@ def from_path(tip: Array, path: Path) -> Array:
         Shape (T, ...) [m].
     """
     ends = np.cumsum(path.lengths, axis=-1)
-    nearest = _apart(tip, path.at(np.zeros(ends.shape[:-1])).point)
+    nearest = deviation(tip, path.at(np.zeros(ends.shape[:-1])).point)
     for k in range(ends.shape[-1]):
         length, curvature = path.lengths[..., k], path.curvature[..., k]
         begin = path.at(ends[..., k] - length)
         c, s = np.cos(begin.heading), np.sin(begin.heading)
         dx, dy = tip[..., 0] - begin.point[..., 0], tip[..., 1] - begin.point[..., 1]
         ahead, left = c * dx + s * dy, c * dy - s * dx
-        # In the frame of the piece's beginning: the line is y = 0, the circle's middle is (0, 1 / curvature).
+        # In the frame of the start of the piece, the line is y = 0 and the circle's middle (0, 1 /
+        # curvature).
         bent = curvature != 0.0
         radius = 1.0 / np.where(bent, curvature, 1.0)
         side = np.sign(radius)
@@ -64,37 +67,37 @@ def from_path(tip: Array, path: Path) -> Array:
         beside = np.where(bent, np.abs(np.hypot(ahead, left - radius) - np.abs(radius)), np.abs(left))
         alongside = (reached >= 0.0) & (reached <= length)
         nearest = np.minimum(nearest, np.where(alongside, beside, np.inf))
-        nearest = np.minimum(nearest, _apart(tip, path.at(ends[..., k]).point))
+        nearest = np.minimum(nearest, deviation(tip, path.at(ends[..., k]).point))
     return nearest
 
 
 def from_line(tip: Array, line: Array) -> Array:
     """Return the distance of points, shape (T, 2), from a line through points, shape (N, 2) [m].
 
-    It stands for :func:`from_path` where a log has points of a path and not the path itself.
+    It replaces :func:`from_path` where a log has points of a path instead of the path itself.
     """
     if len(line) == 1:
-        return _apart(tip, line[0])
-    begin, way = line[:-1], np.diff(line, axis=0)
-    squared = np.sum(way**2, axis=-1)
+        return deviation(tip, line[0])
+    begin, segment = line[:-1], np.diff(line, axis=0)
+    squared = np.sum(segment**2, axis=-1)
     offset = tip[:, None] - begin
-    share = np.sum(offset * way, axis=-1) / np.where(squared > 0.0, squared, 1.0)
-    foot = begin + np.clip(share, 0.0, 1.0)[..., None] * way
-    distance: Array = _apart(tip[:, None], foot).min(axis=-1)
+    share = np.sum(offset * segment, axis=-1) / np.where(squared > 0.0, squared, 1.0)
+    foot = begin + np.clip(share, 0.0, 1.0)[..., None] * segment
+    distance: Array = deviation(tip[:, None], foot).min(axis=-1)
     return distance
 
 
 def obstacle_episode(time: Array, off: Array, walled: Mask) -> Mask:
-    """Return when the deviation is an obstacle's doing.
+    """Return when the deviation is due to an obstacle.
 
-    From the first instant at which a wall stands until ``TAIL_S`` after the deviation from the desired point
-    falls below ``RECOVERED_M`` behind the last one: what is left of it then decays with the slowest gain, and
-    is no error of steady tracking.
+    An episode begins with the first wall and ends ``TAIL_S`` after the deviation from the desired point falls
+    below ``RECOVERED_M`` behind the last wall: what remains then decays with the slowest gain, and is no
+    error of steady tracking.
 
     Args:
         time: Shape (T,) [s].
         off: Deviation from the desired point, shape (T, ...) [m].
-        walled: When a wall stood, shape (T, ...).
+        walled: Whether a wall stood, shape (T, ...).
 
     Returns:
         Shape (T, ...).
@@ -115,8 +118,8 @@ def tracking_error(time: Array, off: Array, arc_end: Array, episode: Mask) -> Ar
     Args:
         time: Shape (T,) [s].
         off: Deviation from the desired point, shape (T, ...) [m].
-        arc_end: When the desired point ended the arc, NaN if never, shape (...) [s].
-        episode: As :func:`obstacle_episode` gives it, shape (T, ...).
+        arc_end: Time at which the desired point ended the arc, NaN if never, shape (...) [s].
+        episode: Result of :func:`obstacle_episode`, shape (T, ...).
     """
     t = time.reshape(-1, *(1,) * (off.ndim - 1))
     judged = (t >= arc_end - BEFORE_S) & (t <= arc_end + AFTER_S) & ~episode
@@ -124,28 +127,28 @@ def tracking_error(time: Array, off: Array, arc_end: Array, episode: Mask) -> Ar
 
 
 def amplitude(off: Array, episode: Mask) -> Array:
-    """Return the largest of a distance during the obstacle episode, shape (...) [m].
+    """Return the largest distance during the obstacle episode, shape (...) [m].
 
-    Of the deviation from the desired point (:func:`deviation`) lag along the path is part of it; of the
+    For the deviation from the desired point (:func:`deviation`) it includes the lag along the path; for the
     distance from the curve (:func:`from_path`) it is the swing off the path alone.
 
     Args:
-        off: Either of the two, shape (T, ...) [m].
-        episode: As :func:`obstacle_episode` gives it from the deviation, shape (T, ...).
+        off: Either of the two distances, shape (T, ...) [m].
+        episode: Result of :func:`obstacle_episode` for the deviation, shape (T, ...).
     """
     return _largest(off, episode)
 
 
 def recovery_time(time: Array, off: Array, episode: Mask) -> Array:
-    """Return the time [s] from the largest distance of the episode to the last one above 0.05 m in it.
+    """Return the time [s] from the largest distance of the episode to the last above 0.05 m, shape (...).
 
-    By the deviation from the desired point, who is back on the path still has to catch up. Shape (...); 0
-    where the distance never exceeds 0.05 m.
+    For the deviation from the desired point it includes the time in which a unit that is back on the path
+    catches up. It is 0 where the distance never exceeds 0.05 m.
 
     Args:
         time: Shape (T,) [s].
         off: Either of the two distances, shape (T, ...) [m].
-        episode: As :func:`obstacle_episode` gives it from the deviation, shape (T, ...).
+        episode: Result of :func:`obstacle_episode` for the deviation, shape (T, ...).
     """
     peak = np.argmax(np.where(episode, off, -1.0), axis=0)
     beyond = episode & (off > RECOVERED_M)
@@ -153,11 +156,6 @@ def recovery_time(time: Array, off: Array, episode: Mask) -> Array:
     took = np.where(beyond.any(axis=0), time[last] - time[peak], 0.0)
     recovered: Array = np.where(episode.any(axis=0), took, np.nan)
     return recovered
-
-
-def _apart(a: Array, b: Array) -> Array:
-    distance: Array = np.hypot(a[..., 0] - b[..., 0], a[..., 1] - b[..., 1])
-    return distance
 
 
 def _largest(off: Array, where: Mask) -> Array:

@@ -29,6 +29,8 @@ IN_FRONT = HERE @ SE2(0.118 + 0.05 + 0.1, 0.0, 0.0)
 class StraightAssembler:
     """A user's long-distance phase that drives straight on, for ever or for a number of steps."""
 
+    progress = path = None
+
     def __init__(self, setup: AssemblySetup, steps: float = math.inf) -> None:
         self._left = steps
 

@@ -1,0 +1,153 @@
+"""What the states of a docking step share: transitions, the memory of one stay, and their context."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from msrr_control.docking.controller import ControlInputs, Controller
+from msrr_control.docking.law import DockSetup
+from msrr_control.sequence.observation import Assembler, Observation
+from msrr_control.sequence.port_view import PortView
+from msrr_control.sequence.tuning import PhaseTuning
+from msrr_scenes.messages import Belief, FailureReason, Phase, PoseEstimate, seconds
+from msrr_scenes.specs.plan import DockingSpec
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """A change of phase and its reason.
+
+    Attributes:
+        to: Next phase.
+        reason: Reason with figures, for the log and the reader.
+        failure: Why the attempt failed, None if it did not.
+        reassemble: Whether the next attempt begins with the long-distance phase, as the hand-over itself
+            failed.
+    """
+
+    to: Phase
+    reason: str
+    failure: FailureReason | None = None
+    reassemble: bool = False
+
+
+class HoldTimer:
+    """Measures how long a condition has held without a break."""
+
+    def __init__(self) -> None:
+        """Begin with a condition that does not hold."""
+        self._since_ns: int | None = None
+
+    def update(self, holds: bool, now_ns: int) -> float:
+        """Return the time [s] for which the condition has held; -1 while it does not."""
+        if not holds:
+            self._since_ns = None
+            return -1.0
+        if self._since_ns is None:
+            self._since_ns = now_ns
+        return seconds(now_ns - self._since_ns)
+
+
+class StateMemory:
+    """The memory of one stay in a phase.
+
+    Attributes:
+        since_ns: Time at which the phase was entered.
+        turned: Heading turned since the target was last seen, by odometry [rad].
+        unseen: Timer of the target being unseen.
+        switches: Timer of the seat switches saying what the phase waits for.
+        opened: Timer of the lock being open.
+        looked_behind: Timer of the unit knowing what is behind it, or no longer waiting to know.
+        arrived: Timer of the unit standing at the end of its retreat.
+    """
+
+    def __init__(self, since_ns: int) -> None:
+        """Begin a stay."""
+        self.since_ns = since_ns
+        self.turned = 0.0
+        self.unseen, self.switches, self.arrived = HoldTimer(), HoldTimer(), HoldTimer()
+        self.opened, self.looked_behind = HoldTimer(), HoldTimer()
+        self._best, self._best_ns = math.inf, since_ns
+        self._frames, self._last_frame_ns = 0, since_ns
+
+    def lasted(self, now_ns: int) -> float:
+        """Return the time [s] since the phase was entered."""
+        return seconds(now_ns - self.since_ns)
+
+    def without_progress(self, remaining: float, step: float, now_ns: int) -> float:
+        """Return the time [s] since ``remaining`` [m] last fell by ``step`` [m] or more below its minimum."""
+        if remaining < self._best - step:
+            self._best, self._best_ns = remaining, now_ns
+        return seconds(now_ns - self._best_ns)
+
+    def frames_in_a_row(self, exposed_ns: int, agrees: bool) -> int:
+        """Count the frames exposed since the phase began that agree, from the last one that did not."""
+        if exposed_ns > self._last_frame_ns:
+            self._last_frame_ns = exposed_ns
+            self._frames = self._frames + 1 if agrees else 0
+        return self._frames
+
+
+@dataclass(slots=True)
+class DockingContext:
+    """What the states go by, and what outlasts a stay in one of them.
+
+    Attributes:
+        spec, setup, controller, assembler, tuning: As the phase machine was given them.
+        dt: Time between the last two instants [s].
+        observation: What is known at this instant.
+        view: Where the port is at this instant, None while nothing is known of it.
+        memory: Memory of the present stay.
+        belief: What the unit says about this docking step so far.
+        attempt: Attempt under way, counted from 1.
+        ever_seen: Whether the target was ever seen.
+        undocking: Whether the unit was told to undock.
+        reassemble: Whether the next attempt begins with the long-distance phase.
+        last_gap: Last known distance between the faces [m], updated by odometry; None while unknown.
+    """
+
+    spec: DockingSpec
+    setup: DockSetup
+    controller: Controller
+    assembler: Assembler | None
+    tuning: PhaseTuning
+    dt: float
+    observation: Observation = field(default_factory=lambda: Observation(0))
+    view: PortView | None = None
+    memory: StateMemory = field(default_factory=lambda: StateMemory(0))
+    belief: Belief = field(default_factory=Belief)
+    attempt: int = 1
+    ever_seen: bool = False
+    undocking: bool = False
+    reassemble: bool = False
+    last_gap: float | None = None
+    _previous_ns: int | None = None
+
+    @property
+    def now_ns(self) -> int:
+        """Time of this instant."""
+        return self.observation.now_ns
+
+    @property
+    def gap(self) -> float:
+        """Last known distance between the faces [m]; that of a finished retreat while it is unknown."""
+        return self.last_gap if self.last_gap is not None else self.spec.retreat_m
+
+    def observe(self, observation: Observation) -> None:
+        """Take in what is known at this instant; called once an instant."""
+        now_ns, pose = observation.now_ns, observation.pose
+        if self._previous_ns is not None and now_ns > self._previous_ns:
+            self.dt = seconds(now_ns - self._previous_ns)
+        self._previous_ns, self.observation = now_ns, observation
+        if pose is None:
+            self.view = None
+            if self.last_gap is not None:
+                self.last_gap -= self.dt * observation.twist.v
+            return
+        self.view = PortView.of(pose, observation.los, self.setup, now_ns)
+        self.last_gap, self.ever_seen = self.view.gap, True
+
+    def control_inputs(self, pose: PoseEstimate) -> ControlInputs:
+        """Return what the controller is given at this instant."""
+        return ControlInputs(self.now_ns, self.dt, pose, self.observation.los, self.observation.twist)

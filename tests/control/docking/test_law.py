@@ -1,0 +1,154 @@
+"""Laws that every docking law obeys, whatever it does."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from msrr_control.docking.barrier import BarrierLaw, BarrierParams
+from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams, LinearParams
+from msrr_control.docking.c2 import C2DockingLaw, C2DockingParams
+from msrr_control.docking.controller import CONTROLLERS, LawController
+from msrr_control.docking.graceful import GracefulLaw, GracefulParams
+from msrr_control.docking.law import DockingLaw, DockSetup, LawInputs
+from msrr_control.studies.disturbance import Disturbance
+from msrr_control.studies.docking_study import CLOSE, run_study
+from msrr_scenes.errors import SceneError
+from msrr_scenes.specs.plan import LosSpec
+from msrr_scenes.specs.vehicle import LimitsSpec
+
+FACTS = DockSetup(0.1, 0.02, 0.018, LosSpec(), LimitsSpec.model_validate({}), 50.0)
+LAWS = {
+    "c1": C1DockingLaw(C1DockingParams(), FACTS),
+    "c2": C2DockingLaw(C2DockingParams(), FACTS),
+    "linear": C1DockingLaw(LinearParams().as_c1(), FACTS),
+    "cbf": BarrierLaw(BarrierParams(), FACTS),
+    "graceful": GracefulLaw(GracefulParams(), FACTS),
+}
+FINITE = st.floats(-1e300, 1e300)
+MIRROR = np.array([1.0, -1.0])
+
+every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+
+
+def _random(rng: np.random.Generator, trials: int) -> LawInputs:
+    pose = rng.uniform([-0.9, -0.2, -0.6], [-0.1, 0.2, 0.6], size=(trials, 3))
+    edges = rng.uniform(-0.6, 0.6, size=(trials, 2))
+    return LawInputs(pose, edges, rng.choice([0.0, 0.5, 1.0], size=trials), rng.normal(size=(trials, 2)))
+
+
+def _mirrored(sensed: LawInputs) -> LawInputs:
+    return LawInputs(
+        sensed.pose * [1.0, -1.0, -1.0], -sensed.edges[..., ::-1], sensed.visibility, sensed.twist * MIRROR
+    )
+
+
+@every_law
+def test_the_mirrored_input_gives_the_mirrored_command(law: DockingLaw) -> None:
+    rng = np.random.default_rng(11)
+    sensed = _random(rng, 500)
+    state, mirrored_state = law.start(sensed), law.start(_mirrored(sensed))
+    for _ in range(50):
+        command, state = law.step(state, sensed, 0.02)
+        mirrored, mirrored_state = law.step(mirrored_state, _mirrored(sensed), 0.02)
+        np.testing.assert_allclose(mirrored, command * MIRROR, atol=1e-12)
+        sensed = _random(rng, 500)
+
+
+@every_law
+@settings(max_examples=60, deadline=None)
+@given(
+    st.tuples(FINITE, FINITE, FINITE),
+    st.tuples(FINITE, FINITE),
+    st.tuples(FINITE, FINITE),
+    st.floats(0.0, 1.0),
+    st.floats(1e-4, 10.0),
+)
+@pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")
+def test_any_finite_input_gives_a_command_within_limits(law, pose, edges, twist, visibility, dt) -> None:
+    sensed = LawInputs(np.array(pose), np.array(edges), np.array(visibility), np.array(twist))
+    state = law.start(sensed)
+    for _ in range(3):
+        command, state = law.step(state, sensed, dt)
+        assert np.all(np.isfinite(command))
+        assert abs(command[0]) <= FACTS.limits.v_close_mps
+        assert abs(command[1]) <= FACTS.limits.w_max_radps
+        assert all(np.all(np.isfinite(a)) for a in _leaves(state))
+
+
+@every_law
+def test_a_batch_equals_its_trials_one_by_one(law: DockingLaw) -> None:
+    rng = np.random.default_rng(12)
+    steps = [_random(rng, 7) for _ in range(20)]
+    state = law.start(steps[0])
+    singles = [law.start(LawInputs(*(a[i] for a in steps[0]))) for i in range(7)]
+    for sensed in steps:
+        command, state = law.step(state, sensed, 0.02)
+        for i in range(7):
+            single, singles[i] = law.step(singles[i], LawInputs(*(a[i] for a in sensed)), 0.02)
+            np.testing.assert_allclose(single, command[i], atol=1e-12)
+
+
+@every_law
+def test_noisy_starts_dock_within_the_capture_of_the_funnel(law: DockingLaw) -> None:
+    """13 mm and 8 deg is what the mechanism centres; 300 trials at 5 mm, 1 deg, 50 ms."""
+    noise = Disturbance(sigma_xy_m=0.005, sigma_yaw_deg=1.0, sigma_bearing_deg=0.1, delay_s=0.05)
+    result = run_study(law, FACTS, np.random.default_rng(3), 300, CLOSE, noise)
+    lateral, yaw = result.at_contact()
+    assert result.docked.all()
+    assert np.abs(lateral).max() < 0.010
+    assert np.degrees(np.abs(yaw)).max() < 5.0
+
+
+def _leaves(state):
+    for part in state:
+        if isinstance(part, tuple):
+            yield from _leaves(part)
+        else:
+            yield part
+
+
+TRIALS, DT = 40, 0.02
+
+
+@pytest.mark.parametrize("name", sorted(CONTROLLERS))
+def test_a_docking_law_drives_one_robot_as_it_drives_many(name: str, facts: DockSetup) -> None:
+    """40 random approaches, seen, predicted and lost: 60 steps, every bit."""
+    rng = np.random.default_rng(4)
+    controller = CONTROLLERS[name](facts)
+    assert isinstance(controller, LawController)
+    law = controller.law
+    pose = np.column_stack(
+        [rng.uniform(-0.8, -0.15, TRIALS), rng.normal(0.0, 0.05, TRIALS), rng.normal(0.0, 0.2, TRIALS)]
+    )
+
+    def sensed(rows: slice | int) -> LawInputs:
+        return LawInputs(pose[rows], edges[rows], np.asarray(visibility[rows]), np.zeros((TRIALS, 2))[rows])
+
+    edges = rng.normal(0.0, 0.3, (TRIALS, 2))
+    visibility = rng.choice([0.0, 0.5, 1.0], TRIALS)
+    many = law.start(sensed(slice(None)))
+    ones = [law.start(sensed(i)) for i in range(TRIALS)]
+    for _ in range(60):
+        edges, visibility = rng.normal(0.0, 0.3, (TRIALS, 2)), rng.choice([0.0, 0.5, 1.0], TRIALS)
+        commands, many = law.step(many, sensed(slice(None)), DT)
+        for i in range(TRIALS):
+            command, ones[i] = law.step(ones[i], sensed(i), DT)
+            assert (command == commands[i]).all()
+        heading = np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
+        pose = pose + DT * np.column_stack([heading * commands[:, :1], commands[:, 1]])
+    assert np.abs(commands).max() > 0.01
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"offset": -0.1}, "ahead of the axle"),
+        ({"camera_offset": 0.2}, "beyond the line-of-sight target"),
+        ({"los": LosSpec(half_width_m=0.06)}, "park short"),
+    ],
+)
+def test_a_geometry_that_cannot_work_is_refused(changes, message) -> None:
+    values = {"offset": 0.1, "camera_offset": 0.0, "pin_reach": 0.018, "los": LosSpec()}
+    with pytest.raises(SceneError, match=message):
+        DockSetup(**{**values, **changes}, limits=FACTS.limits, rate_hz=50.0)

@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from msrr_control.path_following.obstacle_forces import (
+    Obstacles,
+    RepulsionGains,
+    SpringGains,
+    repulsion,
+    spring_force,
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(0.0, 1.0), st.floats(-np.pi, np.pi))
+def test_the_spring_repels_everywhere_and_is_bounded(rho: float, angle: float) -> None:
+    gains = SpringGains()
+    away = np.array([np.cos(angle), np.sin(angle)])
+    here = Obstacles(np.array([[0.2, 0.3]]), np.array([True]))
+    force = spring_force(here.centre[0] + rho * away, here, gains)
+    push = float(-force @ away)  # the velocity subtracts it
+    assert np.linalg.norm(force) <= gains.k_r_mps * (1 + 1e-9)
+    assert (push > 0.0) == (1e-6 < rho < gains.far_m - 1e-9) or rho <= 1e-6 or abs(rho - gains.far_m) < 1e-6
+    gone = here._replace(present=np.array([False]))
+    assert not spring_force(here.centre[0] + rho * away, gone, gains).any()
+
+
+def test_a_closer_obstacle_pushes_harder() -> None:
+    here = Obstacles(np.zeros((1, 2)), np.array([True]))
+    forces = [
+        np.linalg.norm(spring_force(np.array([r, 0.0]), here, SpringGains())) for r in (0.6, 0.4, 0.25, 0.1)
+    ]
+    assert forces == sorted(forces)
+
+
+@given(st.floats(0.0, 2.0), st.floats(-np.pi, np.pi))
+def test_the_potential_pushes_straight_away_and_ends_at_its_range(distance: float, angle: float) -> None:
+    gains = RepulsionGains()
+    away = np.array([np.cos(angle), np.sin(angle)])
+    # In the origin: elsewhere the difference to a point 1e-12 m away has no direction left to test.
+    one = Obstacles(np.zeros((1, 2)), np.array([True]))
+    tip = distance * away
+    pushed = repulsion(tip, one, gains)
+    assert np.isfinite(pushed).all()
+    assert pushed @ away >= 0.0
+    assert abs(pushed @ [-away[1], away[0]]) <= 1e-9 * (1.0 + np.hypot(*pushed))
+    if np.hypot(*tip) >= gains.range_m:
+        np.testing.assert_array_equal(pushed, 0.0)
+
+
+def test_absent_obstacles_do_not_push() -> None:
+    tip = np.array([0.1, 0.0])
+    none = Obstacles(np.zeros((1, 2)), np.array([False]))
+    np.testing.assert_array_equal(repulsion(tip, none, RepulsionGains()), 0.0)
+
+
+def test_a_potential_without_a_range_is_refused() -> None:
+    with pytest.raises(ValidationError, match="less than range_m"):
+        RepulsionGains(range_m=0.1, nearest_m=0.2)
+
+
+def test_a_spring_without_a_range_is_refused() -> None:
+    with pytest.raises(ValueError, match="less than far_m"):
+        SpringGains(near_m=0.7)

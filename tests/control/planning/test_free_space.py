@@ -1,0 +1,34 @@
+import numpy as np
+
+from msrr_control.planning.free_space import Disc, FreeSpace
+
+
+def test_a_unit_may_leave_ground_that_it_stands_on_but_not_go_deeper() -> None:
+    ground = FreeSpace((-1.0, 1.0, -1.0, 1.0), (Disc("d", 0.0, 0.0, 0.5),))
+    here = ground.opened_at(0.3, 0.0)
+    assert not ground.allows(np.array([[0.3, 0.0]]))
+    assert here.allows(np.array([[0.3, 0.0], [0.9, 0.0]]))
+    assert not here.allows(np.array([[0.2, 0.0]]))
+    outside = ground.opened_at(1.2, 0.0)
+    assert outside.allows(np.array([[1.2, 0.0]]))
+    assert not outside.allows(np.array([[1.3, 0.0]]))
+
+
+def test_the_disc_that_points_enter_deepest() -> None:
+    discs = (Disc("a", -0.5, 0.0, 0.2), Disc("b", 0.5, 0.0, 0.4))
+    space = FreeSpace((-1.0, 1.0, -1.0, 1.0), discs)
+    points = np.array([[-0.4, 0.0], [0.5, 0.1], [0.0, 0.9]])
+    assert space.deepest_disc(points) == discs[1]
+    assert space.deepest_disc(points[:1]) == discs[0]
+    assert space.deepest_disc(points[2:]) is None
+    assert FreeSpace(space.box, ()).deepest_disc(points) is None
+
+
+def test_a_line_is_free_where_all_of_its_points_are() -> None:
+    rng = np.random.default_rng(6)
+    space = FreeSpace((-1.0, 1.0, -1.0, 1.0), (Disc("a", -0.4, 0.1, 0.3), Disc("b", 0.5, -0.2, 0.2)))
+    a, b = rng.uniform(-1.1, 1.1, (2, 300, 2))
+    free = space.allows_lines(a, b)
+    sampled = np.array([space.allows(np.linspace(*ends, 500)) for ends in zip(a, b, strict=True)])
+    assert 20 < free.sum() < 280
+    assert (free != sampled).sum() <= 2  # grazing lines, between two samples

@@ -1,0 +1,73 @@
+"""What outlasts a decision of the phase machine: timers, the memory of a stay, and the last known gap."""
+
+import numpy as np
+import pytest
+
+from msrr_control.docking.controller import build_controller
+from msrr_control.docking.law import DockSetup
+from msrr_control.sequence.context import DockingContext, HoldTimer, StateMemory
+from msrr_control.sequence.observation import Observation
+from msrr_control.sequence.tuning import PhaseTuning
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import PoseEstimate, Twist
+from msrr_scenes.specs.plan import DockingSpec
+from msrr_scenes.specs.spec import Choice
+
+S = 1_000_000_000
+
+
+def test_a_timer_runs_while_its_condition_holds_without_a_break() -> None:
+    timer = HoldTimer()
+    assert [timer.update(holds, k * S) for k, holds in enumerate([False, True, True, False, True, True])] == [
+        -1.0,
+        0.0,
+        1.0,
+        -1.0,
+        0.0,
+        1.0,
+    ]
+
+
+def test_progress_is_a_fall_below_the_best_by_more_than_a_step() -> None:
+    memory = StateMemory(0)
+    assert memory.without_progress(0.50, 0.01, 1 * S) == 0.0
+    assert memory.without_progress(0.495, 0.01, 3 * S) == 2.0  # not enough
+    assert memory.without_progress(0.48, 0.01, 4 * S) == 0.0
+    assert memory.without_progress(0.60, 0.01, 6 * S) == 2.0  # back again, and again to the best
+    assert memory.without_progress(0.48, 0.01, 7 * S) == 3.0
+    assert memory.lasted(7 * S) == 7.0
+
+
+def test_frames_in_a_row_are_new_ones_exposed_since_the_phase_began() -> None:
+    memory = StateMemory(10)
+    counts = [memory.frames_in_a_row(ns, ok) for ns, ok in [(10, True), (11, True), (11, True), (12, True)]]
+    assert counts == [0, 1, 1, 2]
+    assert memory.frames_in_a_row(13, False) == 0
+    assert memory.frames_in_a_row(14, True) == 1
+
+
+@pytest.fixture
+def context(facts: DockSetup) -> DockingContext:
+    law = build_controller(Choice(name="c1"), facts)
+    return DockingContext(DockingSpec(), facts, law, None, PhaseTuning(), 0.02)
+
+
+def _seen(now_ns: int, gap: float, offset: float) -> Observation:
+    return Observation(now_ns, PoseEstimate(now_ns, SE2(-gap - offset, 0.0, 0.0), np.eye(3) * 1e-6, now_ns))
+
+
+def test_a_gap_that_was_never_known_is_that_of_a_finished_retreat(context: DockingContext) -> None:
+    context.observe(Observation(0))
+    assert context.view is None
+    assert not context.ever_seen
+    assert context.gap == context.spec.retreat_m
+
+
+def test_the_gap_goes_on_by_odometry_while_there_is_no_estimate(context: DockingContext) -> None:
+    context.observe(_seen(0, 0.3, context.setup.offset))
+    assert context.gap == pytest.approx(0.3)
+    assert context.ever_seen
+    context.observe(Observation(S // 10, twist=Twist(-0.2, 0.0)))
+    assert context.view is None
+    assert context.dt == pytest.approx(0.1)
+    assert context.gap == pytest.approx(0.32)

@@ -1,0 +1,399 @@
+"""Single decisions of the phase machine, each put to it with senses made for that decision alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from msrr_control.docking.controller import build_controller
+from msrr_control.docking.law import DockSetup
+from msrr_control.sequence.observation import Observation
+from msrr_control.sequence.state_machine import PhaseMachine
+from msrr_control.sequence.tuning import PhaseTuning
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import (
+    Action,
+    FailureReason,
+    LockFeedback,
+    LockPosition,
+    LosObservation,
+    LosStatus,
+    Phase,
+    PoseEstimate,
+    SeatSwitches,
+    Twist,
+    seconds,
+)
+from msrr_scenes.specs.plan import DockingSpec, VerifySpec
+from msrr_scenes.specs.spec import Choice
+
+DT_NS = 20_000_000
+SURE = np.diag([1e-6, 1e-6, 1e-6])
+TUNING = PhaseTuning()
+SIGHTLESS = DockingSpec(verify=VerifySpec(by_sight=False))
+
+
+@dataclass
+class Desk:
+    """A phase machine and the senses that are put to it; truth does not come into it."""
+
+    facts: DockSetup
+    spec: DockingSpec = field(default_factory=DockingSpec)
+    tuning: PhaseTuning = field(default_factory=PhaseTuning)
+    now_ns: int = 0
+
+    def __post_init__(self) -> None:
+        law = build_controller(Choice(name="c1"), self.facts)
+        self.machine = PhaseMachine(self.spec, self.facts, law, tuning=self.tuning)
+
+    def at(self, gap: float, lateral: float = 0.0, yaw: float = 0.0) -> SE2:
+        """The axle's pose whose front port has that gap and that offset from the docking axis."""
+        tip = self.facts.offset
+        return SE2(-gap - tip * math.cos(yaw), lateral - tip * math.sin(yaw), yaw)
+
+    def ask(
+        self,
+        X_DU: SE2 | None,
+        *,
+        exposed_ns: int | None = None,
+        covariance: np.ndarray = SURE,
+        los: LosObservation | None = None,
+        closed: bool | None = None,
+        lock: tuple[LockPosition, int] | None = None,
+        twist: Twist | None = None,
+    ) -> Action:
+        """Let 20 ms go by and ask; the pose was exposed now unless told otherwise."""
+        self.now_ns += DT_NS
+        now = self.now_ns
+        seen = now if exposed_ns is None else exposed_ns
+        return self.machine.step(
+            Observation(
+                now_ns=now,
+                pose=None if X_DU is None else PoseEstimate(now, X_DU, covariance, seen),
+                los=los,
+                switches=None if closed is None else SeatSwitches("a", now, closed, closed),
+                lock=None if lock is None else LockFeedback("a", lock[1], lock[0]),
+                twist=twist or Twist(),
+            )
+        )
+
+    def to_dock(self) -> None:
+        """Into the approach, far from the port."""
+        assert self.ask(self.at(0.7)).phase is Phase.DOCK
+
+    def to_lock(self, gap: float = 0.0) -> None:
+        """Seated, both switches closed for as long as it takes."""
+        self.to_dock()
+        for _ in range(8):
+            if self.ask(self.at(gap), closed=True).phase is Phase.LOCK:
+                return
+        raise AssertionError(f"no lock: {self.machine.phase}")
+
+    def to_verify(self) -> None:
+        """The cam has reported that it is closed."""
+        self.to_lock()
+        action = self.ask(self.at(0.0), closed=True, lock=(LockPosition.CLOSED, self.now_ns + DT_NS))
+        # That frame was exposed no later than the phase began: it does not count.
+        assert action.phase is Phase.VERIFY
+
+
+@pytest.fixture
+def desk(facts: DockSetup) -> Desk:
+    return Desk(facts)
+
+
+# The hand-over: seen, inside the cone, and certain, or no approach.
+
+
+def _edges(left: float, right: float) -> LosObservation:
+    return LosObservation(DT_NS, left, right, 0.0, LosStatus.SEEN)
+
+
+def _wide(sigma_y: float, sigma_yaw: float) -> np.ndarray:
+    return np.diag([1e-6, sigma_y**2, sigma_yaw**2])
+
+
+@pytest.mark.parametrize(
+    ("share_of_cone", "sigma_y", "sigma_yaw_deg", "docks"),
+    [
+        (0.98, 0.0, 0.0, True),
+        (1.02, 0.0, 0.0, False),
+        (-1.02, 0.0, 0.0, False),
+        (0.5, 0.95 * TUNING.ready_sigma_m, 0.0, True),
+        (0.5, 1.05 * TUNING.ready_sigma_m, 0.0, False),
+        (0.5, 0.0, 0.95 * TUNING.ready_sigma_deg, True),
+        (0.5, 0.0, 1.05 * TUNING.ready_sigma_deg, False),
+    ],
+)
+def test_an_approach_begins_with_a_certain_look_inside_the_cone(
+    desk: Desk, share_of_cone: float, sigma_y: float, sigma_yaw_deg: float, docks: bool
+) -> None:
+    edge = share_of_cone * desk.facts.los.outer
+    los = _edges(edge, 0.5 * edge) if edge > 0.0 else _edges(0.5 * edge, edge)
+    action = desk.ask(desk.at(0.6), covariance=_wide(sigma_y, math.radians(sigma_yaw_deg)), los=los)
+    assert action.phase is (Phase.DOCK if docks else Phase.HAND_OVER)
+
+
+@pytest.mark.parametrize(("outside", "says"), [(True, "outside the cone"), (False, "uncertain")])
+def test_a_look_that_stays_unready_ends_the_attempt(desk: Desk, outside: bool, says: str) -> None:
+    edge = (1.1 if outside else 0.5) * desk.facts.los.outer
+    covariance = SURE if outside else _wide(0.1, 0.1)
+    while desk.machine.phase is not Phase.RETREAT:
+        assert desk.now_ns < 1e9 * (TUNING.ready_time_s + 0.1)
+        desk.ask(desk.at(0.6), covariance=covariance, los=_edges(edge, 0.0))
+    assert desk.machine.belief.setback is FailureReason.UNREADY
+    assert says in desk.machine.belief.reason
+
+
+def _unready(desk: Desk, X_DU: SE2) -> Action:
+    return desk.ask(X_DU, covariance=_wide(0.1, 0.1))
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_an_unready_unit_turns_towards_the_target_it_sees(desk: Desk, side: float) -> None:
+    """A target to the left asks for a turn to the left, whether the place or the heading puts it there."""
+    for X_DU in (SE2(-0.7, -0.2 * side, 0.0), SE2(-0.7, 0.0, -0.2 * side)):
+        action = _unready(desk, X_DU)
+        assert action.phase is Phase.HAND_OVER
+        assert math.copysign(1.0, action.twist.w) == side
+
+
+@pytest.mark.parametrize("y", [-0.25, 0.25])
+def test_turning_as_told_brings_the_target_to_the_camera_s_axis(desk: Desk, y: float) -> None:
+    X = SE2(-0.7, y, 0.0)
+    for _ in range(100):
+        w = _unready(desk, X).twist.w
+        X = X @ SE2(0.0, 0.0, 0.02 * w)
+    target = X.inverse().act([desk.facts.los.setback_m, 0.0])
+    assert math.atan2(target[1], target[0]) == pytest.approx(0.0, abs=math.radians(0.5))
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_search_begins_where_the_target_was_last_seen(desk: Desk, side: float) -> None:
+    """Unseen for 0.3 s while it waits (the scan itself has not begun): it turns to the target's side."""
+    X_DU = SE2(-0.7, -0.2 * side, 0.0)
+    _unready(desk, X_DU)
+    seen_ns = desk.now_ns
+    while desk.now_ns - seen_ns < 1e9 * (desk.spec.lost_time_s + 0.3):
+        action = desk.ask(X_DU, exposed_ns=seen_ns, covariance=_wide(0.1, 0.1))
+    assert action.phase is Phase.HAND_OVER
+    assert action.twist.v == 0.0
+    assert math.copysign(1.0, action.twist.w) == side
+
+
+@pytest.mark.parametrize("w", [-0.5, 0.5])
+def test_a_unit_that_has_seen_nothing_searches_about_its_first_heading(desk: Desk, w: float) -> None:
+    """Turned away by 0.1 rad while it waits: it turns back."""
+    for _ in range(10):
+        action = desk.ask(None, twist=Twist(0.0, w))
+    assert math.copysign(1.0, action.twist.w) == -math.copysign(1.0, w)
+
+
+# At the port: pressing, and what makes it close the lock.
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("lateral_m", "yaw_deg", "presses"),
+    [
+        (0.0, 10.0, False),
+        (0.0, 1.05 * TUNING.capture_deg, False),
+        (0.0, 0.95 * TUNING.capture_deg, True),
+        (1.05 * TUNING.capture_m, 0.0, False),
+        (0.95 * TUNING.capture_m, 0.0, True),
+    ],
+)
+def test_it_presses_only_from_where_the_funnel_captures(
+    desk: Desk, side: float, lateral_m: float, yaw_deg: float, presses: bool
+) -> None:
+    desk.to_dock()
+    contact = desk.facts.pin_reach
+    action = desk.ask(desk.at(contact, side * lateral_m, side * math.radians(yaw_deg)), closed=False)
+    if presses:
+        assert (action.phase, action.twist.v) == (Phase.DOCK, desk.spec.press_mps)
+    else:
+        assert action.phase is Phase.RETREAT
+        assert desk.machine.belief.setback is FailureReason.OFF_AXIS
+
+
+def _phases(desk: Desk, gap: float, steps: int, closed: bool = True) -> Sequence[Phase]:
+    return [desk.ask(desk.at(gap), closed=closed).phase for _ in range(steps)]
+
+
+@pytest.mark.parametrize("seated_gap", [0.0, 0.0015])
+@pytest.mark.parametrize(("share", "locks"), [(0.95, True), (1.05, False), (-0.95, True), (-1.05, False)])
+def test_switches_are_believed_at_the_gap_of_a_seated_unit_only(
+    facts: DockSetup, seated_gap: float, share: float, locks: bool
+) -> None:
+    desk = Desk(facts, tuning=PhaseTuning(seated_gap_m=seated_gap))
+    desk.to_dock()
+    phases = _phases(desk, seated_gap + share * desk.tuning.near_m, 20)
+    assert (Phase.LOCK in phases) is locks
+    assert locks or set(phases) == {Phase.DOCK}
+
+
+def test_who_does_not_look_believes_the_switches_at_the_port_and_nowhere_else(facts: DockSetup) -> None:
+    desk = Desk(facts, spec=SIGHTLESS)
+    desk.to_dock()
+    assert set(_phases(desk, 0.1, 20)) == {Phase.DOCK}
+    assert Phase.LOCK in _phases(desk, 2.0 * TUNING.near_m, 20)
+
+
+def test_switches_are_believed_once_they_have_been_closed_for_the_debounce_time(desk: Desk) -> None:
+    desk.to_dock()
+    late = round(1e9 * TUNING.debounce_s / DT_NS)
+    assert set(_phases(desk, 0.0, late)) == {Phase.DOCK}
+    assert _phases(desk, 0.0, 1, closed=False) == [Phase.DOCK]  # a bounce: the time begins anew
+    assert set(_phases(desk, 0.0, late)) == {Phase.DOCK}
+    assert _phases(desk, 0.0, 1) == [Phase.LOCK]
+
+
+# While the cam closes.
+
+
+def test_it_leans_on_the_port_while_the_cam_closes(desk: Desk) -> None:
+    desk.to_lock()
+    action = desk.ask(desk.at(0.0), closed=True, lock=(LockPosition.CLOSING, desk.now_ns))
+    assert (action.phase, action.lock) == (Phase.LOCK, True)
+    assert action.twist == Twist(TUNING.hold_share * desk.spec.press_mps, 0.0)
+    assert 0.0 < action.twist.v < desk.spec.press_mps
+
+
+def test_a_report_from_before_the_cam_was_told_to_close_is_none(desk: Desk) -> None:
+    """A CLOSED that an earlier attempt left behind does not count, however often it is heard."""
+    desk.to_lock()
+    stale = desk.now_ns - DT_NS
+    while desk.machine.phase is Phase.LOCK:
+        assert desk.now_ns < 60e9
+        desk.ask(desk.at(0.0), closed=True, lock=(LockPosition.CLOSED, stale))
+    assert desk.machine.phase is Phase.RETREAT
+    assert desk.machine.belief.setback is FailureReason.NOT_LATCHED
+
+
+def test_a_report_from_after_it_does(desk: Desk) -> None:
+    desk.to_lock()
+    for position in (LockPosition.OPEN, LockPosition.CLOSING):
+        assert desk.ask(desk.at(0.0), closed=True, lock=(position, desk.now_ns)).phase is Phase.LOCK
+    assert desk.ask(desk.at(0.0), closed=True, lock=(LockPosition.CLOSED, desk.now_ns)).phase is Phase.VERIFY
+
+
+# Verification: enough frames in a row, and only those exposed since.
+
+
+def _verify(desk: Desk, frames: str) -> list[Phase]:
+    """Show a new frame at each instant: ``g`` seated, ``b`` 5 mm to the side, ``y`` 3 deg askew."""
+    shown = {
+        "g": desk.at(0.0),
+        "b": desk.at(0.0, 0.005),
+        "y": desk.at(0.0, 0.0, math.radians(3.0)),
+    }
+    return [desk.ask(shown[frame], closed=True).phase for frame in frames]
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 5])
+def test_as_many_frames_in_a_row_as_told_have_to_agree(facts: DockSetup, frames: int) -> None:
+    desk = Desk(facts, tuning=PhaseTuning(frames=frames))
+    desk.to_lock()
+    # Closed in the dark: the estimate at hand is older than the phase.
+    dark = desk.now_ns
+    action = desk.ask(
+        desk.at(0.0), exposed_ns=dark, closed=True, lock=(LockPosition.CLOSED, desk.now_ns + DT_NS)
+    )
+    assert action.phase is Phase.VERIFY
+    assert _verify(desk, "g" * frames) == [Phase.VERIFY] * (frames - 1) + [Phase.DONE]
+
+
+@pytest.mark.parametrize("bad", ["b", "y"])
+def test_one_frame_that_disagrees_starts_the_count_anew(desk: Desk, bad: str) -> None:
+    assert TUNING.frames == 3
+    desk.to_verify()
+    assert set(_verify(desk, f"gg{bad}gg{bad}gg")) == {Phase.VERIFY}
+    assert _verify(desk, "g") == [Phase.DONE]
+
+
+def test_a_frame_is_counted_once_however_long_it_is_the_newest(desk: Desk) -> None:
+    desk.to_verify()
+    seen = desk.now_ns + DT_NS
+    for _ in range(20):
+        assert desk.ask(desk.at(0.0), exposed_ns=seen, closed=True).phase is Phase.VERIFY
+
+
+def test_frames_that_never_agree_long_enough_open_the_lock(desk: Desk) -> None:
+    desk.to_verify()
+    began = desk.now_ns
+    while desk.machine.phase is Phase.VERIFY:
+        assert desk.now_ns - began < 1e9 * (desk.spec.verify.time_s + 0.2)
+        _verify(desk, "ggb")
+    assert desk.machine.phase is Phase.RETREAT
+    assert desk.machine.belief.setback is FailureReason.NOT_VERIFIED
+
+
+# The retreat: how long the unit waits for an overhead picture before it backs out.
+
+
+#: The exposure time of the newest overhead picture, from the time and the time of the decision to back out.
+Pictures = Callable[[int, int], int | None]
+
+
+class _InPlace:
+    """A long-distance phase that finds the unit where it should be."""
+
+    def reset(self, reason: str) -> None: ...
+
+    def step(self, observation: Observation) -> Twist | None:
+        return None
+
+
+def waited_s(
+    facts: DockSetup, pictures: Pictures, overhead: bool = True, lock_opens_s: float = 0.0
+) -> tuple[float, float]:
+    """Return how long a unit that stalled before the port stands in its retreat, and how long that lasts."""
+    law = build_controller(Choice(name="c1"), facts)
+    spec = DockingSpec(attempts=1)
+    machine = PhaseMachine(spec, facts, law, _InPlace() if overhead else None)
+    X_DU = SE2(-facts.offset - 0.05, 0.0, 0.0)
+    began, moved, now = -1, -1, 0
+    while not machine.finished:
+        now += DT_NS
+        seen = pictures(now, began if began >= 0 else now)
+        is_open = (seconds(now - began) if began >= 0 else 0.0) >= lock_opens_s
+        lock = LockFeedback("a", now, LockPosition.OPEN if is_open else LockPosition.CLOSING)
+        pose = PoseEstimate(now, X_DU, np.diag([1e-6, 1e-6, 1e-6]), now)
+        action = machine.step(Observation(now, pose, lock=lock, overhead_exposed_ns=seen))
+        if action.phase is Phase.RETREAT:
+            began = now if began < 0 else began
+            moved = now if moved < 0 and action.twist.v < 0.0 else moved
+    assert 0 < began <= moved
+    return seconds(moved - began), seconds(now - began)
+
+
+@pytest.mark.parametrize("late_s", [0.04, 0.16, 0.5])
+def test_it_goes_when_a_picture_of_after_the_decision_arrives(facts: DockSetup, late_s: float) -> None:
+    def pictures(now_ns: int, decided_ns: int) -> int | None:
+        """One a tick after the decision, so late; up to then one from the instant of the decision itself."""
+        return decided_ns + 1 if now_ns >= decided_ns + round(1e9 * late_s) else decided_ns
+
+    waited, _ = waited_s(facts, pictures)
+    assert waited == pytest.approx(late_s, abs=1e-9)
+
+
+@pytest.mark.parametrize("pictures", [lambda now, decided: None, lambda now, decided: 0], ids=["none", "old"])
+def test_it_goes_when_no_picture_comes(facts: DockSetup, pictures: Pictures) -> None:
+    waited, lasted = waited_s(facts, pictures)
+    assert waited == pytest.approx(TUNING.look_around_s + 1e-9 * DT_NS, abs=1e-9)
+    # The unit is held where it is, as by a guard: the time for the way counts from where it may go.
+    way_s = DockingSpec().retreat_m / TUNING.retreat.speed_mps + TUNING.retreat_margin_s
+    assert lasted == pytest.approx(waited + way_s + TUNING.settle_s, abs=4e-9 * DT_NS)
+
+
+def test_a_scene_without_an_overhead_camera_has_nothing_to_wait_for(facts: DockSetup) -> None:
+    assert waited_s(facts, lambda now, decided: None, overhead=False)[0] == 0.0
+
+
+def test_the_lock_has_to_be_open_as_well(facts: DockSetup) -> None:
+    waited, _ = waited_s(facts, lambda now, decided: now, lock_opens_s=0.4)
+    assert waited == pytest.approx(0.4, abs=1e-9)

@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+import pytest
+
+from msrr_control.staging.feasibility import check_assembly
+from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.load import load_scene
+
+WORLD = """
+name: from_afar
+units:
+  b: {number: 1, pose: {x_m: 1.2, yaw_deg: %s}}
+  a: {number: 0, pose: {x_m: -1.2, y_m: 0.3}}
+cameras: {overhead: {}}
+obstacles:
+  crate: {shape: cylinder, radius_m: 0.08, tag_id: 500, pose: {x_m: %s, y_m: %s, spread: {x_m: %s}}}
+plan:
+  - {unit: a, to: b.rear}
+"""
+
+
+@pytest.mark.parametrize(
+    ("yaw", "x", "y", "spread", "says"),
+    [
+        (0, 0.0, 0.8, 0.0, None),
+        (0, 0.35, 0.0, 0.0, "crate stands on the place in front of b.rear"),
+        (0, 0.35, 0.0, 0.3, None),
+        (180, 0.0, 0.0, 0.0, None),
+        (150, 0.0, 0.0, 0.0, None),
+    ],
+)
+def test_scenes_are_checked_before_they_run(tmp_path, yaw, x, y, spread, says: str | None) -> None:
+    path = tmp_path / "from_afar.yaml"
+    path.write_text(WORLD % (yaw, x, y, spread))
+    scene = load_scene(path)
+    if says is None:
+        check_assembly(scene)
+    else:
+        with pytest.raises(SceneError, match=says):
+            check_assembly(scene)
+
+
+def test_a_port_that_faces_the_border_is_refused(tmp_path) -> None:
+    path = tmp_path / "from_afar.yaml"
+    path.write_text((WORLD % (180, 0.0, 0.0, 0.0)).replace("x_m: 1.2,", "x_m: 1.7,"))
+    with pytest.raises(SceneError, match="lies outside the arena"):
+        check_assembly(load_scene(path))

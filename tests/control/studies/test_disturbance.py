@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams
+from msrr_control.studies.disturbance import Disturbance, DisturbedUnicycles
+from msrr_control.studies.path_following_study import run_path_following_study
+from msrr_scenes.specs.vehicle import LimitsSpec
+
+NORMAL = LimitsSpec.model_validate({})
+
+
+def test_wheels_that_slip_lead_the_unit_astray() -> None:
+    """The odometry does not see it; only the measured pose brings the unit back."""
+    law = C1PathFollowingLaw(C1PathFollowingParams(), NORMAL, 0.1)
+    firm, slippery = (
+        run_path_following_study(
+            law, NORMAL, np.random.default_rng(7), 30, disturbance=Disturbance(slip=slip, delay_s=0.1)
+        )
+        for slip in (0.0, 0.05)
+    )
+    assert np.nanmedian(slippery.tracking_error()) > 1.2 * np.nanmedian(firm.tracking_error())
+
+
+def _units(disturbance: Disturbance, trials: int = 3, dt: float = 0.02) -> DisturbedUnicycles:
+    rng = np.random.default_rng(5)
+    return DisturbedUnicycles(rng.normal(size=(trials, 3)), disturbance, NORMAL, dt, rng)
+
+
+@given(st.floats(-0.3, 0.3), st.floats(-1.0, 1.0))
+def test_slip_of_both_wheels_scales_and_of_one_turns(v: float, w: float) -> None:
+    """Speeds that the drive has reached already: a step shows what the wheels make of them."""
+    for grips, expected in (
+        ((1.0, 1.0), (v, w)),
+        ((0.9, 0.9), (0.9 * v, 0.9 * w)),
+        ((1.0, 1.02), (v + 0.01 * (v + 0.065 * w), w + 0.02 * (v + 0.065 * w) / 0.13)),
+    ):
+        units = _units(Disturbance(), 1)
+        units.pose, units.twist, units._grips = np.zeros((1, 3)), np.array([[v, w]]), np.array([grips])
+        units.advance(np.array([[v, w]]))
+        assert units.pose[0, 2] == pytest.approx(0.02 * expected[1], abs=1e-12)
+        assert np.hypot(*units.pose[0, :2]) == pytest.approx(0.02 * abs(expected[0]), rel=1e-3, abs=1e-12)
+
+
+def test_ideal_units_measure_the_truth() -> None:
+    units = _units(Disturbance())
+    for _ in range(20):
+        late, measured = units.measure()
+        np.testing.assert_array_equal(late, units.pose)
+        np.testing.assert_allclose(measured, units.pose, atol=1e-12)
+        units.advance(np.array([[0.3, 0.5]] * 3))
+
+
+def test_a_delay_is_compensated_by_odometry_unless_it_is_not() -> None:
+    blind, seeing = (_units(Disturbance(delay_s=0.1, compensated=c)) for c in (False, True))
+    poses = []
+    for _ in range(60):
+        poses.append(blind.pose)
+        (_, late), (_, moved) = blind.measure(), seeing.measure()
+        for units in (blind, seeing):
+            units.advance(np.array([[0.3, 0.5]] * 3))
+    np.testing.assert_array_equal(late, poses[-1 - 5])
+    np.testing.assert_allclose(moved, poses[-1], atol=1e-9)

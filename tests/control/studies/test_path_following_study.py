@@ -1,0 +1,110 @@
+"""Two hundred unicycle trials per case against the figures that the corrected equations promise.
+
+Percentiles at a fixed seed: these tests cannot fail by chance. The bounds are the paper's figures or better.
+"""
+
+import numpy as np
+import pytest
+
+from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams
+from msrr_control.path_following.c2 import C2PathFollowingLaw, C2PathFollowingParams
+from msrr_control.studies.disturbance import Disturbance
+from msrr_control.studies.path_following_study import (
+    PathFollowingStartSet,
+    PathFollowingStudyResult,
+    draw_paths,
+    run_path_following_study,
+)
+from msrr_scenes.specs.vehicle import LimitsSpec
+
+NORMAL = LimitsSpec.model_validate({})
+TIGHT = LimitsSpec.model_validate({"setting": "tight"})
+NOISE = Disturbance(sigma_xy_m=0.005, sigma_yaw_deg=1.0, delay_s=0.05, compensated=False)
+BODY_M = 0.08
+
+
+def _study(
+    params: C1PathFollowingParams | None = None, limits: LimitsSpec = NORMAL, **more
+) -> PathFollowingStudyResult:
+    params = params if params is not None else C1PathFollowingParams()
+    law = C1PathFollowingLaw(params, limits, 0.10)
+    return run_path_following_study(law, limits, np.random.default_rng(1), walls=params.walls, **more)
+
+
+@pytest.mark.parametrize(("disturbance", "tracking"), [(None, (0.012, 0.015)), (NOISE, (0.020, 0.025))])
+def test_the_figures_of_the_long_distance_phase(disturbance, tracking) -> None:
+    result = _study(disturbance=disturbance)
+    for figure, (median, p95) in (
+        (result.tracking_error(), tracking),
+        (result.amplitude(), (0.25, 0.27)),
+        (result.recovery_time(), (2.2, 2.5)),
+    ):
+        assert not np.isnan(figure).any()
+        assert np.median(figure) <= median
+        assert np.percentile(figure, 95) <= p95
+    assert result.body_distance().min() - BODY_M > 0.03
+
+
+def test_every_command_is_within_the_drive() -> None:
+    result = _study(limits=TIGHT, disturbance=NOISE, trials=50)
+    assert np.abs(result.command[..., 0]).max() <= TIGHT.v_max_mps
+    assert np.abs(result.command[..., 1]).max() <= TIGHT.w_max_radps
+    assert result.body_distance().min() - BODY_M > 0.02
+
+
+def test_the_unit_ends_on_the_lead_in() -> None:
+    result = _study(disturbance=NOISE, trials=50)
+    assert result.deviation()[-1].max() < 0.015
+    path, _ = draw_paths(PathFollowingStartSet(), 50, np.random.default_rng(1))
+    end = path.at(path.length)
+    off = np.angle(np.exp(1j * (result.pose[-1, :, 2] - end.heading)))
+    assert np.degrees(np.abs(off)).max() < 8.0
+
+
+def test_without_the_envelope_it_drives_through() -> None:
+    result = _study(C1PathFollowingParams(envelope=False), trials=50)
+    assert (result.body_distance() < BODY_M).all()
+
+
+def test_the_spring_adds_a_margin() -> None:
+    kept = _study(trials=100).body_distance().min()
+    without = _study(C1PathFollowingParams(spring=False), trials=100).body_distance().min()
+    assert 0.002 < kept - without < 0.03
+
+
+def test_anti_windup_lessens_the_overshoot_where_limits_bite() -> None:
+    kept = np.median(_study(limits=TIGHT, trials=100).amplitude())
+    without = np.median(
+        _study(C1PathFollowingParams(anti_windup=False), limits=TIGHT, trials=100).amplitude()
+    )
+    assert kept < without
+
+
+def test_compensating_the_delay_halves_the_steady_error() -> None:
+    late = Disturbance(delay_s=0.1, compensated=False)
+    none = PathFollowingStartSet(obstacle_m=None)
+    off = np.median(_study(disturbance=late, starts=none, trials=50).tracking_error())
+    on = np.median(
+        _study(
+            disturbance=late.model_copy(update={"compensated": True}), starts=none, trials=50
+        ).tracking_error()
+    )
+    assert on < 0.5 * off
+
+
+def test_the_same_seed_gives_the_same_bits() -> None:
+    a, b = (_study(trials=10, disturbance=NOISE) for _ in range(2))
+    np.testing.assert_array_equal(a.pose, b.pose)
+
+
+def test_what_is_lag_is_told_from_what_is_swing() -> None:
+    """C2 waits behind the obstacle: far from the desired point, hardly farther from the path than C1."""
+    law = C2PathFollowingLaw(C2PathFollowingParams(), NORMAL, 0.10)
+    c1, c2 = _study(trials=60), run_path_following_study(law, NORMAL, np.random.default_rng(1), trials=60)
+    for result in (c1, c2):
+        # The desired point is a point of the path, so nothing is nearer to it than to the path.
+        assert np.all(result.from_path() <= result.deviation() + 1e-9)
+        assert np.all(result.amplitude_from_path() <= result.amplitude() + 1e-9)
+    assert np.median(c1.amplitude() - c1.amplitude_from_path()) < 0.002
+    assert np.median(c2.amplitude() - c2.amplitude_from_path()) > 0.08
+    assert np.median(c2.recovery_time() - c2.recovery_to_path()) > 0.3
