@@ -16,6 +16,8 @@ Run = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder of a trial,
 
 def replay(run: Run) -> None:
     """Run perception and control again from a log, without the simulator, and compare the commands."""
+    from importlib.metadata import version
+
     from msrr_bullet.replay import replay_isolated
 
     report = replay_isolated(run)
@@ -27,6 +29,12 @@ def replay(run: Run) -> None:
     counts = f"{report.commands} commands, {report.windows} windows, {report.estimates} estimates"
     verdict = "identical" if report.identical else "different"
     typer.echo(f"{run}: {verdict} ({counts})")
+    installed = version("msrr-bullet")
+    if not report.identical and report.written_by not in (None, installed):
+        typer.echo(
+            f"{run}: version {report.written_by} wrote this log; the robot of version {installed} may decide "
+            "otherwise"
+        )
     raise typer.Exit(0 if report.identical else NOT_DOCKED)
 
 

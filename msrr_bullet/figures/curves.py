@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 
 from msrr_bullet.timeline.palette import (
+    ALARM,
     BELIEF,
     CLEARANCE,
     DARK,
@@ -191,6 +192,24 @@ def _shade_phases(axes: Axes, series: TrialSeries, named: bool) -> None:
     axes.set_xlim(times[0], duration)
 
 
+def _mark_monitor(axes: Axes, series: TrialSeries) -> None:
+    """Mark the times at which the collision monitor slowed or stopped the unit, along the lower edge."""
+    for times, colour, name in ((series.limited, PLAN, "slows"), (series.stopped, ALARM, "stops")):
+        if times.any():
+            axes.fill_between(
+                series.time,
+                0.0,
+                0.06,
+                where=list(times),
+                step="post",
+                transform=axes.get_xaxis_transform(),
+                color=css(colour),
+                linewidth=0.0,
+                label=f"collision monitor {name}",
+            )
+            axes.legend(loc="upper right", fontsize=8)
+
+
 def draw_stack(
     figure: Figure, region: SubplotSpec, series: TrialSeries, curves: Sequence[Callable[[Axes], None]]
 ) -> None:
@@ -207,6 +226,8 @@ def draw_stack(
     stack = [*(figure.add_subplot(rows[i], sharex=lowest) for i in range(len(curves) - 1)), lowest]
     for axes, draw in zip(stack, curves, strict=True):
         draw(axes)
+        if axes is stack[0]:
+            _mark_monitor(axes, series)
         _shade_phases(axes, series, named=axes is stack[0])
         axes.yaxis.set_label_coords(-0.085, 0.5)
         axes.tick_params(labelbottom=axes is lowest)

@@ -29,6 +29,7 @@ from msrr_scenes.messages import (
     AssemblyPath,
     AssemblyProgress,
     Belief,
+    CollisionMonitorState,
     Detections,
     Exposure,
     GlobalPose,
@@ -139,7 +140,7 @@ _FORMATS: dict[type, Format] = {
     for f in (
         *map(_plain, (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, Detections, Exposure)),
         *map(_plain, (Localisation, LosObservation, ArenaEstimate, Action, AssemblyProgress, AssemblyPath)),
-        *map(_plain, (Belief, ClearanceRecord, StepStart, StartPoses)),
+        *map(_plain, (Belief, CollisionMonitorState, ClearanceRecord, StepStart, StartPoses)),
         _well_known(PoseEstimate, "foxglove.PoseInFrame", _estimate_to_foxglove),
         _well_known(GlobalPose, "foxglove.PoseInFrame", _body_to_foxglove),
         _well_known(ObstacleEstimate, "foxglove.PoseInFrame", _body_to_foxglove),

@@ -54,4 +54,5 @@ situation = "/perception/{}/situation".format
 #: Topics of the control of a unit, as functions of its name: decisions, what it believes of its step,
 #: progress in the long-distance phase, paths of that phase.
 action, belief = "/control/{}/action".format, "/control/{}/belief".format
+monitor = "/control/{}/collision_monitor".format
 assembly, path = "/control/{}/assembly".format, "/control/{}/path".format

@@ -27,8 +27,8 @@ class Mismatch(BaseModel):
     """One difference between a trial and the replay.
 
     Attributes:
-        what: ``command``, ``estimate``, ``los``, ``situation``, ``assembly``, ``path``, ``belief``,
-            ``detections``, ``window`` or ``log``.
+        what: ``command``, ``estimate``, ``los``, ``situation``, ``collision_monitor``, ``assembly``,
+            ``path``, ``belief``, ``detections``, ``window`` or ``log``.
         sequence: Number of the log message at which the difference was found.
         time_s: Simulated time [s].
         logged: Message or window of the trial; None when there was none.
@@ -57,6 +57,7 @@ class ReplayReport(BaseModel):
         windows: Number of window requests compared.
         detections: Number of sets of detections compared.
         mismatches: The first differences.
+        written_by: Version of msrr-bullet that wrote the log; None if the log does not say.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -70,6 +71,7 @@ class ReplayReport(BaseModel):
     windows: int
     detections: int
     mismatches: tuple[Mismatch, ...]
+    written_by: str | None = None
 
     @property
     def identical(self) -> bool:

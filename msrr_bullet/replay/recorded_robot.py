@@ -64,6 +64,8 @@ class RecordedRobot:
             self._recorder.write(topics.los(self._unit), now_ns, los)
         if (arena := self._robot.arena) is not None:
             self._recorder.write(topics.situation(self._unit), now_ns, arena)
+        if (monitor := self._robot.monitor) is not None:
+            self._recorder.write(topics.monitor(self._unit), now_ns, monitor)
         if (assembly := self._robot.assembly) is not None:
             self._recorder.write(topics.assembly(self._unit), now_ns, assembly)
         if (path := self._robot.path) is not None and path is not self._path:

@@ -25,6 +25,7 @@ from msrr_scenes.messages import (
     AssemblyPath,
     AssemblyProgress,
     Belief,
+    CollisionMonitorState,
     Detections,
     Exposure,
     GlobalPose,
@@ -47,6 +48,7 @@ _ESTIMATES: dict[type, str] = {
     PoseEstimate: "estimate",
     LosObservation: "los",
     ArenaEstimate: "situation",
+    CollisionMonitorState: "collision_monitor",
     AssemblyProgress: "assembly",
     AssemblyPath: "path",
     Belief: "belief",
@@ -85,6 +87,7 @@ class Replayer:
         self._detections: dict[tuple[str, int], Detections] = {}
         self._estimates: dict[type, bytes] = {}
         self._path: AssemblyPath | None = None
+        self._monitor_is_logged = log.header.versions.get("msrr-bullet") != "0.1.0"  # not yet in that version
         self._comparison = Comparison()
         self._counts = dict.fromkeys(
             ("steps", "sensor_messages", "commands", "estimates", "windows", "detections"), 0
@@ -112,6 +115,7 @@ class Replayer:
             log=self._log.path,
             complete=self._log.complete,
             mismatches=tuple(self._comparison.mismatches),
+            written_by=self._log.header.versions.get("msrr-bullet"),
             **self._counts,
         )
 
@@ -186,8 +190,9 @@ class Replayer:
         robot = self._robot_of(record)
         self._counts["commands"] += 1
         self._comparison.compare("command", record, robot.step(record.stamp_ns))
+        monitor = robot.monitor if self._monitor_is_logged else None
         path, self._path = (None if robot.path is self._path else robot.path), robot.path
-        for estimate in (robot.estimate, robot.los, robot.arena, robot.assembly, path, robot.belief):
+        for estimate in (robot.estimate, robot.los, robot.arena, monitor, robot.assembly, path, robot.belief):
             if estimate is not None:
                 self._estimates[type(estimate)] = encoded(estimate, record.topic)
 

@@ -30,6 +30,7 @@ from msrr_scenes.messages import (
     AssemblyPath,
     AssemblyProgress,
     Belief,
+    CollisionMonitorState,
     Detections,
     Exposure,
     Fetch,
@@ -112,6 +113,7 @@ class Autonomy:
         controller = build_controller(scene.control.docking, setup)
         self._phases = PhaseMachine(scene.docking, setup, controller, self._assembler)
         self._profiler = profiler or NullProfiler()
+        self._unit = step.unit
         self._onboard = target.camera_name
         self._wheel_radius, self._track = target.wheel_radius, target.track
         self._readings: tuple[WheelOdometry, WheelOdometry] | None = None
@@ -123,6 +125,7 @@ class Autonomy:
         self.estimate: PoseEstimate | None = None
         self.los: LosObservation | None = None
         self.arena: ArenaEstimate | None = None
+        self.monitor: CollisionMonitorState | None = None
 
     @property
     def belief(self) -> Belief:
@@ -205,6 +208,7 @@ class Autonomy:
                 twist=self._twist(),
                 arena=self.arena,
                 overhead_exposed_ns=self._overhead.newest_ns if self._overhead else None,
+                monitor=self.monitor,
             )
         )
         if action.phase is Phase.ASSEMBLE and before is not Phase.ASSEMBLE:
@@ -222,6 +226,7 @@ class Autonomy:
         docking = action.phase not in _FAR_PHASES
         with self._profiler("collision monitor"):
             decision = self._monitor.limit(action.twist, self.arena, action.stamp_ns, docking)
+        self.monitor = decision.message(self._unit, action.stamp_ns)
         return action if decision.twist is action.twist else replace(action, twist=decision.twist)
 
     def _twist(self) -> Twist:

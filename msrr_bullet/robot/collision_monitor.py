@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import Enum
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.robot.stopping_trajectory import LocalMap, StoppingTrajectory
-from msrr_scenes.messages import ArenaEstimate, Twist
+from msrr_scenes.messages import ArenaEstimate, CollisionMonitorState, MonitorState, Twist
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
@@ -24,14 +23,6 @@ _LOSS_M = 1e-6
 _BISECTIONS = 4
 #: Share of a command that passes where the clearance ahead has fallen to ``stop_m``.
 _CREEP = 0.25
-
-
-class MonitorState(Enum):
-    """The effect of the collision monitor on a command."""
-
-    FREE = "free"
-    SLOW = "slow"
-    STOP = "stop"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +42,13 @@ class MonitorDecision:
     clearance: Clearance | None
     state: MonitorState
     ahead: float
+
+    def message(self, unit: str, stamp_ns: int) -> CollisionMonitorState:
+        """Return the decision as a message of ``unit`` about its command at ``stamp_ns``."""
+        if self.clearance is None:
+            return CollisionMonitorState(stamp_ns, self.state, None, None, self.ahead)
+        (body,) = self.clearance.pair - {unit}
+        return CollisionMonitorState(stamp_ns, self.state, body, self.clearance.distance, self.ahead)
 
 
 class CollisionMonitor:

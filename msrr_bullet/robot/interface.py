@@ -10,6 +10,7 @@ from msrr_scenes.messages import (
     AssemblyPath,
     AssemblyProgress,
     Belief,
+    CollisionMonitorState,
     Detections,
     Exposure,
     Fetch,
@@ -58,6 +59,11 @@ class ObservableRobot(Robot, Protocol):
     @property
     def arena(self) -> ArenaEstimate | None:
         """Estimate of all bodies in the arena on which the last decision was based."""
+        ...
+
+    @property
+    def monitor(self) -> CollisionMonitorState | None:
+        """Decision of the collision monitor on the last command; None without an overhead camera."""
         ...
 
     @property

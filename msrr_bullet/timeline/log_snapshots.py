@@ -15,6 +15,7 @@ from msrr_scenes.messages import (
     ArenaEstimate,
     AssemblyPath,
     AssemblyProgress,
+    CollisionMonitorState,
     LosObservation,
     Phase,
     PoseEstimate,
@@ -106,6 +107,7 @@ class _SnapshotReader:
                 twist=action.twist,
                 reason=action.reason,
                 situation=situation,
+                monitor=self._get(CollisionMonitorState),
                 assembly=self._get(AssemblyProgress),
                 path=self._path,
             )

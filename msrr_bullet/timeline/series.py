@@ -15,7 +15,7 @@ from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import LosStatus, Phase, seconds
+from msrr_scenes.messages import LosStatus, MonitorState, Phase, seconds
 from msrr_scenes.specs.scene import Scene
 
 Mask = NDArray[np.bool_]
@@ -43,6 +43,8 @@ class TrialSeries:
         off_path: Distance of the controlled point from the desired point on the path, by the unit's estimate,
             shape (T,) [m].
         true_off_path: That distance by the unit's true pose, shape (T,) [m].
+        limited: The collision monitor slows the unit, shape (T,).
+        stopped: The collision monitor stops the unit, shape (T,).
         avoiding: A wall beside an obstacle is in force, shape (T,).
         new_step: A step of the plan begins, shape (T,).
     """
@@ -59,6 +61,8 @@ class TrialSeries:
     docking_pair: Mask
     off_path: Array
     true_off_path: Array
+    limited: Mask
+    stopped: Mask
     avoiding: Mask
     new_step: Mask
 
@@ -100,11 +104,17 @@ class TrialSeries:
             docking_pair=np.array([s.docking_pair_is_nearest for s in snapshots]),
             off_path=off[:, 0],
             true_off_path=off[:, 1],
+            limited=_monitored(snapshots, MonitorState.SLOW),
+            stopped=_monitored(snapshots, MonitorState.STOP),
             avoiding=np.array(
                 [s.assembly is not None and s.assembly.avoiding is not None for s in snapshots]
             ),
             new_step=np.array([True, *(a.step != b.step for a, b in pairwise(snapshots))]),
         )
+
+
+def _monitored(snapshots: Sequence[Snapshot], state: MonitorState) -> Mask:
+    return np.array([s.monitor is not None and s.monitor.state is state for s in snapshots])
 
 
 def phase_spans(

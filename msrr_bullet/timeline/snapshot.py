@@ -13,6 +13,7 @@ from msrr_scenes.messages import (
     ArenaEstimate,
     AssemblyPath,
     AssemblyProgress,
+    CollisionMonitorState,
     LosObservation,
     Phase,
     Twist,
@@ -40,6 +41,7 @@ class Snapshot:
         twist: Velocity command of the docking unit; None before its first decision.
         reason: Why the phase was entered.
         situation: Estimates of all bodies in the arena; None without an overhead camera in use.
+        monitor: Decision of the collision monitor; None without an overhead camera.
         assembly: Progress of the long-distance phase; None outside that phase.
         path: Path that the long-distance phase follows or followed last.
     """
@@ -56,6 +58,7 @@ class Snapshot:
     twist: Twist | None = None
     reason: str = ""
     situation: ArenaEstimate | None = None
+    monitor: CollisionMonitorState | None = None
     assembly: AssemblyProgress | None = None
     path: AssemblyPath | None = None
 

@@ -146,6 +146,7 @@ def _snapshot(
         twist=action.twist,
         reason=action.reason,
         situation=robot.arena,
+        monitor=robot.monitor,
         assembly=robot.assembly,
         path=robot.path,
     )

@@ -34,6 +34,7 @@ READINGS = (
     "belief off by",
     "clearance",
     "nearest pair",
+    "collision monitor",
 )
 
 _LEGEND = (
@@ -44,12 +45,15 @@ _LEGEND = (
     ("smallest clearance", CLEARANCE),
 )
 #: Entries of the legend for scenes with an overhead camera.
-_LEGEND_OVERHEAD = (("planned path and desired point", PLAN), ("clearance within the guard's reach", ALARM))
+_LEGEND_OVERHEAD = (
+    ("planned path and desired point", PLAN),
+    ("clearance within reach of the collision monitor", ALARM),
+)
 
 
 def readings(snapshot: Snapshot) -> tuple[str, ...]:
     """Return the readings of a snapshot as text, in the order of :data:`READINGS`."""
-    los, error, clearance, pair = "–", "–", "–", "–"
+    los, error, clearance, pair, monitor = "–", "–", "–", "–", "–"
     if snapshot.los is not None:
         left, right = math.degrees(snapshot.los.left), math.degrees(snapshot.los.right)
         los = snapshot.los.status.value
@@ -62,9 +66,11 @@ def readings(snapshot: Snapshot) -> tuple[str, ...]:
     if snapshot.clearance is not None:
         clearance = f"{1e3 * snapshot.clearance.distance:.0f} mm"
         pair = f"{snapshot.clearance.body_a} – {snapshot.clearance.body_b}"
+    if snapshot.monitor is not None:
+        monitor = f"{snapshot.monitor.state.value}, {snapshot.monitor}"
     attempt = str(snapshot.attempt) if snapshot.attempt else "–"
     phase, path = snapshot.phase_text or "–", snapshot.path_text or "–"
-    return f"{seconds(snapshot.stamp_ns):.2f} s", phase, attempt, path, los, error, clearance, pair
+    return f"{seconds(snapshot.stamp_ns):.2f} s", phase, attempt, path, los, error, clearance, pair, monitor
 
 
 def render_page(

@@ -60,6 +60,7 @@ class StateMemory:
         opened: Timer of the lock being open.
         looked_behind: Timer of the unit knowing what is behind it, or no longer waiting to know.
         arrived: Timer of the unit standing at the end of its retreat.
+        limited: Timer of the collision monitor slowing or stopping the unit.
     """
 
     def __init__(self, since_ns: int) -> None:
@@ -67,7 +68,7 @@ class StateMemory:
         self.since_ns = since_ns
         self.turned = 0.0
         self.unseen, self.switches, self.arrived = HoldTimer(), HoldTimer(), HoldTimer()
-        self.opened, self.looked_behind = HoldTimer(), HoldTimer()
+        self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
         self._best, self._best_ns = math.inf, since_ns
         self._frames, self._last_frame_ns = 0, since_ns
 

@@ -9,6 +9,7 @@ from msrr_scenes.messages import (
     ArenaEstimate,
     AssemblyPath,
     AssemblyProgress,
+    CollisionMonitorState,
     FailureReason,
     LockFeedback,
     LosObservation,
@@ -31,6 +32,7 @@ class Observation:
         twist: (v, w) as measured by the wheel encoders. Wheels slip against a port: it proves no motion.
         arena: Estimates of global localisation, None before it knows the unit and its target.
         overhead_exposed_ns: Exposure time of the newest overhead picture that has arrived, None before one.
+        monitor: Decision of the collision monitor on the last command, None before the first.
     """
 
     now_ns: int
@@ -41,6 +43,7 @@ class Observation:
     twist: Twist = field(default_factory=Twist)
     arena: ArenaEstimate | None = None
     overhead_exposed_ns: int | None = None
+    monitor: CollisionMonitorState | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,6 +56,41 @@ class AssemblyPath:
     reason: str
 
 
+class MonitorState(Enum):
+    """The effect of the collision monitor: a command passes, passes slower or in part, or not at all."""
+
+    FREE = "free"
+    SLOW = "slow"
+    STOP = "stop"
+
+
+@dataclass(frozen=True, slots=True)
+class CollisionMonitorState:
+    """The decision of the collision monitor on the command of one control instant, from estimates alone.
+
+    Attributes:
+        stamp_ns: Time of the command.
+        state: Effect on the command.
+        body: Nearest known body; None when the monitor is disabled or every known body is too far away to
+            matter.
+        clearance: Present distance from that body [m]; None without one.
+        ahead: Smallest clearance along the trajectory of the whole command [m], less the uncertainty of the
+            estimates; a lower bound where ``body`` is None.
+    """
+
+    stamp_ns: int
+    state: MonitorState
+    body: str | None
+    clearance: float | None
+    ahead: float
+
+    def __str__(self) -> str:
+        """Return the body and its distance in words, such as ``28 mm to hub``."""
+        if self.body is None or self.clearance is None:
+            return "no body near"
+        return f"{1e3 * self.clearance:.0f} mm to {self.body}"
+
+
 @dataclass(frozen=True, slots=True)
 class Twist:
     """The body velocity of a differential drive: forward ``v`` [m/s], counter-clockwise ``w`` [rad/s]."""

@@ -21,6 +21,7 @@ from msrr_scenes.messages import (
     AssemblyPath,
     AssemblyProgress,
     Belief,
+    CollisionMonitorState,
     Detections,
     Exposure,
     Fetch,
@@ -55,6 +56,7 @@ class HashRobot:
         self.los: LosObservation | None = None
         self.belief = Belief()
         self.arena: ArenaEstimate | None = None
+        self.monitor: CollisionMonitorState | None = None
         self.assembly: AssemblyProgress | None = None
         self.path: AssemblyPath | None = None
         self._steps = 0

@@ -13,10 +13,10 @@ import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
-from msrr_bullet.robot.collision_monitor import CollisionMonitor, MonitorState
+from msrr_bullet.robot.collision_monitor import CollisionMonitor
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import ArenaEstimate, GlobalPose, ObstacleEstimate, Twist
+from msrr_scenes.messages import ArenaEstimate, GlobalPose, MonitorState, ObstacleEstimate, Twist
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.plan import GuardSpec
 from msrr_scenes.specs.scene import Scene

@@ -9,12 +9,20 @@ import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
-from msrr_bullet.robot.collision_monitor import CollisionMonitor, MonitorState
+from msrr_bullet.robot.collision_monitor import CollisionMonitor
 from msrr_bullet.robot.stopping_trajectory import LocalMap, StoppingTrajectory
 from msrr_bullet.sensors.command_link import CommandLink
 from msrr_bullet.sensors.schedule import Periodic
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Action, ArenaEstimate, GlobalPose, ObstacleEstimate, Phase, Twist
+from msrr_scenes.messages import (
+    Action,
+    ArenaEstimate,
+    GlobalPose,
+    MonitorState,
+    ObstacleEstimate,
+    Phase,
+    Twist,
+)
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.scene import Scene
 
