@@ -1,6 +1,6 @@
 """The motion of a lock: the closing time, and what commands in between change."""
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msrr_bullet.plant.lock_actuator import LockActuator
@@ -23,6 +23,7 @@ def test_closing_takes_the_closing_time_and_starts_again_after_opening():
     assert lock.step(0.1)
 
 
+@settings(deadline=None)
 @given(st.floats(0.01, 3.0), st.lists(st.one_of(st.booleans(), st.floats(0.001, 0.5)), max_size=60))
 def test_a_lock_is_closed_only_after_the_closing_time_without_a_command_to_open(close_time_s, events):
     """Commands (bool) and time steps (float) in any order."""
