@@ -25,7 +25,7 @@ FRAME: tuple[tuple[str, str], ...] = (
     ("msrr_bullet.sensors.camera_sensors:RenderedCameraSensor.capture", ""),
     ("msrr_bullet.sensors.camera:Camera.expose", "Exposure"),
     ("msrr_bullet.robot.autonomy:Autonomy.expose", ""),
-    ("msrr_perception.detection.onboard_vision:OnboardVision.look", "Window"),
+    ("msrr_perception.detection.onboard_vision:OnboardVision.detect", "Window"),
     ("msrr_bullet.sensors.camera:Camera.fetch", ""),
     ("msrr_bullet.render.raster_renderer:RasterRenderer.render", "noise-free pixels"),
     ("msrr_bullet.sensors.image_noise:ImageNoise.read_out", "pixels"),

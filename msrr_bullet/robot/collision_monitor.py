@@ -7,11 +7,14 @@ know, and it subtracts the uncertainty of the estimates from every clearance.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.collision.locked_group import NEIGHBOUR_MARGIN_M, neighbour_limits
 from msrr_bullet.robot.stopping_trajectory import LocalMap, StoppingTrajectory
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, CollisionMonitorState, MonitorState, Twist
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
@@ -63,17 +66,24 @@ class CollisionMonitor:
     - less than ``stop_m``: the largest share below a quarter passes that keeps ``stop_m``; if there is none,
       the turn alone if it keeps ``stop_m``; else nothing.
 
-    A command that leads away from a body always passes, however near the unit is.
+    A command that leads away from a body always passes, however near the unit is. While the unit docks, the
+    target is ignored, and a neighbour that is locked to the target may be as near as the seat of the unit is,
+    less a margin.
     """
 
     def __init__(self, scene: Scene, step: DockStep) -> None:
-        """Take shapes, limits and latencies from the scene; the poses of bodies are not used."""
+        """Take shapes, limits, latencies and the plan from the scene; the poses of bodies are not used."""
         self._spec = scene.control.guard
+        self._own = step.unit
         self._target = step.target_unit
         self._model = ClearanceModel.from_scene(scene)
         self._reaches = {unit: scene.geometry(unit).circumradius for unit in scene.units}
         self._reaches |= {name: spec.radius_m for name, spec in scene.obstacles.items()}
         self._trajectory = StoppingTrajectory(scene)
+        # A step begins only when all steps before it have docked, so their pairs are locked together.
+        earlier = scene.plan[: scene.plan.index(step)] if step in scene.plan else ()
+        limits = neighbour_limits(scene, self._model, earlier, step)
+        self._close_neighbours = {n: limit for n, limit in limits.items() if limit < self._spec.stop_m}
 
     def limit(
         self, twist: Twist, arena: ArenaEstimate | None, now_ns: int, docking: bool = False
@@ -96,10 +106,28 @@ class CollisionMonitor:
     ) -> MonitorDecision:
         if arena is None or not self._spec.enabled:
             return MonitorDecision(twist, None, MonitorState.FREE, math.inf)
-        local_map = LocalMap(self._model, arena, self._reaches, self._target if docking else None)
         X_WU = self._trajectory.present_pose(arena.own, now_ns)
+        close = self._close_neighbours if docking else {}
+        ignored = {self._own, *close, *((self._target,) if docking else ())}
+        free = self._map(arena, self._reaches.keys() - ignored)
+        decision = self._decide_on(twist, free, X_WU, self._spec.slow_m, self._spec.stop_m)
+        if not close:
+            return decision
+        stop_m = min(close.values())
+        neighbours = self._map(arena, close)
+        slow_m = stop_m + 0.5 * NEIGHBOUR_MARGIN_M
+        second = self._decide_on(decision.twist, neighbours, X_WU, slow_m, stop_m)
+        return decision if second.state is MonitorState.FREE else second
+
+    def _map(self, arena: ArenaEstimate, names: Collection[str]) -> LocalMap:
+        return LocalMap(self._model, arena, self._reaches, names)
+
+    def _decide_on(
+        self, twist: Twist, local_map: LocalMap, X_WU: SE2, slow_m: float, stop_m: float
+    ) -> MonitorDecision:
+        """Decide on one command by the bodies of one map, with the limits that hold for them."""
         uncertainty = self._spec.sigmas * local_map.sigma
-        slow, stop = self._spec.slow_m + uncertainty, self._spec.stop_m + uncertainty
+        slow, stop = slow_m + uncertainty, stop_m + uncertainty
         lower_bound = local_map.lower_bound(X_WU) - self._trajectory.max_travel(twist, local_map.reach)
         present = local_map.clearance(X_WU) if lower_bound < slow else None
         if present is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
@@ -42,7 +42,7 @@ class LocalMap:
         model: ClearanceModel,
         arena: ArenaEstimate,
         reaches: Mapping[str, float],
-        exempt: str | None = None,
+        names: Collection[str],
     ) -> None:
         """Collect the estimates.
 
@@ -50,14 +50,14 @@ class LocalMap:
             model: Shapes of all bodies.
             arena: Estimated poses of all bodies.
             reaches: Largest distance of the footprint of every body from the origin of the body [m].
-            exempt: Name of a unit that may be touched; None if there is none.
+            names: Names of the bodies that belong to the map.
         """
         self._model = model
         self._own = arena.own.name
         self._reaches = reaches
         self.reach = reaches[self._own]
         others: list[GlobalPose | ObstacleEstimate] = [arena.target, *arena.others, *arena.obstacles]
-        bodies = [b for b in others if b.name != exempt]
+        bodies = [b for b in others if b.name in names]
         self._poses = {b.name: b.X_WB for b in bodies}
         own_variance = _variance(arena.own.covariance, self.reach)
         variances = (_variance(b.covariance, reaches[b.name]) for b in bodies)

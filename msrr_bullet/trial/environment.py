@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import combinations
 
 from msrr_bullet.collision.clearance import Pair
 from msrr_bullet.collision.clearance_model import ClearanceModel
@@ -18,24 +19,27 @@ from msrr_scenes.specs.scene import Scene
 
 @dataclass
 class LockedPairs:
-    """The pairs of units that earlier steps of the plan locked together.
+    """The units that earlier steps of the plan locked together.
 
     Attributes:
-        pairs: Names of the two units of every locked pair.
-        docked_units: Units whose locks have to hold from now on.
+        steps: The steps that have docked; their locks have to hold from now on.
+        pairs: Pairs of units that are locked together, directly or through others: they are one body, and
+            their clearance is that of the seated shape.
     """
 
+    steps: list[DockStep] = field(default_factory=list)
     pairs: set[Pair] = field(default_factory=set)
-    docked_units: list[str] = field(default_factory=list)
 
     def add(self, step: DockStep) -> None:
         """Add the pair that ``step`` has docked."""
-        self.pairs.add(frozenset({step.unit, step.target_unit}))
-        self.docked_units.append(step.unit)
+        self.steps.append(step)
+        group = {step.unit, step.target_unit}
+        group.update(*(pair for pair in self.pairs if pair & group))
+        self.pairs.update(frozenset(pair) for pair in combinations(sorted(group), 2))
 
     def hold(self, plant: Plant) -> bool:
         """Return whether the locks of all pairs hold."""
-        return all(plant.lock_engaged(unit) for unit in self.docked_units)
+        return all(plant.lock_engaged(step.unit) for step in self.steps)
 
 
 @dataclass(frozen=True, eq=False)

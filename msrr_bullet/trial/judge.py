@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from msrr_bullet.collision.clearance import Clearance, Pair
 from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.collision.locked_group import neighbour_limits
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.result import Contact, PlanarPose, Seating
@@ -100,6 +101,7 @@ class Judge:
         self._X_UP = scene.geometry(step.unit).port(step.port)
         self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._pair: Pair = frozenset({step.unit, step.target_unit})
+        self._neighbour_limits = neighbour_limits(scene, clearance, locked.steps, step)
         self._attempt = 0
         self._close = False
         self._gap = -math.inf  # gap at the last control instant; unknown before the first
@@ -216,14 +218,32 @@ class Judge:
                 return Outcome.COLLISION, nearest
             if self.min_clearance is None or nearest.distance < self.min_clearance:
                 self.min_clearance = nearest.distance
-            if nearest.distance < self._scene.judge.min_clearance_m:
-                return Outcome.CLEARANCE_VIOLATED, nearest
+            violated = self._violation(nearest, poses, docking)
+            if violated is not None:
+                return Outcome.CLEARANCE_VIOLATED, violated
         arena = self._scene.arena
         for unit in self._scene.units:
             X_WU = poses[unit]
             if not (arena.x_m[0] <= X_WU.x <= arena.x_m[1] and arena.y_m[0] <= X_WU.y <= arena.y_m[1]):
                 return Outcome.LEFT_ARENA, first
         return None, first
+
+    def _violation(self, nearest: Clearance, poses: Mapping[str, SE2], docking: bool) -> Clearance | None:
+        """Return the clearance of a pair that is nearer than it may be; None if there is none.
+
+        A unit that docks may come nearer to the neighbours of its target: as near as its seat is, and a
+        margin.
+        """
+        limit, unit = self._scene.judge.min_clearance_m, self._step.unit
+        if nearest.distance >= limit or not docking:
+            return nearest if nearest.distance < limit else None
+        for name, neighbour_limit in self._neighbour_limits.items():
+            clearance = self._clearance.nearest(unit, poses[unit], {name: poses[name]})
+            if clearance is not None and clearance.distance < min(neighbour_limit, limit):
+                return clearance
+        exempt = {frozenset({unit, name}) for name in self._neighbour_limits}
+        others = self._clearance.minimum(poses, {*self._locked.pairs, self._pair, *exempt})
+        return others if others is not None and others.distance < limit else None
 
     def _parted(self, poses: Mapping[str, SE2]) -> bool:
         unit, target = self._step.unit, self._step.target_unit

@@ -57,7 +57,7 @@ def _known(X_WA: SE2, own: np.ndarray, target: np.ndarray, post: np.ndarray) -> 
 
 def _sigma(scene: Scene, own: np.ndarray, target: np.ndarray = NOTHING, post: np.ndarray = NOTHING) -> float:
     return LocalMap(
-        ClearanceModel.from_scene(scene), _known(SE2(-1.0, 0.0), own, target, post), REACHES
+        ClearanceModel.from_scene(scene), _known(SE2(-1.0, 0.0), own, target, post), REACHES, ["b", "post"]
     ).sigma
 
 
@@ -132,7 +132,9 @@ def test_a_simulated_unit_keeps_the_predicted_clearance(scene: Scene, seed: int,
     link = CommandLink(scene.link, np.random.default_rng(0))
     trajectory, control = StoppingTrajectory(scene), Periodic(scene.control.rate_hz)
     model, reach = ClearanceModel.from_scene(scene), scene.geometry("a").circumradius
-    local_map = LocalMap(model, _known(start, NOTHING, NOTHING, NOTHING), {**REACHES, "a": reach})
+    local_map = LocalMap(
+        model, _known(start, NOTHING, NOTHING, NOTHING), {**REACHES, "a": reach}, {"b", "post"}
+    )
     predicted = bound = math.inf
     distances, travel, instants, speed = [], 0.0, 0, np.zeros(2)
     while not distances or plant.twist("a") != Twist() or instants < 60:

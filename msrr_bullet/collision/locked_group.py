@@ -1,0 +1,77 @@
+"""Groups of units that are locked together, and the clearance that a docked unit leaves to its neighbours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
+
+#: How much nearer than in its seat a docking unit may come to a neighbour of its target [m]. A unit that is
+#: off its axis by as much as the funnel of the port accepts is nearer by less.
+NEIGHBOUR_MARGIN_M = 0.010
+
+
+def seat_pose(scene: Scene, step: DockStep) -> SE2:
+    """Return the pose ``X_TU`` of the docking unit U in the frame of its target T when it is seated."""
+    X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
+    return X_TD @ scene.geometry(step.unit).port(step.port).inverse()
+
+
+def locked_group(scene: Scene, locked: Iterable[DockStep], unit: str) -> dict[str, SE2]:
+    """Return the units that are locked to a unit, directly or through others, with their seated poses.
+
+    Args:
+        scene: Source of the geometry.
+        locked: Steps of the plan whose pairs are locked together.
+        unit: Name of the unit.
+
+    Returns:
+        Poses ``X_UV`` of every unit V of the group in the frame of ``unit``, by name, ``unit`` included.
+    """
+    steps = tuple(locked)
+    poses = {unit: SE2()}
+    pending = [unit]
+    while pending:
+        known = pending.pop()
+        for step in steps:
+            X_TU = seat_pose(scene, step)
+            if step.target_unit == known:
+                other, X = step.unit, X_TU
+            elif step.unit == known:
+                other, X = step.target_unit, X_TU.inverse()
+            else:
+                continue
+            if other not in poses:
+                poses[other] = poses[known] @ X
+                pending.append(other)
+    return poses
+
+
+def neighbour_limits(
+    scene: Scene, model: ClearanceModel, locked: Iterable[DockStep], step: DockStep
+) -> Mapping[str, float]:
+    """Return how near a docking unit may come to the neighbours of its target [m].
+
+    A neighbour is a unit that is locked to the target. The limit is the clearance that the seated unit has
+    from it, less :data:`NEIGHBOUR_MARGIN_M`.
+
+    Args:
+        scene: Source of the geometry.
+        model: Shapes of all bodies.
+        locked: Steps of the plan whose pairs are locked together.
+        step: The step in which the unit docks.
+
+    Returns:
+        Limits by the name of the neighbour.
+    """
+    group = locked_group(scene, locked, step.target_unit)
+    X_TU = seat_pose(scene, step)
+    limits: dict[str, float] = {}
+    for name, X_TN in group.items():
+        seated = model.nearest(step.unit, X_TU, {name: X_TN})
+        if name != step.target_unit and seated is not None:
+            limits[name] = max(seated.distance - NEIGHBOUR_MARGIN_M, 0.0)
+    return limits
