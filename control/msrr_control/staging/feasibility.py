@@ -48,9 +48,13 @@ def _check_end(
     spread = _largest_shift(scene, scene.units[step.target_unit].pose)
     x0, x1, y0, y1 = setup.box
     if not (x0 - spread <= end.x <= x1 + spread and y0 - spread <= end.y <= y1 + spread):
+        (a0, a1), (b0, b1) = setup.arena.x_m, setup.arena.y_m
+        inside = a0 - spread <= end.x <= a1 + spread and b0 - spread <= end.y <= b1 + spread
+        outside = "outside the picture of the overhead camera" if inside else "outside the arena"
+        mend = ", or raise cameras.overhead.height_m" if inside else ""
         raise SceneError(
-            f"{where}: the place in front of {step.to}, ({end.x:.2f}, {end.y:.2f}), lies outside the arena; "
-            f"turn or move {step.target_unit!r}, or lower control.assembly.params.route.handover_m"
+            f"{where}: the place in front of {step.to}, ({end.x:.2f}, {end.y:.2f}), lies {outside}; turn or "
+            f"move {step.target_unit!r}, or lower control.assembly.params.route.handover_m{mend}"
         )
     for disc in bodies:
         room = disc.radius + setup.half_width - spread

@@ -14,6 +14,9 @@ from msrr_scenes.specs import ArenaSpec, Scene
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.vehicle import LimitsSpec
 
+#: Bounds in the plane: x low, x high, y low, y high [m].
+Bounds = tuple[float, float, float, float]
+
 
 @dataclass(frozen=True, slots=True)
 class AssemblySetup:
@@ -28,6 +31,8 @@ class AssemblySetup:
         unit_radius: Radius of the circle about every unit's footprint, by name [m].
         obstacle_radius: Radius of the circle about every obstacle's footprint, by name [m].
         arena: Bounds of the arena.
+        in_view: Bounds of the positions at which the overhead camera sees the whole top tag of the unit
+            (x low, x high, y low, y high) [m]; None without an overhead camera or a top tag.
         limits: What the drive can do.
         rate_hz: Control rate.
     """
@@ -40,6 +45,7 @@ class AssemblySetup:
     unit_radius: Mapping[str, float]
     obstacle_radius: Mapping[str, float]
     arena: ArenaSpec
+    in_view: Bounds | None
     limits: LimitsSpec
     rate_hz: float
 
@@ -56,14 +62,19 @@ class AssemblySetup:
             unit_radius={u: _radius(scene, u) for u in scene.units},
             obstacle_radius={name: o.radius_m for name, o in scene.obstacles.items()},
             arena=scene.arena,
+            in_view=_bounds_in_view(scene, step.unit),
             limits=scene.limits,
             rate_hz=scene.control.rate_hz,
         )
 
     @property
-    def box(self) -> tuple[float, float, float, float]:
-        """Bounds of the arena: x low, x high, y low, y high [m]."""
-        return (*self.arena.x_m, *self.arena.y_m)
+    def box(self) -> Bounds:
+        """Bounds of the arena as far as the unit is seen there: x low, x high, y low, y high [m]."""
+        x0, x1, y0, y1 = (*self.arena.x_m, *self.arena.y_m)
+        if self.in_view is None:
+            return x0, x1, y0, y1
+        u0, u1, v0, v1 = self.in_view
+        return max(x0, u0), min(x1, u1), max(y0, v0), min(y1, v1)
 
     def check(self, cruise_mps: float, widest_obstacle_m: float, border_m: float) -> None:
         """Refuse facts that cannot work wherever units and obstacles stand.
@@ -92,9 +103,23 @@ class AssemblySetup:
         x0, x1, y0, y1 = self.box
         if min(x1 - x0, y1 - y0) < 2.0 * (border_m + self.half_width):
             raise SceneError(
-                f"the arena is {x1 - x0:.2f} m by {y1 - y0:.2f} m; a unit that keeps {border_m:.2f} m from "
-                f"its border cannot move in it"
+                f"the arena, as far as the overhead camera sees the top tag of {self.unit!r}, is "
+                f"{x1 - x0:.2f} m by {y1 - y0:.2f} m; a unit that keeps {border_m:.2f} m from its border "
+                "cannot move in it. Enlarge the arena, or raise cameras.overhead.height_m"
             )
+
+
+def _bounds_in_view(scene: Scene, unit: str) -> Bounds | None:
+    """Return where the axle of a unit may be so that its top tag, white border included, is in view."""
+    camera, geometry = scene.cameras.overhead, scene.geometry(unit)
+    if camera is None or "tag_top" not in geometry.tag_slots:
+        return None
+    p_UT = geometry.frame("tag_top").p
+    # The plate is 1.25 times as large as the tag, and it may be turned in any direction.
+    reach = math.hypot(p_UT[0], p_UT[1]) + 1.25 * math.sqrt(0.5) * scene.tag_size("tag_top")
+    per_pixel = (camera.height_m - float(p_UT[2])) / camera.pinhole.focal
+    half_x, half_y = (0.5 * per_pixel * pixels - reach for pixels in (camera.width_px, camera.height_px))
+    return camera.x_m - half_x, camera.x_m + half_x, camera.y_m - half_y, camera.y_m + half_y
 
 
 def _radius(scene: Scene, unit: str) -> float:

@@ -5,6 +5,7 @@ import pytest
 from msrr_control.staging.feasibility import check_assembly
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
+from msrr_scenes.specs.scene import Scene
 
 WORLD = """
 name: from_afar
@@ -45,3 +46,18 @@ def test_a_port_that_faces_the_border_is_refused(tmp_path) -> None:
     path.write_text((WORLD % (180, 0.0, 0.0, 0.0)).replace("x_m: 1.2,", "x_m: 1.7,"))
     with pytest.raises(SceneError, match="lies outside the arena"):
         check_assembly(load_scene(path))
+
+
+def test_a_place_that_the_overhead_camera_does_not_see_is_refused() -> None:
+    """The arena is wider than the picture, and the place in front of b.left lies between their borders."""
+    scene = Scene.model_validate(
+        {
+            "name": "unseen",
+            "arena": {"x_m": [-2.0, 2.0], "y_m": [-1.6, 1.6]},
+            "units": {"a": {"number": 0, "pose": {"x_m": -1.0}}, "b": {"number": 1, "pose": {"y_m": 0.7}}},
+            "cameras": {"overhead": {}},
+            "plan": [{"unit": "a", "to": "b.left"}],
+        }
+    )
+    with pytest.raises(SceneError, match=r"outside the picture of the overhead camera.*height_m"):
+        check_assembly(scene)
