@@ -76,7 +76,7 @@ class ToyRobot:
         b = los.half_width_m
         return math.atan2(b - y, ahead) - self.X_DU.yaw, math.atan2(-b - y, ahead) - self.X_DU.yaw
 
-    def senses(self) -> Observation:
+    def observe(self) -> Observation:
         left, right = self.edges()
         seen = not self.blind and max(abs(left), abs(right)) < math.radians(37.5)
         if seen:
@@ -107,7 +107,7 @@ class ToyRobot:
         return LockPosition.CLOSED if closed else LockPosition.CLOSING
 
     def step(self) -> Action:
-        action = self.machine.step(self.senses())
+        action = self.machine.step(self.observe())
         self.log.append(action)
         dt, limits = 1e-9 * DT_NS, self.facts.limits
         self.closing_s = min(self.closing_s + dt, 1.0) if action.lock else 0.0

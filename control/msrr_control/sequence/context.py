@@ -103,7 +103,7 @@ class DockingContext:
         belief: What the unit says about this docking step so far.
         attempt: Attempt under way, counted from 1.
         ever_seen: Whether the target was ever seen.
-        undocking: Whether the unit was told to undock.
+        undocking: Whether the unit was commanded to undock.
         reassemble: Whether the next attempt begins with the long-distance phase.
         last_gap: Last known distance between the faces [m], updated by odometry; None while unknown.
     """

@@ -1,7 +1,7 @@
 """Figures of the long-distance phase, computed from the time series of a study, a log or a real unit.
 
 Each function takes series whose first axis is time; further axes are trials. A figure that a series does not
-have (no obstacle was met, no arc was ended) is NaN.
+have (no obstacle was encountered, no arc ended) is NaN.
 
 Two distances are distinguished. The *deviation* is the distance of the controlled point from the desired
 POINT, which moves along the path with time: it is large for a unit that is held up, even on the path. The

@@ -30,13 +30,13 @@ def test_at_the_barrier_the_edge_moves_no_further_out(facts: DockSetup) -> None:
         pose = np.array([x, y, 0.0])
         left = edge_angles(pose, setup.los, 0.015)[0]
         pose[2] = left - law._limit
-        sensed = LawInputs(pose, edge_angles(pose, setup.los, 0.015), np.array(1.0), np.zeros(2))
+        inputs = LawInputs(pose, edge_angles(pose, setup.los, 0.015), np.array(1.0), np.zeros(2))
         for _ in range(5):  # the camera's lever moves the edge a little when the unit turns
-            pose[2] += sensed.edges[0] - law._limit
-            sensed = sensed._replace(pose=pose, edges=edge_angles(pose, setup.los, 0.015))
-        w = float(law.turn_bounds(np.array(v), sensed)[0])
+            pose[2] += inputs.edges[0] - law._limit
+            inputs = inputs._replace(pose=pose, edges=edge_angles(pose, setup.los, 0.015))
+        w = float(law.turn_bounds(np.array(v), inputs)[0])
         moved = pose + h * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), w])
-        rate = (edge_angles(moved, setup.los, 0.015)[0] - sensed.edges[0]) / h
+        rate = (edge_angles(moved, setup.los, 0.015)[0] - inputs.edges[0]) / h
         assert rate == pytest.approx(0.0, abs=2e-3)
 
 

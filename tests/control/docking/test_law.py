@@ -37,22 +37,22 @@ def _random(rng: np.random.Generator, trials: int) -> LawInputs:
     return LawInputs(pose, edges, rng.choice([0.0, 0.5, 1.0], size=trials), rng.normal(size=(trials, 2)))
 
 
-def _mirrored(sensed: LawInputs) -> LawInputs:
+def _mirrored(inputs: LawInputs) -> LawInputs:
     return LawInputs(
-        sensed.pose * [1.0, -1.0, -1.0], -sensed.edges[..., ::-1], sensed.visibility, sensed.twist * MIRROR
+        inputs.pose * [1.0, -1.0, -1.0], -inputs.edges[..., ::-1], inputs.visibility, inputs.twist * MIRROR
     )
 
 
 @every_law
 def test_the_mirrored_input_gives_the_mirrored_command(law: DockingLaw) -> None:
     rng = np.random.default_rng(11)
-    sensed = _random(rng, 500)
-    state, mirrored_state = law.start(sensed), law.start(_mirrored(sensed))
+    inputs = _random(rng, 500)
+    state, mirrored_state = law.start(inputs), law.start(_mirrored(inputs))
     for _ in range(50):
-        command, state = law.step(state, sensed, 0.02)
-        mirrored, mirrored_state = law.step(mirrored_state, _mirrored(sensed), 0.02)
+        command, state = law.step(state, inputs, 0.02)
+        mirrored, mirrored_state = law.step(mirrored_state, _mirrored(inputs), 0.02)
         np.testing.assert_allclose(mirrored, command * MIRROR, atol=1e-12)
-        sensed = _random(rng, 500)
+        inputs = _random(rng, 500)
 
 
 @every_law
@@ -66,10 +66,10 @@ def test_the_mirrored_input_gives_the_mirrored_command(law: DockingLaw) -> None:
 )
 @pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")
 def test_any_finite_input_gives_a_command_within_limits(law, pose, edges, twist, visibility, dt) -> None:
-    sensed = LawInputs(np.array(pose), np.array(edges), np.array(visibility), np.array(twist))
-    state = law.start(sensed)
+    inputs = LawInputs(np.array(pose), np.array(edges), np.array(visibility), np.array(twist))
+    state = law.start(inputs)
     for _ in range(3):
-        command, state = law.step(state, sensed, dt)
+        command, state = law.step(state, inputs, dt)
         assert np.all(np.isfinite(command))
         assert abs(command[0]) <= FACTS.limits.v_close_mps
         assert abs(command[1]) <= FACTS.limits.w_max_radps
@@ -82,10 +82,10 @@ def test_a_batch_equals_its_trials_one_by_one(law: DockingLaw) -> None:
     steps = [_random(rng, 7) for _ in range(20)]
     state = law.start(steps[0])
     singles = [law.start(LawInputs(*(a[i] for a in steps[0]))) for i in range(7)]
-    for sensed in steps:
-        command, state = law.step(state, sensed, 0.02)
+    for inputs in steps:
+        command, state = law.step(state, inputs, 0.02)
         for i in range(7):
-            single, singles[i] = law.step(singles[i], LawInputs(*(a[i] for a in sensed)), 0.02)
+            single, singles[i] = law.step(singles[i], LawInputs(*(a[i] for a in inputs)), 0.02)
             np.testing.assert_allclose(single, command[i], atol=1e-12)
 
 
@@ -122,18 +122,18 @@ def test_a_docking_law_drives_one_robot_as_it_drives_many(name: str, facts: Dock
         [rng.uniform(-0.8, -0.15, TRIALS), rng.normal(0.0, 0.05, TRIALS), rng.normal(0.0, 0.2, TRIALS)]
     )
 
-    def sensed(rows: slice | int) -> LawInputs:
+    def inputs(rows: slice | int) -> LawInputs:
         return LawInputs(pose[rows], edges[rows], np.asarray(visibility[rows]), np.zeros((TRIALS, 2))[rows])
 
     edges = rng.normal(0.0, 0.3, (TRIALS, 2))
     visibility = rng.choice([0.0, 0.5, 1.0], TRIALS)
-    many = law.start(sensed(slice(None)))
-    ones = [law.start(sensed(i)) for i in range(TRIALS)]
+    many = law.start(inputs(slice(None)))
+    ones = [law.start(inputs(i)) for i in range(TRIALS)]
     for _ in range(60):
         edges, visibility = rng.normal(0.0, 0.3, (TRIALS, 2)), rng.choice([0.0, 0.5, 1.0], TRIALS)
-        commands, many = law.step(many, sensed(slice(None)), DT)
+        commands, many = law.step(many, inputs(slice(None)), DT)
         for i in range(TRIALS):
-            command, ones[i] = law.step(ones[i], sensed(i), DT)
+            command, ones[i] = law.step(ones[i], inputs(i), DT)
             assert (command == commands[i]).all()
         heading = np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
         pose = pose + DT * np.column_stack([heading * commands[:, :1], commands[:, 1]])

@@ -59,36 +59,40 @@ def test_the_braking_speed_is_finite_from_nothing_to_very_far(distance: float) -
         assert speed[0] == pytest.approx(far)
 
 
-def _run(x: np.ndarray, v: np.ndarray, gains, most: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Double integrators under random wishes, mostly towards the wall; return the farthest each got."""
+def _run(
+    x: np.ndarray, v: np.ndarray, gains, max_acceleration: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the farthest that double integrators get under random commands, mostly towards the wall."""
     dt, farthest = 0.002, x.copy()
-    wish = np.zeros_like(x)
+    wanted = np.zeros_like(x)
     for k in range(600):
         if k % 25 == 0:
-            wish = np.where(rng.random(len(x)) < 0.7, 2.0, -2.0) * rng.random(len(x))
+            wanted = np.where(rng.random(len(x)) < 0.7, 2.0, -2.0) * rng.random(len(x))
         u = np.empty_like(x)
         for i, g in enumerate(gains):
             part = slice(i, None, len(gains))
-            u[part] = enveloped_acceleration(wish[part], x[part], v[part], g, most[i], upper=0.0)
+            u[part] = enveloped_acceleration(
+                wanted[part], x[part], v[part], g, max_acceleration[i], upper=0.0
+            )
         x, v = x + dt * v + 0.5 * dt * dt * u, v + dt * u
         farthest = np.maximum(farthest, x)
     return farthest
 
 
 def test_no_wish_leads_from_inside_the_envelope_across_the_wall() -> None:
-    """20,000 random states, gains and wishes; the tolerance is what a step of 2 ms can add."""
+    """20,000 random states, gains and wanted accelerations; the tolerance is what a step of 2 ms can add."""
     rng = np.random.default_rng(21)
-    most = rng.uniform(0.3, 1.0, size=20)
+    max_acceleration = rng.uniform(0.3, 1.0, size=20)
     gains = [
         EnvelopeGains(gamma=m * rng.uniform(0.2, 0.9), rho=rng.uniform(0.02, 0.15), alpha_per_s=a)
-        for m, a in zip(most, rng.uniform(1.0, 4.0, size=20), strict=True)
+        for m, a in zip(max_acceleration, rng.uniform(1.0, 4.0, size=20), strict=True)
     ]
     x = -rng.uniform(0.0, 0.6, size=20_000)
     v = np.empty_like(x)
     for i, g in enumerate(gains):
         part = slice(i, None, 20)
         v[part] = rng.uniform(-0.5, 1.0, size=1000) * envelope(x[part], g)
-    assert _run(x, v, gains, most, rng).max() < 2e-5
+    assert _run(x, v, gains, max_acceleration, rng).max() < 2e-5
 
 
 def test_arbitrary_states_do_cross_and_are_pulled_back() -> None:
@@ -103,12 +107,12 @@ def test_arbitrary_states_do_cross_and_are_pulled_back() -> None:
 
 def test_lower_and_upper_walls_mirror_each_other() -> None:
     rng = np.random.default_rng(23)
-    wish, x, v = rng.normal(size=(3, 200))
-    up = enveloped_acceleration(wish, x, v, GAINS, 0.5, upper=0.1)
-    down = enveloped_acceleration(-wish, -x, -v, GAINS, 0.5, lower=-0.1)
+    wanted, x, v = rng.normal(size=(3, 200))
+    up = enveloped_acceleration(wanted, x, v, GAINS, 0.5, upper=0.1)
+    down = enveloped_acceleration(-wanted, -x, -v, GAINS, 0.5, lower=-0.1)
     np.testing.assert_allclose(up, -down)
-    free = enveloped_acceleration(wish, x, v, GAINS, 0.5)
-    np.testing.assert_array_equal(free, np.clip(wish, -0.5, 0.5))
+    free = enveloped_acceleration(wanted, x, v, GAINS, 0.5)
+    np.testing.assert_array_equal(free, np.clip(wanted, -0.5, 0.5))
 
 
 def test_an_envelope_beyond_the_drive_is_refused() -> None:

@@ -21,8 +21,8 @@ OFFSETS = st.floats(0.01, 1.0) | st.floats(-1.0, -0.01)
 def test_the_mapping_and_its_inverse_undo_each_other(v: float, w: float, yaw: float, offset: float) -> None:
     twist = np.array([v, w])
     heading = np.array(yaw)
-    there = point_velocity(twist, heading, offset)
-    np.testing.assert_allclose(twist_for(there, heading, offset), twist, atol=1e-9)
+    velocity = point_velocity(twist, heading, offset)
+    np.testing.assert_allclose(twist_for(velocity, heading, offset), twist, atol=1e-9)
 
 
 @settings(max_examples=100, deadline=None)

@@ -21,8 +21,8 @@ def test_an_arc_is_the_exponential_of_its_twist(length: float, turn: float, yaw:
 @given(LENGTHS, TURNS)
 def test_the_way_back_ends_at_the_start(length: float, turn: float) -> None:
     start = np.array([0.3, -0.2, 0.7])
-    there = advance_pose(start, np.array(length), np.array(turn))
-    np.testing.assert_allclose(advance_pose(there, np.array(-length), np.array(-turn)), start, atol=1e-12)
+    end = advance_pose(start, np.array(length), np.array(turn))
+    np.testing.assert_allclose(advance_pose(end, np.array(-length), np.array(-turn)), start, atol=1e-12)
 
 
 def test_many_poses_move_as_each_of_them() -> None:

@@ -74,7 +74,7 @@ def test_the_reference_comes_to_a_point_that_stands(point) -> None:
 
 @settings(max_examples=15, deadline=None)
 @given(POINT, st.floats(-np.pi, np.pi), st.floats(0.0, 1.0))
-def test_no_wish_leads_across_the_wall(goal, normal: float, ahead: float) -> None:
+def test_no_goal_leads_across_the_wall(goal, normal: float, ahead: float) -> None:
     """The wall stands in any direction; the reference starts on its free side and is drawn anywhere."""
     out = np.array([np.cos(normal), np.sin(normal)])
     wall = SideWall(np.array(True), np.array([0.4, -0.1]), np.array(normal))

@@ -60,8 +60,8 @@ def test_the_tracking_error_falls_as_it_was_designed_to(
     reference = ReferenceState(goal, pace, np.zeros(2))
     _, after = tracking_step(state, reference, pose, ALONE, gains, LIMITS, offset, TINY)
 
-    def error(tip: np.ndarray, at: np.ndarray, lam: np.ndarray) -> np.ndarray:
-        return tip - at - gains.windup.gamma_m * np.tanh(lam)
+    def error(tip: np.ndarray, goal: np.ndarray, lam: np.ndarray) -> np.ndarray:
+        return tip - goal - gains.windup.gamma_m * np.tanh(lam)
 
     tip = _tip(pose, offset)
     before = error(tip, goal, lam)

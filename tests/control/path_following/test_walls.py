@@ -13,24 +13,24 @@ def _straight(length: float = 3.0) -> Path:
     return Path(np.zeros(3), np.array([0.0]), np.array([length]))
 
 
-def _met(path: Path, x: float, y: float):
+def _encounter(path: Path, x: float, y: float):
     centre = np.array([x, y])
     return find_encounter(path, centre, D, SPEC), centre
 
 
 @pytest.mark.parametrize(("y", "side"), [(0.03, -1.0), (-0.03, 1.0), (0.2, -1.0)])
 def test_it_passes_on_the_side_of_the_smaller_detour(y: float, side: float) -> None:
-    met, _ = _met(_straight(), 1.5, y)
-    assert bool(met.blocked)
-    assert float(met.side) == side
-    assert float(met.s) == pytest.approx(1.5, abs=0.02)
-    assert sorted(met.detours) == pytest.approx([float(D) - abs(y), float(D) + abs(y)], abs=1e-6)
+    encounter, _ = _encounter(_straight(), 1.5, y)
+    assert bool(encounter.blocked)
+    assert float(encounter.side) == side
+    assert float(encounter.s) == pytest.approx(1.5, abs=0.02)
+    assert sorted(encounter.detours) == pytest.approx([float(D) - abs(y), float(D) + abs(y)], abs=1e-6)
 
 
 def test_an_obstacle_beside_the_path_has_no_wall() -> None:
-    met, centre = _met(_straight(), 1.5, 0.24)
-    assert not bool(met.blocked)
-    wall = side_wall(met, met.side, np.array([1.5, 0.0]), centre, D, SPEC)
+    encounter, centre = _encounter(_straight(), 1.5, 0.24)
+    assert not bool(encounter.blocked)
+    wall = side_wall(encounter, encounter.side, np.array([1.5, 0.0]), centre, D, SPEC)
     assert not bool(wall.active)
 
 
@@ -38,8 +38,8 @@ def test_an_obstacle_beside_the_path_has_no_wall() -> None:
     ("x", "stands"), [(0.7, False), (0.86, True), (1.5, True), (1.61, True), (1.63, False), (2.5, False)]
 )
 def test_the_wall_stands_from_before_the_obstacle_until_it_is_passed(x: float, stands: bool) -> None:
-    met, centre = _met(_straight(), 1.5, 0.0)
-    wall = side_wall(met, np.array(1.0), np.array([x, 0.0]), centre, D, SPEC)
+    encounter, centre = _encounter(_straight(), 1.5, 0.0)
+    wall = side_wall(encounter, np.array(1.0), np.array([x, 0.0]), centre, D, SPEC)
     assert bool(wall.active) is stands
 
 
@@ -47,20 +47,20 @@ def test_the_wall_stands_from_before_the_obstacle_until_it_is_passed(x: float, s
 @pytest.mark.parametrize("turn", [-0.8, 0.8])
 def test_the_wall_is_beside_the_obstacle_across_the_path(side: float, turn: float) -> None:
     path = Path(np.array([0.5, 0.2, 1.0]), np.array([turn]), np.array([2.5]))
-    at = path.at(1.3)
-    met = find_encounter(path, at.point, D, SPEC)
-    wall = side_wall(met, np.array(side), at.point, at.point, D, SPEC)
+    nearest = path.at(1.3)
+    encounter = find_encounter(path, nearest.point, D, SPEC)
+    wall = side_wall(encounter, np.array(side), nearest.point, nearest.point, D, SPEC)
     out = np.array([np.cos(wall.normal), np.sin(wall.normal)])
-    along = np.array([np.cos(at.heading), np.sin(at.heading)])
+    along = np.array([np.cos(nearest.heading), np.sin(nearest.heading)])
     assert out @ along == pytest.approx(0.0, abs=0.02)
     assert (along[0] * out[1] - along[1] * out[0]) * side > 0.99
-    assert (wall.foot - at.point) @ out == pytest.approx(float(D))
+    assert (wall.foot - nearest.point) @ out == pytest.approx(float(D))
 
 
 def test_on_the_outside_of_a_bend_it_rises_later() -> None:
     path = Path(np.zeros(3), np.array([1.0]), np.array([2.5]))
-    met = find_encounter(path, path.at(1.5).point, D, SPEC)
-    right, left = met.rise
+    encounter = find_encounter(path, path.at(1.5).point, D, SPEC)
+    right, left = encounter.rise
     assert left == SPEC.ahead_m
     assert 0.3 < right < SPEC.ahead_m
 

@@ -1,4 +1,4 @@
-"""Routes: from anywhere to the place in front of the port, over free ground, or none."""
+"""Routes from anywhere to the place in front of the port, through free space, or none."""
 
 import math
 
@@ -22,61 +22,61 @@ def _obstacle(name: str, x: float, y: float, radius: float = 0.08) -> ObstacleEs
     return ObstacleEstimate(name, 0, SE2(x, y), np.eye(3) * 1e-6, radius)
 
 
-def _around(X_WU: SE2, *obstacles: ObstacleEstimate, target: SE2 = TARGET, others=()) -> ArenaMap:
+def _arena(X_WU: SE2, *obstacles: ObstacleEstimate, target: SE2 = TARGET, others=()) -> ArenaMap:
     units = [
         Disc("b", target.x, target.y, 0.128),
-        *(Disc(f"u{k}", *at, 0.128) for k, at in enumerate(others)),
+        *(Disc(f"u{k}", *centre, 0.128) for k, centre in enumerate(others)),
     ]
     return ArenaMap(X_WU, target @ X_TD, tuple(units), obstacles)
 
 
-def _ends_before_the_port(route: Route, around: ArenaMap) -> bool:
+def _ends_before_the_port(route: Route, arena: ArenaMap) -> bool:
     end = route.path.at(route.path.length)
-    goal = PLANNER.spec.handover(around.X_WD)
+    goal = PLANNER.spec.handover(arena.X_WD)
     near = float(np.hypot(*(end.point - goal.translation))) < 1e-6
     return near and abs(wrap_angle(float(end.heading) - goal.yaw)) < 1e-6
 
 
-def _clearance(route: Route, around: ArenaMap) -> float:
+def _clearance(route: Route, arena: ArenaMap) -> float:
     """Smallest distance of the path from what is not left to walls, beyond the bodies' radii."""
     _, points = route.path.sample(0.01)
-    bodies = [(u.x, u.y, u.radius) for u in around.units]
-    bodies += [(o.X_WB.x, o.X_WB.y, o.radius) for o in around.obstacles if o.name not in route.sides]
+    bodies = [(u.x, u.y, u.radius) for u in arena.units]
+    bodies += [(o.X_WB.x, o.X_WB.y, o.radius) for o in arena.obstacles if o.name not in route.sides]
     return min(float(np.hypot(*(points - (x, y)).T).min()) - r for x, y, r in bodies)
 
 
 def test_in_open_ground_it_is_one_circle_and_the_lead_in() -> None:
-    around = _around(SE2(-1.2, 0.8, 0.0))
-    route = PLANNER.plan(around)
+    arena = _arena(SE2(-1.2, 0.8, 0.0))
+    route = PLANNER.plan(arena)
     assert route is not None
     assert route.shape == "arc"
     assert route.final
-    assert _ends_before_the_port(route, around)
+    assert _ends_before_the_port(route, arena)
     np.testing.assert_allclose(route.path.start[:2], [-1.2, 0.8])
     assert float(route.path.length - route.path.arc_end) == pytest.approx(0.3)
 
 
 def test_an_obstacle_on_the_path_is_left_to_a_wall() -> None:
-    free = PLANNER.plan(_around(SE2(-1.6, 0.3, 0.0)))
+    free = PLANNER.plan(_arena(SE2(-1.6, 0.3, 0.0)))
     assert free is not None
-    at = free.path.at(0.8)
-    left = at.point + 0.02 * np.array([-math.sin(at.heading), math.cos(at.heading)])
-    route = PLANNER.plan(_around(SE2(-1.6, 0.3, 0.0), _obstacle("o", *left)))
+    point = free.path.at(0.8)
+    left = point.point + 0.02 * np.array([-math.sin(point.heading), math.cos(point.heading)])
+    route = PLANNER.plan(_arena(SE2(-1.6, 0.3, 0.0), _obstacle("o", *left)))
     assert route is not None
     assert (route.shape, dict(route.sides)) == ("arc", {"o": -1.0})
 
 
 def test_the_other_side_is_taken_where_the_nearer_one_is_shut() -> None:
-    free = PLANNER.plan(_around(SE2(-1.6, 0.3, 0.0)))
+    free = PLANNER.plan(_arena(SE2(-1.6, 0.3, 0.0)))
     assert free is not None
-    at = free.path.at(0.8)
-    normal = np.array([-math.sin(at.heading), math.cos(at.heading)])
-    around = _around(
+    point = free.path.at(0.8)
+    normal = np.array([-math.sin(point.heading), math.cos(point.heading)])
+    arena = _arena(
         SE2(-1.6, 0.3, 0.0),
-        _obstacle("o", *(at.point + 0.02 * normal)),
-        _obstacle("p", *(at.point - 0.4 * normal)),
+        _obstacle("o", *(point.point + 0.02 * normal)),
+        _obstacle("p", *(point.point - 0.4 * normal)),
     )
-    route = PLANNER.plan(around)
+    route = PLANNER.plan(arena)
     assert route is not None
     assert dict(route.sides) == {"o": 1.0}
 
@@ -89,33 +89,33 @@ def test_the_other_side_is_taken_where_the_nearer_one_is_shut() -> None:
     ],
 )
 def test_what_walls_cannot_do_is_driven_around(obstacle: ObstacleEstimate, why: str) -> None:
-    around = _around(SE2(-1.6, 0.1, 0.0), obstacle)
-    route = PLANNER.plan(around)
+    arena = _arena(SE2(-1.6, 0.1, 0.0), obstacle)
+    route = PLANNER.plan(arena)
     assert route is not None, why
     assert route.sides == {}
-    assert _clearance(route, around) > 0.1
+    assert _clearance(route, arena) > 0.1
     if route.final:
-        assert _ends_before_the_port(route, around)
+        assert _ends_before_the_port(route, arena)
 
 
 def test_a_unit_that_was_stopped_keeps_further_away() -> None:
-    around = _around(SE2(-1.6, 0.1, 0.0), _obstacle("o", -0.6, 0.05))
+    arena = _arena(SE2(-1.6, 0.1, 0.0), _obstacle("o", -0.6, 0.05))
     gaps = []
     for caution in (1, 2, 3):
-        route = PLANNER.plan(around, caution)
+        route = PLANNER.plan(arena, caution)
         assert route is not None
         assert not route.sides
-        gaps.append(_clearance(route, around))
+        gaps.append(_clearance(route, arena))
     assert gaps == sorted(gaps)
     assert gaps[2] > gaps[0] + 0.03
 
 
 def test_too_near_the_port_it_goes_away_and_turns_on_the_spot() -> None:
-    around = _around(TARGET @ SE2(-0.7, 0.05, 0.1))
-    route = PLANNER.plan(around)
+    arena = _arena(TARGET @ SE2(-0.7, 0.05, 0.1))
+    route = PLANNER.plan(arena)
     assert route is not None
     assert route.shape in ("staged", "around")
-    assert _clearance(route, around) > 0.1
+    assert _clearance(route, arena) > 0.1
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -126,25 +126,25 @@ def test_from_anywhere_routes_keep_clear_of_everything(seed: int) -> None:
         target = SE2(*rng.uniform([-0.6, -0.4, -3.14], [0.8, 0.4, 3.14]))
         start = SE2(*rng.uniform([-1.8, -1.3, -3.14], [1.8, 1.3, 3.14]))
         places = rng.uniform([-1.8, -1.3], [1.8, 1.3], (3, 2))
-        around = _around(
+        arena = _arena(
             start, _obstacle("o", *places[0]), _obstacle("p", *places[1]), target=target, others=places[2:]
         )
         bodies = [target.translation, *places]
-        if min(float(np.hypot(*(start.translation - at))) for at in bodies) < 0.4:
+        if min(float(np.hypot(*(start.translation - body))) for body in bodies) < 0.4:
             continue
-        route = PLANNER.plan(around)
+        route = PLANNER.plan(arena)
         if route is None:
             continue
         found += 1
-        assert _clearance(route, around) >= 0.1 + 0.05
+        assert _clearance(route, arena) >= 0.1 + 0.05
         _, points = route.path.sample(0.02)
         assert np.abs(points[:, 0]).max() <= 1.91
         assert np.abs(points[:, 1]).max() <= 1.41
-        assert _ends_before_the_port(route, around) or not route.final
+        assert _ends_before_the_port(route, arena) or not route.final
     assert found >= 12
 
 
 def test_where_there_is_no_way_there_is_no_route() -> None:
     fence = [_obstacle(f"f{k}", -0.3, y, 0.1) for k, y in enumerate(np.arange(-1.4, 1.45, 0.28))]
-    assert PLANNER.plan(_around(SE2(-1.4, 0.2, 0.0), *fence)) is None
-    assert PLANNER.plan(_around(SE2(-1.4, 0.2, 0.0), _obstacle("o", 0.4, 0.0))) is None
+    assert PLANNER.plan(_arena(SE2(-1.4, 0.2, 0.0), *fence)) is None
+    assert PLANNER.plan(_arena(SE2(-1.4, 0.2, 0.0), _obstacle("o", 0.4, 0.0))) is None

@@ -8,20 +8,20 @@ from msrr_control.planning.tangents import Goal, shortest_path
 from msrr_scenes.geometry.se2 import wrap_angle
 
 
-def test_the_shortest_way_around_a_disc_is_a_taut_string() -> None:
-    ground = FreeSpace((-5.0, 5.0, -5.0, 5.0), (Disc("d", 0.0, 0.0, 1.0),))
-    path = shortest_path(ground, (-2.0, 0.0), Goal(2.0, 0.0))
+def test_the_shortest_path_around_a_disc_is_a_taut_string() -> None:
+    space = FreeSpace((-5.0, 5.0, -5.0, 5.0), (Disc("d", 0.0, 0.0, 1.0),))
+    path = shortest_path(space, (-2.0, 0.0), Goal(2.0, 0.0))
     assert path is not None
     assert float(path.length) == pytest.approx(2 * math.sqrt(3) + math.pi / 3, abs=1e-6)
-    straight = shortest_path(ground, (-2.0, 1.5), Goal(2.0, 1.5))
+    straight = shortest_path(space, (-2.0, 1.5), Goal(2.0, 1.5))
     assert straight is not None
     assert float(straight.length) == pytest.approx(4.0)
 
 
-def test_a_way_arrives_with_the_heading_that_is_asked_for() -> None:
-    ground = FreeSpace((-5.0, 5.0, -5.0, 5.0), ())
+def test_a_path_arrives_with_the_heading_that_is_asked_for() -> None:
+    space = FreeSpace((-5.0, 5.0, -5.0, 5.0), ())
     for heading in np.linspace(-3.0, 3.0, 7):
-        path = shortest_path(ground, (-2.0, 0.5), Goal(1.0, 0.2, float(heading), 0.5))
+        path = shortest_path(space, (-2.0, 0.5), Goal(1.0, 0.2, float(heading), 0.5))
         assert path is not None
         end = path.at(path.length)
         np.testing.assert_allclose(end.point, [1.0, 0.2], atol=1e-9)

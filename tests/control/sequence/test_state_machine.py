@@ -1,4 +1,4 @@
-"""The phase machine against a toy robot: every way through it, and what it says about each."""
+"""The phase machine against a toy robot: every way through its states, and the belief at the end."""
 
 import time
 
@@ -131,13 +131,13 @@ def test_sight_contradicts_a_lock(toy) -> None:
 def test_stuck_switches_fool_only_a_robot_that_does_not_look(toy, by_sight: bool, believes: bool) -> None:
     """A block holds the unit 10 mm off its seat while the switches say closed."""
     robot = toy(blocked_until=99, spec=DockingSpec(attempts=1, verify=VerifySpec(by_sight=by_sight)))
-    honest = robot.senses
+    honest = robot.observe
 
     def stuck() -> Observation:
         s = honest()
         return Observation(s.now_ns, s.pose, s.los, SeatSwitches("a", s.now_ns, True, True), s.lock, s.twist)
 
-    robot.senses = stuck
+    robot.observe = stuck
     robot.run()
     assert (robot.machine.belief.conviction is Conviction.DOCKED) is believes
     assert robot.gap > 0.009
@@ -177,7 +177,7 @@ def test_undocking_opens_the_lock_before_it_moves(toy) -> None:
         robot.machine.undock()
 
 
-def test_it_presses_no_harder_than_told(toy) -> None:
+def test_it_presses_no_harder_than_commanded(toy) -> None:
     robot = toy(blocked_until=99, spec=DockingSpec(attempts=1, press_mps=0.03))
     pressed = []
     while robot.machine.phase is not Phase.RETREAT:
@@ -222,7 +222,7 @@ def test_a_controller_that_commands_no_number_is_misuse(toy, value: float) -> No
         robot.step()
 
 
-def test_a_controller_that_wishes_too_much_is_limited(toy, facts: DockSetup) -> None:
+def test_a_controller_that_commands_too_much_is_limited(toy, facts: DockSetup) -> None:
     class Wild:
         def reset(self, inputs) -> None: ...
         def step(self, inputs) -> Twist:
@@ -233,14 +233,14 @@ def test_a_controller_that_wishes_too_much_is_limited(toy, facts: DockSetup) -> 
     assert robot.step().twist == Twist(facts.limits.v_close_mps, -facts.limits.w_max_radps)
 
 
-def test_the_same_senses_give_the_same_actions(toy) -> None:
+def test_the_same_observations_give_the_same_actions(toy) -> None:
     a, b = (toy(rng=np.random.default_rng(4), blocked_until=2) for _ in range(2))
     a.run()
     b.run()
     assert a.log == b.log
 
 
-def test_random_senses_never_break_it(toy) -> None:
+def test_random_observations_never_break_it(toy) -> None:
     """Estimates, sight, switches and lock come and go at random: always an action within the limits."""
     rng = np.random.default_rng(9)
     for _ in range(10):
@@ -261,20 +261,20 @@ def test_random_senses_never_break_it(toy) -> None:
 def test_a_whole_decision_is_fast(toy) -> None:
     robot = toy()
     robot.step()
-    senses = robot.senses()
-    assert senses.los is not None
-    assert senses.los.status is LosStatus.SEEN
+    observation = robot.observe()
+    assert observation.los is not None
+    assert observation.los.status is LosStatus.SEEN
     rounds = []
     for _ in range(30):
         began = time.thread_time()
         for _ in range(50):
-            robot.machine.step(senses)
+            robot.machine.step(observation)
         rounds.append((time.thread_time() - began) / 50)
     assert min(rounds) < 2e-4
 
 
 class _Scripted:
-    """An assembler that does what it is told, and counts."""
+    """An assembler that returns scripted decisions and counts its resets."""
 
     def __init__(self, *decisions: Twist | GiveUp | None) -> None:
         self.decisions, self.resets = list(decisions), list[str]()

@@ -1,4 +1,4 @@
-"""Single decisions of the phase machine, each put to it with senses made for that decision alone."""
+"""Single decisions of the phase machine, each with an observation made for that decision alone."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ SIGHTLESS = DockingSpec(verify=VerifySpec(by_sight=False))
 
 @dataclass
 class Desk:
-    """A phase machine and the senses that are put to it; truth does not come into it."""
+    """A phase machine and the observations that are put to it, without any truth."""
 
     facts: DockSetup
     spec: DockingSpec = field(default_factory=DockingSpec)
@@ -66,7 +66,7 @@ class Desk:
         lock: tuple[LockPosition, int] | None = None,
         twist: Twist | None = None,
     ) -> Action:
-        """Let 20 ms go by and ask; the pose was exposed now unless told otherwise."""
+        """Let 20 ms go by and ask; the pose was exposed now unless another time is given."""
         self.now_ns += DT_NS
         now = self.now_ns
         seen = now if exposed_ns is None else exposed_ns
@@ -163,7 +163,7 @@ def test_an_unready_unit_turns_towards_the_target_it_sees(desk: Desk, side: floa
 
 
 @pytest.mark.parametrize("y", [-0.25, 0.25])
-def test_turning_as_told_brings_the_target_to_the_camera_s_axis(desk: Desk, y: float) -> None:
+def test_turning_as_commanded_brings_the_target_to_the_camera_s_axis(desk: Desk, y: float) -> None:
     X = SE2(-0.7, y, 0.0)
     for _ in range(100):
         w = _unready(desk, X).twist.w
@@ -263,7 +263,7 @@ def test_it_leans_on_the_port_while_the_cam_closes(desk: Desk) -> None:
     assert 0.0 < action.twist.v < desk.spec.press_mps
 
 
-def test_a_report_from_before_the_cam_was_told_to_close_is_none(desk: Desk) -> None:
+def test_a_report_from_before_the_cam_was_commanded_to_close_is_none(desk: Desk) -> None:
     """A CLOSED that an earlier attempt left behind does not count, however often it is heard."""
     desk.to_lock()
     stale = desk.now_ns - DT_NS
@@ -295,7 +295,7 @@ def _verify(desk: Desk, frames: str) -> list[Phase]:
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3, 5])
-def test_as_many_frames_in_a_row_as_told_have_to_agree(facts: DockSetup, frames: int) -> None:
+def test_as_many_frames_in_a_row_as_commanded_have_to_agree(facts: DockSetup, frames: int) -> None:
     desk = Desk(facts, tuning=PhaseTuning(frames=frames))
     desk.to_lock()
     # Closed in the dark: the estimate at hand is older than the phase.

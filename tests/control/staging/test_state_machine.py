@@ -228,7 +228,7 @@ def test_a_unit_that_is_never_seen_shows_itself_and_gives_up() -> None:
     assert arena.outcome.failure is FailureReason.NOT_LOCALISED
 
 
-def test_a_unit_that_is_held_waits_and_then_plans_anew() -> None:
+def test_a_unit_that_is_held_waits_and_then_plans_again() -> None:
     """Somebody else stops it for ten seconds: no wind-up, another path, and it arrives."""
     arena = Arena(SE2(-1.5, 0.3, 0.0), held=(4.0, 14.0)).run()
     assert any("no progress" in r for r in arena.reasons())
@@ -268,7 +268,7 @@ def test_it_is_there_at_once_but_comes_again_after_a_failed_hand_over() -> None:
 
 @pytest.mark.parametrize(("aside_m", "astray"), [(0.35, False), (0.60, True)])
 def test_a_unit_that_is_carried_off_its_path_takes_another(aside_m: float, astray: bool) -> None:
-    """Lifted to the side on the way: the law draws it back from near the path, from farther it plans anew."""
+    """Lifted to the side: from near the path the law draws it back, from farther away it plans again."""
     arena = Arena(SE2(-1.5, 0.3, 0.0))
     while arena.now_ns < 4e9:
         arena.step()
@@ -328,7 +328,7 @@ def test_the_envelope_can_be_switched_off() -> None:
     assert arena.gap < 0.0
 
 
-def test_the_same_senses_give_the_same_bits() -> None:
+def test_the_same_observations_give_the_same_bits() -> None:
     ends = [
         Arena(SE2(-1.7, 0.3, 0.0), obstacles={"o": (-0.75, 0.09, 0.08, 0.0)}).run().X_WU for _ in range(2)
     ]
