@@ -12,7 +12,7 @@ name: from_afar
 units:
   b: {number: 1, pose: {x_m: 1.2, yaw_deg: %s}}
   a: {number: 0, pose: {x_m: -1.2, y_m: 0.3}}
-cameras: {overhead: {}}
+cameras: {overhead: {height_m: 3.5}}
 obstacles:
   crate: {shape: cylinder, radius_m: 0.08, tag_id: 500, pose: {x_m: %s, y_m: %s, spread: {x_m: %s}}}
 plan:

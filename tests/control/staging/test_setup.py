@@ -59,7 +59,7 @@ def _arena(**cameras: object) -> Scene:
 
 @pytest.mark.parametrize("yaw", [0.0, 0.4, 0.785, 2.0])
 def test_the_top_tag_is_in_view_wherever_a_path_may_lead(yaw: float) -> None:
-    """At the corners of the box every corner of the plate is projected into the picture; beyond, it is not."""
+    """At the corners of the box every corner of the plate is projected into the picture."""
     scene = _arena(overhead={"x_m": 0.1, "y_m": -0.05})
     setup, camera = AssemblySetup.of(scene, scene.plan[0]), scene.cameras.overhead
     assert camera is not None
