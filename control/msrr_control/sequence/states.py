@@ -14,7 +14,7 @@ from msrr_control.docking.retreat import retreat_twist
 from msrr_control.sequence.context import DockingContext, Transition
 from msrr_control.sequence.observation import GiveUp
 from msrr_control.sequence.search import scan_angle, turn_rate
-from msrr_scenes.messages import FailureReason, LockPosition, MonitorState, Phase, Twist
+from msrr_scenes.messages import FailureReason, LockPosition, Phase, Twist
 
 STILL = Twist()
 
@@ -81,8 +81,7 @@ def dock(c: DockingContext) -> Twist | Transition:
         return Transition(Phase.LOCK, f"both seat switches closed at {view}")
     idle = c.memory.without_progress(view.off_seat(tuning.seated_gap_m), tuning.progress_m, c.now_ns)
     monitor = c.observation.monitor
-    limited = monitor is not None and monitor.state is not MonitorState.FREE
-    limited_s = c.memory.limited.update(limited, c.now_ns)
+    limited_s = c.memory.limited.update(monitor is not None and monitor.limits, c.now_ns)
     if idle > spec.stall_time_s:
         reason = f"no progress for {idle:.1f} s at {view}"
         if limited_s >= idle:

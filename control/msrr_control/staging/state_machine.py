@@ -34,15 +34,7 @@ from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import wrap_angle
-from msrr_scenes.messages import (
-    ArenaEstimate,
-    AssemblyPath,
-    AssemblyProgress,
-    FailureReason,
-    MonitorState,
-    Twist,
-    seconds,
-)
+from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
 
 #: Speeds below which the unit stands still [m/s], [rad/s], and the longest wait for it [s].
 _STILL_MPS, _STILL_RADPS, _BRAKE_S = 0.02, 0.08, 1.5
@@ -250,12 +242,10 @@ class LongDistanceAssembler(Generic[State]):
             return _Transition(AssemblyState.SETTLE, self._reason)
         if idle > watch.stuck_s:
             self._caution += 1
-            monitor = observation.monitor
-            if monitor is not None and monitor.state is not MonitorState.FREE:
-                reason = f"held by the collision monitor: {monitor}, {remaining:.2f} m before the end"
-            else:
-                reason = f"no progress for {watch.stuck_s:.1f} s, {remaining:.2f} m before the end"
-            return _Transition(AssemblyState.BRAKE, reason)
+            monitor, cause = observation.monitor, f"no progress for {watch.stuck_s:.1f} s"
+            if monitor is not None and monitor.limits:
+                cause = f"held by the collision monitor: {monitor}"
+            return _Transition(AssemblyState.BRAKE, f"{cause}, {remaining:.2f} m before the end")
         return twist
 
     def _settle(self, observation: Observation, arena: ArenaMap) -> _Decision:

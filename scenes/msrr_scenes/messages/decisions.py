@@ -84,6 +84,11 @@ class CollisionMonitorState:
     clearance: float | None
     ahead: float
 
+    @property
+    def limits(self) -> bool:
+        """Whether the command did not pass as it was."""
+        return self.state is not MonitorState.FREE
+
     def __str__(self) -> str:
         """Return the body and its distance in words, such as ``28 mm to hub``."""
         if self.body is None or self.clearance is None:

@@ -3,20 +3,33 @@
 from __future__ import annotations
 
 import math
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.log import read_log
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
+from msrr_bullet.replay import replay_isolated
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
+from msrr_bullet.run import run_trial
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import ArenaEstimate, GlobalPose, MonitorState, ObstacleEstimate, Twist
+from msrr_scenes.messages import (
+    Action,
+    ArenaEstimate,
+    CollisionMonitorState,
+    GlobalPose,
+    MonitorState,
+    ObstacleEstimate,
+    Twist,
+)
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.plan import GuardSpec
 from msrr_scenes.specs.scene import Scene
@@ -269,3 +282,20 @@ def test_a_unit_that_sees_rendered_images_stops_in_front_of_a_post(
     assert min(gaps) > arena.scene.judge.min_clearance_m
     assert states[0] is MonitorState.FREE
     assert states[-1] is not MonitorState.FREE
+
+
+def test_a_stall_names_the_body_at_which_the_monitor_holds_the_unit(
+    shipped: Callable[..., Scene], tmp_path: Path
+) -> None:
+    """A post appears in the lane: the log holds every decision, and the attempt ends with body and distance."""
+    post = {f"obstacles.post.pose.{k}": v for k, v in (("x_m", "-0.05"), ("y_m", "0.0"))}
+    appears = {"obstacles.post.appears_at_s": "2.5", "docking.attempts": "1"}
+    result = run_trial(shipped("bystander", {**post, **appears}, blind=True), 1, out=tmp_path)
+    assert re.search(r"held for 2\.0 s by the collision monitor: \d+ mm to post", result.belief_reason)
+    log = read_log(tmp_path)
+    decisions = [message for _, message in log.messages(CollisionMonitorState)]
+    assert len(decisions) == len(list(log.messages(Action)))
+    stopped = [d for d in decisions if d.state is MonitorState.STOP]
+    assert stopped
+    assert all(d.body == "post" and d.clearance is not None and d.clearance < 0.06 for d in stopped)
+    assert replay_isolated(tmp_path).identical
