@@ -287,7 +287,7 @@ def test_a_unit_that_sees_rendered_images_stops_in_front_of_a_post(
 def test_a_stall_names_the_body_at_which_the_monitor_holds_the_unit(
     shipped: Callable[..., Scene], tmp_path: Path
 ) -> None:
-    """A post appears in the lane: the log holds every decision, and the attempt ends with body and distance."""
+    """A post appears in the lane: every decision is logged, the attempt ends with body and distance."""
     post = {f"obstacles.post.pose.{k}": v for k, v in (("x_m", "-0.05"), ("y_m", "0.0"))}
     appears = {"obstacles.post.appears_at_s": "2.5", "docking.attempts": "1"}
     result = run_trial(shipped("bystander", {**post, **appears}, blind=True), 1, out=tmp_path)
