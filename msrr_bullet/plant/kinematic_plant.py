@@ -57,6 +57,8 @@ class KinematicPlant(Plant):
         super().__init__(scene)
         self._world = world
         self._capture = capture or CaptureRange()
+        # Asking the scene means to look for the file of the URDF, which takes longer than a tick.
+        self._geometries = {name: scene.geometry(name) for name in scene.units}
         self._poses = {name: placement.units[name] for name in scene.units}
         self._wheels = dict.fromkeys(scene.units, (0.0, 0.0))
         self._twists = dict.fromkeys(scene.units, Twist())
@@ -77,7 +79,7 @@ class KinematicPlant(Plant):
             motion = (before[name].inverse() @ X_WU).log()
             self._twists[name] = Twist(float(motion[0]) / dt, float(motion[2]) / dt)
             # Wheels turn as far as their unit moves: their motors are too weak to slip against a port.
-            rates = wheel_speeds(self._twists[name], self._scene.geometry(name))
+            rates = wheel_speeds(self._twists[name], self._geometries[name])
             left, right = (angle + rate * dt for angle, rate in zip(self._wheels[name], rates, strict=True))
             self._wheels[name] = left, right
         self.tick += 1
@@ -121,7 +123,7 @@ class KinematicPlant(Plant):
             self._world.close()
 
     def _build_mechanism(self, step: DockStep) -> KinematicPort:
-        own, target = self._scene.geometry(step.unit), self._scene.geometry(step.target_unit)
+        own, target = self._geometries[step.unit], self._geometries[step.target_unit]
         X_TU = self.pose(step.target_unit).inverse() @ self.pose(step.unit)
         port = KinematicPort(step, own, target, self._scene.lock, self._capture, X_TU)
         port.plugged = (step.target_unit, step.target_port) in self._plugged

@@ -114,11 +114,11 @@ def load_tag_plate(client: int, folder: Path, tag_id: int, size: float, X_WT: SE
 def set_texture(client: int, body: int, link: int, shape: int, texture: Path) -> None:
     """Set the texture of one visual shape, given by the index of a link and of a shape of that link."""
     handle = pybullet.loadTexture(str(texture.resolve()), physicsClientId=client)
+    # No rgbaColor here: PyBullet repaints every shape of the link with it, whatever the index of the shape.
     pybullet.changeVisualShape(
         body,
         link,
         shapeIndex=shape,
         textureUniqueId=handle,
-        rgbaColor=[1, 1, 1, 1],
         physicsClientId=client,
     )

@@ -13,6 +13,7 @@ from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.result import Contact, PlanarPose, Seating
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Action, FailureReason, Phase, PoseEstimate, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import DockStep
@@ -49,7 +50,10 @@ FALSE_ABORT_TIME_S = 0.3
 
 @dataclass(frozen=True, slots=True)
 class PortPose:
-    """True pose of the docking port in the dock frame D of the target.
+    """True pose of the docking port in the dock frame D of the target, at the height of the pins.
+
+    Pitch and roll of both units are allowed for. At 2 deg of relative pitch the faces of a seated pair are
+    3 mm apart at the floor.
 
     Attributes:
         gap: Distance between the two faces along x of D [m], negative when they overlap.
@@ -98,8 +102,10 @@ class Judge:
         self._scene = scene
         self._step = step
         self._plant = simulation.plant
-        self._X_UP = scene.geometry(step.unit).port(step.port)
+        geometry = scene.geometry(step.unit)
+        self._X_UP = SE3.from_se2(geometry.port(step.port), geometry.pin_height)
         self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
+        self._X_DT = SE3.from_se2(self.X_TD).inverse()
         self._pair: Pair = frozenset({step.unit, step.target_unit})
         self._neighbour_limits = neighbour_limits(scene, clearance, locked.steps, step)
         self._attempt = 0
@@ -122,10 +128,8 @@ class Judge:
 
     def port_pose(self) -> PortPose:
         """Return the true pose of the docking port in the dock frame."""
-        return self._port_pose(self.X_DU())
-
-    def _port_pose(self, X_DU: SE2) -> PortPose:
-        X_DP = X_DU @ self._X_UP
+        X_WU, X_WT = self._plant.pose3(self._step.unit), self._plant.pose3(self._step.target_unit)
+        X_DP = (self._X_DT @ X_WT.inverse() @ X_WU @ self._X_UP).to_se2()
         return PortPose(-X_DP.x, X_DP.y, X_DP.yaw)
 
     def seating(self) -> Seating | None:
@@ -201,8 +205,7 @@ class Judge:
             return Outcome.LOCK_FAILED, None
         docking = action.phase in _DOCKING or self._close
         poses = self._simulation.poses()
-        X_WD = poses[self._step.target_unit] @ self.X_TD
-        port = self._port_pose(X_WD.inverse() @ poses[self._step.unit])
+        port = self.port_pose()
         self._gap = port.gap
         model, locked_pairs = self._clearance, self._locked.pairs
         # Units that an earlier step locked together are one body.

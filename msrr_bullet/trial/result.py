@@ -89,7 +89,7 @@ class Contact(_Record):
 
 
 class Seating(_Record):
-    """The true relative pose of the pair at the end, before the pull test.
+    """The true relative pose of the pair at the end, before the pull test, at the height of the pins.
 
     Attributes:
         axial_gap_m: Distance between the faces along the axis of D [m], slightly negative under pressure.

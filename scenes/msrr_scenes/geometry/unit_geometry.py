@@ -120,6 +120,20 @@ class UnitGeometry:
         return self.port(port).x
 
     @cached_property
+    def pin_height(self) -> float:
+        """Height of the middle of the pins above the ground [m]: the height of the docking axis.
+
+        Raises:
+            GeometryError: The unit has no pins.
+        """
+        heights = [float(solid.X_UG.p[2]) for solid in self.solids if solid.link.startswith("pin_")]
+        if not heights:
+            raise GeometryError(
+                f"{self.urdf}: no link named pin_* has a collision shape; a unit docks by pins"
+            )
+        return float(np.mean(heights))
+
+    @cached_property
     def tag_slots(self) -> tuple[str, ...]:
         """Links that carry a tag, in the order of the tag ids: top, then per port left, middle, right."""
         slots = ["tag_top"] if "tag_top" in self.frames else []

@@ -103,7 +103,7 @@ class JudgeSpec(Spec):
     min_clearance_m: NonNegative = 0.02
     """Smallest distance allowed between bodies other than the docking pair [m]."""
     seated_depth_m: Positive = 0.003
-    """Largest gap between the two faces of a seated unit [m]."""
+    """Largest gap between the two faces of a seated unit, at the height of the pins [m]."""
 
 
 class GuardSpec(Spec):

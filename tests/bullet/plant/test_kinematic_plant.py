@@ -1,5 +1,7 @@
 """The plant without contact: exact kinematics, the funnel, and the bodies that follow for the cameras."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,27 @@ def test_a_locked_unicycle_follows_the_unit_it_is_locked_to(bench):
         b.drive(0.0, 1.0)
         after = b.X_DP()
         np.testing.assert_allclose(after.as_array(), before.as_array(), atol=1e-3)
+
+
+def test_no_file_is_looked_for_while_the_units_move(two_units, before_port, monkeypatch):
+    """However many ticks and units: files are found when the plant is built."""
+    scene = two_units()
+    looked_for = []
+
+    def counted(self):
+        looked_for.append(self)
+        return is_file(self)
+
+    is_file = Path.is_file
+    monkeypatch.setattr(Path, "is_file", counted)
+    plant = KinematicPlant(scene, before_port(scene, SE2(-0.02, 0.001, 0.0)))
+    assert looked_for, "the count counts"
+    plant.begin_dock(scene.plan[0])
+    looked_for.clear()
+    plant.command("a", Twist(0.1, 0.0))
+    for _ in range(50):
+        plant.step()
+    assert looked_for == []
 
 
 def test_the_funnel_captures_up_to_the_given_lateral_error(two_units, before_port):

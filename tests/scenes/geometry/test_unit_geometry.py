@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -122,3 +123,10 @@ def test_a_unit_without_its_named_frames_is_refused_by_name(tmp_path: Path):
         read_unit(path)
     with pytest.raises(GeometryError, match="no link named 'tail'"):
         UNIT.frame("tail")
+
+
+def test_the_height_of_the_pins_is_that_of_their_middle():
+    assert UNIT.pin_height == pytest.approx(0.085, abs=1e-9)
+    without = replace(UNIT, solids=tuple(s for s in UNIT.solids if not s.link.startswith("pin_")))
+    with pytest.raises(GeometryError, match="pin_"):
+        _ = without.pin_height
