@@ -26,6 +26,7 @@ from msrr_bullet.cli.options import (
     use_one_thread_per_process,
     write_json,
 )
+from msrr_bullet.cli.run_commands import FRAMES_NAME, PLOT_NAME, TABLES_NAME
 from msrr_scenes.loading.load import load_scene, scene_hash
 from msrr_scenes.specs.scene import Scene
 
@@ -97,6 +98,9 @@ def _report(console: Console, result: TrialResult, folder: Path) -> None:
     console.print(trial_table(result))
     typer.echo(f"The robot's reason: {result.belief_reason}")
     typer.echo(f"{result.outcome.value}, run folder {folder}")
+    older = [name for name in (FRAMES_NAME, PLOT_NAME, TABLES_NAME) if (folder / name).exists()]
+    if older:
+        typer.echo(f"Made from an earlier run in this folder: {', '.join(older)}")
 
 
 def _progress_line(scene: Scene, progress: Progress) -> str:

@@ -94,3 +94,16 @@ def test_a_sweep_shows_brackets_in_names_and_reasons(
     assert f"seed 0: timeout, {reason}" in out
     assert f"seed 1: ValueError: {reason}" in out
     assert "close [fast], 2 trials" in out
+
+
+def test_dock_names_what_was_made_from_an_earlier_run(
+    short_trial: list[str], tmp_path: Path, capsys: Capture
+) -> None:
+    arguments = ["dock", "close_range", *short_trial, "--out", "run"]
+    assert run(arguments) == 1
+    assert "earlier run" not in capsys.readouterr().out
+    (tmp_path / "run" / "plot.png").write_text("of before")
+    (tmp_path / "run" / "notes.txt").write_text("mine")
+    assert run(arguments) == 1
+    assert capsys.readouterr().out.splitlines()[-1] == "Made from an earlier run in this folder: plot.png"
+    assert (tmp_path / "run" / "plot.png").read_text() == "of before"
