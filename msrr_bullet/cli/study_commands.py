@@ -42,9 +42,11 @@ def tune(
     use_one_thread_per_process()
     from msrr_bullet.studies.tuned_controller import tuned_name, tuned_scene
     from msrr_bullet.studies.tuning import tune as run_tuning
+    from msrr_bullet.sweep.worker_pool import end_with_parent
 
     path = out if out is not None else Path(f"{tuned_name(part, controller)}.yaml")
-    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) if jobs > 1 else None
+    context = get_context("spawn")
+    pool = ProcessPoolExecutor(jobs, context, initializer=end_with_parent) if jobs > 1 else None
     with status_line(open_console(), f"{controller}: first generation") as show, pool or nullcontext():
 
         def show_generation(generation: int, cost: float) -> None:
