@@ -8,6 +8,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Polygon
 
 from msrr_bullet.figures import curves
@@ -24,6 +25,8 @@ from msrr_scenes.specs.scene import Scene
 WIDTH, DPI = 12.0, 130
 #: Width of the left column, height of a row of curves, and height of the text around a drawing [in].
 _LEFT, _ROW, _TEXT = 5.7, 1.45, 0.75
+#: Room at the bottom [in]: axes of equal aspect that nearly fill their cell are laid out a little too low.
+_FOOT = 0.12
 #: Smallest and largest height of the view from above [in].
 _MIN_ABOVE, _MAX_ABOVE = 1.7, 4.6
 
@@ -63,7 +66,8 @@ def write_picture(
     below = 0.75 * _LEFT / len(views) + 0.5 * _TEXT if views else 0.0
     below = min(below, 0.25 * _LEFT + 0.5 * _TEXT)
     height = max(above + below, len(rows_of_curves) * _ROW) + 0.5 * _TEXT
-    figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
+    layout = ConstrainedLayoutEngine(rect=(0.0, _FOOT / height, 1.0, 1.0 - _FOOT / height))
+    figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout=layout)
     FigureCanvasAgg(figure)
     columns = figure.add_gridspec(1, 2, width_ratios=(1.15, 1.0))
     left, right = columns[0], columns[1]
