@@ -25,8 +25,6 @@ from msrr_scenes.specs.scene import Scene
 WIDTH, DPI = 12.0, 130
 #: Width of the left column, height of a row of curves, and height of the text around a drawing [in].
 _LEFT, _ROW, _TEXT = 5.7, 1.45, 0.75
-#: Room at the bottom [in]: axes of equal aspect that nearly fill their cell are laid out a little too low.
-_FOOT = 0.12
 #: Smallest and largest height of the view from above [in].
 _MIN_ABOVE, _MAX_ABOVE = 1.7, 4.6
 
@@ -66,8 +64,7 @@ def write_picture(
     below = 0.75 * _LEFT / len(views) + 0.5 * _TEXT if views else 0.0
     below = min(below, 0.25 * _LEFT + 0.5 * _TEXT)
     height = max(above + below, len(rows_of_curves) * _ROW) + 0.5 * _TEXT
-    layout = ConstrainedLayoutEngine(rect=(0.0, _FOOT / height, 1.0, 1.0 - _FOOT / height))
-    figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout=layout)
+    figure = Figure(figsize=(WIDTH, height), dpi=DPI)
     FigureCanvasAgg(figure)
     columns = figure.add_gridspec(1, 2, width_ratios=(1.15, 1.0))
     left, right = columns[0], columns[1]
@@ -77,9 +74,15 @@ def write_picture(
         for i, view in enumerate(views):
             _draw_onboard(figure.add_subplot(cells[i]), view, snapshots[0].stamp_ns)
         left = rows[0]
-    draw_top_view(figure.add_subplot(left), scene, snapshots)
+    from_above = figure.add_subplot(left)
+    draw_top_view(from_above, scene, snapshots)
     curves.draw_stack(figure, right, series, rows_of_curves)
     curves.set_title(figure, scene, headline)
+    # Axes of equal aspect are laid out as if they filled their cell, and then shrink inside it. Laid out with
+    # their aspect, those that nearly fill it run over the edge of the picture.
+    from_above.set_aspect("auto")
+    ConstrainedLayoutEngine().execute(figure)
+    from_above.set_aspect("equal")
     figure.savefig(path, metadata={"Software": None})
     return path
 
