@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
 from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.mcap_recorder import McapRecorder
-from msrr_bullet.log.reader import LOG_NAME, read_log
+from msrr_bullet.log.reader import LOG_NAME, begun_by_msrr, read_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
+from msrr_bullet.log.records import StartPoses, StepStart
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.timeline.camera_views import docking_views
 from msrr_bullet.timeline.log_snapshots import read_snapshots
@@ -18,11 +20,16 @@ from msrr_bullet.trial.result import TrialResult, package_versions
 from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.messages import Exposure, Pixels
 from msrr_scenes.specs.scene import Scene
 
 RESULT_NAME = "result.json"
 REPLAY_NAME = "replay.html"
 PICTURE_NAME = "picture.png"
+
+#: The files of a run, the log last. Files of other names in a run folder are left alone.
+RUN_FILES = (RESULT_NAME, REPLAY_NAME, PICTURE_NAME, LOG_NAME)
 
 
 class RunFolderError(MsrrError):
@@ -43,8 +50,9 @@ def run_trial(
     Args:
         scene: The scene, from :func:`msrr_scenes.loading.load.load_scene`.
         seed: Seed of all random streams. Scene, seed and installed versions determine every bit of the log.
-        out: Run folder for ``trial.mcap``, ``result.json``, ``replay.html`` and ``picture.png``, which are
-            overwritten if they exist; None writes nothing.
+        out: Run folder for ``trial.mcap``, ``result.json``, ``replay.html`` and ``picture.png``; None writes
+            nothing. A run that is in the folder is deleted when the first sensor message of the new one is
+            recorded; no other file is touched.
         viewer: Gets a snapshot at every control instant; :class:`~msrr_bullet.viewer.live.LiveViewer` is one.
         observer: Called with the progress at every control instant.
         profiler: Measures the time of each stage of the loop.
@@ -53,19 +61,81 @@ def run_trial(
         The result. A docking that fails is a result, not an error.
 
     Raises:
-        MsrrError: The scene names something that does not exist, or the folder cannot be written.
+        MsrrError: The scene names something that does not exist, or the folder cannot be written, or it holds
+            a file of such a name that belongs to no run.
     """
     with ExitStack() as stack:
         recorder: Recorder = NullRecorder()
         if out is not None:
-            _make_folder(out)
-            header = LogHeader.of(scene, seed, package_versions())
-            recorder = stack.enter_context(McapRecorder(out / LOG_NAME, header))
+            _check(out)
+            recorder = _RunRecorder(out, LogHeader.of(scene, seed, package_versions()))
+            stack.callback(recorder.close)
         trial = Trial(scene, seed, recorder=recorder, viewer=viewer, observer=observer, profiler=profiler)
         result = trial.run()
     if out is not None:
         _write_derived_files(out, result)
     return result
+
+
+class _RunRecorder:
+    """Records to the log of a run folder, and deletes the run that is there when the trial begins to run.
+
+    A scene that cannot be built does not come that far, and so costs no earlier run.
+    """
+
+    def __init__(self, out: Path, header: LogHeader) -> None:
+        self._out, self._header = out, header
+        self._head: list[tuple[str, int, object]] = []
+        self._log: McapRecorder | None = None
+
+    def write(self, topic: str, stamp_ns: int, message: object) -> None:
+        """Record a message."""
+        if self._log is None and isinstance(message, (StartPoses, StepStart)):
+            self._head.append((topic, stamp_ns, message))  # these are written while the trial is being built
+        else:
+            self._opened().write(topic, stamp_ns, message)
+
+    def window(self, exposure: Exposure, window: Window, pixels: Pixels) -> None:
+        """Record the pixels of a window."""
+        self._opened().window(exposure, window, pixels)
+
+    def close(self) -> None:
+        """Finish the log, if it was begun."""
+        if self._log is not None:
+            self._log.close()
+
+    def _opened(self) -> McapRecorder:
+        if self._log is None:
+            _make_folder(self._out)
+            _delete_run(self._out)
+            self._log = McapRecorder(self._out / LOG_NAME, self._header)
+            for head in self._head:
+                self._log.write(*head)
+        return self._log
+
+
+def _check(out: Path) -> None:
+    """Refuse a folder in which a run would overwrite what no run wrote."""
+    present = [name for name in RUN_FILES if os.path.lexists(out / name)]
+    foreign = [name for name in present if not (out / name).is_file()]
+    if not foreign and present and not (LOG_NAME in present and begun_by_msrr(out / LOG_NAME)):
+        foreign = present  # what lies beside a log is of its run; without one, nothing says so
+    if foreign:
+        raise RunFolderError(
+            f"{out}: holds {', '.join(foreign)} without the log of a run beside it;"
+            " choose another --out, or move what is there"
+        )
+
+
+def _delete_run(out: Path) -> None:
+    """Delete what a run wrote, its log last: it tells the folder of a run from others."""
+    try:
+        for name in RUN_FILES:
+            (out / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise RunFolderError(
+            f"{error.filename}: the run of before cannot be deleted ({error.strerror}); choose another --out"
+        ) from None
 
 
 def _make_folder(out: Path) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 
 from pydantic import BaseModel
 from rich.box import SIMPLE_HEAD
-from rich.markup import escape
 from rich.table import Table
 
 from msrr_bullet.bench.detection_metrics import LARGE_EDGE_PX, DetectionRow
@@ -165,7 +164,7 @@ def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) ->
     )
     for i, column in enumerate(("settings", *columns)):
         widest = max(map(len, [*column.split(), *(row[i] for row in rows)]))
-        table.add_column(escape(column), justify="right" if i else "left", width=widest)
+        table.add_column(column, justify="right" if i else "left", width=widest)
     for row in rows:
         table.add_row(*row)
     return table

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from pydantic import BaseModel
-from rich.markup import escape
 from rich.table import Table
 
 from msrr_bullet.bench.renderer_measurements import (
@@ -119,7 +118,7 @@ def renderer_tables(report: RendererBenchmark) -> tuple[Table, ...]:
 
 
 def _table(title: str, *columns: str) -> Table:
-    table = Table(title=escape(title), title_justify="left")  # a unit in brackets is no markup
+    table = Table(title=title, title_justify="left")
     for i, column in enumerate(columns):
-        table.add_column(escape(column), justify="right" if i else "left")
+        table.add_column(column, justify="right" if i else "left")
     return table

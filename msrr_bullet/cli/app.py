@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from typing import Annotated, NoReturn
 
 import typer
-from rich.console import Console
 
 from msrr_bullet.cli import bench_commands, run_commands, study_commands, trial_commands
+from msrr_bullet.cli.console import open_console
 from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, report_error
 from msrr_bullet.cli.options import Overrides, parse_overrides
 from msrr_scenes.errors import MsrrError
@@ -25,6 +25,7 @@ app = typer.Typer(
     help="Docking of mobile robots by what their rendered cameras see.",
     no_args_is_help=True,
     add_completion=False,
+    rich_markup_mode=None,  # markup would swallow every [default: ...]
     pretty_exceptions_enable=False,
 )
 
@@ -76,7 +77,7 @@ def scenes() -> None:
     """List the shipped scenes."""
     from msrr_bullet.cli.console_report import scenes_table
 
-    Console().print(scenes_table(shipped_scenes()))
+    open_console().print(scenes_table(shipped_scenes()))
 
 
 @app.command()

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Annotated, Protocol
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
+from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.options import JsonFile, Overrides, check_writable, parse_overrides, write_json
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
@@ -40,9 +40,9 @@ def bench(target: Target, json_file: JsonFile = None, overrides: Overrides = Non
     from msrr_bullet.pybullet_client import load_simulator
 
     load_simulator()
-    console = Console(stderr=json_file == Path("-"))
-    with console.status(f"{target}: measuring") as status:
-        report, tables = run(lambda text: status.update(f"{target}: {text}"))
+    console = open_console(stderr=json_file == Path("-"))
+    with status_line(console, f"{target}: measuring") as show:
+        report, tables = run(lambda text: show(f"{target}: {text}"))
     for table in tables:
         console.print(table)
     write_json(json_file, report.to_json())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from rich.table import Table
+from rich.text import Text
 
 from msrr_bullet.statistics import Quantiles
 from msrr_bullet.sweep.summary import SweepSummary
@@ -41,7 +42,7 @@ def trial_table(result: TrialResult) -> Table:
     table.add_column("belief")
     table.add_column("truth")
     colour = "green" if result.docked else "red"
-    table.add_row("verdict", result.belief.replace("_", " "), f"[{colour}]{result.outcome.value}[/]")
+    table.add_row("verdict", result.belief.replace("_", " "), Text(result.outcome.value, colour))
     last = result.records[-1] if result.records else None
     table.add_row(
         "pose in dock frame", _pose(last.believed if last else None), _pose(last.true if last else None)
@@ -100,7 +101,7 @@ def sweep_table(summary: SweepSummary) -> Table:
     for outcome, count in summary.outcomes.items():
         table.add_row(outcome, str(count), "", "")
     if summary.failures:
-        table.add_row("[red]program failed[/]", str(len(summary.failures)), "", "")
+        table.add_row(Text("program failed", "red"), str(len(summary.failures)), "", "")
     clearance = summary.min_clearance_m
     table.add_row("smallest clearance", _UNKNOWN if clearance is None else f"{clearance:.3f} m", "", "")
     table.add_row("starts drawn again", str(summary.redraws), "", "")

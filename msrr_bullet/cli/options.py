@@ -25,6 +25,15 @@ JsonFile = Annotated[
 ]
 Jobs = Annotated[int, typer.Option(min=1, help="Number of processes.")]
 
+#: Help of ``--seeds``.
+SEEDS_HELP = "Seeds A to B - 1: 0:5 is five trials, 5:6 is seed 5 alone."
+
+#: Largest seed: the store of a sweep keeps seeds as SQLite integers.
+MAX_SEED = 2**63 - 1
+
+#: Largest number of seeds of one command. It bounds the memory that their results take, about 2 kB each.
+MAX_SEEDS = 1_000_000
+
 #: Default number of processes: one for each core.
 DEFAULT_JOBS = max(1, os.cpu_count() or 1)
 
@@ -52,21 +61,45 @@ def parse_overrides(pairs: Sequence[str] | None) -> dict[str, str]:
     return overrides
 
 
-def parse_seeds(text: str) -> range:
-    """Parse ``A:B`` into the seeds A .. B - 1, and ``A`` into one seed.
+def parse_seeds(text: str) -> Sequence[int]:
+    """Parse ``A:B`` into the seeds A .. B - 1, and a comma-separated list into the seeds that it names.
 
     Raises:
-        SceneError: The text is neither.
+        SceneError: The text is neither. One number is refused: it could be a seed or a number of seeds.
+    """
+    if "," not in text:
+        return parse_seed_range(text)
+    return tuple(dict.fromkeys(_seed(text, part) for part in text.split(",")))
+
+
+def parse_seed_range(text: str) -> range:
+    """Parse ``A:B`` into the seeds A .. B - 1.
+
+    Raises:
+        SceneError: The text is something else, or names too many seeds.
     """
     first, colon, last = text.partition(":")
-    try:
-        start = int(first)
-        seeds = range(start, int(last) if colon else start + 1)
-    except ValueError:
-        raise SceneError(f"--seeds {text}: expected A:B (seeds A to B - 1) or one number") from None
-    if not seeds or start < 0:
-        raise SceneError(f"--seeds {text}: expected A:B with 0 <= A < B")
+    start = _seed(text, first)
+    if not colon:
+        some = f"0:{start} for {start} seeds or " if start > 0 else ""
+        one = f"{start}:{start + 1} for seed {start} alone"
+        raise SceneError(f"--seeds {text}: a single number is ambiguous; give {some}{one}")
+    seeds = range(start, _seed(text, last))
+    if not 0 < seeds.stop - start <= MAX_SEEDS:
+        raise SceneError(f"--seeds {text}: expected A:B with A < B and at most {MAX_SEEDS} seeds")
     return seeds
+
+
+def _seed(text: str, part: str) -> int:
+    try:
+        seed = int(part)
+    except ValueError:
+        raise SceneError(
+            f"--seeds {text}: expected A:B (seeds A to B - 1), such as 0:100, and not {part!r}"
+        ) from None
+    if not 0 <= seed <= MAX_SEED:
+        raise SceneError(f"--seeds {text}: a seed is a number from 0 to {MAX_SEED}")
+    return seed
 
 
 def check_writable(file: Path | None) -> None:

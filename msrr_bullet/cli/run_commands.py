@@ -6,10 +6,13 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
+from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import NOT_DOCKED
 from msrr_scenes.errors import SceneError
+
+#: What these commands write into a run folder, unless --out names another place.
+FRAMES_NAME, PLOT_NAME, TABLES_NAME = "frames", "plot.png", "csv"
 
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder of a trial, or path of its log.")]
 
@@ -40,7 +43,9 @@ def replay(run: Run) -> None:
 
 def frames(
     run: Run,
-    out: Annotated[Path | None, typer.Option(help="Folder of the images [default: RUN/frames].")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the images.", show_default=f"RUN/{FRAMES_NAME}")
+    ] = None,
     camera: Annotated[
         Literal["overhead", "onboard", "both"], typer.Option(help="Camera whose frames are written.")
     ] = "both",
@@ -58,8 +63,8 @@ def frames(
     from msrr_bullet.figures.frame_files import write_frames
     from msrr_bullet.log import unpacked_log
 
-    folder = out if out is not None else _run_folder(run) / "frames"
-    with Console().status(f"{run}: drawing"), unpacked_log(run) as log:
+    folder = out if out is not None else _run_folder(run) / FRAMES_NAME
+    with status_line(open_console(), f"{run}: drawing"), unpacked_log(run) as log:
         written = write_frames(log, folder, camera, every_s=every, count=count, film=video)
     film = f", {written.film.name}" if written.film else ""
     typer.echo(f"{folder}: {len(written.frames)} frames, {written.sheet.name}{film}")
@@ -69,7 +74,7 @@ def plot(
     run: Run,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="PNG, PDF or SVG file to write [default: RUN/plot.png]."),
+        typer.Option(metavar="FILE", help="PNG, PDF or SVG file to write.", show_default=f"RUN/{PLOT_NAME}"),
     ] = None,
 ) -> None:
     """Plot a run over time: errors, speeds, clearance and line of sight, with belief and truth."""
@@ -78,8 +83,8 @@ def plot(
     from msrr_bullet.log import unpacked_log
     from msrr_bullet.timeline.log_snapshots import read_snapshots, read_verdict
 
-    file = out if out is not None else _run_folder(run) / "plot.png"
-    with Console().status(f"{run}: drawing"), unpacked_log(run) as log:
+    file = out if out is not None else _run_folder(run) / PLOT_NAME
+    with status_line(open_console(), f"{run}: drawing"), unpacked_log(run) as log:
         headline = f"{read_verdict(log) or 'broken off'}, seed {log.header.seed}"
         write_plot(file, log.header.scene, read_snapshots(log), headline)
     typer.echo(str(file))
@@ -91,7 +96,9 @@ def export(
         bool,
         typer.Option("--csv", help="Write CSV files; this is the only format, and the option is required."),
     ] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder of the tables [default: RUN/csv].")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the tables.", show_default=f"RUN/{TABLES_NAME}")
+    ] = None,
 ) -> None:
     """Write the log of a run as tables, one for each kind of message."""
     if not as_csv:
@@ -99,8 +106,8 @@ def export(
     from msrr_bullet.export import write_csv
     from msrr_bullet.log import unpacked_log
 
-    folder = out if out is not None else _run_folder(run) / "csv"
-    with Console().status(f"{run}: writing tables"), unpacked_log(run) as log:
+    folder = out if out is not None else _run_folder(run) / TABLES_NAME
+    with status_line(open_console(), f"{run}: writing tables"), unpacked_log(run) as log:
         written = write_csv(log, folder)
     typer.echo(f"{folder}: {', '.join(path.name for path in written)}")
 

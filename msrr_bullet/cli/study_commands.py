@@ -9,9 +9,15 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
-from msrr_bullet.cli.options import DEFAULT_JOBS, Jobs, parse_seeds, use_one_thread_per_process
+from msrr_bullet.cli.console import open_console, status_line
+from msrr_bullet.cli.options import (
+    DEFAULT_JOBS,
+    SEEDS_HELP,
+    Jobs,
+    parse_seed_range,
+    use_one_thread_per_process,
+)
 
 
 def tune(
@@ -25,7 +31,7 @@ def tune(
     budget: Annotated[int, typer.Option(min=32, help="Number of evaluations of the objective.")] = 240,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the optimiser, the starts and the noise.")] = 0,
     out: Annotated[
-        Path | None, typer.Option(help="Scene file to write [default: tuned_CONTROLLER.yaml].")
+        Path | None, typer.Option(help="Scene file to write.", show_default="tuned_CONTROLLER.yaml")
     ] = None,
     jobs: Jobs = DEFAULT_JOBS,
 ) -> None:
@@ -36,13 +42,15 @@ def tune(
     use_one_thread_per_process()
     from msrr_bullet.studies.tuned_controller import tuned_name, tuned_scene
     from msrr_bullet.studies.tuning import tune as run_tuning
+    from msrr_bullet.sweep.worker_pool import end_with_parent
 
     path = out if out is not None else Path(f"{tuned_name(part, controller)}.yaml")
-    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) if jobs > 1 else None
-    with Console().status(f"{controller}: first generation") as status, pool or nullcontext():
+    context = get_context("spawn")
+    pool = ProcessPoolExecutor(jobs, context, initializer=end_with_parent) if jobs > 1 else None
+    with status_line(open_console(), f"{controller}: first generation") as show, pool or nullcontext():
 
         def show_generation(generation: int, cost: float) -> None:
-            status.update(f"{controller}: generation {generation}, cost {cost:.4f}")
+            show(f"{controller}: generation {generation}, cost {cost:.4f}")
 
         mapper = pool.map if pool is not None else None
         tuned = run_tuning(controller, part, budget, seed, mapper=mapper, observer=show_generation)
@@ -60,7 +68,7 @@ def reproduce(
     ] = "unicycle",
     seeds: Annotated[
         str | None,
-        typer.Option(metavar="A:B", help="Seeds A to B - 1 [default: 0:200 for unicycle, 0:100 for bullet]."),
+        typer.Option(metavar="A:B", help=SEEDS_HELP, show_default="0:200 for unicycle, 0:100 for bullet"),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the report, the figures and the JSON.")] = Path(
         "runs/reproduce"
@@ -72,15 +80,15 @@ def reproduce(
     use_one_thread_per_process()
     from msrr_bullet.reproduce.run import reproduce as run_reproduction
 
-    given = parse_seeds(seeds) if seeds is not None else None
-    with Console().status("reproducing") as status:
+    given = parse_seed_range(seeds) if seeds is not None else None
+    with status_line(open_console(), "reproducing") as show:
         results = run_reproduction(
             out,
             unicycle=(given or range(200)) if plant != "bullet" else None,
             bullet=(given or range(100)) if plant != "unicycle" else None,
             jobs=jobs,
             mission=mission,
-            on_progress=status.update,
+            on_progress=show,
         )
     from msrr_bullet.reproduce.report.findings import default_controller_text, requirements
 

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import NOT_DOCKED, PROGRAM_ERROR, report_error
 from msrr_bullet.cli.options import (
     DEFAULT_JOBS,
+    SEEDS_HELP,
     Jobs,
     JsonFile,
     Overrides,
@@ -24,6 +26,7 @@ from msrr_bullet.cli.options import (
     use_one_thread_per_process,
     write_json,
 )
+from msrr_bullet.cli.run_commands import FRAMES_NAME, PLOT_NAME, TABLES_NAME
 from msrr_scenes.loading.load import load_scene, scene_hash
 from msrr_scenes.specs.scene import Scene
 
@@ -39,7 +42,13 @@ BROWSER_TIMEOUT_S = 20.0
 def dock(
     scene: SceneName,
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random number of the trial.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="Run folder [default: runs/SCENE-SEED-HASH].")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Run folder; a run that is there already gives way to the new one.",
+            show_default="runs/SCENE-SEED-HASH",
+        ),
+    ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the running trial in a browser.")] = False,
     overrides: Overrides = None,
 ) -> None:
@@ -52,14 +61,14 @@ def dock(
     from msrr_bullet.render import prepare_renderers
     from msrr_bullet.run import run_trial
 
-    console = Console()
+    console = open_console()
     prepare_renderers(loaded, console.print)
     with ExitStack() as stack:
         viewer = stack.enter_context(_live_view(loaded, console)) if view else None
-        with console.status(f"{loaded.name}: building the world") as status:
+        with status_line(console, f"{loaded.name}: building the world") as show:
 
             def show_progress(progress: Progress) -> None:
-                status.update(_progress_line(loaded, progress))
+                show(_progress_line(loaded, progress))
 
             result = run_trial(loaded, seed, out=folder, viewer=viewer, observer=show_progress)
         _report(console, result, folder)
@@ -78,7 +87,7 @@ def _live_view(scene: Scene, console: Console) -> Iterator[LiveViewer]:
     with LiveViewer(scene, pace=1.0) as viewer:
         typer.echo(f"Watch the trial at {viewer.url}")
         webbrowser.open(viewer.url)
-        with console.status("waiting for a browser"):
+        with status_line(console, "waiting for a browser"):
             viewer.wait_for_browser(BROWSER_TIMEOUT_S)
         yield viewer
 
@@ -89,6 +98,9 @@ def _report(console: Console, result: TrialResult, folder: Path) -> None:
     console.print(trial_table(result))
     typer.echo(f"The robot's reason: {result.belief_reason}")
     typer.echo(f"{result.outcome.value}, run folder {folder}")
+    older = [name for name in (FRAMES_NAME, PLOT_NAME, TABLES_NAME) if (folder / name).exists()]
+    if older:
+        typer.echo(f"Made from an earlier run in this folder: {', '.join(older)}")
 
 
 def _progress_line(scene: Scene, progress: Progress) -> str:
@@ -104,7 +116,9 @@ def _progress_line(scene: Scene, progress: Progress) -> str:
 
 def sweep(
     scene: SceneName,
-    seeds: Annotated[str, typer.Option(metavar="A:B", help="Seeds A to B - 1 of the trials.")] = "0:100",
+    seeds: Annotated[
+        str, typer.Option(metavar="A:B", help=f"{SEEDS_HELP} A list such as 3,8,15 is possible, too.")
+    ] = "0:100",
     jobs: Jobs = DEFAULT_JOBS,
     json_file: JsonFile = None,
     store: Annotated[
@@ -125,8 +139,13 @@ def sweep(
     from msrr_bullet.sweep.summary import TrialFailure
     from msrr_bullet.sweep.sweep import sweep as run_sweep
 
-    console = Console(stderr=json_file == Path("-"))
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    console = open_console(stderr=json_file == Path("-"))
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
     docked = 0
     with Progress(*columns, console=console) as bar:
         task = bar.add_task(loaded.name, total=len(wanted))
@@ -134,12 +153,16 @@ def sweep(
         def show_trial(outcome: TrialResult | TrialFailure, stored: bool) -> None:
             nonlocal docked
             if isinstance(outcome, TrialFailure):
-                bar.console.print(f"[red]seed {outcome.seed}: {outcome.error}[/]", highlight=False)
+                bar.console.print(
+                    f"seed {outcome.seed}: {outcome.error}", style="red", highlight=False, soft_wrap=True
+                )
             elif outcome.docked:
                 docked += 1
             elif not stored:
                 bar.console.print(
-                    f"seed {outcome.seed}: {outcome.outcome.value}, {outcome.belief_reason}", highlight=False
+                    f"seed {outcome.seed}: {outcome.outcome.value}, {outcome.belief_reason}",
+                    highlight=False,
+                    soft_wrap=True,
                 )
             bar.update(task, advance=1, description=f"{loaded.name}, {docked} docked")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,14 +12,18 @@ from msrr_bullet.figures.perspective import Perspective, Solids, scene_solids
 from msrr_bullet.figures.schematic import draw_scene
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.palette import DETECTION, GRID, WINDOW
+from msrr_bullet.timeline.series import port_in_dock
 from msrr_bullet.timeline.snapshot import Snapshot, phase_name
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.messages import seconds
+from msrr_scenes.messages import Phase, seconds
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 #: Width up to which small frames are enlarged [px].
 WIDTH = 1280
+
+#: Phases in which nothing happens any more.
+_ENDS = (Phase.DONE, Phase.FAILED)
 
 READ_KEY = Key(WINDOW, "window read (elsewhere: drawn from truth)")
 DETECTION_KEY = Key(DETECTION, "tag detected")
@@ -110,11 +115,30 @@ def annotate(
     first = f"{context.scene.name}, seed {context.seed}    {exposure.camera}, {number}    {time}"
     second = "before the first decision"
     if snapshot.phase is not None:
-        reason = snapshot.assembly.reason if snapshot.assembly is not None else snapshot.reason
-        second = f"attempt {snapshot.attempt}, {snapshot.phase_text}: {reason}"
+        second = (
+            f"attempt {snapshot.attempt}, {snapshot.phase_text}: {_present_text(context.scene, snapshot)}"
+        )
     title = (first, second, "; ".join(filter(None, (_detection_text(view), details))))
     caption = f"{time} {phase_name(snapshot.phase) if snapshot.phase else ''}, {exposure.camera}"
     return AnnotatedFrame(canvas.image, title, caption, tuple(legend))
+
+
+def _present_text(scene: Scene, snapshot: Snapshot) -> str:
+    """Return in words where the unit believes to be and how it moves, or how it ended.
+
+    The reason of the phase is of its beginning, and soon stale. It is given only where it stays true: as what
+    led to a retreat or an end.
+    """
+    if snapshot.phase in _ENDS:
+        return snapshot.reason
+    gap, lateral, heading = port_in_dock(scene, snapshot, snapshot.estimate)
+    text = "no estimate of the target"
+    if math.isfinite(gap):
+        lateral_mm, heading_deg = 1e3 * lateral, math.degrees(heading)
+        text = f"believed at {1e3 * gap:.0f} mm, lateral {lateral_mm:+.1f} mm, heading {heading_deg:+.1f} deg"
+    if snapshot.twist is not None:
+        text += f"; {snapshot.twist.v:+.2f} m/s"
+    return f"{text}; after {snapshot.reason}" if snapshot.phase is Phase.RETREAT else text
 
 
 def _detection_text(view: CameraView) -> str:

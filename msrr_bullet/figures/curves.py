@@ -25,6 +25,7 @@ from msrr_bullet.timeline.palette import (
 )
 from msrr_bullet.timeline.series import TrialSeries, phase_spans
 from msrr_bullet.timeline.snapshot import phase_name
+from msrr_scenes.arrays import Array
 from msrr_scenes.specs.plan import GuardSpec, JudgeSpec
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -37,20 +38,42 @@ MIN_NAMED_FRACTION = 0.06
 
 def lateral(axes: Axes, series: TrialSeries) -> None:
     """Draw the lateral offset of the port from the axis of the dock frame."""
-    _truth_and_belief(axes, series, 1, 1e3, "lateral [mm]")
+    _truth_and_belief(axes, series, series.true_port[:, 1], series.believed_port[:, 1], 1e3, "lateral [mm]")
     _use_log_scale(axes, series, LINEAR_MM)
     axes.legend(loc="best", fontsize=8)
 
 
 def yaw(axes: Axes, series: TrialSeries) -> None:
-    """Draw the heading in the dock frame."""
-    _truth_and_belief(axes, series, 2, math.degrees(1.0), "yaw [deg]")
+    """Draw the heading in the dock frame, as continuous lines also where it passes 180 deg."""
+    truth = _unwrapped(series)
+    believed = truth + _wrapped(series.believed_port[:, 2] - truth)
+    _truth_and_belief(axes, series, truth, believed, math.degrees(1.0), "yaw [deg]")
     _use_log_scale(axes, series, LINEAR_DEG)
 
 
 def gap(axes: Axes, series: TrialSeries) -> None:
     """Draw the distance between the faces."""
-    _truth_and_belief(axes, series, 0, 1.0, "gap to the port [m]")
+    _truth_and_belief(
+        axes, series, series.true_port[:, 0], series.believed_port[:, 0], 1.0, "gap to the port [m]"
+    )
+
+
+def _unwrapped(series: TrialSeries) -> Array:
+    """Return the true heading without jumps by a full turn, shape (T,) [rad].
+
+    At the end of each step of the plan it is within half a turn, as it is measured.
+    """
+    heading = series.true_port[:, 2].copy()
+    for step in np.split(np.arange(len(heading)), np.flatnonzero(series.new_step)):
+        known = step[np.isfinite(heading[step])]
+        heading[known] = np.unwrap(heading[known][::-1])[::-1]
+    return heading
+
+
+def _wrapped(angle: Array) -> Array:
+    """Return angles [rad] in the range from -pi to pi."""
+    wrapped: Array = (angle + math.pi) % (2.0 * math.pi) - math.pi
+    return wrapped
 
 
 def _use_log_scale(axes: Axes, series: TrialSeries, linear_range: float) -> None:
@@ -60,13 +83,15 @@ def _use_log_scale(axes: Axes, series: TrialSeries, linear_range: float) -> None
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
 
 
-def _truth_and_belief(axes: Axes, series: TrialSeries, column: int, scale: float, label: str) -> None:
+def _truth_and_belief(
+    axes: Axes, series: TrialSeries, truth: Array, believed: Array, scale: float, label: str
+) -> None:
     # The thin line of the belief lies on the thick line of the truth, so that both show where they agree.
     for values, colour, width, name in (
-        (series.true_port, PATH, 2.6, "truth"),
-        (series.believed_port, BELIEF, 1.0, "believed"),
+        (truth, PATH, 2.6, "truth"),
+        (believed, BELIEF, 1.0, "believed"),
     ):
-        curve = scale * series.with_gaps(values)[:, column]
+        curve = scale * series.with_gaps(values)
         axes.plot(series.time, curve, color=css(colour), linewidth=width, label=name)
     axes.axhline(0.0, color=css(DARK), linewidth=0.6)
     axes.set_ylabel(label)

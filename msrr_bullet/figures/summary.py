@@ -8,6 +8,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Polygon
 
 from msrr_bullet.figures import curves
@@ -63,7 +64,7 @@ def write_picture(
     below = 0.75 * _LEFT / len(views) + 0.5 * _TEXT if views else 0.0
     below = min(below, 0.25 * _LEFT + 0.5 * _TEXT)
     height = max(above + below, len(rows_of_curves) * _ROW) + 0.5 * _TEXT
-    figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(WIDTH, height), dpi=DPI)
     FigureCanvasAgg(figure)
     columns = figure.add_gridspec(1, 2, width_ratios=(1.15, 1.0))
     left, right = columns[0], columns[1]
@@ -73,9 +74,15 @@ def write_picture(
         for i, view in enumerate(views):
             _draw_onboard(figure.add_subplot(cells[i]), view, snapshots[0].stamp_ns)
         left = rows[0]
-    draw_top_view(figure.add_subplot(left), scene, snapshots)
+    from_above = figure.add_subplot(left)
+    draw_top_view(from_above, scene, snapshots)
     curves.draw_stack(figure, right, series, rows_of_curves)
     curves.set_title(figure, scene, headline)
+    # Axes of equal aspect are laid out as if they filled their cell, and then shrink inside it. Laid out with
+    # their aspect, those that nearly fill it run over the edge of the picture.
+    from_above.set_aspect("auto")
+    ConstrainedLayoutEngine().execute(figure)
+    from_above.set_aspect("equal")
     figure.savefig(path, metadata={"Software": None})
     return path
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -46,7 +47,9 @@ def draw_top_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot], title
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8)
     if title:
-        axes.set_title("from above: " + ", ".join(name for name, _ in marks), fontsize=9)
+        counts = Counter(event for event, _ in marks)
+        events = ", ".join(f"{event} ({n})" if n > 1 else event for event, n in counts.items())
+        axes.set_title(f"from above: {events}", fontsize=9)
 
 
 def extent(scene: Scene, snapshots: Sequence[Snapshot]) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -66,18 +69,15 @@ def extent(scene: Scene, snapshots: Sequence[Snapshot]) -> tuple[tuple[float, fl
 
 
 def _marks(snapshots: Sequence[Snapshot]) -> list[tuple[str, Snapshot]]:
-    """Return the instants at which docking units are drawn, with their names in the title.
-
-    These are the start, hand-overs, ends of failed attempts, starts of later steps, and the end.
-    """
+    """Return the instants at which docking units are drawn, each with the event that the title names."""
     marks = [("start", snapshots[0])]
     for before, after in pairwise(snapshots):
         if before.step != after.step and after.step is not None:
-            marks.append((f"start of {after.step.unit}", after))
+            marks.append(("next step", after))
         elif before.phase is Phase.ASSEMBLE and after.phase is Phase.HAND_OVER:
             marks.append(("hand-over", after))
         elif before.phase in _ATTEMPT and after.phase in _AFTER_FAILURE:
-            marks.append((f"end of attempt {before.attempt}", before))
+            marks.append(("failed attempt", before))
     return [*marks, ("end", snapshots[-1])]
 
 

@@ -21,6 +21,9 @@ from msrr_scenes.specs.scene import Scene
 
 METADATA = "msrr"
 
+#: Name of this program in the first record of a log.
+LIBRARY = "msrr-bullet"
+
 
 @dataclass(frozen=True)
 class LogHeader:

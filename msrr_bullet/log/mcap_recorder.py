@@ -22,7 +22,7 @@ from msrr_bullet.log import topics
 from msrr_bullet.log.codec import LogError, log_name, to_bytes
 from msrr_bullet.log.formats import Format, format_of
 from msrr_bullet.log.foxglove import scene_frames, step_frames
-from msrr_bullet.log.header import METADATA, LogHeader
+from msrr_bullet.log.header import LIBRARY, METADATA, LogHeader
 from msrr_bullet.log.records import CameraWindow, StepStart
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import NS_PER_S, Exposure, Pixels
@@ -176,7 +176,7 @@ class _Writer:
         self._schemas: dict[str, int] = {}
 
     def start(self, header: LogHeader) -> None:
-        self._mcap.start(profile="", library="msrr-bullet")
+        self._mcap.start(profile="", library=LIBRARY)
         self._mcap.add_metadata(METADATA, header.metadata())
         for name, content in header.files.items():
             kind = "application/xml" if name.endswith(".urdf") else "application/octet-stream"

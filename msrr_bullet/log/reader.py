@@ -21,7 +21,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader
 
 from msrr_bullet.log.codec import LogError
 from msrr_bullet.log.formats import Format, format_named
-from msrr_bullet.log.header import METADATA, LogHeader
+from msrr_bullet.log.header import LIBRARY, METADATA, LogHeader
 
 T = TypeVar("T")
 
@@ -154,6 +154,22 @@ def read_log(path: Path) -> Log:
         return Log(path, LogHeader.from_metadata(metadata, files), complete)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
+
+
+def begun_by_msrr(path: Path) -> bool:
+    """Return whether this program began to write the log at ``path``, of whatever version, however it ended.
+
+    An empty file counts: it is what a trial leaves that was killed at once.
+
+    Raises:
+        LogError: The file cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            start = file.read(64)
+    except OSError as error:
+        raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
+    return not start or (start.startswith(_MAGIC) and LIBRARY.encode() in start)
 
 
 @contextmanager

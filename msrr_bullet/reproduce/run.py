@@ -20,6 +20,7 @@ from msrr_bullet.studies.model import Reproduction
 from msrr_bullet.studies.search_space import Part
 from msrr_bullet.studies.settings import STANDARD
 from msrr_bullet.studies.tuned_controller import tuned_choice
+from msrr_bullet.sweep.worker_pool import end_with_parent
 from msrr_scenes.specs.spec import Choice
 
 #: The laws in the order in which they are shown, by phase.
@@ -69,7 +70,8 @@ def reproduce(
     if unicycle is not None:
         # Spawned, never forked: a child of a process with threads may wait for a lock for ever.
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(jobs, mp_context=context) if jobs > 1 else nullcontext() as pool:
+        pools = ProcessPoolExecutor(jobs, context, initializer=end_with_parent) if jobs > 1 else nullcontext()
+        with pools as pool:
             compared: Contenders = {"long": contenders("assembly"), "close": contenders("docking")}
             parts.append(reproduce_unicycle(unicycle, compared, pool, report))
     if bullet is not None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -129,10 +131,27 @@ class WorkerPool:
         return lost
 
 
+def end_with_parent() -> None:
+    """End this process as soon as the process that spawned it is gone; a pool calls it in each worker.
+
+    A worker waits for work on a pipe of which it holds both ends, and so never learns by itself that its
+    parent was killed.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_follow, args=(parent,), name="msrr-parent", daemon=True).start()
+
+
+def _follow(parent: BaseProcess) -> None:
+    parent.join()  # on a pipe that the parent alone holds open
+    os._exit(1)  # the main thread may be in the middle of a trial, whose result nobody waits for
+
+
 def _start_worker() -> None:
     """Ignore Ctrl-C, so that the parent can let running trials finish, and use one core."""
     import cv2
 
+    end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(1)
     load_simulator()

@@ -94,8 +94,8 @@ class TrialSeries:
         return cls(
             time=np.array([seconds(s.stamp_ns - snapshots[0].stamp_ns) for s in snapshots]),
             phases=tuple(s.phase for s in snapshots),
-            true_port=np.array([_port_in_dock(scene, s, s.docking_pose) for s in snapshots]),
-            believed_port=np.array([_port_in_dock(scene, s, s.estimate) for s in snapshots]),
+            true_port=np.array([port_in_dock(scene, s, s.docking_pose) for s in snapshots]),
+            believed_port=np.array([port_in_dock(scene, s, s.estimate) for s in snapshots]),
             commanded=np.array([(s.twist.v, s.twist.w) if s.twist else _UNKNOWN for s in snapshots]),
             driven=_driven(snapshots),
             sight=np.array([(s.los.left, s.los.right) if s.los else _UNKNOWN for s in snapshots]),
@@ -129,7 +129,7 @@ def phase_spans(
         start = end
 
 
-def _port_in_dock(scene: Scene, snapshot: Snapshot, X_WU: SE2 | None) -> tuple[float, float, float]:
+def port_in_dock(scene: Scene, snapshot: Snapshot, X_WU: SE2 | None) -> tuple[float, float, float]:
     """Return gap [m], lateral offset [m] and heading [rad] of the active port in the target's dock frame D.
 
     Args:

@@ -1,21 +1,30 @@
-"""A run folder: what it holds, and a folder that cannot be made."""
+"""Run folders: what is in one is of one run, and what no run wrote is never lost."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
 
 from msrr_bullet.log import read_log
-from msrr_bullet.run import RunFolderError, run_trial
+from msrr_bullet.run import RUN_FILES, RunFolderError, run_trial
 from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial
+from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.scene import Scene
 
-SEED = 7
 Load = Callable[..., Scene]
+
+SEED = 7
+
+SHORT = {"time_limit_s": "1"}
+
+
+def contents(folder: Path) -> Mapping[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 def test_a_run_folder_holds_the_log_and_what_follows_from_it(shipped: Load, tmp_path: Path) -> None:
@@ -23,12 +32,7 @@ def test_a_run_folder_holds_the_log_and_what_follows_from_it(shipped: Load, tmp_
     out = tmp_path / "runs" / "first"
     result = run_trial(scene, SEED, out=out)
     assert result == Trial(scene, SEED).run()  # writing a folder changes nothing in the trial
-    assert {path.name for path in out.iterdir()} == {
-        "trial.mcap",
-        "result.json",
-        "replay.html",
-        "picture.png",
-    }
+    assert sorted(contents(out)) == ["picture.png", "replay.html", "result.json", "trial.mcap"]
     assert TrialResult.from_json((out / "result.json").read_text()) == result
     assert json.loads((out / "result.json").read_text())["outcome"] == result.outcome.value
     log = read_log(out)
@@ -40,15 +44,100 @@ def test_a_run_folder_holds_the_log_and_what_follows_from_it(shipped: Load, tmp_
     assert 'src="http' not in page  # self-contained
 
 
-def test_a_run_folder_is_overwritten(shipped: Load, tmp_path: Path) -> None:
-    scene = shipped("short_time", {"time_limit_s": "0.5"}, blind=True)
-    for seed in (1, 2):
-        run_trial(scene, seed, out=tmp_path)
-        assert read_log(tmp_path).header.seed == seed
-        assert TrialResult.from_json((tmp_path / "result.json").read_text()).seed == seed
+def crash(progress: Progress) -> None:
+    if progress.time_s > 0.5:
+        raise ZeroDivisionError("in the middle of the run")
 
 
-def test_a_folder_that_cannot_be_made_is_reported_before_the_trial(shipped: Load, tmp_path: Path) -> None:
+def test_no_verdict_of_before_lies_beside_the_log_of_a_run_that_crashed(
+    shipped: Load, tmp_path: Path
+) -> None:
+    """A result.json that said docked lay beside the log of another run, which had crashed."""
+    scene = shipped("close_range", SHORT, blind=True)
+    run_trial(scene, 1, out=tmp_path)
+    assert sorted(contents(tmp_path)) == sorted(RUN_FILES)
+    with pytest.raises(ZeroDivisionError):
+        run_trial(scene, 2, out=tmp_path, observer=crash)
+    assert list(contents(tmp_path)) == ["trial.mcap"]
+    assert read_log(tmp_path).header.seed == 2
+    run_trial(scene, 3, out=tmp_path)  # the folder of a crashed run is still a run folder
+    assert TrialResult.from_json((tmp_path / "result.json").read_text()).seed == 3
+
+
+def test_a_log_that_was_killed_before_its_first_byte_is_still_one(shipped: Load, tmp_path: Path) -> None:
+    (tmp_path / "trial.mcap").touch()
+    run_trial(shipped("close_range", SHORT, blind=True), 1, out=tmp_path)
+    assert read_log(tmp_path).complete
+
+
+def test_a_run_leaves_files_of_others_alone(shipped: Load, tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "best.png").write_text("mine, too")
+    for seed in range(2):
+        run_trial(shipped("close_range", SHORT, blind=True), seed, out=tmp_path)
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+    assert (tmp_path / "frames" / "best.png").read_text() == "mine, too"
+
+
+@pytest.mark.parametrize("names", [["picture.png"], ["result.json", "trial.mcap"], ["trial.mcap"]])
+def test_a_folder_with_such_names_that_is_of_no_run_is_refused(
+    names: list[str], shipped: Load, tmp_path: Path
+) -> None:
+    for name in names:
+        (tmp_path / name).write_text("of another program")
+    before = contents(tmp_path)
+    with pytest.raises(RunFolderError, match=rf"{names[0]}.* choose another --out"):
+        run_trial(shipped("close_range", SHORT, blind=True), 1, out=tmp_path)
+    assert contents(tmp_path) == before
+
+
+def test_a_name_that_is_a_folder_is_refused(shipped: Load, tmp_path: Path) -> None:
+    run_trial(shipped("close_range", SHORT, blind=True), 1, out=tmp_path)
+    (tmp_path / "picture.png").unlink()
+    (tmp_path / "picture.png").mkdir()
+    with pytest.raises(RunFolderError, match=r"picture\.png"):
+        run_trial(shipped("close_range", SHORT, blind=True), 1, out=tmp_path)
+    assert (tmp_path / "result.json").exists()
+
+
+def test_a_link_is_replaced_and_not_written_through(shipped: Load, tmp_path: Path) -> None:
+    scene, kept, out = shipped("close_range", SHORT, blind=True), tmp_path / "kept", tmp_path / "out"
+    run_trial(scene, 1, out=kept)
+    before = contents(kept)
+    out.mkdir()
+    (out / "trial.mcap").symlink_to(kept / "trial.mcap")
+    run_trial(scene, 2, out=out)
+    assert contents(kept) == before
+    assert read_log(out).header.seed == 2
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        {"cameras.onboard.renderer": "none"},
+        {"units.a.urdf": "no/such.urdf"},
+        {"control.docking": "no.such:Law"},
+    ],
+    ids=["renderer", "urdf", "law"],
+)
+def test_a_scene_that_cannot_be_built_costs_no_run(
+    broken: Mapping[str, str], shipped: Load, tmp_path: Path
+) -> None:
+    run_trial(shipped("close_range", SHORT, blind=True), 1, out=tmp_path)
+    before = contents(tmp_path)
+    with pytest.raises(MsrrError):
+        run_trial(shipped("close_range", {**SHORT, **broken}), 1, out=tmp_path)
+    assert contents(tmp_path) == before
+
+
+def test_a_folder_that_cannot_be_made_is_said_before_the_trial(shipped: Load, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("a file")
+
+    def unreached(progress: Progress) -> None:
+        pytest.fail("the trial runs")
+
     with pytest.raises(RunFolderError, match="choose another"):
-        run_trial(shipped("short_time", blind=True), SEED, out=tmp_path / "taken" / "run")
+        run_trial(
+            shipped("close_range", SHORT, blind=True), 1, out=tmp_path / "taken" / "run", observer=unreached
+        )

@@ -39,7 +39,7 @@ def test_from_above_every_body_is_found_and_exact(report: DetectionBenchmark) ->
 
 
 def test_tables_fit_a_terminal_and_json_holds_the_figures(report: DetectionBenchmark) -> None:
-    console = Console(record=True, width=80)
+    console = Console(record=True, markup=False, width=80)
     for table in detection_tables(report):
         console.print(table)
     text = console.export_text()

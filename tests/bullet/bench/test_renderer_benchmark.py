@@ -43,7 +43,7 @@ def test_raster_is_several_times_cheaper_than_one_sample_of_tiny(report: Rendere
 
 
 def test_tables_and_json_hold_the_figures(report: RendererBenchmark) -> None:
-    console = Console(record=True, width=150)
+    console = Console(record=True, markup=False, width=150)
     for table in renderer_tables(report):
         console.print(table)
     text = console.export_text()

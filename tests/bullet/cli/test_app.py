@@ -4,10 +4,12 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 
-from msrr_bullet.cli.app import run
+from msrr_bullet.cli.app import app, run
 from msrr_scenes.loading.load import shipped_scenes
 
 Capture = pytest.CaptureFixture[str]
@@ -19,6 +21,24 @@ def test_help_and_version(capsys: Capture) -> None:
         assert command in capsys.readouterr().out or run([command, "--help"]) == 0
     assert run(["--version"]) == 0
     assert "pybullet" in capsys.readouterr().out
+
+
+COMMANDS: dict[str, Any] = typer.main.get_command(app).commands
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_shows_every_default(name: str, capsys: Capture) -> None:
+    """Also those that are described in words, which the help marks by brackets, too."""
+    assert run([name, "--help"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    for parameter in COMMANDS[name].params:
+        described = getattr(parameter, "show_default", None)
+        if isinstance(described, str):
+            assert f"[default: ({described})" in shown, parameter.name
+        elif not callable(parameter.default) and parameter.default not in (None, False):
+            assert f"[default: {parameter.default}" in shown, parameter.name
+        elif parameter.name == "out":
+            pytest.fail(f"msrr {name} --out: the help does not say where its files go")
 
 
 def test_scenes_are_listed(capsys: Capture) -> None:
@@ -50,8 +70,9 @@ def test_check(capsys: Capture, tmp_path: Path) -> None:
         (["dock", "close_range", "--seed", "one"], "--seed"),
         (["dock"], "SCENE"),
         (["dok", "close_range"], "dok"),
-        (["sweep", "close_range", "--seeds", "4:4"], "0 <= A < B"),
+        (["sweep", "close_range", "--seeds", "4:4"], "A < B"),
         (["sweep", "close_range", "--seeds", "a:b"], "expected A:B"),
+        (["sweep", "close_range", "--seeds", "5"], "give 0:5 for 5 seeds or 5:6 for seed 5 alone"),
         (["sweep", "close_range", "--jobs", "0"], "--jobs"),
         (["sweep", "close_range", "--json", "no/such/folder.json"], "not a file in an existing folder"),
         (["bench", "close_range", "--json", "."], "not a file in an existing folder"),

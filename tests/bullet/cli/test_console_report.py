@@ -1,11 +1,9 @@
 """The tables on the console: belief beside truth, rates with intervals, descriptions of scenes."""
 
-import io
-
 import pytest
-from rich.console import Console
 from rich.table import Table
 
+from msrr_bullet.cli.console import open_console
 from msrr_bullet.cli.console_report import scenes_table, sweep_table, trial_table
 from msrr_bullet.sweep.summary import TrialFailure, summarise
 from msrr_bullet.trial.result import Contact, Seating, TrialResult
@@ -16,10 +14,10 @@ from msrr_scenes.outcome import Outcome
 
 def text(table: Table) -> str:
     """Return the table as printed, with single spaces."""
-    console = Console(file=io.StringIO(), width=120)
-    console.print(table)
-    assert isinstance(console.file, io.StringIO)
-    return " ".join(console.file.getvalue().replace("\u2502", " ").split())
+    console = open_console()
+    with console.capture() as capture:
+        console.print(table)
+    return " ".join(capture.get().replace("\u2502", " ").split())
 
 
 @pytest.fixture
@@ -66,3 +64,13 @@ def test_a_sweep_shows_its_rate_and_what_it_measured(false_dock: TrialResult) ->
 
 def test_scenes_have_descriptions() -> None:
     assert load_scene("weak_lock").description.split()[0] in text(scenes_table(("weak_lock",)))
+
+
+def test_brackets_are_text(false_dock: TrialResult) -> None:
+    """Markup swallowed them: names, errors and the help hold brackets of their own."""
+    names = {"scene": "dock [fast]", "belief_reason": "no port [/] :warning:"}
+    result = false_dock.model_copy(update=names)
+    assert "dock [fast], seed 3" in text(trial_table(result))
+    failures = [TrialFailure(seed=4, error="[bold]")]
+    scene = load_scene("close_range").model_copy(update={"name": "dock [fast]"})
+    assert "dock [fast], 2 trials" in text(sweep_table(summarise(scene, "00ff", "code", [result], failures)))

@@ -96,7 +96,8 @@ def test_a_full_disk_is_one_message(short_trial: list[str], capsys: Capture) -> 
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full on this system")
     assert (
-        run(["sweep", "close_range", *short_trial, "--seeds", "0", "--jobs", "1", "--json", "/dev/full"]) == 2
+        run(["sweep", "close_range", *short_trial, "--seeds", "0:1", "--jobs", "1", "--json", "/dev/full"])
+        == 2
     )
     err = capsys.readouterr().err
     assert "No space left on device" in err

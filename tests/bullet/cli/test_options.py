@@ -4,7 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.cli.options import check_writable, parse_overrides, parse_seeds, write_json
+from msrr_bullet.cli.options import (
+    MAX_SEEDS,
+    check_writable,
+    parse_overrides,
+    parse_seed_range,
+    parse_seeds,
+    write_json,
+)
 from msrr_scenes.errors import SceneError
 
 
@@ -12,7 +19,7 @@ def test_overrides_and_seeds() -> None:
     assert parse_overrides(["a.b=1", "c=x=y", "d="]) == {"a.b": "1", "c": "x=y", "d": ""}
     assert parse_overrides(None) == {}
     assert parse_seeds("3:6") == range(3, 6)
-    assert parse_seeds("7") == range(7, 8)
+    assert parse_seeds("9,2,9,4") == (9, 2, 4)
 
 
 @pytest.mark.parametrize("pairs", [["a"], ["=1"], ["a=1", "a=2"]])
@@ -21,10 +28,34 @@ def test_overrides_have_a_key_and_a_value_once(pairs: list[str]) -> None:
         parse_overrides(pairs)
 
 
-@pytest.mark.parametrize("text", ["", "a", "3:", "4:4", "5:4", "-1:3", "1:2:3"])
-def test_seeds_are_a_range_that_is_not_empty(text: str) -> None:
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "a",
+        "3:",
+        "4:4",
+        "5:4",
+        "-1:3",
+        "1:2:3",
+        "1,",
+        "1,2:4",
+        f"0:{MAX_SEEDS + 1}",
+        f"{2**63}:{2**63 + 1}",
+    ],
+)
+def test_seeds_are_a_range_that_is_not_empty_or_a_list(text: str) -> None:
     with pytest.raises(SceneError, match="--seeds"):
         parse_seeds(text)
+
+
+def test_a_single_number_of_seeds_is_ambiguous() -> None:
+    """It ran one trial where five were meant."""
+    for parse in (parse_seeds, parse_seed_range):
+        with pytest.raises(SceneError, match="give 0:5 for 5 seeds or 5:6 for seed 5 alone"):
+            parse("5")
+        with pytest.raises(SceneError, match="give 0:1 for seed 0 alone"):
+            parse("0")
 
 
 def test_numbers_go_to_a_file_or_to_standard_output(

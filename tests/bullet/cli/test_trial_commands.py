@@ -1,12 +1,17 @@
 """The commands that run trials: their output, their files and their exit codes."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from msrr_bullet.cli.app import run
+from msrr_bullet.sweep.summary import SweepSummary
+from msrr_bullet.sweep.sweep import one_trial, sweep
 from msrr_bullet.trial.result import TrialResult
+from msrr_scenes.specs.scene import Scene
 
 Capture = pytest.CaptureFixture[str]
 
@@ -65,3 +70,40 @@ def test_a_controller_that_cannot_be_built_is_bad_input(
     assert message in err
     assert "Traceback" not in err
     assert out == ""
+
+
+def test_a_sweep_shows_brackets_in_names_and_reasons(
+    short_trial: list[str], monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    """They were read as markup: what stood in them vanished, and a stray [/] was a traceback."""
+    reason = "law [c1] gave up [/] :warning:"
+
+    def failing(scene: Scene, seed: int) -> TrialResult:
+        if seed == 1:
+            raise ValueError(reason)
+        return one_trial(scene, seed).model_copy(update={"belief_reason": reason})
+
+    def in_this_process(*arguments: Any, **options: Any) -> SweepSummary:
+        with ThreadPoolExecutor(1) as executor:
+            return sweep(*arguments, **options, executor=executor, trial=failing)
+
+    monkeypatch.setattr("msrr_bullet.sweep.sweep.sweep", in_this_process)
+    arguments = ["sweep", "close_range", *short_trial, "--seeds", "0:2", "--jobs", "1", "--fresh"]
+    assert run([*arguments, "--set", "name=close [fast]"]) == 70
+    out = capsys.readouterr().out
+    assert f"seed 0: timeout, {reason}" in out
+    assert f"seed 1: ValueError: {reason}" in out
+    assert "close [fast], 2 trials" in out
+
+
+def test_dock_names_what_was_made_from_an_earlier_run(
+    short_trial: list[str], tmp_path: Path, capsys: Capture
+) -> None:
+    arguments = ["dock", "close_range", *short_trial, "--out", "run"]
+    assert run(arguments) == 1
+    assert "earlier run" not in capsys.readouterr().out
+    (tmp_path / "run" / "plot.png").write_text("of before")
+    (tmp_path / "run" / "notes.txt").write_text("mine")
+    assert run(arguments) == 1
+    assert capsys.readouterr().out.splitlines()[-1] == "Made from an earlier run in this folder: plot.png"
+    assert (tmp_path / "run" / "plot.png").read_text() == "of before"

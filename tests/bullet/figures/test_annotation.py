@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import math
+import re
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from msrr_bullet.figures.onboard_frame import draw_onboard
 from msrr_bullet.figures.overhead_frame import draw_overhead
 from msrr_bullet.timeline import palette
-from msrr_bullet.timeline.camera_views import CameraView
+from msrr_bullet.timeline.camera_views import CameraView, pinhole_camera
+from msrr_bullet.timeline.series import port_in_dock
 from msrr_perception.pose.overhead_model import OVERHEAD
+from msrr_scenes.messages import NS_PER_S, Exposure, Phase
 
 
 def test_read_pixels_are_shown_as_they_are(views, trial, context):
@@ -27,3 +34,32 @@ def test_a_frame_without_pixels_is_drawn_from_truth_alone(count_pixels, views, t
     picture = draw_onboard(context, CameraView(view.exposure, view.camera), trial.at(view.stamp_ns))
     assert count_pixels(picture.image, palette.WINDOW) == 0
     assert np.ptp(picture.image.reshape(-1, 3), axis=0).min() > 100
+
+
+def test_a_caption_tells_the_present_and_not_how_the_phase_began(trial, context):
+    """The reason of a phase's beginning stood under frames that were taken seconds later."""
+    moving = [s for s in trial.snapshots if s.estimate is not None]
+    assert moving[-1].stamp_ns - moving[0].stamp_ns > 5 * NS_PER_S
+    camera = pinhole_camera(context.scene, "a/onboard")
+    lines = []
+    for snapshot in moving[:: len(moving) // 8]:
+        view = CameraView(Exposure("a/onboard", -1, snapshot.stamp_ns), camera)
+        line = draw_onboard(context, view, snapshot).title[1]
+        for reason in (snapshot.reason, snapshot.assembly.reason if snapshot.assembly else "none"):
+            assert reason not in line
+        gap, lateral, heading = port_in_dock(context.scene, snapshot, snapshot.estimate)
+        shown = [float(n) for n in re.findall(r"[-+]?\d+\.?\d*", line.partition(":")[2])]
+        assert shown == pytest.approx(
+            [1e3 * gap, 1e3 * lateral, math.degrees(heading), snapshot.twist.v], abs=0.51
+        )
+        lines.append(line)
+    assert len(set(lines)) == len(lines)
+
+
+@pytest.mark.parametrize("phase", [Phase.RETREAT, Phase.FAILED])
+def test_a_caption_gives_the_reason_that_stays_true(phase, trial, context):
+    snapshot = replace(trial.snapshots[-1], phase=phase, reason="no progress for 2.0 s")
+    view = CameraView(
+        Exposure("a/onboard", -1, snapshot.stamp_ns), pinhole_camera(context.scene, "a/onboard")
+    )
+    assert draw_onboard(context, view, snapshot).title[1].endswith("no progress for 2.0 s")

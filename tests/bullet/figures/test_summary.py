@@ -9,7 +9,10 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
+from msrr_bullet.figures import summary, top_view
 from msrr_bullet.figures.summary import DPI, WIDTH, write_picture
 from msrr_bullet.figures.top_view import extent
 from msrr_bullet.timeline import palette
@@ -17,7 +20,7 @@ from msrr_bullet.timeline.camera_views import UNREAD, CameraView
 from msrr_bullet.timeline.snapshot import planned_paths
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.messages import Exposure, TagDetection
+from msrr_scenes.messages import Exposure, Phase, TagDetection
 
 
 @pytest.fixture
@@ -74,6 +77,36 @@ def test_the_picture_of_a_run_shows_its_plan_in_a_shape_that_fits(
     empty = (image > 250).all(axis=(1, 2))
     assert empty.mean() < 0.12
     assert (y1 - y0) < (x1 - x0)
+
+
+@pytest.mark.parametrize("ratio", [0.3, 0.85, 0.88, 0.92, 0.95, 1.5])
+def test_no_text_runs_over_the_edge(ratio, drive, tmp_path, monkeypatch):
+    """The title of the view from above was cut, and so was the label below it in views of some shapes."""
+    figures = []
+
+    class Kept(Figure):
+        def savefig(self, *args, **kwargs):
+            self.draw_without_rendering()
+            figures.append(self)
+
+    monkeypatch.setattr(summary, "Figure", Kept)
+    for module in (summary, top_view):
+        monkeypatch.setattr(module, "extent", lambda *_: ((-1.0, 1.0), (-ratio, ratio)))
+    phases = (Phase.ASSEMBLE, Phase.HAND_OVER, Phase.DOCK, Phase.RETREAT)
+    busy = [replace(s, phase=phases[i % 4]) for i, s in enumerate(drive.snapshots[::4])]
+    write_picture(tmp_path / "run.png", drive.scene, busy, headline="docked")
+    (figure,) = figures
+    texts = [t for axes in figure.axes for t in (axes.title, axes.xaxis.label, axes.yaxis.label)]
+    for text in filter(Text.get_text, texts):
+        box = text.get_window_extent()
+        assert box.x0 >= 0.0, text
+        assert box.y0 >= 0.0, text
+        assert box.x1 <= figure.bbox.x1, text
+        assert box.y1 <= figure.bbox.y1, text
+    above, *curves_beside = figure.axes
+    assert above.title.get_window_extent().y1 <= figure._suptitle.get_window_extent().y0
+    right = min(axes.yaxis.label.get_window_extent().x0 for axes in curves_beside)
+    assert above.title.get_window_extent().x1 < right
 
 
 def test_neither_figures_nor_pages_load_pyplot():

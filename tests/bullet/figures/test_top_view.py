@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -28,4 +29,20 @@ def test_the_title_names_the_instants_at_which_the_unit_is_drawn(drive):
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     draw_top_view(axes, drive.scene, failed)
-    assert axes.get_title() == "from above: start, end of attempt 1, end"
+    assert axes.get_title() == "from above: start, failed attempt, end"
+
+
+def test_the_title_of_many_steps_is_short(drive):
+    """It ran over the edge of the picture: every hand-over and step of four units stood in it."""
+    phases = (Phase.ASSEMBLE, Phase.HAND_OVER, Phase.DOCK, Phase.RETREAT, Phase.ASSEMBLE)
+    steps = [drive.scene.plan[0].model_copy(update={"to": f"b.{port}"}) for port in ("rear", "left", "right")]
+    busy = [
+        replace(s, phase=phases[i // 4 % len(phases)], step=steps[i // 40 % len(steps)])
+        for i, s in enumerate(drive.snapshots)
+    ]
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    draw_top_view(axes, drive.scene, busy)
+    counted = r"from above: start, hand-over \(10\), failed attempt \(\d+\), next step \(4\), end"
+    assert re.fullmatch(counted, axes.get_title())

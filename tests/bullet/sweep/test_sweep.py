@@ -6,6 +6,8 @@ import sqlite3
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -111,14 +113,15 @@ def test_a_scene_that_no_seed_can_run_stops_the_sweep(scene: Scene, inline: Supp
         sweep(scene, range(4), executor=inline, trial=misuse)
 
 
-def test_ctrl_c_on_the_command_line(short_trial: dict[str, str], tmp_path: Path) -> None:
-    store = tmp_path / "trials.sqlite"
-    overrides = [arg for key, value in short_trial.items() for arg in ("--set", f"{key}={value}")]
-    command = [sys.executable, "-m", "msrr_bullet.cli", "sweep", "close_range", *overrides]
-    command += ["--seeds", "0:100000", "--jobs", "1", "--store", str(store)]
+@contextmanager
+def running_sweep(overrides: dict[str, str], store: Path, jobs: int) -> Iterator[subprocess.Popen[str]]:
+    """A sweep on the command line that has stored its first trials."""
+    options = [arg for key, value in overrides.items() for arg in ("--set", f"{key}={value}")]
+    command = [sys.executable, "-m", "msrr_bullet.cli", "sweep", "close_range", *options]
+    command += ["--seeds", "0:100000", "--jobs", str(jobs), "--store", str(store)]
     process = subprocess.Popen(
         command,
-        cwd=tmp_path,
+        cwd=store.parent,
         start_new_session=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -132,18 +135,22 @@ def test_ctrl_c_on_the_command_line(short_trial: dict[str, str], tmp_path: Path)
             assert process.poll() is None, process.communicate()
             assert time.monotonic() < deadline
             time.sleep(0.1)
+        yield process
+    finally:
+        if living(process.pid):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def test_ctrl_c_on_the_command_line(short_trial: dict[str, str], tmp_path: Path) -> None:
+    store = tmp_path / "trials.sqlite"
+    with running_sweep(short_trial, store, jobs=1) as process:
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers as well
         out, err = process.communicate(timeout=60.0)
-    finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
+        settle(process.pid)
     assert process.returncode == 130, err
     assert "Traceback" not in out + err
     assert "interrupted" in err
-    deadline = time.monotonic() + 10.0
-    while living(process.pid) and time.monotonic() < deadline:
-        time.sleep(0.1)  # the tracker of shared resources sees its parent go, then goes
-    assert not living(process.pid)
     done = stored_trials(store)
     assert done >= 3
     with sqlite3.connect(store) as db:
@@ -151,6 +158,24 @@ def test_ctrl_c_on_the_command_line(short_trial: dict[str, str], tmp_path: Path)
     with TrialStore(store) as store_file:
         kept = store_file.get(scene_hash(load_scene("close_range", short_trial)), code, range(100_000))
     assert sorted(kept) == list(range(done))
+
+
+def test_workers_end_when_their_parent_is_killed(short_trial: dict[str, str], tmp_path: Path) -> None:
+    """They waited for work for ever, each with a simulator in its memory."""
+    with running_sweep(short_trial, tmp_path / "trials.sqlite", jobs=2) as process:
+        assert len(living(process.pid)) >= 3
+        process.kill()  # the parent alone
+        process.wait()
+        settle(process.pid)
+    assert stored_trials(tmp_path / "trials.sqlite") >= 3
+
+
+def settle(group: int) -> None:
+    """Wait until every process of a group has ended; the last sees the others go and follows."""
+    deadline = time.monotonic() + 30.0
+    while living(group):
+        assert time.monotonic() < deadline, living(group)
+        time.sleep(0.1)
 
 
 def living(group: int) -> list[str]:

@@ -1,0 +1,22 @@
+"""The console of the command line: text appears as it is, for names and reasons may hold ``[brackets]``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.text import Text
+
+
+def open_console(*, stderr: bool = False) -> Console:
+    """Return a console that reads no markup and no emoji codes in what it prints, tables included."""
+    return Console(stderr=stderr, markup=False, emoji=False)
+
+
+@contextmanager
+def status_line(console: Console, text: str) -> Iterator[Callable[[str], None]]:
+    """Show ``text`` beside a spinner; yield the function that replaces it."""
+    # A status made from a plain text reads markup in it, whatever its console does.
+    with console.status(Text(text)) as status:
+        yield lambda new: status.update(Text(new))

@@ -1,0 +1,59 @@
+"""Curves over time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from msrr_bullet.figures import curves
+from msrr_bullet.timeline.series import TrialSeries
+from msrr_scenes.geometry.se2 import SE2
+
+
+@pytest.fixture
+def turning(drive):
+    """The drive with a unit that starts near 180 deg, jitters about it, and turns to 0."""
+    rng = np.random.default_rng(5)
+    done = np.linspace(0.0, 1.0, len(drive.snapshots))
+    heading = math.pi * np.clip(1.6 - 1.6 * done, 0.0, 1.0) + 0.02 * rng.standard_normal(len(done))
+    unit = drive.scene.plan[0].unit
+    X_WD = drive.snapshots[0].units["b"] @ drive.scene.geometry("b").dock_frame("rear")
+    return [
+        replace(
+            s,
+            units={**s.units, unit: X_WD @ SE2(-0.5, 0.0, float(h))},
+            estimate=X_WD @ SE2(-0.5, 0.0, float(h + 0.02 * rng.standard_normal())) if i > 5 else None,
+        )
+        for i, (s, h) in enumerate(zip(drive.snapshots, heading, strict=True))
+    ]
+
+
+def test_a_heading_around_180_deg_is_a_line_and_no_block(drive, turning):
+    """Every passage through 180 deg drew a line over the whole height."""
+    series = TrialSeries.of(drive.scene, turning)
+    assert (np.abs(np.diff(series.true_port[:, 2])) > 6.0).sum() > 10
+    axes = Figure().add_subplot()
+    curves.yaw(axes, series)
+    truth, believed = (np.asarray(line.get_ydata()) for line in axes.lines[:2])
+    for drawn, values in ((truth, series.true_port), (believed, series.believed_port)):
+        known = np.isfinite(values[:, 2])
+        assert (np.isfinite(drawn) == known).all()
+        assert np.abs(np.diff(drawn[known])).max() < 20.0
+        off = np.radians(drawn[known]) - values[known, 2]
+        assert np.abs(off - 2.0 * math.pi * np.round(off / (2.0 * math.pi))).max() < 1e-9
+    assert abs(truth[-1]) < 10.0
+
+
+def test_each_step_of_a_plan_ends_within_half_a_turn(drive, turning):
+    step = drive.scene.plan[0].model_copy(update={"to": "b.left"})
+    later = [replace(s, step=step) for s in turning]
+    series = TrialSeries.of(drive.scene, [*turning, *later])
+    axes = Figure().add_subplot()
+    curves.yaw(axes, series)
+    truth = np.asarray(axes.lines[0].get_ydata())
+    for end in (len(turning) - 1, 2 * len(turning) - 1):
+        assert abs(truth[end]) <= 180.0
