@@ -341,7 +341,6 @@ def test_frames_that_never_agree_long_enough_open_the_lock(desk: Desk) -> None:
 @pytest.mark.parametrize(
     ("closed", "position"),
     [(False, LockPosition.CLOSED), (True, LockPosition.OPEN), (False, LockPosition.OPEN)],
-    [(False, LockPosition.CLOSED), (True, LockPosition.OPEN), (False, LockPosition.OPEN)],
 )
 def test_docked_is_not_believed_with_an_open_switch_or_an_open_lock(
     desk: Desk, closed: bool, position: LockPosition
