@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from msrr_control.docking.controller import promised_speed
 from msrr_control.docking.retreat import retreat_twist
 from msrr_control.sequence.context import DockingContext, Transition
 from msrr_control.sequence.evidence import (
@@ -87,7 +88,10 @@ def dock(c: DockingContext) -> Twist | Transition:
     agrees = abs(view.gap - tuning.seated_gap_m) <= tuning.near_m or not spec.verify.by_sight
     if c.memory.switches.update(closed and at_port and agrees, c.now_ns) >= tuning.debounce_s:
         return Transition(Phase.LOCK, f"both seat switches closed at {view}")
-    idle = c.memory.without_progress(view.off_seat(tuning.seated_gap_m), tuning.progress_m, c.now_ns)
+    # If any progress counted, the unit could creep for minutes: it has to keep a share of the promised speed,
+    # or near the seat to halve what is left.
+    way = tuning.progress_share * promised_speed(c.controller) * spec.stall_time_s
+    idle = c.memory.without_progress(view.off_seat(tuning.seated_gap_m), tuning.progress_m, way, c.now_ns)
     monitor = c.observation.monitor
     limited = monitor is not None and monitor.state is not MonitorState.FREE
     limited_s = c.memory.limited.update(limited, c.now_ns)
