@@ -19,6 +19,8 @@ from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.faults import PortPlugged
 
 _FINISHED = frozenset({Phase.DONE, Phase.FAILED})
+#: Time for which the robot goes on after a pull test that its lock did not hold [s], to notice it.
+_WATCH_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -74,13 +76,14 @@ class DockingStep:
         cameras = devices.cameras(step, self._judge.X_DU, profiler)
         self._sensors = SensorSuite(scene, step, plant, devices.encoders[step.unit], cameras, profiler)
         self._link = devices.links[step.unit]
+        self._control = Periodic(scene.control.rate_hz, plant.now_ns())
         self._records: list[AttemptRecord] = []
         self._assembly_instants: list[Instant] = []
 
     def run(self) -> StepResult:
         """Run until the robot finishes, the judge ends the step, or the time limit is reached."""
         plant, profiler = self._plant, self._profiler
-        control = Periodic(self._scene.control.rate_hz, plant.now_ns())
+        control = self._control
         deadline_ns = duration_ns(self._scene.time_limit_s)
         action = Action(plant.now_ns(), Phase.ASSEMBLE, attempt=1)
         while True:
@@ -158,6 +161,17 @@ class DockingStep:
             true=PlanarPose.of(self._judge.X_DU()),
         )
 
+    def _watch(self) -> None:
+        """Let the robot, which stands still, sense what the pull test did; its actions change nothing."""
+        plant = self._plant
+        deadline_ns = plant.now_ns() + duration_ns(_WATCH_S)
+        while plant.now_ns() < deadline_ns:
+            now_ns = plant.now_ns()
+            self._sensors.tick(now_ns, self._robot)
+            if self._control.due(now_ns):
+                self._robot.step(now_ns)
+            plant.step()
+
     def _end(self, action: Action, outcome: Outcome | None) -> StepResult:
         plant, unit = self._plant, self._step.unit
         self._records.append(self._record(action, action.reason))
@@ -170,6 +184,8 @@ class DockingStep:
             if action.phase is Phase.DONE:
                 passed = engaged and plant.pull_test(unit).holds
                 outcome = self._judge.verdict_docked(seating, engaged, passed)
+                if not passed:
+                    self._watch()
             else:
                 reason = self._autonomy.belief.setback
                 outcome = self._judge.verdict_gave_up(reason, self._sensors.ever_detected)

@@ -13,6 +13,7 @@ from msrr_control.docking.barrier import BarrierLaw, BarrierParams
 from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams, LinearParams
 from msrr_control.docking.c2 import C2DockingLaw, C2DockingParams
 from msrr_control.docking.graceful import GracefulLaw, GracefulParams
+from msrr_control.docking.guidance import GuidanceSpec
 from msrr_control.docking.law import DockingLaw, DockSetup, LawInputs, State
 from msrr_control.parameters import read_params
 from msrr_scenes.errors import SceneError
@@ -50,6 +51,9 @@ class Controller(Protocol):
 
     A scene names a controller by registered name or import path; it is built as ``Class(setup, **params)``
     with a :class:`~msrr_control.docking.law.DockSetup` and the scene's ``control.docking.params``.
+
+    A controller may have an attribute ``approach_mps``, the speed [m/s] at which it promises to approach; the
+    docking phase then ends an approach that falls far behind it (see :func:`promised_speed`).
     """
 
     def reset(self, inputs: ControlInputs) -> None:
@@ -73,6 +77,12 @@ class LawController(Generic[State]):
         self.law = law
         self._state: State | None = None
 
+    @property
+    def approach_mps(self) -> float | None:
+        """Speed of the guidance trajectory of the law [m/s]; None for a law without one."""
+        guidance = getattr(getattr(self.law, "params", None), "guidance", None)
+        return guidance.speed_mps if isinstance(guidance, GuidanceSpec) else None
+
     def reset(self, inputs: ControlInputs) -> None:
         """Begin an approach from here."""
         self._state = self.law.start(law_inputs(inputs))
@@ -84,6 +94,12 @@ class LawController(Generic[State]):
             self._state = self.law.start(arrays)
         command, self._state = self.law.step(self._state, arrays, inputs.dt)
         return Twist(float(command[0]), float(command[1]))
+
+
+def promised_speed(controller: Controller) -> float:
+    """Return the speed [m/s] at which a controller promises to approach; 0 if it promises none."""
+    promised = getattr(controller, "approach_mps", None)
+    return float(promised) if isinstance(promised, int | float) else 0.0
 
 
 def law_inputs(inputs: ControlInputs) -> LawInputs:

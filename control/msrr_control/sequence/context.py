@@ -76,9 +76,12 @@ class StateMemory:
         """Return the time [s] since the phase was entered."""
         return seconds(now_ns - self.since_ns)
 
-    def without_progress(self, remaining: float, step: float, now_ns: int) -> float:
-        """Return the time [s] since ``remaining`` [m] last fell by ``step`` [m] or more below its minimum."""
-        if remaining < self._best - step:
+    def without_progress(self, remaining: float, smallest: float, way: float, now_ns: int) -> float:
+        """Return the time [s] since ``remaining`` [m] last made progress.
+
+        Progress is a fall by ``way`` [m], or to half of where it began, and by ``smallest`` [m] at least.
+        """
+        if remaining < self._best - max(smallest, min(way, 0.5 * self._best)):
             self._best, self._best_ns = remaining, now_ns
         return seconds(now_ns - self._best_ns)
 

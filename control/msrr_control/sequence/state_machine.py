@@ -47,7 +47,7 @@ STATES = {
     Phase.DOCK: State(states.dock, leads_to=(Phase.LOCK, Phase.RETREAT), enter=states.begin_approach),
     Phase.LOCK: State(states.lock, leads_to=(Phase.VERIFY, Phase.RETREAT), holds_lock=True),
     Phase.VERIFY: State(states.verify, leads_to=(Phase.DONE, Phase.RETREAT), holds_lock=True),
-    Phase.DONE: State(states.rest, leads_to=(), holds_lock=True),
+    Phase.DONE: State(states.done, leads_to=(), holds_lock=True),
     Phase.RETREAT: State(
         states.retreat, leads_to=(Phase.HAND_OVER, Phase.ASSEMBLE, Phase.DONE, Phase.FAILED)
     ),
@@ -104,9 +104,10 @@ class PhaseMachine:
         """Open the lock and back out, from the next step on.
 
         Raises:
-            MsrrError: The unit does not believe that it is docked.
+            MsrrError: The unit has not docked, or it has undocked already.
         """
-        if self.belief.conviction is not Conviction.DOCKED:
+        # A unit whose belief was lost while it was docked may still hang in its lock.
+        if self._phase is not Phase.DONE or self._context.undocking:
             raise MsrrError(f"cannot undock in phase {self._phase.value!r}: the unit is not docked")
         self._context.belief, self._context.undocking = Belief(), True
         self._phase, self._reason, self._entered = Phase.RETREAT, "undock", False

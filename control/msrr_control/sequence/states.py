@@ -10,11 +10,20 @@ import math
 
 import numpy as np
 
+from msrr_control.docking.controller import promised_speed
 from msrr_control.docking.retreat import retreat_twist
 from msrr_control.sequence.context import DockingContext, Transition
+from msrr_control.sequence.evidence import (
+    Loosened,
+    lock_is_open,
+    loosened,
+    not_parted,
+    not_undocked,
+    seen_seated,
+)
 from msrr_control.sequence.observation import GiveUp
 from msrr_control.sequence.search import scan_angle, turn_rate
-from msrr_scenes.messages import FailureReason, LockPosition, Phase, Twist
+from msrr_scenes.messages import Belief, Conviction, FailureReason, LockPosition, Phase, Twist
 
 STILL = Twist()
 
@@ -79,7 +88,10 @@ def dock(c: DockingContext) -> Twist | Transition:
     agrees = abs(view.gap - tuning.seated_gap_m) <= tuning.near_m or not spec.verify.by_sight
     if c.memory.switches.update(closed and at_port and agrees, c.now_ns) >= tuning.debounce_s:
         return Transition(Phase.LOCK, f"both seat switches closed at {view}")
-    idle = c.memory.without_progress(view.off_seat(tuning.seated_gap_m), tuning.progress_m, c.now_ns)
+    # If any progress counted, the unit could creep for minutes: it has to keep a share of the promised speed,
+    # or near the seat to halve what is left.
+    way = tuning.progress_share * promised_speed(c.controller) * spec.stall_time_s
+    idle = c.memory.without_progress(view.off_seat(tuning.seated_gap_m), tuning.progress_m, way, c.now_ns)
     monitor = c.observation.monitor
     limited_s = c.memory.limited.update(monitor is not None and monitor.limits, c.now_ns)
     if idle > spec.stall_time_s:
@@ -114,18 +126,40 @@ def lock(c: DockingContext) -> Twist | Transition:
 
 
 def verify(c: DockingContext) -> Twist | Transition:
-    """Compare what is seen with the view of a seated unit."""
-    check, tuning, view = c.spec.verify, c.tuning, c.view
-    if not check.by_sight:
+    """Compare what is seen with the view of a seated unit; lock and switches have to agree as well."""
+    check, tuning, view, switches = c.spec.verify, c.tuning, c.view, c.observation.switches
+    against = loosened(c)
+    if against is not None:
+        return _fail(against.reason, FailureReason.NOT_VERIFIED)
+    closed = switches is not None and switches.both
+    if closed and not check.by_sight:
         return Transition(Phase.DONE, "seat switches and cam closed")
-    if view is not None:
-        seated = view.off_seat(tuning.seated_gap_m) <= check.position_m
-        straight = abs(view.yaw) <= math.radians(check.yaw_deg)
-        if c.memory.frames_in_a_row(view.last_seen_ns, seated and straight) >= tuning.frames:
+    if view is not None and check.by_sight:
+        enough = c.memory.frames_in_a_row(view.last_seen_ns, seen_seated(c, view)) >= tuning.frames
+        if closed and enough:
             return Transition(Phase.DONE, f"locked, and seen seated at {view}")
     if c.memory.lasted(c.now_ns) > check.time_s:
         seen = f"seen at {view}" if view is not None else "not seen"
         return _fail(f"locked, but {seen}", FailureReason.NOT_VERIFIED)
+    return STILL
+
+
+def done(c: DockingContext) -> Twist | Transition:
+    """Stand still, and believe that the unit is docked for as long as lock, switches and sight agree.
+
+    A belief that is lost does not come back by itself. The lock is still commanded to be closed: to open it
+    would end a hold that may be good.
+    """
+    if c.belief.conviction is not Conviction.DOCKED:
+        return STILL
+    against, view = loosened(c), c.view
+    if against is None and view is not None and c.spec.verify.by_sight:
+        off_seat = not seen_seated(c, view)
+        if c.memory.frames_in_a_row(view.last_seen_ns, off_seat) >= c.tuning.frames:
+            against = Loosened(FailureReason.UNSEATED, f"seen off its seat at {view}")
+    if against is not None:
+        reason = f"no longer docked: {against.reason}"
+        c.belief = Belief(Conviction.UNDECIDED, against.failure, reason)
     return STILL
 
 
@@ -137,7 +171,7 @@ def retreat(c: DockingContext) -> Twist | Transition:
     long a wait it goes by what was known before.
     """
     memory, tuning, report, pose = c.memory, c.tuning, c.observation.lock, c.observation.pose
-    is_open = report is None or report.position is LockPosition.OPEN
+    is_open = report is None or lock_is_open(c)
     opened = memory.opened.update(is_open or memory.lasted(c.now_ns) > tuning.unlatch_s, c.now_ns)
     looked_behind = memory.looked_behind.update(_has_looked_behind(c), c.now_ns)
     free = min(opened, looked_behind)
@@ -171,6 +205,10 @@ def _has_looked_behind(c: DockingContext) -> bool:
 
 def _after_retreat(c: DockingContext) -> Transition:
     """Begin the next attempt, or end the docking step."""
+    stuck = not_undocked(c) if c.undocking else not_parted(c)
+    if stuck is not None:
+        after = "" if c.undocking else f" after: {c.belief.reason}"
+        return Transition(Phase.FAILED, f"not released: {stuck}{after}", FailureReason.NOT_RELEASED)
     if c.undocking:
         return Transition(Phase.DONE, f"undocked, {c.gap:.3f} m away")
     if c.attempt >= c.spec.attempts:

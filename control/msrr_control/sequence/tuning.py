@@ -24,7 +24,9 @@ class PhaseTuning(Spec):
         debounce_s: Time for which both switches have to stay closed, or open, to be believed.
         near_m: Deviation from the seated gap that agrees with closed switches (verification by sight only).
         seated_gap_m: Gap that is left between the faces of a seated pair.
-        progress_m: Approach to the seat that counts as progress.
+        progress_m: Smallest approach to the seat that counts as progress.
+        progress_share: Share of the speed promised by the controller that the approach has to keep, on
+            average over ``docking.stall_time_s``. Healthy approaches of all five laws keep 0.2 and more.
         hold_share: Share of the press speed that is kept while the lock closes.
         latch_s: Time that the lock may take to report closed.
         unlatch_s: Time that the lock may take to report open before the unit backs out regardless.
@@ -48,6 +50,7 @@ class PhaseTuning(Spec):
     near_m: Positive = 0.004
     seated_gap_m: NonNegative = 0.0
     progress_m: Positive = 0.001
+    progress_share: float = Field(default=0.1, ge=0.0, le=1.0)
     hold_share: float = Field(default=0.3, ge=0.0, le=1.0)
     latch_s: Positive = 3.0
     unlatch_s: Positive = 2.0

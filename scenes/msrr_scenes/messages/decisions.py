@@ -159,6 +159,9 @@ class FailureReason(Enum):
     NOT_VERIFIED = "not_verified"  # latched, but the pose seen is not that of a seated unit
     NOT_LOCALISED = "not_localised"  # global localisation does not know where the unit stands
     BLOCKED = "blocked"  # no free path to the place in front of the port
+    NOT_RELEASED = "not_released"  # backed out, but nothing shows that the unit has parted from the port
+    LOCK_OPENED = "lock_opened"  # was docked, then the lock no longer reported closed
+    UNSEATED = "unseated"  # was docked, then the seat switches opened or sight showed the unit off its seat
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +170,8 @@ class Belief:
 
     Attributes:
         conviction: Verdict so far.
-        setback: Reason why the last attempt failed; None while none has.
+        setback: Reason why the last attempt failed, or why a unit no longer believes that it is docked; None
+            while there is none.
         reason: That reason in words, with figures.
     """
 

@@ -88,7 +88,7 @@ class DockingSpec(Spec):
     lost_time_s: Positive = 0.6
     """How long the target may be lost while docking before the robot retreats [s]."""
     stall_time_s: Positive = 2.0
-    """How long the robot presses against the port without seating before it retreats [s]."""
+    """How long the robot may make no progress towards its seat before it retreats [s]."""
     retreat_m: Positive = 0.45
     """Distance to the target face from which the next attempt starts [m]."""
     press_mps: Positive = 0.05

@@ -163,3 +163,32 @@ def test_a_simulated_unit_keeps_the_predicted_clearance(scene: Scene, seed: int,
     assert predicted <= min(distances) + 1e-3
     assert predicted >= min(distances) - 0.03
     assert travel <= bound
+
+
+def test_commands_under_way_are_driven_before_the_new_one_arrives(scene: Scene) -> None:
+    """At rest, 0.1 s of latency: a stop that is sent now does not stop the commands that are on the link."""
+    scene = scene.model_copy(update={"link": scene.link.model_copy(update={"latency_ms": 100.0})})
+    X_WU, reach = SE2(-0.4, 0.0, 0.0), REACHES["a"]
+    local_map = LocalMap(
+        ClearanceModel.from_scene(scene), _known(X_WU, NOTHING, NOTHING, NOTHING), REACHES, ["post"]
+    )
+    present = local_map.distance(X_WU)
+
+    def way(under_way: str) -> float:
+        """How far a stop leads behind commands sent every 20 ms: ``F`` forward, ``S`` stop."""
+        trajectory, now_ns = StoppingTrajectory(scene), 0
+        for letter in under_way:
+            trajectory.advance(now_ns)
+            trajectory.send(Twist(0.4 if letter == "F" else 0.0))
+            now_ns += 20_000_000
+        trajectory.advance(now_ns)
+        clearance = trajectory.min_clearance(Twist(), X_WU, present, local_map, threshold=10.0)
+        assert present - clearance <= trajectory.max_travel(Twist(), reach) + 1e-9
+        return present - clearance
+
+    assert way("") == way("SSS") == pytest.approx(0.0, abs=1e-9)
+    # Each command is in force until the next one arrives, so each of them makes the way longer.
+    assert 1e-5 < way("SSF") < 0.7 * way("SFF") < 0.5 * way("FFF")
+    # What counts is for how long a command is in force (20 ms are two steps of the prediction, give or take
+    # one), not whether it is the first or the last.
+    assert 0.5 * way("SSF") < way("FSS") < 2.0 * way("SSF")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,20 @@ def test_a_robot_that_is_done_at_the_time_limit_is_in_time(shipped: Load) -> Non
     limit = {"time_limit_s": repr(free.duration_s)}
     in_time = run_trial(shipped("close_range", {**IDEAL, **limit}), 1)
     assert (in_time.outcome, in_time.duration_s) == (Outcome.DOCKED, free.duration_s)
+
+
+@pytest.mark.parametrize("compensation", ["true", "false"])
+def test_a_unit_that_creeps_is_stalled(shipped: Load, compensation: str) -> None:
+    """Pictures that are 500 ms late: the law hardly moves, 3 mm in 2 s, and once stayed in DOCK for 59 s.
+
+    An attempt that gets nowhere lasts a hand-over (2 s), a stall (2 s and the first way) and a retreat that
+    is over before it begins: 10 s at most.
+    """
+    late = {"cameras.onboard.latency_ms": "500", "control.delay_compensation": compensation}
+    result = run_trial(shipped("close_range", {**IDEAL, **late}), 1)
+    assert result.outcome is not Outcome.TIMEOUT
+    ends = [0.0, *(record.ended_s for record in result.records)]
+    assert max(after - before for before, after in pairwise(ends)) < 10.0
 
 
 THIRD_UNIT = """

@@ -17,7 +17,7 @@ from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_bullet.trial.environment import LockedPairs
-from msrr_bullet.trial.judge import Judge
+from msrr_bullet.trial.judge import FALSE_ABORT_TIME_S, Judge
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Action, FailureReason, Phase
@@ -229,6 +229,28 @@ def test_a_new_attempt_resets_the_seat(scene: Scene) -> None:
     assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is Outcome.FALSE_ABORT
     judge.tick(10**9, 2, None)
     assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is not Outcome.FALSE_ABORT
+
+
+def test_the_time_in_the_seat_begins_anew_after_a_break(scene: Scene) -> None:
+    """Seated, unseated, seated again: only the time since the break counts, however long it was before."""
+    seat, off = beside(scene, 0.0), beside(scene, -0.01)
+    for each in (seat, off):
+        each.simulation.plant.begin_dock(scene.plan[0])
+    judge = seat.judge()
+    share_ns = round(0.8e9 * FALSE_ABORT_TIME_S)
+    # Two stays of 0.8 of the time, with a break of one tick: more than enough together, neither by itself.
+    for start_ns in (0, share_ns + 2):
+        for at_ns in (start_ns, start_ns + share_ns):
+            judge.tick(at_ns, 1, None)
+        judge._plant = off.simulation.plant
+        judge.tick(start_ns + share_ns + 1, 1, None)
+        judge._plant = seat.simulation.plant
+        verdict = judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True)
+        assert verdict is not Outcome.FALSE_ABORT
+    third_ns = 2 * share_ns + 4
+    for at_ns in (third_ns, third_ns + round(1.01e9 * FALSE_ABORT_TIME_S)):
+        judge.tick(at_ns, 1, None)
+    assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is Outcome.FALSE_ABORT
 
 
 @pytest.mark.parametrize("phase", [Phase.FAILED, Phase.HAND_OVER, Phase.ASSEMBLE])

@@ -55,8 +55,14 @@ CASES = (
     Case(
         Outcome.LOCK_FAILED,
         "weak_lock",
-        "docked",
-        lambda r: seated(r) and r.lock_closed and r.lock_engaged and r.pull_test_passed is False,
+        "undecided",  # it senses that the pull took it off its seat
+        lambda r: (
+            "no longer docked" in r.belief_reason
+            and seated(r)
+            and r.lock_closed
+            and r.lock_engaged
+            and r.pull_test_passed is False
+        ),
     ),
     Case(
         Outcome.JAMMED,

@@ -30,11 +30,11 @@ def test_a_timer_runs_while_its_condition_holds_without_a_break() -> None:
 
 def test_progress_is_a_fall_below_the_best_by_more_than_a_step() -> None:
     memory = StateMemory(0)
-    assert memory.without_progress(0.50, 0.01, 1 * S) == 0.0
-    assert memory.without_progress(0.495, 0.01, 3 * S) == 2.0  # not enough
-    assert memory.without_progress(0.48, 0.01, 4 * S) == 0.0
-    assert memory.without_progress(0.60, 0.01, 6 * S) == 2.0  # back again, and again to the best
-    assert memory.without_progress(0.48, 0.01, 7 * S) == 3.0
+    assert memory.without_progress(0.50, 0.01, 0.0, 1 * S) == 0.0
+    assert memory.without_progress(0.495, 0.01, 0.0, 3 * S) == 2.0  # not enough
+    assert memory.without_progress(0.48, 0.01, 0.0, 4 * S) == 0.0
+    assert memory.without_progress(0.60, 0.01, 0.0, 6 * S) == 2.0  # back again, and again to the best
+    assert memory.without_progress(0.48, 0.01, 0.0, 7 * S) == 3.0
     assert memory.lasted(7 * S) == 7.0
 
 
@@ -61,6 +61,18 @@ def test_a_gap_that_was_never_known_is_that_of_a_finished_retreat(context: Docki
     assert context.view is None
     assert not context.ever_seen
     assert context.gap == context.spec.retreat_m
+
+
+def test_creeping_is_no_progress() -> None:
+    """The way of 22 mm has to be made at once, or half of what is left near the seat."""
+    memory = StateMemory(0)
+    assert memory.without_progress(0.70, 0.001, 0.022, 1 * S) == 0.0
+    for k in range(2, 12):  # 2 mm/s: each second is more than the smallest progress
+        assert memory.without_progress(0.70 - 0.002 * (k - 1), 0.001, 0.022, k * S) == k - 1
+    assert memory.without_progress(0.677, 0.001, 0.022, 13 * S) == 0.0
+    assert memory.without_progress(0.020, 0.001, 0.022, 14 * S) == 0.0
+    assert memory.without_progress(0.011, 0.001, 0.022, 15 * S) == 1.0
+    assert memory.without_progress(0.009, 0.001, 0.022, 16 * S) == 0.0
 
 
 def test_the_gap_goes_on_by_odometry_while_there_is_no_estimate(context: DockingContext) -> None:

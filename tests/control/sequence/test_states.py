@@ -17,6 +17,7 @@ from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
+    Conviction,
     FailureReason,
     LockFeedback,
     LockPosition,
@@ -45,6 +46,7 @@ class Desk:
     spec: DockingSpec = field(default_factory=DockingSpec)
     tuning: PhaseTuning = field(default_factory=PhaseTuning)
     now_ns: int = 0
+    lock: LockFeedback | None = None
 
     def __post_init__(self) -> None:
         law = build_controller(Choice(name="c1"), self.facts)
@@ -66,17 +68,21 @@ class Desk:
         lock: tuple[LockPosition, int] | None = None,
         twist: Twist | None = None,
     ) -> Action:
-        """Let 20 ms go by and ask; the pose was exposed now unless another time is given."""
+        """Let 20 ms go by and ask; the pose was exposed now unless told otherwise.
+
+        The last report of the lock stays in force.
+        """
         self.now_ns += DT_NS
         now = self.now_ns
         seen = now if exposed_ns is None else exposed_ns
+        self.lock = self.lock if lock is None else LockFeedback("a", lock[1], lock[0])
         return self.machine.step(
             Observation(
                 now_ns=now,
                 pose=None if X_DU is None else PoseEstimate(now, X_DU, covariance, seen),
                 los=los,
                 switches=None if closed is None else SeatSwitches("a", now, closed, closed),
-                lock=None if lock is None else LockFeedback("a", lock[1], lock[0]),
+                lock=self.lock,
                 twist=twist or Twist(),
             )
         )
@@ -330,6 +336,148 @@ def test_frames_that_never_agree_long_enough_open_the_lock(desk: Desk) -> None:
         _verify(desk, "ggb")
     assert desk.machine.phase is Phase.RETREAT
     assert desk.machine.belief.setback is FailureReason.NOT_VERIFIED
+
+
+@pytest.mark.parametrize(
+    ("closed", "position"),
+    [(False, LockPosition.CLOSED), (True, LockPosition.OPEN), (False, LockPosition.OPEN)],
+)
+def test_docked_is_not_believed_with_an_open_switch_or_an_open_lock(
+    desk: Desk, closed: bool, position: LockPosition
+) -> None:
+    """Switches or lock open at the instant after the lock has reported closed, whatever is seen."""
+    desk.to_verify()
+    while desk.machine.phase is Phase.VERIFY:
+        assert desk.now_ns < 60e9
+        desk.ask(desk.at(0.0), closed=closed, lock=(position, desk.now_ns))
+    assert desk.machine.phase is Phase.RETREAT
+    assert desk.machine.belief.setback is FailureReason.NOT_VERIFIED
+
+
+def test_who_does_not_look_is_not_docked_while_a_switch_is_open(facts: DockSetup) -> None:
+    desk = Desk(facts, spec=SIGHTLESS)
+    desk.to_lock()
+    action = desk.ask(desk.at(0.0), closed=False, lock=(LockPosition.CLOSED, desk.now_ns + DT_NS))
+    assert action.phase is Phase.VERIFY
+    assert desk.ask(desk.at(0.0), closed=True).phase is Phase.DONE
+
+
+def _docked(facts: DockSetup, spec: DockingSpec | None = None) -> Desk:
+    desk = Desk(facts, spec=spec or DockingSpec())
+    desk.to_verify()
+    while desk.machine.phase is not Phase.DONE:
+        assert desk.now_ns < 60e9
+        desk.ask(desk.at(0.0), closed=True)
+    assert desk.machine.belief.conviction is Conviction.DOCKED
+    return desk
+
+
+@pytest.mark.parametrize(
+    ("gap", "closed", "position", "failure", "says"),
+    [
+        (0.0, True, LockPosition.OPEN, FailureReason.LOCK_OPENED, "the lock reports open"),
+        (0.0, True, LockPosition.CLOSING, FailureReason.LOCK_OPENED, "the lock reports closing"),
+        (0.0, False, LockPosition.CLOSED, FailureReason.UNSEATED, "a seat switch has been open"),
+        (0.1, True, LockPosition.CLOSED, FailureReason.UNSEATED, "seen off its seat at 100.0 mm"),
+    ],
+)
+def test_the_belief_of_a_docked_unit_ends_with_its_evidence(
+    facts: DockSetup, gap: float, closed: bool, position: LockPosition, failure: FailureReason, says: str
+) -> None:
+    """A lock that opens later, switches that open, a unit that is pulled 10 cm away: each alone is enough."""
+    desk = _docked(facts)
+    for _ in range(50):
+        desk.ask(desk.at(0.0), closed=True)
+    assert desk.machine.belief.conviction is Conviction.DOCKED
+    lost = desk.now_ns
+    while desk.machine.belief.conviction is Conviction.DOCKED:
+        assert desk.now_ns - lost < 0.2e9
+        action = desk.ask(desk.at(gap), closed=closed, lock=(position, desk.now_ns))
+    assert (action.phase, action.twist, action.lock) == (Phase.DONE, Twist(), True)
+    belief = desk.machine.belief
+    assert (belief.conviction, belief.setback) == (Conviction.UNDECIDED, failure)
+    assert says in belief.reason
+    for _ in range(50):  # it does not come back by itself
+        desk.ask(desk.at(0.0), closed=True, lock=(LockPosition.CLOSED, desk.now_ns))
+    assert desk.machine.belief == belief
+
+
+def test_a_bounce_of_a_switch_does_not_end_the_belief(facts: DockSetup) -> None:
+    desk = _docked(facts)
+    for _ in range(10):
+        for closed in (False, False, True):
+            desk.ask(desk.at(0.0), closed=closed)
+    assert desk.machine.belief.conviction is Conviction.DOCKED
+
+
+# Undocking, and any retreat: the unit has to part from the port, not only to spend its time.
+
+
+@pytest.mark.parametrize("seen", [True, False])
+@pytest.mark.parametrize("position", [LockPosition.CLOSED, LockPosition.CLOSING])
+def test_undocking_with_a_jammed_lock_is_no_undocking(
+    facts: DockSetup, position: LockPosition, seen: bool
+) -> None:
+    """The lock stays closed and the unit in its seat; without sight the wheels lead the estimate astray."""
+    desk = _docked(facts)
+    desk.machine.undock()
+    began, gap = desk.now_ns, 0.0
+    exposed = None if seen else began
+    while not desk.machine.finished or desk.now_ns == began:
+        assert desk.now_ns - began < 15e9
+        action = desk.ask(
+            desk.at(0.0 if seen else gap), exposed_ns=exposed, closed=True, lock=(position, desk.now_ns)
+        )
+        gap -= 0.02 * action.twist.v
+    belief = desk.machine.belief
+    assert (belief.conviction, belief.setback) == (Conviction.GAVE_UP, FailureReason.NOT_RELEASED)
+    assert f"the lock reports {position.value}" in belief.reason
+
+
+@pytest.mark.parametrize(("switches", "share"), [(True, 1.0), (False, 0.5), (False, 0.0)])
+def test_undocking_needs_open_switches_and_the_whole_way(
+    facts: DockSetup, switches: bool, share: float
+) -> None:
+    desk = _docked(facts)
+    desk.machine.undock()
+    began = desk.now_ns
+    while not desk.machine.finished or desk.now_ns == began:
+        assert desk.now_ns - began < 15e9
+        gap = share * desk.spec.retreat_m
+        desk.ask(desk.at(gap), closed=switches, lock=(LockPosition.OPEN, desk.now_ns))
+    assert desk.machine.belief.setback is FailureReason.NOT_RELEASED
+
+
+def test_undocked_unseen_by_odometry_with_the_lock_open(facts: DockSetup) -> None:
+    desk = _docked(facts)
+    desk.machine.undock()
+    began, gap = desk.now_ns, 0.0
+    while not desk.machine.finished or desk.now_ns == began:
+        assert desk.now_ns - began < 15e9
+        action = desk.ask(
+            desk.at(gap), exposed_ns=began, closed=gap < 1e-3, lock=(LockPosition.OPEN, desk.now_ns)
+        )
+        gap -= 0.02 * action.twist.v
+    assert desk.machine.belief.conviction is Conviction.UNDOCKED
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_a_retreat_that_cannot_part_from_the_port_ends_the_step(facts: DockSetup, seen: bool) -> None:
+    """The lock jams while it closes: two attempts are left, but the unit cannot leave the first."""
+    desk = Desk(facts)
+    desk.to_lock()
+    began, gap = desk.now_ns, 0.0
+    while not desk.machine.finished:
+        assert desk.now_ns - began < 20e9
+        exposed = None if seen else began
+        lock = (LockPosition.CLOSING, desk.now_ns)
+        action = desk.ask(desk.at(0.0 if seen else gap), exposed_ns=exposed, closed=True, lock=lock)
+        gap -= 0.02 * min(action.twist.v, 0.0)
+    belief = desk.machine.belief
+    assert (desk.machine.attempt, belief.conviction) == (1, Conviction.GAVE_UP)
+    assert belief.setback is FailureReason.NOT_RELEASED
+    assert "stuck" in belief.reason
+    assert "cam not closed" in belief.reason, "why it backed out in the first place"
 
 
 # The retreat: how long the unit waits for an overhead picture before it backs out.

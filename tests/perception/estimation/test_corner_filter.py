@@ -225,6 +225,54 @@ def test_a_carried_off_robot_finds_itself_again(
     assert np.abs(_error(ekf.estimate(drive.now_ns), drive.X_DU)).max() < 0.015
 
 
+@pytest.mark.parametrize("reset_after", [1, 2, 5])
+def test_it_starts_anew_with_exactly_the_picture_that_reaches_the_threshold(
+    target: TargetModel, scene: Scene, make_drive: MakeDrive, reset_after: int
+) -> None:
+    """Carried off: ``reset_after`` - 1 pictures are gated out, and the next one is the new start."""
+    ekf, drive = _ekf(target, scene, reset_after=reset_after), make_drive(6)
+    _follow(drive, ekf, 150, 0)
+    drive.X_DU = SE2(-0.65, -0.12, -0.2)
+    pictures, before = 0, ekf.estimate(drive.now_ns)
+    assert before is not None
+    while pictures < reset_after:
+        reading, picture = drive.step()
+        ekf.add_odometry(reading)
+        if picture is None:
+            continue
+        pictures += 1
+        ekf.add_detections(picture)
+        found = ekf.estimate(drive.now_ns)
+        assert found is not None
+        error = np.abs(_error(found, drive.X_DU)[:2]).max()
+        if pictures < reset_after:
+            assert found.last_seen_ns == before.last_seen_ns, "gated out"
+            assert error > 0.05
+        else:
+            assert found.last_seen_ns == drive.now_ns
+            assert error < 0.02
+
+
+def test_a_good_picture_in_between_begins_the_count_anew(
+    target: TargetModel, scene: Scene, make_drive: MakeDrive
+) -> None:
+    """Two wrong ones, a good one, two wrong ones: with ``reset_after`` = 3 the filter stays where it is."""
+    ekf, drive = _ekf(target, scene, reset_after=3), make_drive(6)
+    _follow(drive, ekf, 150, 0)
+    for wrong in (True, True, False, True, True):
+        picture = None
+        while picture is None:
+            reading, picture = drive.step()
+            ekf.add_odometry(reading)
+        true = drive.X_DU
+        if wrong:
+            drive.X_DU = SE2(-0.65, -0.12, -0.2)
+            picture = drive.look()
+            drive.X_DU = true
+        ekf.add_detections(picture)
+        assert np.abs(_error(ekf.estimate(drive.now_ns), true)[:2]).max() < 0.01
+
+
 @pytest.mark.parametrize("x", [-0.101, -0.118])
 def test_spinning_wheels_at_the_port_do_not_move_the_estimate(
     target: TargetModel, scene: Scene, make_drive: MakeDrive, x: float

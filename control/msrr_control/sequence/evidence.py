@@ -1,0 +1,73 @@
+"""The evidence by which a unit believes that it is docked, undocked, or clear of the port."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from msrr_control.sequence.context import DockingContext
+from msrr_control.sequence.port_view import PortView
+from msrr_scenes.messages import FailureReason, LockPosition, MonitorState
+
+
+class Loosened(NamedTuple):
+    """What speaks against a unit being locked in its seat: which failure that is, and the reason in words."""
+
+    failure: FailureReason
+    reason: str
+
+
+def loosened(c: DockingContext) -> Loosened | None:
+    """Return what lock or switches say against a locked and seated unit; None if nothing."""
+    switches, report = c.observation.switches, c.observation.lock
+    # Open for no longer than they bounce, the switches say nothing.
+    opened = c.memory.switches.update(switches is None or not switches.both, c.now_ns)
+    if report is None or report.position is not LockPosition.CLOSED:
+        says = "nothing" if report is None else report.position.value
+        return Loosened(FailureReason.LOCK_OPENED, f"the lock reports {says}")
+    if opened > c.tuning.debounce_s:
+        return Loosened(FailureReason.UNSEATED, f"a seat switch has been open for {opened:.2f} s")
+    return None
+
+
+def seen_seated(c: DockingContext, view: PortView) -> bool:
+    """Return whether the view is that of a seated unit."""
+    check = c.spec.verify
+    straight = abs(view.yaw) <= math.radians(check.yaw_deg)
+    return straight and view.off_seat(c.tuning.seated_gap_m) <= check.position_m
+
+
+def lock_is_open(c: DockingContext) -> bool:
+    """Return whether the lock has reported that it is open."""
+    report = c.observation.lock
+    return report is not None and report.position is LockPosition.OPEN
+
+
+def not_parted(c: DockingContext) -> str | None:
+    """Return what speaks against the unit having left the port, in words; None if nothing.
+
+    A target that is seen shows the gap. The wheels alone may have slipped: without sight their way counts
+    only while the lock reports open. A unit that the collision monitor held has not been stopped by its port.
+    """
+    monitor, report = c.observation.monitor, c.observation.lock
+    if monitor is not None and monitor.state is MonitorState.STOP:
+        return None
+    in_port = c.gap < c.setup.pin_reach + c.tuning.retreat.clear_m
+    if c.view is not None and c.view.age <= c.spec.lost_time_s:
+        return f"stuck, seen at {c.view}" if in_port else None
+    if report is not None and report.position is not LockPosition.OPEN:
+        return f"stuck, not seen, and the lock reports {report.position.value}"
+    return f"stuck, {1e3 * c.gap:.0f} mm away by odometry" if in_port else None
+
+
+def not_undocked(c: DockingContext) -> str | None:
+    """Return what speaks against the unit being undocked, in words; None if nothing."""
+    switches, report = c.observation.switches, c.observation.lock
+    if not lock_is_open(c):
+        says = "nothing" if report is None else report.position.value
+        return f"the lock reports {says}, {c.gap:.3f} m away"
+    if switches is not None and switches.both:
+        return f"both seat switches are closed, {c.gap:.3f} m away"
+    if c.gap < c.spec.retreat_m - c.tuning.arrived_m:
+        return f"the retreat ended {c.gap:.3f} m away, {c.spec.retreat_m:.3f} m were to be backed out"
+    return None
