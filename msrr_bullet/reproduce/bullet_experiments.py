@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from msrr_bullet.reproduce.measured_trial import MeasuredTrial, TrialCache, measured_trial
 from msrr_bullet.reproduce.progress import Forecast, ProgressListener, TrialCounter
-from msrr_bullet.statistics import Rate, wilson
+from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.measures import MEASURES, OBSTACLE_MEASURES, Measure, PhaseName, paper_measures
-from msrr_bullet.studies.model import Count, Measured, Reproduction, Row, Table
+from msrr_bullet.studies.model import Count, Measured, Reproduction, Row, Table, rates_of
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.trial.result import TrialResult, package_versions
@@ -65,10 +68,10 @@ def paper_experiments(docking: dict[str, Choice], mission: str = "two_units") ->
         docking: Controllers compared in the close phase, by label.
         mission: Scene of the whole mission.
     """
-    both = {"C1": Choice(name="c1"), "C2": Choice(name="c2")}
+    both = {label_of(name): Choice(name=name) for name in ("c1", "c2")}
     high_gain = {
-        "C1": Choice(name="c1", params={"feedback": {"k_n_per_s": 6.0}}),
-        "C2": Choice(name="c2", params={"feedback": {"k_per_s": 6.0}}),
+        label_of("c1"): Choice(name="c1", params={"feedback": {"k_n_per_s": 6.0}}),
+        label_of("c2"): Choice(name="c2", params={"feedback": {"k_per_s": 6.0}}),
     }
     return (
         Experiment("whole mission", mission, f"scene {mission}; {_GUIDANCE}", ("long", "close"), both, both),
@@ -181,26 +184,26 @@ def _row(experiment: Experiment, label: str, phase: PhaseName, trials: tuple[Mea
     outcomes = {o.value: sum(t.outcome is o for t in trials) for o in Outcome}
     measures = {}
     for measure in MEASURES[phase]:
-        values = [t.measures[measure.key] for t in trials if measure.key in t.measures]
+        values = [t.measures.get(measure.key) for t in trials]
         if measure.key == "clearance":
-            values = [t.min_clearance_m for t in trials if t.min_clearance_m is not None]
-        measures[measure.key] = Measured.of(values)
-
-    def share(flags: Iterable[bool | None]) -> Rate | None:
+            values = [t.min_clearance_m for t in trials]
+        measures[measure.key] = Measured.of([math.nan if v is None else v for v in values])
+    flags = {"success": np.array([t.docked for t in trials])}
+    if phase == "close":
         # A trial that never came to an approach kept nothing in view.
-        return wilson(sum(flag is True for flag in flags), len(trials)) if phase == "close" else None
-
+        flags["in_view"] = np.array([t.kept_in_view is True for t in trials])
+        flags["in_cone"] = np.array([t.kept_in_cone is True for t in trials])
+    # Every trial of a law that follows the guidance has a settling time, be it infinite.
+    comparable = phase == "long" or measures["settling"].count > 0
     return Row(
         controller=experiment.docking[label].name,
         label=label,
         trials=len(trials),
-        success=wilson(sum(t.docked for t in trials), len(trials)),
-        in_view=share(t.kept_in_view for t in trials),
-        in_cone=share(t.kept_in_cone for t in trials),
+        **rates_of(**flags),
         measures=measures,
         outcomes={name: n for name, n in outcomes.items() if n},
-        met={measure.key: _count_met(trials, measure) for measure in paper_measures((phase,))},
-        within_paper=sum(within_paper(t, experiment.phases) for t in trials),
+        met={m.key: _count_met(trials, m) for m in paper_measures((phase,)) if comparable},
+        within_paper=sum(within_paper(t, experiment.phases) for t in trials) if comparable else None,
     )
 
 

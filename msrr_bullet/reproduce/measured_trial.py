@@ -62,7 +62,7 @@ def record_trial(
 def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
     """Run a trial and measure it; a :data:`msrr_bullet.sweep.sweep.TrialFunction`."""
     result, path_following, docking = record_trial(scene, seed)
-    measures = {"settling": math.inf}
+    measures = {} if docking is not None else {"settling": math.inf}
     if path_following is not None:
         measures.update(path_following.measures())
     if docking is not None:

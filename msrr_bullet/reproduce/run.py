@@ -9,13 +9,16 @@ from datetime import datetime
 from pathlib import Path
 
 from msrr_bullet.reproduce.bullet_experiments import paper_experiments, reproduce_bullet
+from msrr_bullet.reproduce.figure6 import bullet_figure6
 from msrr_bullet.reproduce.progress import ProgressListener
 from msrr_bullet.reproduce.report.ablation_plot import draw_ablations
+from msrr_bullet.reproduce.report.figure6_plot import draw_figure6
 from msrr_bullet.reproduce.report.html import strip_title, write_report
 from msrr_bullet.reproduce.report.map_plot import draw_map
 from msrr_bullet.reproduce.report.panel_plot import draw_panels
 from msrr_bullet.reproduce.report.strip_plot import draw_strips
 from msrr_bullet.reproduce.unicycle_studies import Contenders, reproduce_unicycle
+from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.model import Reproduction
 from msrr_bullet.studies.search_space import Part
 from msrr_bullet.studies.settings import STANDARD
@@ -32,8 +35,8 @@ _LAWS: dict[Part, tuple[str, ...]] = {
 
 def contenders(part: Part) -> dict[str, Choice]:
     """Return the controllers of one part by label: as they ship, then as tuned."""
-    shipped = {name.upper(): Choice(name=name) for name in _LAWS[part]}
-    tuned = {f"{name.upper()}, tuned": tuned_choice(part, name) for name in _LAWS[part]}
+    shipped = {label_of(name): Choice(name=name) for name in _LAWS[part]}
+    tuned = {label_of(name, tuned=True): tuned_choice(part, name) for name in _LAWS[part]}
     return shipped | {label: choice for label, choice in tuned.items() if choice is not None}
 
 
@@ -75,9 +78,11 @@ def reproduce(
             compared: Contenders = {"long": contenders("assembly"), "close": contenders("docking")}
             parts.append(reproduce_unicycle(unicycle, compared, pool, report))
     if bullet is not None:
-        docking = {name.upper(): Choice(name=name) for name in _LAWS["docking"]}
+        docking = {label_of(name): Choice(name=name) for name in _LAWS["docking"]}
         experiments = paper_experiments(docking, mission)
-        parts.append(reproduce_bullet(experiments, bullet, out / "trials", jobs, report))
+        found = reproduce_bullet(experiments, bullet, out / "trials", jobs, report)
+        report("the paper's Fig. 6 in the real loop")
+        parts.append(found.model_copy(update={"figure6": (bullet_figure6(bullet.start),)}))
     whole = joined(parts)
     report("figures and report")
     write_all(whole, out)
@@ -93,6 +98,8 @@ def joined(parts: list[Reproduction]) -> Reproduction:
             seeds={**whole.seeds, **part.seeds},
             tables=whole.tables + part.tables,
             panels=whole.panels + part.panels,
+            figure6=whole.figure6 + part.figure6,
+            checks=whole.checks + part.checks,
             maps=whole.maps + part.maps,
             ablations=whole.ablations + part.ablations,
             seconds={**whole.seconds, **part.seconds},
@@ -112,6 +119,8 @@ def write_all(results: Reproduction, out: Path) -> Path:
     for ablation in results.ablations:
         title = f"Ablations, {ablation.phase}"
         figures[title] = draw_ablations(ablation, out / _file(title))
+    if results.figure6:
+        figures["Figure 6"] = draw_figure6(results.figure6, out / _file("figure 6"))
     los = STANDARD.dock_setup().los
     for panels in results.panels:
         for name in panels.series:

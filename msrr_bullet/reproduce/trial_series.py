@@ -12,6 +12,8 @@ from msrr_bullet.log import topics
 from msrr_bullet.log.records import TruePose
 from msrr_bullet.studies.docking_studies import docking_law
 from msrr_bullet.timeline.path_following_series import Instant
+from msrr_control.docking.c1 import C1DockingState
+from msrr_control.docking.c2 import C2DockingState
 from msrr_control.docking.controller import ControlInputs, law_inputs
 from msrr_control.docking.law import DockSetup
 from msrr_control.feedback.visibility_cone import edge_angles
@@ -69,18 +71,23 @@ class DockingSeries:
         time: Time since the beginning of the approach, shape (T,) [s].
         pose: True axle pose, shape (T, 3).
         tip: True controlled point, shape (T, 2) [m].
-        reference: Guidance trajectory, computed again from the estimates, shape (T, 2) [m].
+        reference: Guidance trajectory, computed again from the estimates, shape (T, 2) [m]; NaN for a law
+            that follows none.
+        corrected: The same with the line-of-sight correction of C1 and C2, which other laws do not have.
         edges: True angles of both edges of the target during the whole of this approach and of those before
             it, shape (S, 2) [rad].
         command: Commanded speeds (v, w), shape (T, 2).
+        twist: True speeds (v, w), shape (T, 2).
     """
 
     time: Array
     pose: Array
     tip: Array
     reference: Array
+    corrected: Array
     edges: Array
     command: Array
+    twist: Array
 
     @classmethod
     def of(cls, instants: list[Instant], scene: Scene, until_s: float | None) -> DockingSeries | None:
@@ -117,42 +124,58 @@ class DockingSeries:
             return None
         pose = poses(last)
         time = np.array([seconds(i.action.stamp_ns) for i in last])
+        reference, corrected = _guidance(last, scene, setup)
         return cls(
             time=time - time[0],
             pose=pose,
             tip=offset_point(pose, setup.offset),
-            reference=_guidance(last, scene, setup),
+            reference=reference,
+            corrected=corrected,
             edges=edges,
             command=np.array([[i.action.twist.v, i.action.twist.w] for i in last]),
+            twist=_speeds(time, pose),
         )
 
     def measures(self, settled_m: float, window_s: float = 1.0) -> dict[str, float]:
-        """Return settling time [s], infinite for an approach that never settled, and final error [m].
+        """Return settling time [s], infinite for an approach that never settled, and final errors [m].
 
         The settling time is the time from which on the tip stays near the guidance trajectory to the end of
-        the approach.
+        the approach. The final error is measured to the guidance trajectory and to the port's axis. A law
+        that follows no trajectory has the error to the port alone.
 
         Args:
             settled_m: Distance of the tip from the guidance trajectory below which it counts as settled [m].
             window_s: Duration before the end over which the final error is the largest error [s].
         """
-        error = np.hypot(*(self.tip - self.reference).T)
         in_window = self.time >= self.time[-1] - window_s - _ROUNDING_S
+        to_port = {"port": float(np.abs(self.tip[in_window, 1]).max())}
+        if np.isnan(self.reference).any():
+            return to_port
+        error = np.hypot(*(self.tip - self.reference).T)
         beyond = np.flatnonzero(error > settled_m)
         first = int(beyond[-1]) + 1 if beyond.size else 0
         settling = float(self.time[first]) if first < len(error) else math.inf
-        return {"settling": settling, "final": float(error[in_window].max())}
+        return {"settling": settling, "final": float(error[in_window].max()), **to_port}
 
     def kept_within(self, bound: float) -> bool:
         """Return whether both edges of the target stayed within ``bound`` [rad] in every approach."""
         return bool(np.abs(self.edges).max() <= bound)
 
 
-def _guidance(instants: list[Instant], scene: Scene, setup: DockSetup) -> Array:
-    """Return the reference of the docking law at every instant, shape (T, 2) [m]."""
+def _speeds(time: Array, pose: Array) -> Array:
+    """Return (v, w) from poses, shape (T, 3), by central differences, shape (T, 2)."""
+    if len(time) < 2:
+        return np.zeros((len(time), 2))
+    dx, dy, w = np.gradient(np.column_stack([pose[:, :2], np.unwrap(pose[:, 2])]), time, axis=0).T
+    yaw = pose[:, 2]
+    return np.column_stack([dx * np.cos(yaw) + dy * np.sin(yaw), w])
+
+
+def _guidance(instants: list[Instant], scene: Scene, setup: DockSetup) -> tuple[Array, Array]:
+    """Return the docking law's reference without and with its line-of-sight correction, (T, 2) each [m]."""
     law = docking_law(scene.control.docking, setup)
     state: Any = None
-    points = []
+    points, corrected = [], []
     previous_ns = instants[0].action.stamp_ns - round(1e9 / setup.rate_hz)
     for instant in instants:
         now_ns, estimate = instant.action.stamp_ns, instant.estimate
@@ -163,5 +186,7 @@ def _guidance(instants: list[Instant], scene: Scene, setup: DockSetup) -> Array:
         state = law.start(sensed) if state is None else state
         _, state = law.step(state, sensed, dt)
         points.append(law.reference(state))
+        shift = state.cone.shift if isinstance(state, (C1DockingState, C2DockingState)) else 0.0
+        corrected.append(points[-1] + shift)
         previous_ns = now_ns
-    return np.array(points)
+    return np.array(points), np.array(corrected)

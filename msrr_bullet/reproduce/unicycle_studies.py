@@ -7,14 +7,18 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
 from typing import TypeVar
 
+from msrr_bullet.reproduce.figure6 import unicycle_figure6
 from msrr_bullet.reproduce.progress import ProgressListener
 from msrr_bullet.studies.ablations import RowJob, ablation_jobs
 from msrr_bullet.studies.docking_studies import docking_series
 from msrr_bullet.studies.gain_delay import GAINS, LATENCIES, gain_delay_map
 from msrr_bullet.studies.measures import PHASES, PhaseName
-from msrr_bullet.studies.model import Ablations, Panels, Reproduction, Row, Series, Table
+from msrr_bullet.studies.model import Ablations, Reproduction, Row, Table
 from msrr_bullet.studies.path_following_studies import path_following_series
+from msrr_bullet.studies.series import Panels, Series
 from msrr_bullet.studies.settings import HARD, IDEAL, STANDARD, UNCOMPENSATED, WIDE, Setting
+from msrr_bullet.studies.stability import SETTINGS as STABILITY_SETTINGS
+from msrr_bullet.studies.stability import stability_checks
 from msrr_bullet.trial.result import package_versions
 from msrr_scenes.specs.spec import Choice
 
@@ -26,6 +30,9 @@ TABLES = (STANDARD, IDEAL, UNCOMPENSATED, HARD, WIDE)
 
 #: Number of trials in each cell of the map, enough to distinguish docking from not docking.
 MAP_TRIALS = 40
+
+#: Number of trials along which the stability proofs are checked.
+CHECK_TRIALS = 100
 
 #: Controllers by phase and label, in the order in which they are shown.
 Contenders = Mapping[PhaseName, Mapping[str, Choice]]
@@ -73,10 +80,19 @@ def reproduce_unicycle(
     ]
     series = iter(list(run_all(panel_series, panel_jobs)))
     panels = tuple(
-        Panels(phase=phase, setting=STANDARD.description, series={label: next(series) for label in choices})
+        Panels(
+            phase=phase,
+            setting=STANDARD.description(phase),
+            series={label: next(series) for label in choices},
+        )
         for phase, choices in contenders.items()
     )
     record_time("panels")
+    on_progress("the paper's Fig. 6 and its stability proofs")
+    figure6 = unicycle_figure6(seeds.start)
+    check_jobs = [(setting, seeds[:CHECK_TRIALS]) for setting in STABILITY_SETTINGS]
+    checks = tuple(check for found in run_all(stability_checks, check_jobs) for check in found)
+    record_time("Fig. 6 and stability")
     on_progress("ablations")
     jobs = ablation_jobs(seeds)
     ablation_tables = _tables(jobs, list(run_all(RowJob.run, jobs)))
@@ -99,6 +115,8 @@ def reproduce_unicycle(
         seeds={"unicycle": (seeds.start, seeds.stop)},
         tables=tables,
         panels=panels,
+        figure6=(figure6,),
+        checks=checks,
         maps=tuple(maps),
         ablations=ablations,
         seconds=seconds,
@@ -123,7 +141,7 @@ def _tables(jobs: Iterable[RowJob], rows: Iterable[Row]) -> tuple[Table, ...]:
             phase=phase,
             plant="unicycle",
             setting=name,
-            description=settings[name].description,
+            description=settings[name].description(phase),
             rows=tuple(group),
         )
         for (phase, name), group in groups.items()

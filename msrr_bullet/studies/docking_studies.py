@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.studies.measures import CAPTURE_DEG, CAPTURE_M, SETTLED_M, measure
-from msrr_bullet.studies.model import Measured, Row, Series, count_within_paper, rate_of
+from msrr_bullet.studies.model import Measured, Row, count_within_paper, rates_of
+from msrr_bullet.studies.series import Series
 from msrr_bullet.studies.settings import PAPER_TRAJECTORY, Setting, merge_params
 from msrr_control.docking.c1 import C1DockingState
+from msrr_control.docking.c2 import C2DockingState
 from msrr_control.docking.controller import LawController, build_controller
 from msrr_control.docking.law import DockingLaw, DockSetup
 from msrr_control.studies.docking_study import StudyResult, run_study
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.spec import Choice
@@ -51,46 +55,51 @@ def captured(result: StudyResult) -> NDArray[np.bool_]:
 
 
 def run_docking(
-    controller: Choice, setting: Setting, seeds: range, duration_s: float = DURATION_S
+    controller: Choice,
+    setting: Setting,
+    seeds: range,
+    duration_s: float = DURATION_S,
+    observer: Callable[[Any], None] | None = None,
 ) -> StudyResult:
     """Run a trial for each seed; starts and noise are the same for every controller."""
     setup = setting.dock_setup()
     law = docking_law(controller, setup)
     rng = stream(seeds.start, f"study/close/{setting.limits}")
-    return run_study(law, setup, rng, len(seeds), setting.docking_starts, setting.disturbance, duration_s)
+    starts, wrong = setting.docking_starts, setting.disturbance
+    return run_study(law, setup, rng, len(seeds), starts, wrong, duration_s, observer)
 
 
 def docking_row(controller: Choice, label: str, setting: Setting, seeds: range) -> Row:
     """Return a controller's row of a table of the close phase."""
     result = run_docking(with_paper_trajectory(controller), setting, seeds)
     paper_values = {"settling": result.settling_time(SETTLED_M), "final": result.final_error()}
-    lateral, yaw = result.at_contact()
+    lateral, yaw = np.full((2, len(seeds)), np.nan)
+    lateral[result.docked], yaw[result.docked] = np.abs(result.at_contact())
     docked = captured(result)
     within_paper = docked.copy()
-    for key, values in paper_values.items():
-        within_paper &= values <= (measure(key).paper_c1 or np.inf)
-    contact_values = {"lateral": np.abs(lateral), "yaw": np.abs(yaw)}
+    for key, found in paper_values.items():
+        within_paper &= found <= (measure(key).paper_c1 or np.inf)
+    follows = not np.isnan(result.reference).any()
+    values = {**paper_values, "port": result.port_error(), "lateral": lateral, "yaw": yaw}
     return Row(
         controller=controller.name,
         label=label,
         trials=len(seeds),
-        success=rate_of(docked),
-        in_view=rate_of(result.in_cone(setting.half_fov)),
-        in_cone=rate_of(result.in_cone(setting.dock_setup().los.outer)),
-        measures={key: Measured.of(values) for key, values in {**paper_values, **contact_values}.items()},
-        met=count_within_paper(paper_values),
-        within_paper=int(within_paper.sum()),
+        **rates_of(
+            success=docked,
+            in_view=result.in_cone(setting.half_fov),
+            in_cone=result.in_cone(setting.dock_setup().los.outer),
+        ),
+        measures={key: Measured.of(v) for key, v in values.items()},
+        met=count_within_paper(paper_values) if follows else {},
+        within_paper=int(within_paper.sum()) if follows else None,
     )
 
 
 def docking_series(controller: Choice, setting: Setting, seed: int) -> Series:
     """Return one trial over time, from start to contact."""
     setup = setting.dock_setup()
-    states: list[C1DockingState] = []
-
-    def keep_c1_state(state: object) -> None:
-        if isinstance(state, C1DockingState):
-            states.append(state)
+    states: list[Any] = []
 
     result = run_study(
         docking_law(with_paper_trajectory(controller), setup),
@@ -100,21 +109,24 @@ def docking_series(controller: Choice, setting: Setting, seed: int) -> Series:
         setting.docking_starts,
         setting.disturbance,
         DURATION_S,
-        observer=keep_c1_state,
+        observer=states.append,
     )
     end = int(result.contact[0]) + 1 if result.docked[0] else len(result.pose)
     tip, reference = result.tip[:end, 0], result.reference[:end, 0]
+    follows = not np.isnan(reference).any()
+    off = tip - reference if follows else tip * [0.0, 1.0]
+    corrected: Array | tuple[()] = ()
     auxiliary = {}
-    if states:
-        auxiliary = {
-            "xi": np.stack([s.xi[0] for s in states[:end]]),
-            "cone shift [m]": np.stack([s.cone.shift[0] for s in states[:end]]),
-        }
+    if isinstance(states[0], (C1DockingState, C2DockingState)):
+        shift = np.stack([s.cone.shift[0] for s in states[:end]])
+        corrected = reference + shift
+        auxiliary = {"xi": np.stack([s.xi[0] for s in states[:end]]), "cone shift [m]": shift}
     return Series(
         time=result.dt * np.arange(end),
         tip=tip,
-        reference=reference,
-        error=np.column_stack([tip - reference, result.pose[:end, 0, 2]]),
+        reference=reference if follows else (),
+        corrected=corrected,
+        error=np.column_stack([off, result.pose[:end, 0, 2]]),
         command=result.command[:end, 0],
         twist=result.twist[:end, 0],
         angles=result.edges[:end, 0],

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from typing import Literal, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from msrr_bullet.studies.docking_studies import captured, run_docking, with_paper_trajectory
+from msrr_bullet.studies.labels import C2, label_of
 from msrr_bullet.studies.measures import measure
 from msrr_bullet.studies.model import GainDelayMap, MapCell
 from msrr_bullet.studies.settings import STANDARD, Setting
@@ -18,11 +19,23 @@ from msrr_scenes.specs.spec import Choice
 GAINS = (0.8, 1.2, 1.8, 2.5, 3.5, 4.5, 6.0, 8.0, 11.0)
 LATENCIES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.10, 0.13, 0.16, 0.20)
 
-Law = Literal["c1", "c2"]
-LAWS: tuple[Law, Law] = ("c1", "c2")
+C1 = label_of("c1")
+
+#: Gain [1/s] and latency [s] of the cell whose final errors are most like the paper's, see ``paper_cell``.
+PAPER_LIKE = (8.0, 0.06)
+
+#: C1 and C2, and each with the other's treatment of the drive's limits: registered name and parameters by
+#: label. The latter two show what the contrast of the first two comes from.
+LAWS: dict[str, tuple[str, dict[str, Any]]] = {
+    C1: ("c1", {}),
+    C2: ("c2", {}),
+    "C1 without anti-windup": ("c1", {"anti_windup": False}),
+    f"{C2} with anti-windup": ("c2", {"anti_windup": True}),
+}
+C1_WITHOUT, C2_WITH = tuple(LAWS)[2:]
 
 #: Law, gain [1/s], latency [s], whether the estimator compensates for the delay, and the seeds.
-CellJob = tuple[Law, float, float, bool, range]
+CellJob = tuple[str, float, float, bool, range]
 
 
 class Mapper(Protocol):
@@ -35,13 +48,24 @@ class Mapper(Protocol):
         ...
 
 
+def law_at(label: str, gain: float) -> Choice:
+    """Return one of the laws of the map at a gain k_n [1/s]."""
+    name, params = LAWS[label]
+    key = "k_n_per_s" if name == "c1" else "k_per_s"
+    return Choice(name=name, params={**params, "feedback": {key: gain}})
+
+
+def delayed(latency: float, compensated: bool) -> Setting:
+    """Return the setting of a cell: the standard one at another latency [s]."""
+    update = {"delay_s": latency, "compensated": compensated}
+    return Setting("map", disturbance=STANDARD.disturbance.model_copy(update=update))
+
+
 def map_cell(job: CellJob) -> MapCell:
     """Study one controller at one gain and one delay."""
-    law, gain, latency, compensated, seeds = job
-    key = "k_n_per_s" if law == "c1" else "k_per_s"
-    controller = with_paper_trajectory(Choice(name=law, params={"feedback": {key: gain}}))
-    disturbance = STANDARD.disturbance.model_copy(update={"delay_s": latency, "compensated": compensated})
-    result = run_docking(controller, Setting("map", "", disturbance=disturbance), seeds, duration_s=8.5)
+    label, gain, latency, compensated, seeds = job
+    controller, setting = with_paper_trajectory(law_at(label, gain)), delayed(latency, compensated)
+    result = run_docking(controller, setting, seeds, duration_s=8.5)
     final = float(np.median(result.final_error()))
     return MapCell(success=float(captured(result).mean()), final_p50_m=round(final, 6))
 
@@ -53,13 +77,13 @@ def gain_delay_map(
     gains: tuple[float, ...] = GAINS,
     latencies: tuple[float, ...] = LATENCIES,
 ) -> GainDelayMap:
-    """Study C1 and C2 over gains and delays.
+    """Study C1, C2 and what lies between them over gains and delays.
 
     Args:
         compensated: Whether the estimator compensates for the delay.
         seeds: Seeds of the trials of every cell.
         mapper: Runs the cells in order, as the built-in ``map`` or that of an executor does.
-        gains: Gain k_n of both controllers [1/s]; all other parameters keep their defaults.
+        gains: Gain k_n of all controllers [1/s]; all other parameters keep their defaults.
         latencies: Latency from exposure to use [s].
     """
     jobs = [(law, g, t, compensated, seeds) for law in LAWS for g in gains for t in latencies]
@@ -78,7 +102,7 @@ def gain_delay_map(
 
 
 def _nearest_to_paper(
-    cells: dict[Law, tuple[tuple[MapCell, ...], ...]], gains: tuple[float, ...], latencies: tuple[float, ...]
+    cells: dict[str, tuple[tuple[MapCell, ...], ...]], gains: tuple[float, ...], latencies: tuple[float, ...]
 ) -> tuple[float, float]:
     """Return the (gain, latency) at which both medians of the final error are nearest to the paper's."""
     final = measure("final")
@@ -86,7 +110,7 @@ def _nearest_to_paper(
     def squared_log_ratios(indices: tuple[int, int]) -> float:
         i, j = indices
         total = 0.0
-        for cell, paper in ((cells["c1"][i][j], final.paper_c1), (cells["c2"][i][j], final.paper_c2)):
+        for cell, paper in ((cells[C1][i][j], final.paper_c1), (cells[C2][i][j], final.paper_c2)):
             total += math.log((cell.final_p50_m or math.inf) / (paper or math.nan)) ** 2
         return total
 

@@ -8,48 +8,70 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import Field
 
-from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
+from msrr_bullet.statistics import Quantiles, Rate, quantile, quantiles, wilson
 from msrr_bullet.studies.measures import PhaseName, measure
+from msrr_bullet.studies.result_part import ResultPart
+from msrr_bullet.studies.series import Figure6, Panels
 from msrr_scenes.arrays import Array
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="strings")
-
-
-class Measured(_Part):
-    """One measure over many trials, in SI; trials that do not have the measure are left out.
+class Measured(ResultPart):
+    """One measure over many trials, in SI.
 
     Attributes:
         values: Value of every trial that has one. The time to something that never happened is infinite.
+        missing: Trials that do not have the measure, by their place among all trials.
         quantiles: Median, 95th percentile and largest of all these values.
+        min: Smallest of them, None without any.
+        p05: Their 5th percentile.
         count: Number of trials that have a value.
         never: Number of these values that are infinite.
     """
 
     values: tuple[float, ...]
+    missing: tuple[int, ...] = ()
     quantiles: Quantiles
+    min: float | None = None
+    p05: float | None = None
     count: int
     never: int = 0
 
     @classmethod
     def of(cls, values: Iterable[float] | Array) -> Measured:
         """Collect values, rounded to the micrometre; NaN stands for a trial without a value."""
-        kept = tuple(round(float(v), 6) for v in values if not math.isnan(v))
-        never = sum(math.isinf(v) for v in kept)
-        return cls(values=kept, quantiles=quantiles(kept), count=len(kept), never=never)
+        given = [round(float(v), 6) for v in values]
+        kept = tuple(v for v in given if not math.isnan(v))
+        return cls(
+            values=kept,
+            missing=tuple(i for i, v in enumerate(given) if math.isnan(v)),
+            quantiles=quantiles(kept),
+            min=min(kept, default=None),
+            p05=quantile(kept, 0.05) if kept else None,
+            count=len(kept),
+            never=sum(math.isinf(v) for v in kept),
+        )
+
+    def by_trial(self) -> Array:
+        """Return the value of every trial, NaN for one without a value, shape (trials,)."""
+        values = np.full(len(self.values) + len(self.missing), np.nan)
+        values[np.setdiff1d(np.arange(len(values)), np.array(self.missing, dtype=int))] = self.values
+        return values
 
 
-class Count(_Part):
+class Count(ResultPart):
     """A number ``n`` of trials out of a number ``of`` of trials."""
 
     n: int
     of: int
 
 
-class Row(_Part):
+#: What is true or not of a trial, in the order in which it is shown.
+FlagName = Literal["success", "in_view", "in_cone"]
+
+
+class Row(ResultPart):
     """One controller in one setting.
 
     Attributes:
@@ -62,6 +84,8 @@ class Row(_Part):
             approach, from the hand-over to the contact, by truth; None where that has no meaning.
         in_cone: Share of trials that kept both edges within the outer bound of the line of sight, which is
             narrower than the field of view.
+        flags: Whether each trial counts in ``success``, ``in_view`` and ``in_cone``: a digit 0 or 1 each.
+            Trials of the same number have the same start and noise under every controller of a table.
         measures: Measures by key, see :mod:`msrr_bullet.studies.measures`.
         outcomes: Number of trials by the judge's verdict, where there is a judge.
         met: By key, the number of trials that meet the paper's value of its own law, out of those that have
@@ -75,13 +99,19 @@ class Row(_Part):
     success: Rate
     in_view: Rate | None = None
     in_cone: Rate | None = None
+    flags: dict[FlagName, Annotated[str, Field(pattern=r"^[01]*$")]] = Field(default_factory=dict)
     measures: dict[str, Measured]
-    outcomes: dict[str, int] = {}
-    met: dict[str, Count] = {}
+    outcomes: dict[str, int] = Field(default_factory=dict)
+    met: dict[str, Count] = Field(default_factory=dict)
     within_paper: int | None = None
 
+    def by_trial(self, name: FlagName) -> NDArray[np.bool_] | None:
+        """Return what is true or not of each trial, shape (trials,); None where it has no meaning."""
+        digits = self.flags.get(name)
+        return None if digits is None else np.array([d == "1" for d in digits], dtype=bool)
 
-class Table(_Part):
+
+class Table(ResultPart):
     """Several controllers in one setting."""
 
     phase: PhaseName
@@ -90,75 +120,29 @@ class Table(_Part):
     description: str
     rows: tuple[Row, ...]
 
-
-def _rounded(values: Any) -> Any:
-    """Turn an array into nested lists, rounded to the micrometre; leave anything else as it is."""
-    return np.round(values, 6).tolist() if isinstance(values, np.ndarray) else values
-
-
-_Scalars = Annotated[tuple[float, ...], BeforeValidator(_rounded)]
-_Pairs = Annotated[tuple[tuple[float, float], ...], BeforeValidator(_rounded)]
-_Triples = Annotated[tuple[tuple[float, float, float], ...], BeforeValidator(_rounded)]
+    def row(self, label: str) -> Row | None:
+        """Return the row of a controller; None if the table does not have it."""
+        return next((r for r in self.rows if r.label == label), None)
 
 
-class Series(_Part):
-    """One trial over time, for the six panels; SI, in the frame of the phase's reference.
-
-    Every series may be given as an array of shape (T,), (T, 2) or (T, 3), and is rounded to the micrometre.
-
-    Attributes:
-        time: Time [s].
-        tip: Controlled point (x, y).
-        reference: Point (x, y) that the controlled point follows.
-        error: Difference (x, y, yaw) from the reference, in the frame of the phase.
-        command: Commanded speeds (v, w).
-        twist: Speeds (v, w) behind the drive's limits.
-        angles: The two edge angles (close phase), or nothing.
-        distance: Distance from the body to the centre of the obstacle (long phase), or nothing.
-        auxiliary: States that only this law has, by name, each with two axes.
-        obstacle: Centre (x, y) and radius of the obstacle, if there is one.
-        limits: Largest v and w.
-    """
-
-    time: _Scalars
-    tip: _Pairs
-    reference: _Pairs
-    error: _Triples
-    command: _Pairs
-    twist: _Pairs
-    angles: _Pairs = ()
-    distance: _Scalars = ()
-    auxiliary: dict[str, _Pairs] = {}
-    obstacle: tuple[float, float, float] | None = None
-    limits: tuple[float, float]
-
-
-class Panels(_Part):
-    """The series of one phase, by the controller's label."""
-
-    phase: PhaseName
-    setting: str
-    series: dict[str, Series]
-
-
-class MapCell(_Part):
-    """One controller at one gain and one delay."""
+class MapCell(ResultPart):
+    """One controller at one gain and one delay: share of trials docked, and final error to the guidance."""
 
     success: float
     final_p50_m: float | None
 
 
-class GainDelayMap(_Part):
+class GainDelayMap(ResultPart):
     """Docking success over gain and delay.
 
     Attributes:
         compensated: Whether the estimator compensates for the delay.
-        gains: Gain k_n of both controllers [1/s].
+        gains: Gain k_n of every controller [1/s].
         latencies: Latency from exposure to use [s].
         lag: Time constant 1 / kappa of the drive [s]; the total delay is latency plus lag.
         extra_gain: Gain that the boundary layer of C2 adds to k_n [1/s].
         trials: Number of trials in each cell.
-        cells: Cells by controller, one row for each gain, one column for each latency.
+        cells: Cells by the controller's label, one row for each gain, one column for each latency.
         paper_cell: The (gain, latency) at which the medians of the final error come nearest to the paper's.
     """
 
@@ -168,18 +152,50 @@ class GainDelayMap(_Part):
     lag: float
     extra_gain: float
     trials: int
-    cells: dict[Literal["c1", "c2"], tuple[tuple[MapCell, ...], ...]]
+    cells: dict[str, tuple[tuple[MapCell, ...], ...]]
     paper_cell: tuple[float, float]
 
 
-class Ablations(_Part):
+class Ablations(ResultPart):
     """C1 with one of its parts switched off, in several settings."""
 
     phase: PhaseName
     tables: tuple[Table, ...]
 
 
-class Reproduction(_Part):
+class ConditionShare(ResultPart):
+    """How often V falls under a condition.
+
+    Attributes:
+        time: Share of the time in which the condition holds.
+        falls: Share of that in which V falls; None where the condition never holds.
+        proved: Share of that in which V changes as the equation says, within what sampling makes of it.
+    """
+
+    time: float
+    falls: float | None
+    proved: float | None
+
+
+class StabilityCheck(ResultPart):
+    """One of the paper's stability proofs checked along trials, see :mod:`msrr_bullet.studies.stability`.
+
+    Attributes:
+        equation: Number of the equation.
+        setting: Name of the setting.
+        description: Its description.
+        trials: Number of trials.
+        conditions: Shares by condition; the conditions may hold at the same time.
+    """
+
+    equation: int
+    setting: str
+    description: str
+    trials: int
+    conditions: dict[str, ConditionShare]
+
+
+class Reproduction(ResultPart):
     """All results of a reproduction.
 
     Attributes:
@@ -187,6 +203,8 @@ class Reproduction(_Part):
         seeds: First seed and one beyond the last, by plant.
         tables: Controllers compared with the paper, by phase, plant and setting.
         panels: One trial of each phase over time.
+        figure6: C1 and C2 over each other, on each plant.
+        checks: The paper's stability proofs along trials.
         maps: Docking success over gain and delay, without and with compensation.
         ablations: C1 without each of its parts.
         seconds: Computing time of each part [s].
@@ -196,9 +214,11 @@ class Reproduction(_Part):
     seeds: dict[str, tuple[int, int]]
     tables: tuple[Table, ...] = ()
     panels: tuple[Panels, ...] = ()
+    figure6: tuple[Figure6, ...] = ()
+    checks: tuple[StabilityCheck, ...] = ()
     maps: tuple[GainDelayMap, ...] = ()
     ablations: tuple[Ablations, ...] = ()
-    seconds: dict[str, float] = {}
+    seconds: dict[str, float] = Field(default_factory=dict)
 
     def to_json(self) -> str:
         """Return the results as JSON."""
@@ -213,6 +233,12 @@ class Reproduction(_Part):
 def rate_of(flags: NDArray[np.bool_]) -> Rate:
     """Return the share of true flags with its interval."""
     return wilson(int(flags.sum()), int(flags.size))
+
+
+def rates_of(**flags: NDArray[np.bool_]) -> dict[str, Any]:
+    """Return the fields of a row that flags by trial determine: each flag's rate, and ``flags``."""
+    digits = {name: "".join("01"[int(flag)] for flag in values) for name, values in flags.items()}
+    return {**{name: rate_of(values) for name, values in flags.items()}, "flags": digits}
 
 
 def count_within_paper(values_by_key: Mapping[str, Iterable[float] | Array]) -> dict[str, Count]:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from msrr_bullet.studies.measures import paper_measures
-from msrr_bullet.studies.model import Measured, Row, Series, count_within_paper, rate_of
+from msrr_bullet.studies.model import Measured, Row, count_within_paper, rates_of
+from msrr_bullet.studies.series import Series
 from msrr_bullet.studies.settings import PAPER_PACE, Setting, merge_params
 from msrr_control.parameters import read_params
 from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams, C1PathFollowingState
@@ -24,7 +25,7 @@ from msrr_scenes.specs.spec import Choice
 _HALF_BODY = 0.10
 
 #: Distance of the controlled point ahead of the axle [m].
-_OFFSET = 0.10
+OFFSET = 0.10
 
 
 def path_following_law(choice: Choice, setting: Setting) -> PathFollowingLaw[Any]:
@@ -37,15 +38,17 @@ def path_following_law(choice: Choice, setting: Setting) -> PathFollowingLaw[Any
     params = merge_params({"pace": PAPER_PACE.model_dump()}, choice.params)
     limits = setting.limits_spec
     if choice.name == "c1":
-        return C1PathFollowingLaw(read_params("c1", C1PathFollowingParams, params), limits, _OFFSET)
+        return C1PathFollowingLaw(read_params("c1", C1PathFollowingParams, params), limits, OFFSET)
     if choice.name == "c2":
-        return C2PathFollowingLaw(read_params("c2", C2PathFollowingParams, params), limits, _OFFSET)
+        return C2PathFollowingLaw(read_params("c2", C2PathFollowingParams, params), limits, OFFSET)
     raise UnknownNameError("long-distance law", choice.name, ("c1", "c2"), "")
 
 
-def run_path_following(choice: Choice, setting: Setting, seeds: range) -> PathFollowingStudyResult:
+def run_path_following(
+    choice: Choice, setting: Setting, seeds: range, observer: Callable[[Any], None] | None = None
+) -> PathFollowingStudyResult:
     """Run a trial for each seed; paths, starts and noise are the same for every law."""
-    return _run(choice, setting, stream(seeds.start, f"study/long/{setting.limits}"), len(seeds))
+    return _run(choice, setting, stream(seeds.start, f"study/long/{setting.limits}"), len(seeds), observer)
 
 
 def _run(
@@ -88,7 +91,7 @@ def path_following_row(choice: Choice, label: str, setting: Setting, seeds: rang
         controller=choice.name,
         label=label,
         trials=len(seeds),
-        success=rate_of(clear),
+        **rates_of(success=clear),
         measures={key: Measured.of(found) for key, found in values.items()},
         met=count_within_paper(values),
         within_paper=int(within_paper.sum()),

@@ -127,7 +127,8 @@ def _controller(name: str, law: Callable[[P, DockSetup], DockingLaw[Any]], kind:
     return build_law
 
 
-#: The controllers by the names that a scene gives them: the paper's C1, its comparison C2, and three others.
+#: The controllers by the names that a scene gives them: the paper's C1, C2 (our reading of its
+#: comparison), and three others.
 CONTROLLERS: dict[str, Factory] = {
     "c1": _controller("c1", C1DockingLaw, C1DockingParams),
     "c2": _controller("c2", C2DockingLaw, C2DockingParams),

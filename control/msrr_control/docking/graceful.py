@@ -82,5 +82,5 @@ class GracefulLaw:
         return curvature
 
     def reference(self, state: GuidanceState) -> Array:
-        """Return the point of the docking axis abreast of the controlled point, shape (..., 2) [m]."""
-        return state.point
+        """Return NaN, shape (..., 2): a point that keeps abreast of the estimate is no trajectory."""
+        return np.full_like(state.point, np.nan)

@@ -107,5 +107,5 @@ class DockingLaw(Protocol[State]):
         ...
 
     def reference(self, state: State) -> Array:
-        """Return the point of the guidance trajectory in D, shape (..., 2) [m]."""
+        """Return the point of the guidance trajectory in D, shape (..., 2) [m]; NaN if there is none."""
         ...

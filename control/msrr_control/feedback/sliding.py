@@ -1,4 +1,4 @@
-"""Sliding-mode feedback with a boundary layer, by which the paper's comparison C2 tracks."""
+"""Sliding-mode feedback with a boundary layer, by which C2 tracks, our reading of the comparison."""
 
 from __future__ import annotations
 
@@ -34,8 +34,9 @@ def sliding_feedback(error: Array, gains: SlidingGains) -> Array:
 
     on each axis. It is continuous, odd and strictly falling in e.
 
-    Source: the comparison of Zheng et al. (their reference [22]); the boundary layer is that of J.-J. Slotine
-    and W. Li, "Applied Nonlinear Control", 1991, section 7.2.
+    Source: our reading of the comparison of Zheng et al. (their reference [22]), whose equations they do not
+    print; the boundary layer is that of J.-J. Slotine and W. Li, "Applied Nonlinear Control", 1991, section
+    7.2.
 
     Args:
         error: Position error of the controlled point [m], any shape.

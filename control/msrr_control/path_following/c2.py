@@ -1,4 +1,7 @@
-"""The long-distance law C2, with which the paper compares C1."""
+"""The long-distance law C2: our reading of the law with which the paper compares C1.
+
+The paper prints no equations of it; it describes it in words and names a source.
+"""
 
 from __future__ import annotations
 
@@ -49,9 +52,8 @@ class C2PathFollowingLaw:
 
     .. math:: u = \dot p_d + u_s(p_l - p_d) + u_o(p_l)
 
-    Source: the comparison of Zheng et al. (their reference [22]). The avoidance is purely radial: it pushes
-        the
-    unit back instead of leading it around the obstacle.
+    Source: our reading of the comparison of Zheng et al. (their reference [22]), whose equations they do not
+    print. The avoidance is purely radial: it pushes the unit back instead of leading it around the obstacle.
     """
 
     def __init__(self, params: C2PathFollowingParams, limits: LimitsSpec, offset: float) -> None:

@@ -17,12 +17,15 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Positive, Spec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
+#: What Young's inequality takes from k_l [1/s] in eq. 20 for the velocity by which the spring pushes.
+LEAST_K_L = 0.25
+
 
 class TrackingGains(Spec):
     """Gains of the lower layer.
 
     Attributes:
-        k_l_per_s: Gain k_l on the position.
+        k_l_per_s: Gain k_l on the position, above 1/4 1/s: eq. 20 proves a decay at k_l - 1/4.
         windup: Auxiliary system; its k / gamma has to stay below k_l, else it is a limit cycle.
         spring: Virtual spring.
     """
@@ -30,6 +33,15 @@ class TrackingGains(Spec):
     k_l_per_s: Positive = 1.2
     windup: AuxiliaryGains = Field(default=AuxiliaryGains(k_mps=0.06, gamma_m=0.10))
     spring: SpringGains = SpringGains()
+
+    @model_validator(mode="after")
+    def _gain_leaves_decay(self) -> TrackingGains:
+        if self.k_l_per_s <= LEAST_K_L:
+            raise ValueError(
+                f"k_l_per_s = {self.k_l_per_s:.3g} has to be more than {LEAST_K_L:g} 1/s: eq. 20 proves a"
+                f" decay at k_l - {LEAST_K_L:g}, and at or below that nothing is left of it"
+            )
+        return self
 
     @model_validator(mode="after")
     def _windup_below_loop(self) -> TrackingGains:

@@ -24,7 +24,7 @@ def c1(setup: AssemblySetup, **params: Any) -> Assembler:
 
 
 def c2(setup: AssemblySetup, **params: Any) -> Assembler:
-    """Build the long-distance phase of the paper's comparison C2."""
+    """Build the long-distance phase of C2, our reading of the paper's comparison."""
     checked = read_params("c2", C2AssemblyParams, params)
     return LongDistanceAssembler(checked, setup, C2PathFollowingLaw(checked, setup.limits, setup.offset))
 

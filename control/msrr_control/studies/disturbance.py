@@ -8,8 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from msrr_control.kinematics.controlled_point import rotate
-from msrr_control.kinematics.drive_limits import nested_limit_twist
-from msrr_control.kinematics.unicycle import advance_pose
+from msrr_control.kinematics.unicycle import advance_pose, drive
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -82,8 +81,8 @@ class DisturbedUnicycles:
     def advance(self, command: Array) -> None:
         """Drive by a command (v, w), shape (trials, 2), for one control period."""
         dt, track = self._dt, self._disturbance.track_m
-        self.twist = nested_limit_twist(self.twist, command, self._limits, self._limits.kappa_per_s, dt)
-        v, w = self.twist[:, 0], self.twist[:, 1]
+        self.twist, mean = drive(self.twist, command, self._limits, dt)
+        v, w = mean[:, 0], mean[:, 1]
         self._odometry = advance_pose(self._odometry, dt * v, dt * w)
         left, right = self._grips[:, 0] * (v - 0.5 * track * w), self._grips[:, 1] * (v + 0.5 * track * w)
         self.pose = advance_pose(self.pose, dt * (0.5 * (left + right)), dt * ((right - left) / track))

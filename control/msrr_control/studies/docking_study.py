@@ -44,7 +44,7 @@ class StudyResult:
         twist: Speeds behind the drive's limits, shape (steps, trials, 2).
         edges: Line-of-sight angles, shape (steps, trials, 2) [rad].
         tip: Controlled point in D, shape (steps, trials, 2) [m].
-        reference: The law's guidance trajectory, shape (steps, trials, 2) [m].
+        reference: The law's guidance trajectory, shape (steps, trials, 2) [m]; NaN if it follows none.
         contact: Step at which the faces meet, -1 without contact, shape (trials,).
         redrawn: Number of starts that were drawn again because the target lay outside the outer cone.
     """
@@ -79,19 +79,34 @@ class StudyResult:
 
         The end is the contact, or without one the end of the trial. The time is infinite where the error is
         above the bound at the end: such a trial never settles, and an early contact does not make it faster.
+        It is NaN under a law that follows no trajectory.
         """
         until_contact = self._until_contact()
         above = (self.error() > bound) & until_contact
         steps = np.arange(len(self.pose))[:, None]
         first = np.max(np.where(above, steps + 1, 0), axis=0)
-        return np.where(first < until_contact.sum(axis=0), first * self.dt, np.inf)
+        settled = np.where(first < until_contact.sum(axis=0), first * self.dt, np.inf)
+        return np.where(np.isnan(self.reference).any(axis=(0, 2)), np.nan, settled)
 
     def final_error(self, window: float = 1.0) -> Array:
-        """Return the largest error in the last ``window`` [s] before contact, shape (trials,) [m]."""
+        """Return the largest error in the last ``window`` [s] before contact, shape (trials,) [m].
+
+        It is NaN under a law that follows no trajectory.
+        """
+        return self._largest_late(self.error(), window)
+
+    def port_error(self, window: float = 1.0) -> Array:
+        """Return the largest distance from the axis of the port in that time, shape (trials,) [m].
+
+        It asks nothing of the law, so that any two laws can be compared by it.
+        """
+        return self._largest_late(np.abs(self.tip[..., 1]), window)
+
+    def _largest_late(self, error: Array, window: float) -> Array:
         steps = np.arange(len(self.pose))[:, None]
         before = np.where(self.docked, self.contact, len(self.pose) - 1)[None, :] - steps
         late = (before >= 0) & (before * self.dt <= window)
-        largest: Array = np.max(np.where(late, self.error(), 0.0), axis=0)
+        largest: Array = np.max(np.where(late, error, 0.0), axis=0)
         return largest
 
     def at_contact(self) -> tuple[Array, Array]:

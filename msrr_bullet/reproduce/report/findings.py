@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import get_args
 
+from msrr_bullet.reproduce.report.comparisons import LEVEL
 from msrr_bullet.reproduce.report.formatting import format_quantiles, format_rate, format_value
 from msrr_bullet.reproduce.report.gain_delay_findings import count_cells
 from msrr_bullet.statistics import Rate, wilson
+from msrr_bullet.studies.gain_delay import C1
+from msrr_bullet.studies.labels import C2, label_of
 from msrr_bullet.studies.measures import MEASURES, PHASES, measure
-from msrr_bullet.studies.model import Reproduction, Row, Table
+from msrr_bullet.studies.model import FlagName, Reproduction, Row, Table
+from msrr_bullet.studies.paired import mcnemar
 from msrr_scenes.specs.plan import ControlSpec
 
 
@@ -50,10 +55,11 @@ def _map_requirements(results: Reproduction) -> list[Requirement]:
     maps = [m for m in results.maps if not m.compensated]
     if not maps:
         return []
-    c1_alone, both, _ = count_cells(maps[0])
+    c1_alone, both, _ = count_cells(maps[0], C1, C2)
     return [
         Requirement(
-            "the map over gain and delay has a region where C1 docks and C2 does not, and one where both do",
+            f"the map over gain and delay has a region where C1 docks and {C2} does not, and one where both"
+            " do",
             f"{c1_alone} cells of C1 alone, {both} of both",
             c1_alone > 0 and both > 0,
         )
@@ -63,9 +69,9 @@ def _map_requirements(results: Reproduction) -> list[Requirement]:
 def _loop_requirements(results: Reproduction) -> list[Requirement]:
     answered = []
     tables = [results.table(phase, "bullet", "whole mission") for phase in PHASES]
-    rows = {label: [r for r in (_row(t, label) for t in tables) if r is not None] for label in ("C1", "C2")}
-    if rows["C1"]:
-        c1 = rows["C1"][0]
+    rows = {label: [r for r in (_row(t, label) for t in tables) if r is not None] for label in (C1, C2)}
+    if rows[C1]:
+        c1 = rows[C1][0]
         answered.append(
             Requirement(
                 "C1, whole mission, bullet and images: docked and every figure of the paper met in 95 %",
@@ -95,7 +101,7 @@ def _within_paper(rows: Sequence[Row]) -> str:
 
 
 def _row(table: Table | None, label: str) -> Row | None:
-    return None if table is None else next((r for r in table.rows if r.label == label), None)
+    return None if table is None else table.row(label)
 
 
 def lag_text(results: Reproduction) -> list[str]:
@@ -129,7 +135,7 @@ def default_controller_text(results: Reproduction) -> str:
 
     Controllers are ranked in the hardest available table of the close phase by docking rate, then by keeping
     the target in view, then by keeping it in the cone, then by the lateral error at contact. Controllers
-    whose rates cannot be told from the best one's (their intervals overlap) are named with it.
+    whose rates cannot be told from the best one's on the same trials are named with it.
     """
     table = (
         results.table("close", "bullet", "hard starts")
@@ -139,15 +145,16 @@ def default_controller_text(results: Reproduction) -> str:
     if table is None:
         return ""
     best, *others = sorted(table.rows, key=_rank, reverse=True)
-    equal = [r for r in others if _intervals_overlap(r, best)]
+    equal = [r for r in others if _rates_are_equal(r, best)]
     worse = [r for r in others if r not in equal]
     shipped = ControlSpec()
-    default = _row(table, shipped.docking.name.upper())
+    default = _row(table, label_of(shipped.docking.name))
     text = (
-        f"The default docking controller is {shipped.docking.name.upper()}, the default of the long-distance"
-        f" phase {shipped.assembly.name.upper()}. The evidence ({table.plant}, {best.trials} trials;"
-        f" {table.description}): {best.label} is the best by docking rate, then by keeping the target in"
-        f" view, then by keeping it in the cone, then by the lateral error at contact ({_evidence(best)})."
+        f"The default docking controller is {label_of(shipped.docking.name)}, the default of the"
+        f" long-distance phase {label_of(shipped.assembly.name)}. The evidence ({table.plant},"
+        f" {best.trials} trials; {table.description}): {best.label} is the best by docking rate, then by"
+        " keeping the target in view, then by keeping it in the cone, then by the lateral error at contact"
+        f" ({_evidence(best)})."
     )
     if default is not None and default is not best:
         text += f" The default {'cannot be told from it' if default in equal else 'is worse'}."
@@ -165,9 +172,11 @@ def _rank(row: Row) -> tuple[float, float, float, float]:
     return (row.success.rate, _known(row.in_view).rate, _known(row.in_cone).rate, -error)
 
 
-def _intervals_overlap(row: Row, best: Row) -> bool:
-    pairs = ((row.success, best.success), (row.in_view, best.in_view), (row.in_cone, best.in_cone))
-    return all(_known(a).high >= _known(b).low for a, b in pairs)
+def _rates_are_equal(row: Row, best: Row) -> bool:
+    """Return whether no rate of a row is lower than that of the best one beyond chance, trial by trial."""
+    pairs = [(row.by_trial(name), best.by_trial(name)) for name in get_args(FlagName)]
+    found = [mcnemar(a, b) for a, b in pairs if a is not None and b is not None]
+    return not any(f.second_alone > f.first_alone and f.p < LEVEL for f in found)
 
 
 def _known(rate: Rate | None) -> Rate:

@@ -20,15 +20,20 @@ def format_value(value: float, measure: Measure) -> str:
 
 
 def format_quantiles(row: Row, measure: Measure) -> str:
-    """Return median / 95th percentile of one measure.
+    """Return median / 95th percentile of one measure; minimum / 5th percentile where more is better.
 
     The number of trials that have the measure is added if it is not that of all trials, and the number of
     trials in which the timed event never happened if there are any.
     """
     measured = row.measures.get(measure.key)
-    if measured is None or measured.quantiles.p50 is None or measured.quantiles.p95 is None:
+    if measured is None:
         return "-"
-    p50, p95 = (format_value(q, measure) for q in (measured.quantiles.p50, measured.quantiles.p95))
+    shown = (measured.quantiles.p50, measured.quantiles.p95)
+    if measure.more_is_better:
+        shown = (measured.min, measured.p05)
+    first, second = (None if q is None else format_value(q, measure) for q in shown)
+    if first is None or second is None:
+        return "-"
     notes = [f"n = {measured.count}"] if measured.count != row.trials else []
     notes += [f"{measured.never} never"] if measured.never else []
-    return f"{p50} / {p95} ({', '.join(notes)})" if notes else f"{p50} / {p95}"
+    return f"{first} / {second} ({', '.join(notes)})" if notes else f"{first} / {second}"

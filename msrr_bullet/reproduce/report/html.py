@@ -8,10 +8,12 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from msrr_bullet.reproduce.report.ablation_findings import ablation_text
+from msrr_bullet.reproduce.report.balance import balances
+from msrr_bullet.reproduce.report.comparisons import METHOD, success_text
 from msrr_bullet.reproduce.report.findings import default_controller_text, lag_text, requirements
 from msrr_bullet.reproduce.report.formatting import format_quantiles
-from msrr_bullet.reproduce.report.gain_delay_findings import map_text
+from msrr_bullet.reproduce.report.gain_delay_findings import DOCKS, map_text
+from msrr_bullet.studies.labels import C2, C2_NOTE
 from msrr_bullet.studies.measures import MEASURES, Measure
 from msrr_bullet.studies.model import Reproduction, Table
 
@@ -40,15 +42,20 @@ def write_report(results: Reproduction, figures: Mapping[str, Path], path: Path)
         lstrip_blocks=True,
     )
     environment.globals.update(
-        ablation_text=ablation_text,
         format_quantiles=format_quantiles,
         measures_of=_measures_of,
         pictures=pictures,
+        success_text=success_text,
         strip_title=strip_title,
     )
     page = environment.get_template("report.html.j2").render(
         results=results,
         requirements=requirements(results),
+        balances=balances(results),
+        comparison_method=METHOD,
+        docks=DOCKS,
+        c2_label=C2,
+        c2_note=C2_NOTE,
         conclusions=[text for text in (default_controller_text(results), *lag_text(results)) if text],
         map_text=map_text(results),
     )

@@ -1,60 +1,77 @@
-"""Docking success of C1 and C2 over gain and total delay."""
+"""Docking success over gain and total delay: C1, C2, and each with the other's way with limits."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib.patheffects as effects
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
 from msrr_bullet.reproduce.report.gain_delay_findings import DOCKS
 from msrr_bullet.reproduce.report.style import PAPER, SMALL, controller_style, new_figure, save, styled
-from msrr_bullet.studies.gain_delay import LAWS
+from msrr_bullet.studies.gain_delay import C1, C1_WITHOUT, C2_WITH
+from msrr_bullet.studies.labels import C2
 from msrr_bullet.studies.measures import measure
 from msrr_bullet.studies.model import GainDelayMap
 
-#: Name, colour and hatch of a cell, by whether (C1, C2) dock.
+#: The two pairs of laws that are compared; the second has its treatment of the limits exchanged.
+_PAIRS = ((C1, C2), (C1_WITHOUT, C2_WITH))
+
+#: Name, colour and hatch of a cell, by whether (C1, C2), or (C1 without, C2 with anti-windup) dock.
 _CELL_STYLES: dict[tuple[bool, bool], tuple[str, str, str]] = {
     (True, True): ("both dock", "#f7f7f2", ""),
-    (True, False): ("C1 alone", controller_style("c1")[0], "//"),
-    (False, True): ("C2 alone", controller_style("c2")[0], "\\\\"),
+    (True, False): ("C1 (below: without anti-windup) alone", controller_style("c1")[0], "//"),
+    (False, True): ("C2 (below: with anti-windup) alone", controller_style("c2")[0], "\\\\"),
     (False, False): ("neither", "#9aa3ab", "xx"),
 }
 
 
 def draw_map(chart: GainDelayMap, path: Path) -> Path:
-    """Draw the success of each controller, and which controllers dock in each cell."""
-    c1, c2 = (np.array([[c.success for c in row] for row in chart.cells[law]]) for law in LAWS)
+    """Draw the success of each controller, and which of two dock in each cell; a row for each pair."""
     with styled():
-        figure = new_figure(19.0, 7.6)
-        left, middle, right = figure.subplots(1, 3, sharey=True)
-        for axes, law, shares in ((left, "c1", c1), (middle, "c2", c2)):
-            image = axes.imshow(
-                100.0 * shares, cmap="cividis", vmin=0.0, vmax=100.0, origin="lower", aspect="auto"
-            )
-            for i, j in np.ndindex(shares.shape):
-                ink = "black" if shares[i, j] > 0.55 else "white"
-                text = f"{100 * shares[i, j]:.0f}"
-                axes.text(j, i, text, ha="center", va="center", color=ink, fontsize=SMALL)
-            axes.set_title(f"{law.upper()}: docked [%]")
-        bar = figure.colorbar(image, ax=(left, middle), shrink=0.8, pad=0.01)
-        bar.set_label("docked [%]")
-        handles = [*_draw_cells(right, c1 >= DOCKS, c2 >= DOCKS), *_draw_stability_limits(right, chart)]
-        for axes in (left, middle, right):
-            _draw_axes(axes, chart)
-            if not chart.compensated:
-                ring = _draw_paper_cell(axes, chart)
-        if not chart.compensated:
-            handles.append(ring)
-        left.set_ylabel("gain k_n [1/s]", labelpad=10.0)
-        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+        figure = new_figure(19.0, 13.6)
+        grid = figure.subplots(2, 3, sharey=True)
+        handles: list[Artist] = []
+        for line, pair in zip(grid, _PAIRS, strict=True):
+            handles = _draw_pair(figure, line, chart, pair)
+        figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
         how = "delay compensated by the estimator" if chart.compensated else "delay not compensated"
         figure.suptitle(f"Docking over gain and delay, {how} ({chart.trials} trials a cell)")
         return save(figure, path)
+
+
+def _draw_pair(
+    figure: Figure, line: Sequence[Axes], chart: GainDelayMap, pair: tuple[str, str]
+) -> list[Artist]:
+    """Draw two laws and which of them dock; return what the legend explains."""
+    first, second = (np.array([[c.success for c in row] for row in chart.cells[law]]) for law in pair)
+    left, middle, right = line
+    for axes, law, shares in ((left, pair[0], first), (middle, pair[1], second)):
+        image = axes.imshow(
+            100.0 * shares, cmap="cividis", vmin=0.0, vmax=100.0, origin="lower", aspect="auto"
+        )
+        for i, j in np.ndindex(shares.shape):
+            ink = "black" if shares[i, j] > 0.55 else "white"
+            text = f"{100 * shares[i, j]:.0f}"
+            axes.text(j, i, text, ha="center", va="center", color=ink, fontsize=SMALL)
+        axes.set_title(f"{law}: docked [%]")
+    bar = figure.colorbar(image, ax=(left, middle), shrink=0.8, pad=0.01)
+    bar.set_label("docked [%]")
+    handles = [*_draw_cells(right, first >= DOCKS, second >= DOCKS), *_draw_stability_limits(right, chart)]
+    for axes in (left, middle, right):
+        _draw_axes(axes, chart)
+        if not chart.compensated:
+            ring = _draw_paper_cell(axes, chart)
+    if not chart.compensated:
+        handles.append(ring)
+    left.set_ylabel("gain k_n [1/s]", labelpad=10.0)
+    return handles
 
 
 def _draw_cells(axes: Axes, c1: NDArray[np.bool_], c2: NDArray[np.bool_]) -> list[Artist]:
@@ -92,7 +109,7 @@ def _draw_paper_cell(axes: Axes, chart: GainDelayMap) -> Patch:
     i, j = chart.gains.index(chart.paper_cell[0]), chart.latencies.index(chart.paper_cell[1])
     final = measure("final")
     papers = f"{1e3 * (final.paper_c1 or 0.0):g} and {1e3 * (final.paper_c2 or 0.0):g} mm"
-    ours = " and ".join(f"{1e3 * (chart.cells[law][i][j].final_p50_m or np.nan):.0f}" for law in LAWS)
+    ours = " and ".join(f"{1e3 * (chart.cells[law][i][j].final_p50_m or np.nan):.0f}" for law in (C1, C2))
     ring = Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, edgecolor=PAPER, linewidth=4.0)
     ring.set_path_effects([effects.Stroke(linewidth=8.0, foreground="white"), effects.Normal()])
     ring.set_label(f"most like the paper: final errors {papers} there, {ours} mm here")

@@ -19,7 +19,7 @@ from msrr_bullet.reproduce.report.style import (
     styled,
 )
 from msrr_bullet.studies.measures import SETTLED_M, measure
-from msrr_bullet.studies.model import Panels, Series
+from msrr_bullet.studies.series import Panels, Series
 from msrr_scenes.arrays import Array
 
 #: Line styles of up to three curves of one panel, which are drawn in the controller's colour, black and grey.
@@ -58,10 +58,11 @@ def draw_panels(panels: Panels, name: str, path: Path, cone_deg: tuple[float, fl
 
 
 def _draw_path(axes: Axes, series: Series, phase: str, colour: str) -> None:
-    tip, reference = np.array(series.tip), np.array(series.reference)
-    axes.plot(
-        *reference.T, color=PAPER, linestyle="--", label="desired path" if phase == "long" else "guidance"
-    )
+    tip = np.array(series.tip)
+    reference = np.array(series.reference).reshape(-1, 2)
+    if len(reference):
+        text = "desired path" if phase == "long" else "guidance"
+        axes.plot(*reference.T, color=PAPER, linestyle="--", label=text)
     axes.plot(*tip.T, color=colour, label="controlled point")
     axes.plot(*tip[0], color=colour, marker="o", markersize=8, linestyle="", label="its start")
     if series.obstacle is not None:

@@ -44,7 +44,7 @@ def draw_strips(table: Table, path: Path) -> Path:
         handles = [
             Line2D([], [], color=FAINT, marker="o", linestyle="", markersize=6, label="a trial"),
             Line2D([], [], color=FAINT, linewidth=4.5, label="median"),
-            Line2D([], [], color=FAINT, linewidth=2.0, label="95th percentile"),
+            Line2D([], [], color=FAINT, linewidth=2.0, label="95th percentile (clearance: 5th)"),
             Line2D([], [], color=PAPER, linestyle="-", label="paper, C1"),
             Line2D([], [], color=PAPER, linestyle="--", label="paper, C2"),
         ]
@@ -72,8 +72,8 @@ def _draw_strip(axes: Axes, rows: Sequence[Row], measure: Measure, has_targets: 
         values = measure.scale * np.array(measured.values[:_MAX_DOTS])
         across = i + jitter.uniform(-0.22, 0.22, len(values))
         axes.scatter(values, across, s=20, color=colour, marker=marker, alpha=0.4, linewidths=0)
-        q = measured.quantiles
-        for value, half, width in ((q.p50, 0.38, 4.5), (q.p95, 0.30, 2.0)):
+        tail = measured.p05 if measure.more_is_better else measured.quantiles.p95
+        for value, half, width in ((measured.quantiles.p50, 0.38, 4.5), (tail, 0.30, 2.0)):
             x = measure.scale * (value or 0.0)
             if not np.isfinite(x):
                 continue  # counted with the values beyond the axis

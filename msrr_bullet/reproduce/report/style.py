@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -52,8 +53,8 @@ PAPER, FAINT, HAZARD = css(BLACK), "#6b747d", css(OBSTACLE)
 
 
 def controller_style(controller: str) -> tuple[str, str]:
-    """Return colour and marker of a controller, by its registered name or its label (``C1, tuned``)."""
-    colour, marker = _STYLES.get(controller.partition(",")[0].lower(), (0x59636D, "P"))
+    """Return colour and marker of a controller, by its registered name or its label, which begins with it."""
+    colour, marker = _STYLES.get(re.split(r"[ ,]", controller)[0].lower(), (0x59636D, "P"))
     return css(colour), marker
 
 

@@ -27,8 +27,10 @@ def _series(off: np.ndarray) -> DockingSeries:
         pose=np.zeros((steps, 3)),
         tip=tip,
         reference=reference,
+        corrected=reference,
         edges=np.zeros((steps, 2)),
         command=np.zeros((steps, 2)),
+        twist=np.zeros((steps, 2)),
     )
 
 
@@ -53,6 +55,7 @@ def test_one_definition_for_both_plants() -> None:
         for study in (_study(off, 99), _study(off, -1), _study(np.append(off, np.full(9, 0.5)), 99)):
             assert found["settling"] == pytest.approx(study.settling_time(0.015)[0])
             assert found["final"] == pytest.approx(study.final_error()[0])
+            assert found["port"] == pytest.approx(study.port_error()[0])
         never += math.isinf(found["settling"])
     assert 10 < never < 50
 

@@ -51,10 +51,12 @@ def test_the_targets_are_stricter_than_the_papers_values() -> None:
 
 
 def test_the_measures_of_each_phase() -> None:
-    assert [m.key for m in MEASURES["close"]] == ["settling", "final", "lateral", "yaw"]
+    assert [m.key for m in MEASURES["close"]] == ["settling", "final", "port", "lateral", "yaw"]
     long = ["tracking", "amplitude", "amplitude_path", "recovery", "recovery_path", "clearance"]
     assert [m.key for m in MEASURES["long"]] == long
     assert len({m.label for m in ALL}) == len(ALL) == len({m.key for m in ALL})
+    assert [(m.key, m.tail) for m in ALL if m.more_is_better] == [("clearance", 0.05)]
+    assert {m.tail for m in ALL if not m.more_is_better} == {0.95}
     assert set(OBSTACLE_MEASURES) == {"amplitude", "recovery"}
     for what in ALL:
         assert measure(what.key) is what
@@ -64,7 +66,7 @@ def test_units_follow_from_the_scale() -> None:
     """One tenth in SI is 100 mm, 0.1 m, 0.1 s and 5.73 deg."""
     scales = {"mm": 1e3, "m": 1.0, "s": 1.0, "deg": math.degrees(1.0)}
     assert all(m.scale == pytest.approx(scales[m.unit]) for m in ALL)
-    millimetres = ("tracking", "final", "lateral")
+    millimetres = ("tracking", "final", "port", "lateral")
     metres = ("amplitude", "amplitude_path", "clearance")
     unit = {**dict.fromkeys(millimetres, "mm"), **dict.fromkeys(metres, "m"), "yaw": "deg"}
     assert all(m.unit == unit.get(m.key, "s") for m in ALL)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from msrr_bullet.studies.model import Measured, Reproduction, Series, Table, count_within_paper, rate_of
+from msrr_bullet.studies.model import Measured, Reproduction, Table, count_within_paper, rate_of
+from msrr_bullet.studies.series import Series
 
 #: One second at 2 Hz, standing still.
 SERIES = {

@@ -132,3 +132,11 @@ def test_commands_stay_within_the_drive(goal, pose, velocity, obstacle, limits, 
 def test_a_loop_slower_than_its_anti_windup_is_refused() -> None:
     with pytest.raises(ValueError, match="limit cycle"):
         TrackingGains(k_l_per_s=0.5)
+
+
+@pytest.mark.parametrize("k_l", [0.05, 0.25])
+def test_a_gain_that_leaves_nothing_of_the_decay_of_eq_20_is_refused(k_l: float) -> None:
+    slow = AuxiliaryGains(k_mps=0.001, gamma_m=0.1)
+    with pytest.raises(ValueError, match=r"k_l_per_s = 0.* more than 0.25 1/s: eq. 20"):
+        TrackingGains(k_l_per_s=k_l, windup=slow)
+    assert TrackingGains(k_l_per_s=0.26, windup=slow).k_l_per_s == 0.26

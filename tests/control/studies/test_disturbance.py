@@ -62,3 +62,17 @@ def test_a_delay_is_compensated_by_odometry_unless_it_is_not() -> None:
             units.advance(np.array([[0.3, 0.5]] * 3))
     np.testing.assert_array_equal(late, poses[-1 - 5])
     np.testing.assert_allclose(moved, poses[-1], atol=1e-9)
+
+
+def test_the_units_of_a_study_lag_a_ramp_by_one_over_kappa() -> None:
+    """What is driven in a step of 20 ms, against the command that is held in it."""
+    for setting in ("normal", "tight"):
+        limits = LimitsSpec.model_validate({"setting": setting})
+        units = DisturbedUnicycles(np.zeros((1, 3)), Disturbance(), limits, 0.02, np.random.default_rng(0))
+        slope, k = 0.3 * limits.a_max_mps2, 0
+        while slope * 0.02 * k < 0.95 * limits.v_max_mps:
+            command, before = slope * 0.02 * k, units.pose[0, 0]
+            units.advance(np.array([[command, 0.0]]))
+            lag = (command - (units.pose[0, 0] - before) / 0.02) / slope
+            k += 1
+        assert lag == pytest.approx(1.0 / limits.kappa_per_s, rel=0.01)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from msrr_bullet.reproduce.report.findings import default_controller_text, lag_text, requirements
-from msrr_bullet.studies.model import Measured, Reproduction, Row, Table, rate_of
+from msrr_bullet.studies.model import Measured, Reproduction, Row, Table, rates_of
 from msrr_bullet.studies.path_following_studies import path_following_row
 from msrr_bullet.studies.settings import STANDARD
 from msrr_scenes.specs.spec import Choice
@@ -18,9 +18,11 @@ def row(label: str, docked: int, in_view: int, lateral_m: float, settling: float
         controller=label.lower(),
         label=label,
         trials=20,
-        success=rate_of(np.arange(20) < docked),
-        in_view=rate_of(np.arange(20) < in_view),
-        in_cone=rate_of(np.arange(20) < in_view),
+        **rates_of(
+            success=np.arange(20) < docked,
+            in_view=np.arange(20) < in_view,
+            in_cone=np.arange(20) < in_view,
+        ),
         measures={key: Measured.of([value] * 20) for key, value in values.items()},
     )
 

@@ -1,6 +1,8 @@
 """The map over gain and delay in words."""
 
 from msrr_bullet.reproduce.report.gain_delay_findings import map_text
+from msrr_bullet.studies.gain_delay import C1, C1_WITHOUT, C2_WITH
+from msrr_bullet.studies.labels import C2
 from msrr_bullet.studies.model import GainDelayMap, MapCell, Reproduction
 
 
@@ -13,7 +15,12 @@ def test_the_text_of_the_map_names_gaps() -> None:
         lag=0.05,
         extra_gain=2.0,
         trials=20,
-        cells={"c1": ((good,) * 3,) * 3, "c2": ((good,) * 3, (good, bad, good), (good, bad, bad))},
+        cells={
+            C1: ((good,) * 3,) * 3,
+            C2: ((good,) * 3, (good, bad, good), (good, bad, bad)),
+            C1_WITHOUT: ((bad,) * 3,) * 3,
+            C2_WITH: ((good,) * 3,) * 3,
+        },
         paper_cell=(1.0, 0.0),
     )
     (text,) = map_text(Reproduction(versions={}, seeds={}, maps=(chart,)))
@@ -22,3 +29,7 @@ def test_the_text_of_the_map_names_gaps() -> None:
     )
     assert both in text
     assert "C1 alone docks at k_n = 2 1/s and 150 ms; k_n = 3 1/s and 150 to 250 ms." in text
+    assert (
+        "With and without anti-windup, docking: C1 in 9, C2 (our reading) in 6, C1 without anti-windup in 0"
+        " and C2 (our reading) with anti-windup in 9." in text
+    )

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from msrr_bullet.reproduce.report.ablation_findings import ablation_text
+from msrr_bullet.reproduce.report.balance import balances
 from msrr_bullet.reproduce.report.findings import lag_text
 from msrr_bullet.reproduce.report.html import strip_title, write_report
-from msrr_bullet.studies.model import Ablations, Count, Measured, Reproduction, Row, Table, rate_of
+from msrr_bullet.studies.model import Ablations, Count, Measured, Reproduction, Row, Table, rates_of
 from msrr_bullet.studies.path_following_studies import path_following_row
 from msrr_bullet.studies.settings import STANDARD
 from msrr_scenes.specs.spec import Choice
@@ -16,15 +16,13 @@ from msrr_scenes.specs.spec import Choice
 
 def row(label: str, settling: list[float], **optional: object) -> Row:
     """A row of 20 trials of the close phase."""
-    every = rate_of(np.ones(20, dtype=bool))
-    others = {key: Measured.of([0.001] * 20) for key in ("final", "lateral", "yaw")}
+    every = np.ones(20, dtype=bool)
+    others = {key: Measured.of([0.001] * 20) for key in ("final", "port", "lateral", "yaw")}
     return Row(
         controller="c1",
         label=label,
         trials=20,
-        success=every,
-        in_view=every,
-        in_cone=every,
+        **rates_of(success=every, in_view=every, in_cone=every),
         measures={"settling": Measured.of(settling), **others},
         **optional,
     )
@@ -47,22 +45,34 @@ def test_a_row_has_a_cell_for_every_column(tmp_path: Path) -> None:
         plant="bullet",
         setting="hard starts",
         description="a scene",
-        rows=(complete, row("C2", [])),
+        rows=(complete, row("C2", [math.nan] * 20)),
     )
     page = write_report(
         Reproduction(versions={}, seeds={}, tables=(table,)), {}, tmp_path / "r.html"
     ).read_text()
     assert "<p class=note>a scene. Verdicts: C1: 19 docked, 1 jammed</p>" in page
     head = page[page.index("<th>trials") : page.index("</thead>", page.index("<th>trials"))]
-    assert head.count("<th>") == 2 + 2 + 4 + 1
+    assert head.count("<th>") == 2 + 2 + 5 + 1
     c1, c2, *paper = [cells(" ".join(r.split())) for r in page.split("<tr><td>C1")[1].split("<tr>")]
     c1 = ["C1", *c1]
     rate = "100.0 %<br><small>83.9 .. 100.0</small>"
     settling = "1 / never (2 never)<br><small>18 of 20 within</small>"
-    assert c1 == ["C1", "20", rate, rate, rate, settling, "1 / 1", "1 / 1", "0.0573 / 0.0573", "17 of 20"]
-    assert c2 == ["C2", "20", rate, rate, rate, "-", "1 / 1", "1 / 1", "0.0573 / 0.0573", ""]
-    assert paper[0] == ["paper, C1", "1", "-", "-", "-", "4", "7", "-", "-", ""]
-    assert paper[1] == ["paper, C2", "1", "-", "-", "-", "-", "44", "-", "-", ""]
+    assert c1 == [
+        "C1",
+        "20",
+        rate,
+        rate,
+        rate,
+        settling,
+        "1 / 1",
+        "1 / 1",
+        "1 / 1",
+        "0.0573 / 0.0573",
+        "17 of 20",
+    ]
+    assert c2 == ["C2", "20", rate, rate, rate, "-", "1 / 1", "1 / 1", "1 / 1", "0.0573 / 0.0573", ""]
+    assert paper[0] == ["paper's C1", "1", "-", "-", "-", "4", "7", "-", "-", "-", ""]
+    assert paper[1] == ["paper's C2", "1", "-", "-", "-", "-", "44", "-", "-", "-", ""]
 
 
 def test_text_is_escaped(tmp_path: Path) -> None:
@@ -97,6 +107,8 @@ def test_the_effect_of_each_part_is_in_the_report(tmp_path: Path) -> None:
     ablations = Ablations(phase="close", tables=(table,))
     results = Reproduction(versions={}, seeds={}, ablations=(ablations,))
     page = write_report(results, {}, tmp_path / "r.html").read_text()
-    (text,) = ablation_text(ablations)
+    (balance,) = balances(results)
+    assert balance.other == "C1 without it"
+    (text,) = balance.better
+    assert text.startswith("time to stay under 15 mm, 95th percentile 1 instead of 9 s")
     assert f"<li>{text}</li>" in page
-    assert "Close phase: each figure in the setting" in page

@@ -1,0 +1,119 @@
+"""Two controllers on the same trials: each figure that differs beyond chance, in numbers and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from msrr_bullet.reproduce.report.formatting import format_value
+from msrr_bullet.statistics import quantile
+from msrr_bullet.studies.measures import MEASURES, PATH_FOLLOWING, Measure, PhaseName
+from msrr_bullet.studies.model import FlagName, Row, Table
+from msrr_bullet.studies.paired import mcnemar, paired_difference
+
+#: Probability with which two equal controllers are told apart by one figure in one setting.
+LEVEL = 0.05
+
+#: What is said of all comparisons.
+METHOD = (
+    "Controllers are compared trial by trial: start and noise of a trial are the same under each. A rate"
+    " counts as different by McNemar's exact test, a quantile by the 95 % interval of a paired bootstrap."
+    f" Each comparison has a level of {100 * LEVEL:g} %: of twenty figures without a difference one is"
+    " listed."
+)
+
+_FLAGS: dict[FlagName, str] = {"success": "docked", "in_view": "kept in view", "in_cone": "kept in the cone"}
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One figure of a controller beside that of another, in one setting.
+
+    Attributes:
+        figure: Name of the figure.
+        effect: Amount by which the other controller is better, negative if it is worse; 0 if the two cannot
+            be told apart.
+        text: Both figures and the evidence, in words.
+    """
+
+    figure: str
+    effect: float
+    text: str
+
+
+def compare(tables: Iterable[Table], base: str, other: str) -> list[Change]:
+    """Compare a controller with another one, each given by its label, in every table that has both.
+
+    A law that drives through the obstacle in more than half of the trials has no other figures of the long
+    phase: it swings out little and recovers at once, which is no merit.
+    """
+    found: list[Change] = []
+    for table in tables:
+        first, second = table.row(base), table.row(other)
+        if first is None or second is None:
+            continue
+        found += _compare_flags(table, first, second)
+        hit = min(first.success.rate, second.success.rate) < 0.5
+        for measure in MEASURES[table.phase]:
+            if not (measure in PATH_FOLLOWING and table.plant == "unicycle" and hit):
+                found += _compare_measure(table, measure, first, second)
+    return found
+
+
+def _compare_flags(table: Table, first: Row, second: Row) -> list[Change]:
+    found = []
+    for name, figure in _FLAGS.items():
+        a, b = first.by_trial(name), second.by_trial(name)
+        if a is None or b is None:
+            continue
+        lost, won, p = mcnemar(a, b)
+        effect = (won - lost) / len(a) if p < LEVEL else 0.0
+        if name == "success":
+            figure = success_text(table.plant, table.phase)
+        evidence = f"{table.setting}; {lost} trials lost, {won} won, p = {p:.2g}"
+        found.append(
+            Change(figure, effect, f"{figure} {b.sum()} instead of {a.sum()} of {len(a)} ({evidence})")
+        )
+    return found
+
+
+def success_text(plant: str, phase: PhaseName) -> str:
+    """Return what it means that a trial ended well."""
+    return "docked" if plant == "bullet" or phase == "close" else "clear of the obstacle"
+
+
+def _compare_measure(table: Table, measure: Measure, first: Row, second: Row) -> list[Change]:
+    """Compare the tail of a measure over the trials that have it under both controllers."""
+    if not {measure.key} <= first.measures.keys() & second.measures.keys():
+        return []
+    a, b = first.measures[measure.key].by_trial(), second.measures[measure.key].by_trial()
+    both = ~(np.isnan(a) | np.isnan(b))
+    if not both.any():
+        return []
+    value, low, high = paired_difference(b[both], a[both], measure.tail)
+    apart = low > 0.0 or high < 0.0
+    sign = 1.0 if measure.more_is_better else -1.0
+    percentile = f"{100 * measure.tail:.0f}th percentile"
+    ours, theirs = (format_value(quantile(v[both], measure.tail), measure) for v in (a, b))
+    change = f"by {_signed(low, measure)} .. {_signed(high, measure)}"
+    of = "" if both.all() else f", {both.sum()} trials"
+    figure = f"{measure.label}, {percentile}"
+    text = f"{figure} {theirs} instead of {ours} {measure.unit} ({table.setting}{of}; {change})"
+    return [Change(figure, sign * value if apart else 0.0, text)]
+
+
+def _signed(value: float, measure: Measure) -> str:
+    return f"{'-' if value < 0 else '+'}{format_value(abs(value), measure)}"
+
+
+def largest(changes: Sequence[Change], sign: float) -> list[str]:
+    """Return the changes for the better (1) or the worse (-1), of each figure the largest, in words."""
+    best: dict[str, Change] = {}
+    for change in changes:
+        if sign * change.effect > 0.0 and (
+            change.figure not in best or sign * change.effect > sign * best[change.figure].effect
+        ):
+            best[change.figure] = change
+    return [change.text for change in best.values()]

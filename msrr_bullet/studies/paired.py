@@ -1,0 +1,99 @@
+"""Comparisons of two controllers on the same trials: paired, so that what the trials share cancels out."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import binomtest
+
+from msrr_bullet.statistics import quantile
+from msrr_scenes.arrays import Array
+from msrr_scenes.random_streams import stream
+
+
+class PairedCount(NamedTuple):
+    """What two ways of running the same trials make of a yes or no.
+
+    Attributes:
+        first_alone: Number of trials with a yes under the first alone.
+        second_alone: Number of trials with a yes under the second alone.
+        p: Probability of a difference this large, on either side, if neither made one.
+    """
+
+    first_alone: int
+    second_alone: int
+    p: float
+
+
+def mcnemar(first: ArrayLike, second: ArrayLike) -> PairedCount:
+    """Compare two ways by a yes or no of the same trials: McNemar's exact test.
+
+    Only the trials count in which they differ. If the way made no difference, either would have the yes in
+    half of these: their number is binomial.
+    Source: McNemar, Note on the Sampling Error of the Difference Between Correlated Proportions, 1947.
+
+    Args:
+        first: Flags of the trials, shape (trials,).
+        second: Flags of the same trials under the other way, same shape.
+    """
+    a, b = np.asarray(first, dtype=bool), np.asarray(second, dtype=bool)
+    alone = int((a & ~b).sum()), int((b & ~a).sum())
+    p = float(binomtest(alone[0], sum(alone)).pvalue) if sum(alone) else 1.0
+    return PairedCount(*alone, p)
+
+
+class Difference(NamedTuple):
+    """A quantile of one sample minus that of another, with its interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def paired_difference(
+    first: Array, second: Array, q: float, confidence: float = 0.95, resamples: int = 2000
+) -> Difference:
+    """Return the difference of a quantile between two ways of running the same trials: a paired bootstrap.
+
+    Trials are drawn with replacement, each with its values under both ways, and the interval is that of the
+    differences found (the percentile method). The draws are the same in every call.
+    Source: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapters 8 and 13.
+
+    Args:
+        first: Values of the trials, shape (trials,); infinite ones count as larger than any other.
+        second: Values of the same trials, same shape.
+        q: Which quantile.
+        confidence: Two-sided confidence level.
+        resamples: Number of draws.
+
+    Raises:
+        ValueError: There are no trials, or their numbers differ.
+    """
+    a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    if a.shape != b.shape or a.size == 0:
+        raise ValueError(f"expected as many values as in the other sample, found {a.size} and {b.size}")
+    drawn = stream(0, "paired bootstrap").integers(a.size, size=(resamples, a.size))
+    found = np.sort(_minus(_quantiles(a[drawn], q), _quantiles(b[drawn], q)))
+    tail = 0.5 * (1.0 - confidence)
+    low, high = (float(found[round(share * (resamples - 1))]) for share in (tail, 1.0 - tail))
+    whole = _minus(np.array(quantile(a, q)), np.array(quantile(b, q)))
+    return Difference(float(whole), low, high)
+
+
+def _quantiles(values: Array, q: float) -> Array:
+    """Return :func:`msrr_bullet.statistics.quantile` of every row."""
+    ordered = np.sort(values, axis=-1)
+    position = q * (ordered.shape[-1] - 1)
+    index = int(position)
+    lower, upper = ordered[:, index], ordered[:, min(index + 1, ordered.shape[-1] - 1)]
+    between: Array = lower + (position - index) * _minus(upper, lower)
+    return between
+
+
+def _minus(a: Array, b: Array) -> Array:
+    """Subtract; two infinite values do not differ."""
+    with np.errstate(invalid="ignore"):
+        difference: Array = np.where(a == b, 0.0, a - b)
+    return difference

@@ -1,0 +1,63 @@
+"""Paired comparisons: their level, their power, and what becomes of infinite values."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from msrr_bullet.studies.paired import mcnemar, paired_difference
+from msrr_scenes.random_streams import stream
+
+
+def test_only_the_trials_that_differ_count() -> None:
+    """8 against 0 trials of 200: two-sided 2 / 2^8, though the rates' intervals overlap."""
+    first, second = np.ones(200, dtype=bool), np.ones(200, dtype=bool)
+    first[:40], second[:48] = False, False
+    found = mcnemar(first, second)
+    assert found == (8, 0, 2.0 / 2.0**8)
+    assert mcnemar(second, first) == (0, 8, found.p)
+    assert mcnemar(first, first) == (0, 0, 1.0)
+    second[:5] = True
+    assert mcnemar(first, second).p == pytest.approx(binomtest(5, 13).pvalue)
+
+
+def test_equal_ways_are_told_apart_as_rarely_as_the_level_says() -> None:
+    """Of 300 pairs of samples without a difference at most 5 % may be told apart by either test; with the
+    seed fixed no chance is involved, and 8 % is 2.4 standard deviations above."""
+    rng = stream(1, "test/paired")
+    flagged = bounded = 0
+    for _ in range(300):
+        hard = rng.uniform(0.2, 1.0, 100)  # what the trials have in common
+        a, b = (rng.uniform(size=100) < hard for _ in range(2))
+        flagged += mcnemar(a, b).p < 0.05
+        x, y = (hard + 0.1 * rng.standard_normal(100) for _ in range(2))
+        difference = paired_difference(x, y, 0.5, resamples=400)
+        bounded += difference.low > 0.0 or difference.high < 0.0
+    assert flagged <= 0.08 * 300
+    assert bounded <= 0.08 * 300
+
+
+@pytest.mark.parametrize("q", [0.05, 0.5, 0.95])
+def test_a_shift_that_all_trials_share_is_found(q: float) -> None:
+    """A millimetre between samples that scatter by a hundred: apart the intervals would overlap."""
+    x = stream(2, "test/paired").normal(0.0, 0.1, 200)
+    value, low, high = paired_difference(x + 0.001, x, q)
+    assert (value, low, high) == pytest.approx((0.001, 0.001, 0.001))
+
+
+def test_infinite_values_are_the_largest_and_do_not_differ() -> None:
+    never = np.full(20, math.inf)
+    assert paired_difference(never, never, 0.95) == (0.0, 0.0, 0.0)
+    assert paired_difference(never, np.ones(20), 0.5) == (math.inf, math.inf, math.inf)
+    few = np.ones(20)
+    few[:2] = math.inf
+    value, low, high = paired_difference(few, np.ones(20), 0.95)
+    assert (value, low, high) == (math.inf, 0.0, math.inf)
+
+
+def test_samples_of_other_trials_are_refused() -> None:
+    with pytest.raises(ValueError, match="found 3 and 2"):
+        paired_difference(np.ones(3), np.ones(2), 0.5)
+    with pytest.raises(ValueError, match="found 0 and 0"):
+        paired_difference(np.ones(0), np.ones(0), 0.5)
