@@ -101,7 +101,7 @@ def sweep_table(summary: SweepSummary) -> Table:
     for outcome, count in summary.outcomes.items():
         table.add_row(outcome, str(count), "", "")
     if summary.failures:
-        table.add_row(Text("program failed", "red"), str(len(summary.failures)), "", "")
+        table.add_row(Text("without a result", "red"), str(len(summary.failures)), "", "")
     clearance = summary.min_clearance_m
     table.add_row("smallest clearance", _UNKNOWN if clearance is None else f"{clearance:.3f} m", "", "")
     table.add_row("starts drawn again", str(summary.redraws), "", "")

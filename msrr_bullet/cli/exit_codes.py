@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 #: did what was asked ends with 0, and so does a trial that ended docked.
 NOT_DOCKED = 1
 
-#: Exit code for wrong arguments, a scene that cannot be used, or a file that cannot be read or written.
+#: Exit code for wrong arguments, a scene that cannot be used, a file that cannot be read or written, and for
+#: a trial in which a class of the user's own failed.
 BAD_INPUT = 2
 
 #: Exit code for an error of the program itself.

@@ -17,13 +17,18 @@ FRAMES_NAME, PLOT_NAME, TABLES_NAME = "frames", "plot.png", "csv"
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder of a trial, or path of its log.")]
 
 
-def replay(run: Run) -> None:
+def replay(
+    run: Run,
+    trust: Annotated[
+        bool, typer.Option("--trust", help="Run the code of classes that the log names by import path.")
+    ] = False,
+) -> None:
     """Run perception and control again from a log, without the simulator, and compare the commands."""
     from importlib.metadata import version
 
     from msrr_bullet.replay import replay_isolated
 
-    report = replay_isolated(run)
+    report = replay_isolated(run, trust=trust)
     for mismatch in report.mismatches:
         typer.echo(
             f"{mismatch.time_s:.3f} s, {mismatch.what}: "

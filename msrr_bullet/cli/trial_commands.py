@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from msrr_bullet.cli.console import open_console, status_line
-from msrr_bullet.cli.exit_codes import NOT_DOCKED, PROGRAM_ERROR, report_error
+from msrr_bullet.cli.exit_codes import BAD_INPUT, NOT_DOCKED, PROGRAM_ERROR, report_error
 from msrr_bullet.cli.options import (
     DEFAULT_JOBS,
     SEEDS_HELP,
@@ -28,6 +28,7 @@ from msrr_bullet.cli.options import (
 )
 from msrr_bullet.cli.run_commands import FRAMES_NAME, PLOT_NAME, TABLES_NAME
 from msrr_scenes.loading.load import load_scene, scene_hash
+from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
 if TYPE_CHECKING:  # the commands that need these load them, so that msrr --help is quick
@@ -74,6 +75,8 @@ def dock(
         _report(console, result, folder)
         if view and sys.stdin.isatty():
             console.input("The page stays until you press Enter. ")
+    if result.outcome is Outcome.PROGRAM_FAILED:
+        raise typer.Exit(report_error(result.belief_reason, BAD_INPUT))
     raise typer.Exit(0 if result.docked else NOT_DOCKED)
 
 
@@ -174,4 +177,8 @@ def sweep(
         raise KeyboardInterrupt
     for failure in summary.failures:
         report_error(f"seed {failure.seed} gave no result: {failure.error}", PROGRAM_ERROR)
-    raise typer.Exit(PROGRAM_ERROR if summary.failures else 0)
+    if summary.failures:
+        raise typer.Exit(PROGRAM_ERROR)
+    if failed := summary.outcomes.get(Outcome.PROGRAM_FAILED.value):
+        text = f"the program of the unit failed in {failed} of {summary.trials} trials"
+        raise typer.Exit(report_error(f"{text}; msrr dock --seed shows one of them", BAD_INPUT))

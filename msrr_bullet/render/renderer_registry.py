@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
+from collections.abc import Callable
 from typing import Any, Literal
 
+import numpy as np
+
 from msrr_bullet.render.renderer import RenderContext, Renderer
-from msrr_scenes.registry import build
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.guarded import wrong
+from msrr_scenes.messages import Pixels
+from msrr_scenes.registry import ExtensionPoint, build
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Choice
 
@@ -24,8 +29,20 @@ def _raster(context: RenderContext, **params: Any) -> Renderer:
     return RasterRenderer(context, **params)
 
 
+def _image(result: object, camera: PinholeCamera, X_WC: SE3, window: Window) -> Pixels:
+    """Return the pixels of a class of a user's own; a ValueError says what is wrong with them."""
+    if not isinstance(result, np.ndarray):
+        wrong(result, "an array of pixels")
+    if result.dtype != np.uint8 or result.shape != (window.height, window.width):
+        found = f"an array of {result.dtype} of shape {result.shape}"
+        raise ValueError(f"{found}; expected uint8 of shape {(window.height, window.width)}")
+    return result
+
+
 #: Renderers by name. Each is imported when a scene asks for it.
-RENDERERS: Mapping[str, Callable[..., Renderer]] = MappingProxyType({"tiny": _tiny, "raster": _raster})
+RENDERERS: ExtensionPoint[Renderer] = ExtensionPoint(
+    {"tiny": _tiny, "raster": _raster}, methods={"render": _image}
+)
 
 
 def build_renderer(choice: Choice, context: RenderContext) -> Renderer:

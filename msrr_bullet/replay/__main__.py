@@ -10,7 +10,7 @@ try:
     SimulatorBarrier.install()
     from msrr_bullet.replay.replayer import replay
 
-    report = replay(Path(sys.argv[1]))
+    report = replay(Path(sys.argv[1]), trust="--trust" in sys.argv[2:])
 except MsrrError as error:
     sys.stderr.write(f"{error}\n")
     sys.exit(2)

@@ -17,15 +17,20 @@ from msrr_bullet.replay.comparison import ReplayError, ReplayReport
 SIMULATOR = ("pybullet", "pybullet_data", "pybullet_utils", "pybullet_envs")
 
 
-def replay_isolated(run: Path) -> ReplayReport:
+def replay_isolated(run: Path, *, trust: bool = False) -> ReplayReport:
     """Replay a run in a new process that cannot import the simulator.
+
+    Args:
+        run: Run folder or log file.
+        trust: Whether classes that the log names by their import paths may be built. That runs their code.
 
     Raises:
         ReplayError: The replay cannot be made; the message gives the reason.
     """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     finished = subprocess.run(
-        [sys.executable, "-m", "msrr_bullet.replay", str(run)],
+        # -P: no module in the current folder can stand in for one of Python's or of ours.
+        [sys.executable, "-P", "-m", "msrr_bullet.replay", str(run), *(["--trust"] if trust else [])],
         capture_output=True,
         text=True,
         env=environment,

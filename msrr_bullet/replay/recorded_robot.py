@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
-from msrr_bullet.log.records import StepStart
+from msrr_bullet.log.records import Event, Level, StepStart
 from msrr_bullet.robot.interface import ObservableRobot
+from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Action, AssemblyPath, Detections, Exposure, Fetch, Pixels, SensorMessage
 
@@ -43,7 +44,12 @@ class RecordedRobot:
         self._recorder.write(topics.exposure(exposure.camera), exposure.stamp_ns, exposure)
 
         def fetch_and_record(window: Window) -> Pixels:
-            pixels = fetch(window)
+            try:
+                pixels = fetch(window)
+            except ProgramFailedError as error:  # the renderer's; a replay has none, and takes it from here
+                failed = Event(self._now_ns(), exposure.camera, str(error), Level.ERROR)
+                self._recorder.write(topics.EVENTS, failed.stamp_ns, failed)
+                raise
             self._recorder.window(exposure, window, pixels)
             return pixels
 

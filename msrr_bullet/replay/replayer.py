@@ -14,10 +14,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from msrr_bullet.log.reader import Log, LogRecord, read_log
-from msrr_bullet.log.records import CameraWindow, StepStart
+from msrr_bullet.log.records import CameraWindow, Event, Level, StepStart
 from msrr_bullet.replay.comparison import Comparison, Diverged, ReplayError, ReplayReport, encoded
 from msrr_bullet.robot.autonomy import Autonomy
+from msrr_bullet.robot.fail_safe import FailSafeRobot
 from msrr_bullet.robot.interface import ObservableRobot
+from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import (
     Action,
@@ -38,6 +40,7 @@ from msrr_scenes.messages import (
     SeatSwitches,
     WheelOdometry,
 )
+from msrr_scenes.registry import choices, is_import_path
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
@@ -57,18 +60,30 @@ _ESTIMATES: dict[type, str] = {
 RobotFactory = Callable[[Scene, DockStep], ObservableRobot]
 
 
-def replay(run: Path, robot: RobotFactory = Autonomy) -> ReplayReport:
+def fail_safe_autonomy(scene: Scene, step: DockStep) -> ObservableRobot:
+    """Build the robot of a trial."""
+    return FailSafeRobot(lambda: Autonomy(scene, step))
+
+
+def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool = False) -> ReplayReport:
     """Replay a run in this process.
 
     Args:
         run: Run folder or log file.
         robot: Builds the robot of a step of the plan.
+        trust: Whether classes that the log names by their import paths may be built. That runs their code.
 
     Raises:
         LogError: The log cannot be read.
-        ReplayError: The log is not that of a trial.
+        ReplayError: The log is not that of a trial, or names a class by import path and is not trusted.
     """
     log = read_log(run)
+    named = [choice.name for choice in choices(log.header.scene.control) if is_import_path(choice)]
+    if named and not trust:
+        raise ReplayError(
+            f"{log.path}: the log names {', '.join(named)} by import path, and a replay would run that code; "
+            "give --trust if you trust the log and the code"
+        )
     with tempfile.TemporaryDirectory(prefix="msrr-replay-") as folder:
         return Replayer(log, log.header.unpacked(Path(folder)).scene, robot).run()
 
@@ -84,6 +99,7 @@ class Replayer:
         self._robot: ObservableRobot | None = None
         self._exposure: LogRecord | None = None
         self._windows: list[LogRecord] = []
+        self._camera_failure: str | None = None
         self._detections: dict[tuple[str, int], Detections] = {}
         self._estimates: dict[type, bytes] = {}
         self._path: AssemblyPath | None = None
@@ -124,6 +140,8 @@ class Replayer:
         if kind is CameraWindow:
             self._windows.append(record)
             return
+        if kind is Event:
+            self._note_camera_failure(record.message)
         self._expose()
         if kind in _ESTIMATES:
             self._compare_estimate(record)
@@ -154,6 +172,13 @@ class Replayer:
         self._counts["steps"] += 1
         self._robot = self._factory(self._scene, self._scene.plan[start.index])
 
+    def _note_camera_failure(self, event: Event) -> None:
+        """Note that the trial's renderer failed at the next window, which the robot will ask for again."""
+        if self._exposure is not None and event.level is Level.ERROR:
+            exposure: Exposure = self._exposure.message
+            if event.source == exposure.camera:
+                self._camera_failure = event.text
+
     def _expose(self) -> None:
         """Give the robot the last exposure, whose windows have all been read from the log by now."""
         record, self._exposure = self._exposure, None
@@ -162,7 +187,11 @@ class Replayer:
         exposure: Exposure = record.message
         logged, self._windows = deque(self._windows), []
 
+        failure, self._camera_failure = self._camera_failure, None
+
         def fetch(window: Window) -> Pixels:
+            if not logged and failure is not None:
+                raise ProgramFailedError(failure)
             self._counts["windows"] += 1
             expected: CameraWindow | None = logged.popleft().message if logged else None
             if expected is None or expected.window != window or expected.exposure != exposure:

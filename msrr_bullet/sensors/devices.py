@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from msrr_bullet.profiler import Profiler
-from msrr_bullet.render import RenderContext, build_renderer
+from msrr_bullet.render import RenderContext, Renderer, build_renderer
 from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.sensors.camera_sensors import CameraSensor, RenderedCameraSensor
 from msrr_bullet.sensors.command_link import CommandLink
@@ -18,9 +18,11 @@ from msrr_bullet.sensors.wheel_encoders import WheelEncoders
 from msrr_bullet.simulation.simulation import Simulation, camera_pose
 from msrr_perception.pose.global_pose import overhead_pose
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
-from msrr_scenes.geometry.pinhole import optical_pose
+from msrr_scenes.errors import ProgramFailedError
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.messages import Pixels
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.sensors import CameraSpec
@@ -106,7 +108,7 @@ class Devices:
         if name not in self._cameras:
             world = self._simulation.world
             assert world is not None, "a simulation with images has a world"
-            renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
+            renderer = _renderer(spec, world.client)
             self._cameras[name] = Camera(
                 name, spec, renderer, pose, self._seed, self._simulation.scene.faults
             )
@@ -122,3 +124,20 @@ class Devices:
             rng = stream(self._seed, f"camera/{camera}/dropout")
             self._dropouts[camera] = FrameDropout(camera, spec.dropout, rng, self._simulation.scene.faults)
         return self._dropouts[camera]
+
+
+class _FailedRenderer:
+    """Stands for a renderer that could not be built, so that the trial ends as with any other failure."""
+
+    def __init__(self, error: ProgramFailedError) -> None:
+        self._error = error
+
+    def render(self, camera: PinholeCamera, X_WC: SE3, window: Window) -> Pixels:
+        raise self._error
+
+
+def _renderer(spec: CameraSpec, client: int) -> Renderer:
+    try:
+        return build_renderer(spec.renderer, RenderContext(client, spec.samples))
+    except ProgramFailedError as error:
+        return _FailedRenderer(error)

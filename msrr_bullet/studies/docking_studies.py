@@ -19,6 +19,7 @@ from msrr_control.docking.law import DockingLaw, DockSetup
 from msrr_control.studies.docking_study import StudyResult, run_study
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
+from msrr_scenes.guarded import unguarded
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.spec import Choice
 
@@ -32,7 +33,7 @@ def docking_law(controller: Choice, setup: DockSetup) -> DockingLaw[Any]:
     Raises:
         SceneError: The controller has no array law, so that it cannot be studied by the thousand.
     """
-    built = build_controller(controller, setup)
+    built = unguarded(build_controller(controller, setup))
     if not isinstance(built, LawController):
         raise SceneError(
             f"controller {controller.name!r} is not made of an array law; see msrr_control.docking.law"

@@ -5,15 +5,12 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import json
-from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 
-from pydantic import BaseModel
-
 from msrr_bullet.trial.result import package_versions
+from msrr_scenes.registry import choices, current_folder_importable, is_import_path
 from msrr_scenes.specs.scene import Scene
-from msrr_scenes.specs.spec import Choice
 
 _PACKAGES = ("msrr_scenes", "msrr_perception", "msrr_control", "msrr_bullet")
 
@@ -26,7 +23,7 @@ def code_fingerprint(scene: Scene) -> str:
     """
     digest = hashlib.blake2b(digest_size=12)
     digest.update(_own_code())
-    for module in sorted({c.name.partition(":")[0] for c in _choices(scene) if ":" in c.name}):
+    for module in sorted({c.name.partition(":")[0] for c in choices(scene) if is_import_path(c)}):
         file = _module_file(module)
         digest.update(module.encode())
         digest.update(file.read_bytes() if file is not None else b"")
@@ -50,16 +47,8 @@ def _own_code() -> bytes:
 def _module_file(module: str) -> Path | None:
     """Return the file of a module; None when there is none, an error that building the trial reports."""
     try:
-        spec = importlib.util.find_spec(module)
+        with current_folder_importable():
+            spec = importlib.util.find_spec(module)
     except (ImportError, ValueError):
         return None
     return Path(spec.origin) if spec is not None and spec.origin is not None else None
-
-
-def _choices(value: object) -> Iterator[Choice]:
-    """Yield every implementation that a scene names, at any depth."""
-    if isinstance(value, Choice):
-        yield value
-    elif isinstance(value, BaseModel):
-        for name in type(value).model_fields:
-            yield from _choices(getattr(value, name))

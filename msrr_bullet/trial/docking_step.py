@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from msrr_bullet.log.records import Level
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.replay.recorded_robot import RecordedRobot
 from msrr_bullet.robot.autonomy import Autonomy
+from msrr_bullet.robot.fail_safe import FailSafeRobot
 from msrr_bullet.sensors.schedule import Periodic, duration_ns
 from msrr_bullet.sensors.sensor_suite import SensorSuite
 from msrr_bullet.timeline.path_following_series import Instant, PathFollowingSeries
@@ -21,6 +23,10 @@ from msrr_scenes.specs.faults import PortPlugged
 _FINISHED = frozenset({Phase.DONE, Phase.FAILED})
 #: Time for which the robot goes on after a pull test that its lock did not hold [s], to notice it.
 _WATCH_S = 0.5
+
+#: Time for which a trial goes on after the program of the unit has failed, so that the unit comes to rest
+#: [s]: the largest speed over the largest deceleration of the shipped limits, and the delay of the drive.
+STOP_TIME_S = 1.5
 
 
 @dataclass(frozen=True)
@@ -70,7 +76,7 @@ class DockingStep:
         plant.begin_dock(step)
         self._set_plug(attempt=1)
         self._judge = Judge(simulation, environment.clearance, environment.locked, step)
-        self._autonomy = Autonomy(scene, step, profiler)
+        self._autonomy = FailSafeRobot(lambda: Autonomy(scene, step, profiler))
         self._robot = RecordedRobot(self._autonomy, step.unit, telemetry.recorder, index, plant.now_ns)
         devices = environment.devices
         cameras = devices.cameras(step, self._judge.X_DU, profiler)
@@ -79,6 +85,7 @@ class DockingStep:
         self._control = Periodic(scene.control.rate_hz, plant.now_ns())
         self._records: list[AttemptRecord] = []
         self._assembly_instants: list[Instant] = []
+        self._failed_ns: int | None = None  # time at which the program of the unit failed
 
     def run(self) -> StepResult:
         """Run until the robot finishes, the judge ends the step, or the time limit is reached."""
@@ -107,6 +114,8 @@ class DockingStep:
                 finished = action.phase in _FINISHED
                 if outcome is None and not finished and now_ns >= deadline_ns:
                     outcome = Outcome.TIMEOUT
+                if self._autonomy.failure is not None:
+                    outcome, finished = self._stopped(now_ns, deadline_ns), False
                 if outcome is not None or finished:
                     return self._end(action, outcome)
             self._actuate(now_ns)
@@ -114,6 +123,14 @@ class DockingStep:
                 plant.step()
             with profiler("judge"):
                 self._judge.tick(plant.now_ns(), action.attempt, self._autonomy.estimate)
+
+    def _stopped(self, now_ns: int, deadline_ns: int) -> Outcome | None:
+        """Return the outcome of a unit whose program has failed, once it has had the time to come to rest."""
+        if self._failed_ns is None:
+            self._failed_ns = now_ns
+            self._telemetry.event(now_ns, self._step.unit, str(self._autonomy.failure), Level.ERROR)
+        at_rest = now_ns - self._failed_ns >= duration_ns(STOP_TIME_S)
+        return Outcome.PROGRAM_FAILED if at_rest or now_ns >= deadline_ns else None
 
     def _collect_assembly(self, action: Action) -> None:
         """Store the true pose of the unit during the long-distance phase."""

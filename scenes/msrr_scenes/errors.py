@@ -18,6 +18,13 @@ class SceneError(MsrrError):
     """A scene that cannot be used as written."""
 
 
+class ProgramFailedError(MsrrError):
+    """The program of a unit cannot go on: a class that the scene names failed, or gave an impossible result.
+
+    In a trial it is not misuse that ends the work, but the outcome ``program_failed``.
+    """
+
+
 class GeometryError(MsrrError):
     """A unit description (URDF) that lacks a named frame or contradicts itself."""
 

@@ -24,5 +24,6 @@ class Outcome(Enum):
     CLEARANCE_VIOLATED = "clearance_violated"  # bodies came closer than the scene allows
     LEFT_ARENA = "left_arena"  # a unit left the floor
     TIMEOUT = "timeout"  # the time limit of the scene was reached
+    PROGRAM_FAILED = "program_failed"  # a class that the scene names failed, or gave an impossible result
     FALSE_DOCK = "false_dock"  # the robot says docked; the pins are not seated or the lock holds nothing
     FALSE_ABORT = "false_abort"  # the robot gave up although the pins were seated

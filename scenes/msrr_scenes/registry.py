@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+import inspect
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from operator import attrgetter
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
+
+from pydantic import BaseModel
 
 from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
+from msrr_scenes.guarded import Check, Guarded, failure, in_one_line, raised_at
 from msrr_scenes.specs.spec import Choice
 
 T = TypeVar("T")
@@ -15,58 +22,157 @@ T = TypeVar("T")
 _HINT = "One of your own is named by its import path, pkg.mod:Class."
 
 
-def resolve(kind: str, name: str, table: Mapping[str, Callable[..., T]]) -> Callable[..., T]:
+class ExtensionPoint(Mapping[str, Callable[..., T]]):
+    """The registered implementations of a protocol by name, and what a class of a user's own has to fulfil.
+
+    Attributes:
+        methods: Methods that a class has to have, and the check of the result of each.
+        optional: Members that an object may have, and the check of each.
+    """
+
+    def __init__(
+        self,
+        registered: Mapping[str, Callable[..., T]],
+        methods: Mapping[str, Check],
+        optional: Mapping[str, Check] | None = None,
+    ) -> None:
+        """Describe an extension point."""
+        self._registered = dict(registered)
+        self.methods, self.optional = dict(methods), dict(optional or {})
+
+    def __getitem__(self, name: str) -> Callable[..., T]:
+        return self._registered[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._registered)
+
+    def __len__(self) -> int:
+        return len(self._registered)
+
+
+def is_import_path(choice: Choice) -> bool:
+    """Return whether a scene names an implementation by its import path, so that its module is run."""
+    return ":" in choice.name
+
+
+def choices(value: object) -> Iterator[Choice]:
+    """Yield every implementation that a specification names, at any depth."""
+    if isinstance(value, Choice):
+        yield value
+    elif isinstance(value, BaseModel):
+        for name in type(value).model_fields:
+            yield from choices(getattr(value, name))
+
+
+@contextmanager
+def current_folder_importable() -> Iterator[None]:
+    """Let modules in the current folder be imported, after all others, so that they replace none of them."""
+    folder = os.getcwd()
+    sys.path.append(folder)
+    try:
+        yield
+    finally:
+        # By its place from the end, for the folder may be on the path already, and never by sys.path.pop(),
+        # for an imported module may have added to the path.
+        for index in reversed(range(len(sys.path))):
+            if sys.path[index] == folder:
+                del sys.path[index]
+                break
+
+
+def resolve(kind: str, name: str, table: ExtensionPoint[T]) -> Callable[..., T]:
     """Return the class or factory with the given name.
 
     Args:
         kind: Kind of the extension point, for messages: ``detector``, ``renderer``, ``controller`` ...
-        name: A key of ``table``, or an import path ``pkg.mod:Class`` (a dotted attribute is allowed).
-        table: Registered implementations.
+        name: A key of ``table``, or an import path ``pkg.mod:Class`` (a dotted attribute is allowed). The
+            module is looked for in the current folder too, and is run when it is imported.
+        table: The extension point.
 
     Returns:
-        The callable that builds the implementation. An import path is trusted to give the right type.
+        The callable that builds the implementation: a registered one, or a class with the methods of the
+        protocol.
 
     Raises:
         UnknownNameError: There is no such registered name, no such module, or no such attribute in it.
-        SceneError: The object at the path cannot be called.
+        SceneError: The object at the path is not a class with the methods of the protocol, or its module
+            fails when it is imported.
     """
     if ":" not in name:
         try:
             return table[name]
         except KeyError:
             raise UnknownNameError(kind, name, table, _HINT) from None
+    found = _import(kind, name, table)
+    needed = f"a {kind} is a class with the methods {', '.join(table.methods)}"
+    if not inspect.isclass(found):
+        raise SceneError(f"{kind} {name!r} is not a class, but a {type(found).__name__}; {needed}")
+    lacking = [method for method in table.methods if not callable(getattr(found, method, None))]
+    if lacking:
+        raise SceneError(f"{kind} {name!r} has no method {', '.join(lacking)}; {needed}")
+    return cast("Callable[..., T]", found)
+
+
+def _import(kind: str, name: str, table: ExtensionPoint[T]) -> object:
+    """Return the object at an import path."""
     module_name, _, attribute = name.partition(":")
+    if not all(part.isidentifier() for part in module_name.split(".")):
+        raise UnknownNameError(kind, name, table, _HINT)
     try:
-        found: Any = importlib.import_module(module_name)
-    except ModuleNotFoundError as error:
-        # Only a path that does not exist is a bad name; an import error inside the module is passed on.
-        if error.name is None or not f"{module_name}.".startswith(f"{error.name}."):
-            raise
-        raise UnknownNameError(kind, name, table, f"No module named {error.name!r}. {_HINT}") from None
-    except (TypeError, ValueError):  # an empty or relative module path
-        raise UnknownNameError(kind, name, table, _HINT) from None
+        with current_folder_importable():
+            module = importlib.import_module(module_name)
+    except (Exception, SystemExit) as error:
+        # Only a path that does not exist is a bad name; an import error inside the module is its own.
+        missing = error.name if isinstance(error, ModuleNotFoundError) else None
+        if missing is not None and f"{module_name}.".startswith(f"{missing}."):
+            raise UnknownNameError(kind, name, table, f"No module named {missing!r}. {_HINT}") from None
+        place = raised_at(error.__traceback__, f"{module_name.rpartition('.')[2]}.py")
+        raise SceneError(
+            f"{kind} {name!r}: its module cannot be imported, {place}: {in_one_line(error)}"
+        ) from error
     try:
-        found = attrgetter(attribute)(found)
+        return attrgetter(attribute)(module)
     except AttributeError:
         hint = f"Module {module_name!r} has no attribute {attribute!r}."
         raise UnknownNameError(kind, name, table, hint) from None
-    if not callable(found):
-        raise SceneError(f"{kind} {name!r} is not a class or function, but {type(found).__name__}")
-    built: Callable[..., T] = found
-    return built
 
 
-def build(kind: str, choice: Choice, table: Mapping[str, Callable[..., T]], *args: Any, **fixed: Any) -> T:
+def build(kind: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fixed: Any) -> T:
     """Return the implementation that a scene chose: ``resolve(...)(*args, **fixed, **choice.params)``.
+
+    An object of a class that is named by its import path is :class:`Guarded`.
 
     Raises:
         UnknownNameError: The name of the choice is unknown; see :func:`resolve`.
         SceneError: The implementation does not take the scene's parameters; the cause is attached.
+        ProgramFailedError: A class that is named by its import path fails while it is built.
     """
     factory = resolve(kind, choice.name, table)
+    own = cast(type, factory) if is_import_path(choice) else None
+    misfit = f"{kind} {choice.name!r} does not take {choice.params}"
+    if own is not None:
+        try:
+            _signature(own).bind(*args, **fixed, **choice.params)
+        except TypeError as error:
+            raise SceneError(f"{misfit}: {error}") from error
     try:
-        return factory(*args, **fixed, **choice.params)
+        built = factory(*args, **fixed, **choice.params)
     except MsrrError:
         raise
-    except (TypeError, ValueError) as error:
-        raise SceneError(f"{kind} {choice.name!r} does not take {choice.params}: {error}") from error
+    except (Exception, SystemExit) as error:
+        if isinstance(error, ValueError) or (own is None and isinstance(error, TypeError)):
+            raise SceneError(f"{misfit}: {error}") from error
+        if own is None:
+            raise
+        raise failure(kind, choice.name, own, "__init__", error) from error
+    if own is None:
+        return built
+    return cast(T, Guarded(kind, choice.name, built, {**table.methods, **table.optional}))
+
+
+def _signature(cls: type) -> inspect.Signature:
+    """Return the signature with which a class is built; one that takes anything if it cannot be told."""
+    try:
+        return inspect.signature(cls)
+    except ValueError:
+        return inspect.signature(lambda *args, **kwargs: None)

@@ -1,12 +1,15 @@
 from __future__ import annotations
 
 import sys
+import types
 from pathlib import Path
 
 import pytest
 
-from msrr_scenes.errors import SceneError, UnknownNameError
-from msrr_scenes.registry import build, resolve
+from msrr_scenes.errors import ProgramFailedError, SceneError, UnknownNameError
+from msrr_scenes.guarded import no_result
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.registry import ExtensionPoint, build, choices, is_import_path, resolve
 from msrr_scenes.specs.spec import Choice
 
 
@@ -19,9 +22,12 @@ class Thing:
             raise ValueError("size must not be negative")
         self.base, self.size = base, size
 
+    def limit_denominator(self) -> None:
+        """Do what Fraction has a method for too, so that Fraction fulfils the protocol."""
+
 
 NOT_CALLABLE = 3
-TABLE = {"thing": Thing}
+TABLE = ExtensionPoint({"thing": Thing}, methods={"limit_denominator": no_result})
 
 
 def test_a_registered_name_gives_its_class() -> None:
@@ -32,7 +38,6 @@ def test_an_import_path_gives_the_attribute() -> None:
     from fractions import Fraction
 
     assert resolve("gadget", "fractions:Fraction", TABLE) is Fraction
-    assert resolve("gadget", "fractions:Fraction.from_float", TABLE) == Fraction.from_float
 
 
 def test_a_misspelt_name_lists_the_nearest_and_all() -> None:
@@ -58,19 +63,87 @@ def test_a_path_that_leads_nowhere_says_where_it_ends(path: str, why: str) -> No
         resolve("gadget", path, TABLE)
 
 
-def test_what_cannot_be_called_is_refused() -> None:
-    with pytest.raises(SceneError, match="is not a class or function, but float"):
-        resolve("gadget", "math:pi", TABLE)
+@pytest.mark.parametrize(
+    ("path", "why"),
+    [
+        ("subprocess:check_call", "is not a class, but a function"),
+        ("fractions:Fraction.from_float", "is not a class, but a method"),
+        ("math:pi", "is not a class, but a float"),
+        ("subprocess:Popen", "has no method limit_denominator"),
+    ],
+)
+def test_only_a_class_with_the_methods_of_the_protocol_is_built(path: str, why: str) -> None:
+    """``subprocess:check_call`` ran as a controller, with the scene's parameters."""
+    with pytest.raises(SceneError, match=f"{why}; a gadget is a class with the methods limit_denominator"):
+        build("gadget", Choice(name=path, params={"args": ["false"]}), TABLE)
 
 
-def test_a_module_that_fails_inside_shows_its_own_error(
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (
+            "import no_such_dependency_of_it",
+            r"gadget.py line 1: ModuleNotFoundError: No module named",
+        ),
+        ("x = 1\nraise ValueError('no luck')", r"gadget.py line 2: ValueError: no luck"),
+        ("def f(:", r"SyntaxError: invalid syntax"),
+        ("import sys\nsys.exit(0)", r"gadget.py line 2: SystemExit: 0"),
+    ],
+)
+def test_a_module_that_cannot_be_imported_says_where(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, why: str
+) -> None:
+    name = f"{tmp_path.name.strip('_')}_gadget"  # the tests of a process share its modules
+    (tmp_path / f"{name}.py").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SceneError, match=why):
+        resolve("gadget", f"{name}:Thing", TABLE)
+    assert name not in sys.modules
+
+
+def test_a_module_in_the_current_folder_is_found_and_replaces_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "broken_gadget.py").write_text("import no_such_dependency_of_it\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(ModuleNotFoundError, match="no_such_dependency_of_it"):
-        resolve("gadget", "broken_gadget:Thing", TABLE)
-    assert "broken_gadget" not in sys.modules
+    (tmp_path / "gadget_of_mine.py").write_text("class Thing:\n    def limit_denominator(self): ...\n")
+    (tmp_path / "colorsys.py").write_text("class Thing:\n    def limit_denominator(self): ...\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "colorsys", raising=False)
+    before = list(sys.path)
+    assert resolve("gadget", "gadget_of_mine:Thing", TABLE).__module__ == "gadget_of_mine"
+    with pytest.raises(UnknownNameError, match="'colorsys' has no attribute 'Thing'"):  # Python's own
+        resolve("gadget", "colorsys:Thing", TABLE)
+    assert sys.path == before
+
+
+class Fragile:
+    """A class of a user's own that fails while it is built."""
+
+    def __init__(self, how: str = "") -> None:
+        if how == "value":
+            raise ValueError("no such colour")
+        raise ZeroDivisionError("one too many")
+
+    def limit_denominator(self) -> None: ...
+
+
+def test_a_class_that_fails_while_it_is_built_is_named_with_file_and_line(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    module = types.ModuleType("fragile_gadget")
+    module.Fragile = Fragile  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "fragile_gadget", module)
+    name = "fragile_gadget:Fragile"
+    with pytest.raises(ProgramFailedError, match=r"Fragile', test_registry.py line \d+: __init__"):
+        build("gadget", Choice(name=name), TABLE)
+    for params in ({"how": "value"}, {"colour": 1}):  # both are for the writer of the scene
+        with pytest.raises(SceneError, match="does not take"):
+            build("gadget", Choice(name=name, params=params), TABLE)
+
+
+def test_the_implementations_that_a_scene_names_are_found_at_any_depth() -> None:
+    scene = load_scene("two_units", {"cameras.overhead.renderer": "mine:Renderer"})
+    assert {c.name for c in choices(scene) if is_import_path(c)} == {"mine:Renderer"}
+    assert {c.name for c in choices(scene)} >= {"raster", "pupil", "corner_ekf", "cbf", "c1"}
 
 
 def test_build_passes_arguments_and_the_scenes_parameters() -> None:

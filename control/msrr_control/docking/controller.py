@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -16,9 +17,9 @@ from msrr_control.docking.graceful import GracefulLaw, GracefulParams
 from msrr_control.docking.guidance import GuidanceSpec
 from msrr_control.docking.law import DockingLaw, DockSetup, LawInputs, State
 from msrr_control.parameters import read_params
-from msrr_scenes.errors import SceneError
+from msrr_scenes.guarded import no_result, wrong
 from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, Twist
-from msrr_scenes.registry import build
+from msrr_scenes.registry import ExtensionPoint, build
 from msrr_scenes.specs.spec import Choice, Spec
 
 P = TypeVar("P", bound=Spec)
@@ -127,15 +128,33 @@ def _controller(name: str, law: Callable[[P, DockSetup], DockingLaw[Any]], kind:
     return build_law
 
 
+def checked_twist(result: object, *_: object) -> Twist:
+    """Return the command of a class of a user's own.
+
+    Raises:
+        ValueError: It is no :class:`Twist`, or its velocities are not finite numbers.
+    """
+    if not isinstance(result, Twist):
+        wrong(result, "a Twist")
+    if not all(isinstance(u, Real) and math.isfinite(u) for u in (result.v, result.w)):
+        wrong(result, "a Twist of two finite numbers")
+    return Twist(float(result.v), float(result.w))
+
+
 #: The controllers by the names that a scene gives them: the paper's C1, C2 (our reading of its
 #: comparison), and three others.
-CONTROLLERS: dict[str, Factory] = {
-    "c1": _controller("c1", C1DockingLaw, C1DockingParams),
-    "c2": _controller("c2", C2DockingLaw, C2DockingParams),
-    "cbf": _controller("cbf", BarrierLaw, BarrierParams),
-    "graceful": _controller("graceful", GracefulLaw, GracefulParams),
-    "linear": _controller("linear", lambda params, setup: C1DockingLaw(params.as_c1(), setup), LinearParams),
-}
+CONTROLLERS: ExtensionPoint[Controller] = ExtensionPoint(
+    {
+        "c1": _controller("c1", C1DockingLaw, C1DockingParams),
+        "c2": _controller("c2", C2DockingLaw, C2DockingParams),
+        "cbf": _controller("cbf", BarrierLaw, BarrierParams),
+        "graceful": _controller("graceful", GracefulLaw, GracefulParams),
+        "linear": _controller(
+            "linear", lambda params, setup: C1DockingLaw(params.as_c1(), setup), LinearParams
+        ),
+    },
+    methods={"reset": no_result, "step": checked_twist},
+)
 
 
 def build_controller(choice: Choice, setup: DockSetup) -> Controller:
@@ -145,8 +164,4 @@ def build_controller(choice: Choice, setup: DockSetup) -> Controller:
         UnknownNameError: The name is neither registered nor an import path that leads anywhere.
         SceneError: The parameters are wrong, or the class lacks a method.
     """
-    built = build("controller", choice, CONTROLLERS, setup)
-    for method in ("reset", "step"):
-        if not callable(getattr(built, method, None)):
-            raise SceneError(f"controller {choice.name!r} has no method {method}(inputs)")
-    return built
+    return build("controller", choice, CONTROLLERS, setup)

@@ -16,7 +16,7 @@ from msrr_control.sequence import states
 from msrr_control.sequence.context import DockingContext, StateMemory, Transition
 from msrr_control.sequence.observation import Assembler, Observation
 from msrr_control.sequence.tuning import PhaseTuning
-from msrr_scenes.errors import MsrrError
+from msrr_scenes.errors import MsrrError, ProgramFailedError
 from msrr_scenes.messages import Action, Belief, Conviction, Phase, Twist
 from msrr_scenes.specs.plan import DockingSpec
 
@@ -123,7 +123,7 @@ class PhaseMachine:
             the long-distance phase is over.
 
         Raises:
-            MsrrError: The controller returned a command that is not finite.
+            ProgramFailedError: The controller returned a command that is not finite.
         """
         context = self._context
         context.observe(observation)
@@ -169,7 +169,7 @@ class PhaseMachine:
     def _limited(self, twist: Twist) -> Twist:
         """Return a twist within the limits of the drive in this phase."""
         if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
-            raise MsrrError(f"a law commanded {twist} in phase {self._phase.value}")
+            raise ProgramFailedError(f"a law commanded {twist} in phase {self._phase.value}")
         limits = self._context.setup.limits
         v = limits.v_max_mps if self._phase is Phase.ASSEMBLE else limits.v_close_mps
         w = limits.w_max_radps

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from typing import Any, get_type_hints
 
+from pydantic import TypeAdapter, ValidationError
+
+from msrr_control.docking.controller import checked_twist
 from msrr_control.parameters import read_params
 from msrr_control.path_following.c1 import C1PathFollowingLaw
 from msrr_control.path_following.c2 import C2PathFollowingLaw
-from msrr_control.sequence.observation import Assembler
+from msrr_control.sequence.observation import Assembler, GiveUp
 from msrr_control.staging.parameters import AssemblyParams, C2AssemblyParams
 from msrr_control.staging.setup import AssemblySetup
 from msrr_control.staging.state_machine import LongDistanceAssembler
 from msrr_scenes.errors import SceneError
-from msrr_scenes.registry import build
+from msrr_scenes.guarded import Check, no_result, wrong
+from msrr_scenes.messages import AssemblyPath, AssemblyProgress, FailureReason, Twist
+from msrr_scenes.registry import ExtensionPoint, build
 from msrr_scenes.specs.spec import Choice
 
 
@@ -29,8 +33,39 @@ def c2(setup: AssemblySetup, **params: Any) -> Assembler:
     return LongDistanceAssembler(checked, setup, C2PathFollowingLaw(checked, setup.limits, setup.offset))
 
 
+def _decision(result: object, *_: object) -> Twist | GiveUp | None:
+    if result is None:
+        return None
+    if isinstance(result, GiveUp) and isinstance(result.failure, FailureReason):
+        return GiveUp(result.failure, str(result.reason))
+    if not isinstance(result, Twist):
+        wrong(result, "a Twist, a GiveUp or None")
+    return checked_twist(result)
+
+
+def _report(kind: type[AssemblyProgress] | type[AssemblyPath]) -> Check:
+    fields = {name: TypeAdapter(hint) for name, hint in get_type_hints(kind).items()}
+
+    def check(result: object) -> object:
+        if result is not None and not isinstance(result, kind):
+            wrong(result, f"{kind.__name__} or None")
+        for name, field in fields.items() if result is not None else ():
+            try:
+                field.validate_python(getattr(result, name), strict=True)
+            except ValidationError as error:
+                why = error.errors()[0]["msg"]
+                raise ValueError(f"{kind.__name__} with a wrong {name}: {why}") from None
+        return result
+
+    return check
+
+
 #: The long-distance phases by the names that a scene gives them.
-ASSEMBLERS: dict[str, Callable[..., Assembler]] = {"c1": c1, "c2": c2}
+ASSEMBLERS: ExtensionPoint[Assembler] = ExtensionPoint(
+    {"c1": c1, "c2": c2},
+    methods={"reset": no_result, "step": _decision},
+    optional={"progress": _report(AssemblyProgress), "path": _report(AssemblyPath)},
+)
 
 
 def build_assembler(choice: Choice, setup: AssemblySetup) -> Assembler:
@@ -41,7 +76,7 @@ def build_assembler(choice: Choice, setup: AssemblySetup) -> Assembler:
         SceneError: The parameters are wrong, the class lacks a method or property, or the scene cannot work.
     """
     built = build("assembler", choice, ASSEMBLERS, setup)
-    for member in ("reset", "step", "progress", "path"):
+    for member in ("progress", "path"):
         if not hasattr(built, member):
-            raise SceneError(f"assembler {choice.name!r} has no method or property {member}")
+            raise SceneError(f"assembler {choice.name!r} has no property {member}")
     return built

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
 
 from msrr_perception.detection import native_apriltag
+from msrr_perception.detection.checked_tags import checked_tags
 from msrr_perception.detection.native_apriltag import DetectorError, NativeSettings
 from msrr_perception.kernels.edges import refine_corners
 from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.guarded import of_the_same_kind
 from msrr_scenes.messages import Pixels, TagDetection
+from msrr_scenes.registry import ExtensionPoint
 
 __all__ = ["DETECTORS", "LARGE_TAG_PX", "Detector", "DetectorError", "PupilDetector", "for_large_tags"]
 
@@ -122,4 +123,8 @@ class PupilDetector:
         return tuple(replace(t, corners=c) for t, c in zip(found, corners, strict=True))
 
 
-DETECTORS: Mapping[str, Callable[..., Detector]] = MappingProxyType({"pupil": PupilDetector})
+DETECTORS: ExtensionPoint[Detector] = ExtensionPoint(
+    {"pupil": PupilDetector},
+    methods={"detect": checked_tags},
+    optional={"for_large_tags": of_the_same_kind},
+)

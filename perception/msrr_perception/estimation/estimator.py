@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
+import math
+from numbers import Integral
 from typing import Protocol
 
+import numpy as np
+
 from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.guarded import no_result, wrong
 from msrr_scenes.messages import Detections, PoseEstimate, PoseMeasurement, WheelOdometry
+from msrr_scenes.registry import ExtensionPoint
 
 
 class Estimator(Protocol):
@@ -42,4 +47,41 @@ class Estimator(Protocol):
         ...
 
 
-ESTIMATORS: Mapping[str, Callable[..., Estimator]] = MappingProxyType({"corner_ekf": CornerEkf})
+#: Farthest place, largest variance and latest time of an estimate that can be reckoned with [m, rad, ns].
+_FARTHEST_M, _LARGEST_VARIANCE, _LATEST_NS = 1e3, 1e9, 2**62
+
+
+def _pose(result: object, *_: object) -> PoseEstimate | None:
+    """Return the pose of a class of a user's own; a ValueError says what is wrong with it."""
+    if result is None:
+        return None
+    if not isinstance(result, PoseEstimate) or not isinstance(result.X_DU, SE2):
+        wrong(result, "a PoseEstimate with a pose X_DU in SE(2), or None")
+    X, covariance = result.X_DU, np.asarray(result.covariance)
+    if not (math.isfinite(X.yaw) and max(abs(X.x), abs(X.y)) <= _FARTHEST_M):
+        wrong(X, f"a pose within {_FARTHEST_M:g} m")
+    if covariance.shape != (3, 3) or covariance.dtype.kind not in "fiu":
+        raise ValueError(f"a covariance of shape {covariance.shape}; expected numbers of shape (3, 3)")
+    if not (np.abs(covariance) <= _LARGEST_VARIANCE).all():
+        wrong(covariance.tolist(), f"a covariance of numbers up to {_LARGEST_VARIANCE:g}")
+    variances = np.linalg.eigvalsh(0.5 * (covariance + covariance.T))
+    rounding = 1e-9 * variances[-1]
+    if variances[0] < -rounding or np.abs(covariance - covariance.T).max() > rounding:
+        wrong(covariance.tolist(), "a covariance that is symmetric and not negative")
+    for stamp in (result.stamp_ns, result.last_seen_ns):
+        if not isinstance(stamp, Integral) or abs(int(stamp)) > _LATEST_NS:
+            wrong(stamp, "a time in whole nanoseconds")
+    return PoseEstimate(int(result.stamp_ns), X, covariance.astype(float), int(result.last_seen_ns))
+
+
+ESTIMATORS: ExtensionPoint[Estimator] = ExtensionPoint(
+    {"corner_ekf": CornerEkf},
+    methods={
+        "add_odometry": no_result,
+        "add_detections": no_result,
+        "add_pose": no_result,
+        "predict": _pose,
+        "estimate": _pose,
+        "reset": no_result,
+    },
+)

@@ -142,6 +142,8 @@ def joint_pose(
     if len(known) > 1 or (pose.alternative is None and pose.covariance[2, 2] < (0.2 * _YAW_STEP) ** 2):
         return pose
     spread = _covariance_along_yaw(target, corners, fits, prior)
+    if spread is None:
+        return None
     # Where the yaw is known better than a step of the sampling, the curvature is right and the sum is coarse.
     return pose if spread[2, 2] < _YAW_STEP**2 else replace(pose, covariance=spread)
 
@@ -197,12 +199,13 @@ def _report(fits: list[CornerFit], tags: tuple[int, ...]) -> JointPose:
 
 def _covariance_along_yaw(
     target: TargetModel, corners: CornerMeasurements, fits: Sequence[CornerFit], prior: Array
-) -> Array:
+) -> Array | None:
     """Return the second moment of (x, y, yaw) about the first fit, shape (3, 3), summed over the yaw.
 
     A single flat tag seen from the front determines the yaw so poorly that the likelihood is not Gaussian: it
     is flat or has two peaks, and its curvature at the best point is far too optimistic. So the yaw is
-    sampled, the other entries are solved for at each sample, and the moments are taken over all samples.
+    sampled, the other entries are solved for at each sample, and the moments are taken over all samples. None
+    when there is a solution at no sample, as for corners that are not those of a tag.
     """
     best = fits[0].state
     turns = [math.remainder(float(f.state[YAW] - best[YAW]), 2.0 * math.pi) for f in fits]
@@ -213,11 +216,18 @@ def _covariance_along_yaw(
     for turn in np.arange(min(turns) - _YAW_RANGE, max(turns) + _YAW_RANGE, _YAW_STEP):
         mean = np.zeros(5)
         mean[YAW] = start[YAW] = best[YAW] + turn
-        fit = fit_corners(target, corners, start, mean, held, max_iterations=8)
+        try:
+            fit = fit_corners(target, corners, start, mean, held, max_iterations=8)
+        except np.linalg.LinAlgError:  # at this yaw the corners explain nothing
+            continue
+        if not (math.isfinite(fit.cost) and np.isfinite(fit.covariance).all()):
+            continue
         d = deviation(fit.state, best)[:3]
         costs.append(fit.cost)
         moments.append(fit.covariance[:3, :3] + np.outer(d, d))
         start = fit.state.copy()
+    if not costs:
+        return None
     weights = np.exp(-0.5 * (np.array(costs) - min(costs)))
     return np.asarray(np.tensordot(weights / weights.sum(), np.array(moments), axes=1))
 

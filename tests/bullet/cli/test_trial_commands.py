@@ -1,6 +1,9 @@
 """The commands that run trials: their output, their files and their exit codes."""
 
 import json
+import os
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -107,3 +110,52 @@ def test_dock_names_what_was_made_from_an_earlier_run(
     assert run(arguments) == 1
     assert capsys.readouterr().out.splitlines()[-1] == "Made from an earlier run in this folder: plot.png"
     assert (tmp_path / "run" / "plot.png").read_text() == "of before"
+
+
+BROKEN = """from msrr_scenes.messages import Twist
+class Law:
+    def __init__(self, setup): ...
+    def reset(self, inputs): ...
+    def step(self, inputs):
+        return Twist(1 / (inputs.now_ns // 800_000_000 - 1), 0.0)
+"""
+
+
+def test_a_user_s_class_in_the_current_folder_that_fails_is_bad_input(
+    short_trial: list[str], tmp_path: Path
+) -> None:
+    """It was not found without PYTHONPATH, and its failure asked to be reported as ours."""
+    (tmp_path / "broken_law.py").write_text(BROKEN)
+    (tmp_path / "mcap.py").write_text("raise RuntimeError('not the package')\n")  # replaces nothing
+    sources = os.pathsep.join(path for path in sys.path if path)
+
+    def msrr(*arguments: str) -> subprocess.CompletedProcess[str]:
+        # -P: as with the console script, the current folder is not on the path.
+        return subprocess.run(
+            [sys.executable, "-P", "-m", "msrr_bullet.cli", *arguments],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, "PYTHONPATH": sources},
+        )
+
+    law = [*short_trial, "--set", "control.docking=broken_law:Law"]
+    says = "controller 'broken_law:Law', broken_law.py line 6: step raised ZeroDivisionError"
+    done = msrr("dock", "close_range", *law, "--out", "run")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert done.stderr.startswith(f"msrr: {says}")
+    assert "report" not in done.stderr
+
+    refused = msrr("replay", "run")
+    assert refused.returncode == 2
+    assert "the log names broken_law:Law by import path" in refused.stderr
+    trusted = msrr("replay", "run", "--trust")
+    assert (trusted.returncode, trusted.stderr) == (0, "")
+    assert "run: identical" in trusted.stdout
+
+    swept = msrr("sweep", "close_range", *law, "--seeds", "0:3", "--jobs", "1", "--json", "-")
+    assert swept.returncode == 2
+    assert "the program of the unit failed in 3 of 3 trials" in swept.stderr
+    summary = json.loads(swept.stdout)
+    assert (summary["outcomes"], summary["failures"]) == ({"program_failed": 3}, [])
+    assert (summary["trials"], summary["success"]["rate"]) == (3, 0.0)

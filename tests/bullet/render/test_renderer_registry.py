@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.render import RenderContext, build_renderer
+from msrr_bullet.render import RENDERERS, RenderContext, build_renderer
 from msrr_bullet.render.raster_renderer import RasterRenderer
 from msrr_bullet.render.tiny_renderer import TinyRenderer
 from msrr_scenes.errors import SceneError, UnknownNameError
@@ -42,6 +42,16 @@ def test_renderers_come_by_name_or_import_path(client: int, monkeypatch: pytest.
     for params in ({"floor": "parquet"}, {"colour": "red"}):
         with pytest.raises(SceneError, match="tiny"):
             build_renderer(Choice(name="tiny", params=params), context)
+
+
+@pytest.mark.parametrize(
+    "result", [None, np.zeros((1, 2)), np.zeros((2, 1), dtype=np.uint8), np.zeros((1, 2, 3), dtype=np.uint8)]
+)
+def test_an_image_of_one_s_own_renderer_is_checked(result: object) -> None:
+    arguments = (PinholeCamera(8, 8, 8.0), SE3(), Window(3, 0, 2, 1))
+    with pytest.raises(ValueError, match=r"expected (an array of pixels|uint8 of shape \(1, 2\))"):
+        RENDERERS.methods["render"](result, *arguments)
+    RENDERERS.methods["render"](np.zeros((1, 2), dtype=np.uint8), *arguments)
 
 
 def test_the_raster_renderer_is_chosen_by_name_and_takes_no_unknown_parameter(client: int) -> None:

@@ -46,3 +46,15 @@ SimulatorBarrier.install()
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert "ReplayError: pybullet was imported before" in done.stderr
+
+
+def test_no_module_in_the_current_folder_runs_in_a_replay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python puts the current folder first on the path unless it is told not to."""
+    for name in ("json", "pydantic", "mcap"):
+        (tmp_path / f"{name}.py").write_text("print('taken over', flush=True)\nraise SystemExit(0)\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [path for path in sys.path if path])
+    with pytest.raises(ReplayError, match="cannot read the log"):
+        replay_isolated(tmp_path / "gone")

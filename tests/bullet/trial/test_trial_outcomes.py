@@ -116,6 +116,15 @@ CASES = (
     ),
     Case(Outcome.TIMEOUT, "short_time", "undecided", lambda r: abs(r.duration_s - 2.0) < 0.03, blind=True),
     Case(
+        Outcome.PROGRAM_FAILED,
+        "close_range",
+        "undecided",
+        lambda r: nothing_touched(r) and "LawController" in r.belief_reason,
+        # A class that has the methods of a controller, and cannot run on what controllers are built from.
+        {"control.docking": "msrr_control.docking.controller:LawController"},
+        blind=True,
+    ),
+    Case(
         Outcome.FALSE_DOCK,
         "stuck_seat_switch",
         "docked",

@@ -80,6 +80,17 @@ def test_a_controller_by_import_path(facts: DockSetup, monkeypatch: pytest.Monke
         build_controller(Choice(name="users_own:Crawler", params={"sped": 1.0}), facts)
 
 
+@pytest.mark.parametrize(
+    "result", [None, (0.1, 0.0), Twist(math.inf, 0.0), Twist(0.1, math.nan), Twist("fast", 0.0), Twist(1j, 0)]
+)
+def test_a_command_of_one_s_own_controller_is_a_finite_twist(result: object) -> None:
+    """A tuple ended in a traceback, a NaN in one that asked to be reported."""
+    with pytest.raises(ValueError, match="expected a Twist"):
+        CONTROLLERS.methods["step"](result)
+    plain = CONTROLLERS.methods["step"](Twist(np.float32(0.5), 0))
+    assert (type(plain.v), plain) == (float, Twist(0.5, 0.0))
+
+
 def test_an_unknown_name_is_answered_with_the_nearest(facts: DockSetup) -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'linear'"):
         build_controller(Choice(name="lineer"), facts)

@@ -1,16 +1,19 @@
 from __future__ import annotations
 
+import math
 import sys
 import types
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
-from msrr_control.sequence.observation import Observation
+from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.staging.registry import ASSEMBLERS, build_assembler
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.errors import SceneError, UnknownNameError
 from msrr_scenes.loading.load import load_scene
+from msrr_scenes.messages import AssemblyPath, AssemblyProgress, FailureReason, Twist
 from msrr_scenes.specs.spec import Choice
 
 
@@ -43,8 +46,33 @@ def test_an_assembler_of_one_s_own_needs_the_whole_interface(
     module = types.ModuleType("users_assembler")
     module.NoReport = _NoReport  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "users_assembler", module)
-    with pytest.raises(SceneError, match="no method or property progress"):
+    with pytest.raises(SceneError, match="no property progress"):
         build_assembler(Choice(name="users_assembler:NoReport"), setup)
+
+
+PROGRESS = AssemblyProgress(0, "drive", 1, (0.0, 0.0), (0.1, 0.0), (0.1, 0.0), 0.1, 0.5, 1.0, None, "go")
+PATH = AssemblyPath(0, 1, "arc", ((0.0, 0.0), (0.1, 0.0)), "free")
+
+
+@pytest.mark.parametrize(
+    ("member", "good", "bad", "why"),
+    [
+        ("step", Twist(0.1, 0.0), (0.1, 0.0), "expected a Twist, a GiveUp or None"),
+        ("step", GiveUp(FailureReason.BLOCKED, "no way"), GiveUp("blocked", "no way"), "expected a Twist, a"),
+        ("step", None, Twist(math.nan, 0.0), "two finite numbers"),
+        ("progress", PROGRESS, PATH, "expected AssemblyProgress or None"),
+        ("progress", PROGRESS, replace(PROGRESS, tip=None), "AssemblyProgress with a wrong tip"),
+        ("progress", PROGRESS, replace(PROGRESS, s="far"), "AssemblyProgress with a wrong s"),
+        ("path", PATH, replace(PATH, points=((0.0, object()),)), "AssemblyPath with a wrong points"),
+        ("path", None, "arc", "expected AssemblyPath or None"),
+    ],
+)
+def test_what_one_s_own_assembler_reports_is_checked(member: str, good: Any, bad: Any, why: str) -> None:
+    """The log holds progress and path, and cannot write everything."""
+    check = {**ASSEMBLERS.methods, **ASSEMBLERS.optional}[member]
+    assert check(good) == good
+    with pytest.raises(ValueError, match=why):
+        check(bad)
 
 
 @pytest.mark.parametrize(

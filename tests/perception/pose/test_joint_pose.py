@@ -51,6 +51,29 @@ def test_a_tilt_beyond_its_prior_is_found_from_three_tags(target: TargetModel, s
     np.testing.assert_allclose(_error(pose.X_DU, X), 0.0, atol=1e-3)
 
 
+def test_corners_that_are_those_of_no_tag_give_a_finite_pose_or_none(target: TargetModel) -> None:
+    """A detector of one's own may return any four corners; a tag behind the camera ended in a LinAlgError."""
+    rng = np.random.default_rng(0)
+    width, height = target.camera.frame.width, target.camera.frame.height
+    none = 0
+    for _ in range(150):
+        tags = []
+        for tag in rng.choice(target.port_tags, rng.integers(1, 4), replace=False):
+            angles = np.sort(rng.uniform(0.0, 2.0 * math.pi, 4))[::-1]
+            around = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+            tags.append(
+                TagDetection(
+                    int(tag), rng.uniform([0, 0], [width, height]) + 10 ** rng.uniform(0, 2) * around
+                )
+            )
+        for pose in (joint_pose(target, tags), consistent_pose(target, tags)):
+            none += pose is None
+            if pose is not None:
+                assert np.isfinite(pose.X_DU.as_array()).all()
+                assert np.isfinite(pose.covariance).all()
+    assert none > 0, "some are refused"
+
+
 def test_order_of_tags_does_not_matter(target: TargetModel, see: See) -> None:
     tags = see(pose_vector(SE2(-0.5, 0.05, -0.1)), target.port_tags, np.random.default_rng(1))
     a, b = joint_pose(target, tags), joint_pose(target, tags[::-1])

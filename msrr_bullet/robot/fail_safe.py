@@ -1,0 +1,106 @@
+"""A robot that stops when its program fails, as a class of a user's own may."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from msrr_bullet.robot.interface import ObservableRobot
+from msrr_scenes.errors import ProgramFailedError
+from msrr_scenes.messages import (
+    Action,
+    ArenaEstimate,
+    AssemblyPath,
+    AssemblyProgress,
+    Belief,
+    CollisionMonitorState,
+    Detections,
+    Exposure,
+    Fetch,
+    LosObservation,
+    Phase,
+    PoseEstimate,
+    SensorMessage,
+    Twist,
+)
+
+
+class FailSafeRobot:
+    """Runs a robot until its program fails. From then on it commands a standstill and knows nothing.
+
+    What the robot estimates is read once after each decision, so that a trial and its replay, which look at
+    it more or less often, run the same code.
+
+    Attributes:
+        failure: Error with which the program failed; None while it runs.
+        estimate: Pose estimate on which the last decision was based.
+        los: Line of sight on which the last decision was based.
+        arena: Estimate of all bodies in the arena on which the last decision was based.
+        monitor: Decision of the collision monitor on the last command; None without an overhead camera.
+        assembly: Progress of the long-distance phase at the last decision; None in other phases.
+        path: Path that the long-distance phase follows or followed last.
+        belief: Belief of the robot about the outcome of the step.
+    """
+
+    def __init__(self, build: Callable[[], ObservableRobot]) -> None:
+        """Build the robot; one that cannot be built for a failure of its program stands still."""
+        self._action = Action(0, Phase.ASSEMBLE, attempt=1)
+        self._robot: ObservableRobot | None = None
+        self.failure: ProgramFailedError | None = None
+        self.estimate: PoseEstimate | None = None
+        self.los: LosObservation | None = None
+        self.arena: ArenaEstimate | None = None
+        self.monitor: CollisionMonitorState | None = None
+        self.assembly: AssemblyProgress | None = None
+        self.path: AssemblyPath | None = None
+        self.belief = Belief()
+        try:
+            self._robot = build()
+        except ProgramFailedError as error:
+            self._stop(error)
+
+    def uses_camera(self, camera: str) -> bool:
+        """Return whether the robot uses the frames of ``camera`` now."""
+        return self._robot is not None and self._robot.uses_camera(camera)
+
+    def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
+        """Let the robot read windows of an exposure; None once its program has failed."""
+        if self._robot is None:
+            return None
+        try:
+            return self._robot.expose(exposure, fetch)
+        except ProgramFailedError as error:
+            self._stop(error)
+            return None
+
+    def receive(self, message: SensorMessage) -> None:
+        """Pass a message on."""
+        if self._robot is None:
+            return
+        try:
+            self._robot.receive(message)
+        except ProgramFailedError as error:
+            self._stop(error)
+
+    def step(self, now_ns: int) -> Action:
+        """Return the action of the robot, or once its program has failed, a standstill."""
+        if self._robot is not None:
+            try:
+                return self._decide(self._robot, now_ns)
+            except ProgramFailedError as error:
+                self._stop(error)
+        self._action = replace(self._action, stamp_ns=now_ns, twist=Twist(), reason=str(self.failure))
+        return self._action
+
+    def _decide(self, robot: ObservableRobot, now_ns: int) -> Action:
+        action = robot.step(now_ns)
+        self.assembly, self.path = robot.assembly, robot.path  # these may fail as well
+        self.estimate, self.los, self.arena = robot.estimate, robot.los, robot.arena
+        self.monitor, self.belief = robot.monitor, robot.belief
+        self._action = action
+        return action
+
+    def _stop(self, error: ProgramFailedError) -> None:
+        self.failure, self._robot = error, None
+        self.estimate = self.los = self.arena = self.monitor = self.assembly = self.path = None
+        self.belief = Belief(reason=str(error))

@@ -1,0 +1,241 @@
+"""Classes of a user's own in the loop: when one fails, the unit stops, and the trial says which and where."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from msrr_bullet.log import TruePose, read_log
+from msrr_bullet.replay import replay
+from msrr_bullet.replay.comparison import ReplayError
+from msrr_bullet.run import run_trial
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.trial import Trial
+from msrr_scenes.messages import Action, Twist
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.scene import Scene
+
+SEED = 1
+Load = Callable[..., Scene]
+
+#: Shipped implementations under names of a user's own, and failures in the middle of an approach.
+CLASSES = """
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from msrr_bullet.render.raster_renderer import RasterRenderer
+from msrr_control.docking.barrier import BarrierLaw, BarrierParams
+from msrr_control.docking.controller import LawController
+from msrr_control.path_following.c1 import C1PathFollowingLaw
+from msrr_control.staging.parameters import AssemblyParams
+from msrr_control.staging.state_machine import LongDistanceAssembler
+from msrr_perception.detection.detector import PupilDetector
+from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import Twist
+
+
+class Controller(LawController):
+    def __init__(self, setup):
+        super().__init__(BarrierLaw(BarrierParams(), setup))
+
+
+class Assembler(LongDistanceAssembler):
+    def __init__(self, setup):
+        params = AssemblyParams()
+        super().__init__(params, setup, C1PathFollowingLaw(params, setup.limits, setup.offset))
+
+
+Detector, Estimator, Renderer = PupilDetector, CornerEkf, RasterRenderer
+
+
+class Failing:
+    FAILS_AFTER = 40
+    calls = 0
+
+    def late(self):
+        self.calls += 1
+        return self.calls > self.FAILS_AFTER
+
+
+class NoCommand(Failing, Controller):
+    def step(self, inputs):
+        return None if self.late() else super().step(inputs)
+
+
+class PairCommand(Failing, Controller):
+    def step(self, inputs):
+        return (0.1, 0.0) if self.late() else super().step(inputs)
+
+
+class EndlessCommand(Failing, Controller):
+    def step(self, inputs):
+        return Twist(math.inf, 0.0) if self.late() else super().step(inputs)
+
+
+class Raising(Failing, Controller):
+    def step(self, inputs):
+        if self.late():
+            raise KeyError("gain")  # the line that is to be named
+        return super().step(inputs)
+
+
+class Leaving(Failing, Controller):
+    def reset(self, inputs):
+        raise SystemExit(0)
+
+
+class Unbuildable(Failing, Controller):
+    def __init__(self, setup):
+        raise OSError("no such device")
+
+
+class NoPose(Failing, Estimator):
+    def estimate(self, now_ns):
+        pose = super().estimate(now_ns)
+        return replace(pose, X_DU=SE2(math.nan, 0.0, 0.0)) if pose and self.late() else pose
+
+
+class NoFilter(Failing, Estimator):
+    def add_pose(self, measurement):
+        if self.late():
+            np.linalg.inv(np.zeros((3, 3)))
+        super().add_pose(measurement)
+
+
+class Blind(Failing, Detector):
+    FAILS_AFTER = 6
+
+    def detect(self, pixels, window):
+        return None if self.late() else super().detect(pixels, window)
+
+
+class Mirrored(Blind):
+    def detect(self, pixels, window):
+        tags = PupilDetector.detect(self, pixels, window)
+        return tuple(replace(tag, corners=tag.corners[::-1]) for tag in tags) if self.late() else tags
+
+
+class Torn(Failing, Renderer):
+    FAILS_AFTER = 6
+
+    def render(self, camera, X_WC, window):
+        image = super().render(camera, X_WC, window)
+        return image[1:] if self.late() else image
+
+
+class NoRenderer(Failing, Renderer):
+    def __init__(self, context):
+        raise OSError("no such device")
+
+
+class NoProgress(Failing, Assembler):
+    def step(self, observation):
+        decision = super().step(observation)
+        self.progress = "soon" if self.late() else self.progress
+        return decision
+
+
+class NoRoute(Failing, Assembler):
+    def step(self, observation):
+        return math.nan if self.late() else super().step(observation)
+"""
+
+#: Extension point -> key of a scene.
+KEYS = {
+    "controller": "control.docking",
+    "assembler": "control.assembly",
+    "detector": "control.detector",
+    "estimator": "control.estimator",
+    "renderer": "cameras.onboard.renderer",
+}
+
+
+@pytest.fixture(autouse=True)
+def in_the_folder_of_the_classes(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Stand in a folder with the module, which is not on the path."""
+    folder = tmp_path_factory.mktemp("classes")
+    (folder / "users_classes.py").write_text(CLASSES)
+    monkeypatch.chdir(folder)
+
+
+def test_guards_change_nothing_in_a_trial(shipped: Load) -> None:
+    """Shipped implementations give the same trial, bit for bit, under names of a user's own."""
+    near = {"cameras.onboard.samples": "1", "time_limit_s": "4"}
+    far = {"plant": "unicycle", "perception": "parametric", "time_limit_s": "6"}
+    for name, overrides in (("close_range", near), ("two_units", far)):
+        own = {key: f"users_classes:{kind.title()}" for kind, key in KEYS.items()}
+        shipped_result, own_result = (
+            Trial(shipped(name, {**overrides, **named}), SEED).run() for named in ({}, own)
+        )
+        assert own_result.model_copy(update={"scene_hash": ""}) == shipped_result.model_copy(
+            update={"scene_hash": ""}
+        )
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "says"),
+    [
+        ("controller", "NoCommand", "step returned None; expected a Twist"),
+        ("controller", "PairCommand", "step returned (0.1, 0.0); expected a Twist"),
+        ("controller", "EndlessCommand", "expected a Twist of two finite numbers"),
+        ("controller", "Raising", "step raised KeyError: 'gain'"),
+        ("controller", "Leaving", "reset raised SystemExit: 0"),
+        ("controller", "Unbuildable", "__init__ raised OSError: no such device"),
+        ("estimator", "NoPose", "expected a pose within"),
+        ("estimator", "NoFilter", "raised numpy.linalg.LinAlgError: Singular matrix"),
+        ("detector", "Blind", "detect returned None; expected a tuple of TagDetections"),
+        ("detector", "Mirrored", "expected corners in the order bottom left"),
+        ("renderer", "Torn", "render returned an array of uint8 of shape"),
+        ("renderer", "NoRenderer", "__init__ raised OSError: no such device"),
+        ("assembler", "NoProgress", "progress returned 'soon'; expected AssemblyProgress or None"),
+        ("assembler", "NoRoute", "step returned nan; expected a Twist, a GiveUp or None"),
+    ],
+)
+def test_a_failure_stops_the_unit_and_ends_the_trial(
+    kind: str, name: str, says: str, shipped: Load, tmp_path: Path
+) -> None:
+    """All of these ended in a traceback that asked to be reported, or drove on."""
+    pixels = kind in ("detector", "renderer")
+    overrides = {KEYS[kind]: f"users_classes:{name}"}
+    if pixels:
+        overrides["cameras.onboard.samples"] = "1"
+    scene = shipped("two_units" if kind == "assembler" else "close_range", overrides, blind=not pixels)
+    result = run_trial(scene, SEED, out=tmp_path)
+    assert (result.outcome, result.belief, result.docked) == (Outcome.PROGRAM_FAILED, "undecided", False)
+    assert result.belief_reason.startswith(f"{kind} 'users_classes:{name}', users_classes.py line ")
+    assert says in result.belief_reason
+    assert TrialResult.from_json((tmp_path / "result.json").read_text()) == result
+
+    log = read_log(tmp_path)
+    assert log.complete
+    actions = [action for _, action in log.messages(Action)]
+    assert actions[-1].twist == Twist()
+    assert actions[-1].reason == result.belief_reason
+    if name not in ("Leaving", "Unbuildable", "NoRenderer"):
+        assert any(abs(a.twist.v) + abs(a.twist.w) > 0.01 for a in actions), "it was under way"
+    stand = [pose for _, pose in log.messages(TruePose, "/truth/a/pose")][-5:]
+    assert max(abs(p.X_WB.x - stand[-1].X_WB.x) for p in stand) < 1e-4, "and it has come to rest"
+
+    report = replay(tmp_path, trust=True)
+    assert report.mismatches == ()
+    assert report.identical
+    if kind == "renderer":  # a replay builds none
+        assert replay(tmp_path).identical
+    else:
+        with pytest.raises(ReplayError, match=f"users_classes:{name} by import path.* --trust"):
+            replay(tmp_path)
+
+
+def test_the_line_that_failed_is_named(shipped: Load) -> None:
+    line = 1 + CLASSES.splitlines().index(
+        '            raise KeyError("gain")  # the line that is to be named'
+    )
+    scene = shipped("close_range", {"control.docking": "users_classes:Raising"}, blind=True)
+    assert f"users_classes.py line {line}:" in Trial(scene, SEED).run().belief_reason

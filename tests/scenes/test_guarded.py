@@ -1,0 +1,115 @@
+"""Objects of a user's classes: what goes through unchanged, and how a failure is named."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from msrr_scenes.errors import ProgramFailedError, SceneError
+from msrr_scenes.guarded import Guarded, in_one_line, no_result, of_the_same_kind, unguarded, wrong
+
+
+def even(result: Any, *arguments: Any) -> int:
+    if not isinstance(result, int) or result % 2:
+        wrong(result, f"an even number for {arguments}")
+    return result
+
+
+CHECKS = {"double": even, "forget": no_result, "for_large": of_the_same_kind, "state": even}
+
+
+class Doubler:
+    state = 4
+
+    def double(self, x: Any) -> Any:
+        return x + x
+
+    def forget(self) -> str:
+        return "done"
+
+    def for_large(self) -> Any:
+        return Doubler()
+
+
+class Faulty(Doubler):
+    other: Any = None
+
+    def double(self, x: Any) -> Any:
+        if x == "exit":
+            raise SystemExit(3)
+        if x == "scene":
+            raise SceneError("not here")
+        return x
+
+    @property
+    def state(self) -> int:  # type: ignore[override]
+        raise AttributeError("no state")
+
+    def for_large(self) -> Any:
+        return self.other
+
+
+def guarded(inner: object) -> Any:
+    return Guarded("gadget", "mine:Thing", inner, CHECKS)
+
+
+def test_what_is_allowed_goes_through() -> None:
+    thing = guarded(Doubler())
+    assert thing.double(3) == 6
+    assert thing.state == 4
+    assert thing.forget() is None
+    assert thing.for_large().double(2) == 4
+    assert not hasattr(thing, "colour")
+    assert not hasattr(Guarded("gadget", "mine:Thing", object(), CHECKS), "for_large")
+    assert isinstance(unguarded(thing), Doubler)
+
+
+@pytest.mark.parametrize(
+    ("argument", "says"),
+    [
+        (None, r"double returned None; expected an even number for \(None,\)"),
+        (3, "double returned 3; expected"),
+        ("exit", r"test_guarded.py line \d+: double raised SystemExit: 3"),
+        ("scene", "double raised msrr_scenes.errors.SceneError: not here"),
+    ],
+)
+def test_a_failure_names_class_file_and_line(argument: object, says: str) -> None:
+    with pytest.raises(ProgramFailedError, match=r"'mine:Thing', test_guarded\.py line") as caught:
+        guarded(Faulty()).double(argument)
+    with pytest.raises(ProgramFailedError, match=says):
+        raise caught.value
+
+
+def test_a_property_that_fails_is_not_a_missing_one() -> None:
+    """Else an AttributeError inside of it would pass for a class without the property."""
+    with pytest.raises(ProgramFailedError, match="state raised AttributeError: no state"):
+        _ = guarded(Faulty()).state
+
+
+def test_another_object_of_the_kind_is_guarded_too() -> None:
+    inner = Faulty()
+    with pytest.raises(ProgramFailedError, match="for_large returned None; expected a gadget with double"):
+        guarded(inner).for_large()
+    inner.other = inner
+    thing = guarded(inner)
+    assert thing.for_large() is thing
+    inner.other = Faulty()
+    with pytest.raises(ProgramFailedError, match="returned 1;"):
+        guarded(inner).for_large().double(1)
+
+
+def test_a_failure_reads_the_same_in_every_process() -> None:
+    """Its text is logged, and a replay compares it."""
+    texts = {in_one_line(ValueError(f"bad\n {object()} \ud800")) for _ in range(3)}
+    assert texts == {"ValueError: bad <object object at 0x...> \\ud800"}
+    assert len(in_one_line(ValueError("x" * 10_000))) == 300
+
+
+def test_a_result_whose_own_methods_fail_is_a_failure_too() -> None:
+    class Unprintable:
+        def __repr__(self) -> str:
+            raise RuntimeError("no name")
+
+    with pytest.raises(ProgramFailedError, match="double raised RuntimeError: no name"):
+        guarded(Faulty()).double(Unprintable())
