@@ -33,7 +33,7 @@ def shipped() -> ShippedScene:
 
 #: Files that take longest. With ``--dist loadfile --no-loadscope-reorder`` they are begun first, so that no
 #: worker is left alone with one of them at the end.
-LONGEST = ("test_wheel.py", "test_docking.py", "test_camera.py", "test_replay_trial.py", "test_trial.py")
+LONGEST = ("test_wheel.py", "test_docking.py", "test_camera.py", "test_replayer.py", "test_trial.py")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
