@@ -25,6 +25,7 @@ from msrr_scenes.messages import (
     AssemblyPath,
     AssemblyProgress,
     Belief,
+    CollisionMonitorState,
     GlobalPose,
     LosObservation,
     ObstacleEstimate,
@@ -119,6 +120,22 @@ ROBOT_TABLES = (
             radius_m="radius of the circle about the footprint of an obstacle",
         ),
         _situation_rows,
+    ),
+    Table(
+        "collision_monitor",
+        "Decision of the collision monitor on one command.",
+        CollisionMonitorState,
+        columns(
+            **UNIT,
+            **STAMP,
+            state="free, slow or stop",
+            body="nearest known body that matters",
+            clearance_m="present distance from that body",
+            ahead_m="smallest clearance along the trajectory of the command, less its uncertainty",
+        ),
+        lambda record, m: [
+            (*unit(record), time(m.stamp_ns), m.state, m.body, m.clearance, m.ahead),
+        ],
     ),
     Table(
         "assembly",

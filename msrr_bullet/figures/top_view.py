@@ -36,7 +36,7 @@ def draw_top_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot], title
             _draw_body(axes, unit_parts(scene.geometry(name)), X, unit_colour(index, docks=False), 1.0)
     marks = _marks(snapshots)
     for i, (_, snapshot) in enumerate(marks):
-        for name in docking & snapshot.units.keys():
+        for name in filter(docking.__contains__, snapshot.units):
             opacity = 0.25 + 0.65 * i / (len(marks) - 1)
             _draw_body(axes, unit_parts(scene.geometry(name)), snapshot.units[name], DOCKING_UNIT, opacity)
     _draw_paths(axes, snapshots)

@@ -44,6 +44,7 @@ def make_setup(limits: str = "normal", **obstacles: float) -> AssemblySetup:
         unit_radius={"a": 0.128, "b": 0.128, "c": 0.128},
         obstacle_radius=obstacles,
         arena=ArenaSpec(),
+        in_view=None,
         limits=LimitsSpec.model_validate({"setting": limits}),
         rate_hz=50.0,
     )
