@@ -125,7 +125,7 @@ def test_windows_see_what_the_full_frame_sees(rig: Rig) -> None:
     the median difference of a corner was 0.05 px, nine of ten were within 0.31 px, the largest was 1.1 px.
     """
     neighbours = []
-    for X in _views(24)[:16]:
+    for X in _views(96)[:64]:
         full, _ = rig.detect(OnboardVision(rig.target, PupilDetector()), X, None)
         few, _ = rig.detect(OnboardVision(rig.target, PupilDetector()), X, X)
         whole = {t.tag_id: t.corners for t in full.tags}
