@@ -128,6 +128,8 @@ def test_windows_see_what_the_full_frame_sees(rig: Rig) -> None:
     for X in _views(96)[:64]:
         full, _ = rig.detect(OnboardVision(rig.target, PupilDetector()), X, None)
         few, _ = rig.detect(OnboardVision(rig.target, PupilDetector()), X, X)
+        if few.windows == (rig.target.camera.frame,):
+            continue  # the periodic look at the full frame
         whole = {t.tag_id: t.corners for t in full.tags}
         assert sum(w.area for w in few.windows) < 0.1 * rig.target.camera.frame.area
         for tag in few.tags:
