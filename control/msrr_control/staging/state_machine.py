@@ -1,18 +1,16 @@
 """The state machine of the long-distance phase: from anywhere in the arena to the place in front of the port.
 
-========  ==================================================
-================================================== state     what the unit does
-next ========  ==================================================
-================================================== LOCALISE  stands until global localisation knows it and
-BRAKE; done if it stands in front of the port
-          its target
-BRAKE     comes to rest                                       PLAN
-PLAN      chooses a route, or waits for one to open           TURN; gives up after too many routes or too long
-TURN      turns on the spot to where the path begins          DRIVE; BRAKE if another route is needed
-DRIVE     follows the path                                    SETTLE; BRAKE if another route is needed
-SETTLE    comes to rest at the end of the path                done; BRAKE if it is not in front of the port
-========  ==================================================
-==================================================
+========  =====================================  ================================================
+State     What the unit does                     Next state
+========  =====================================  ================================================
+LOCALISE  stands until it and its target are     BRAKE; done if it stands in front of the port
+          localised
+BRAKE     comes to rest                          PLAN
+PLAN      chooses a route, or waits for one      TURN; gives up after too many routes or too long
+TURN      turns on the spot to the path's start  DRIVE; BRAKE if another route is needed
+DRIVE     follows the path                       SETTLE; BRAKE if another route is needed
+SETTLE    comes to rest at the end of the path   done; BRAKE if it is not in front of the port
+========  =====================================  ================================================
 
 In every state the unit stands still while localisation does not see it, and gives up after too long. It knows
 what global localisation estimates and nothing else.
