@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from msrr_bullet.plant.plant import Plant
 from msrr_bullet.simulation.pin_lock import PinLock
 from msrr_bullet.simulation.port_plug import PortPlug
-from msrr_bullet.simulation.wheel_motors import WheelMotors
+from msrr_bullet.simulation.sleeping import SleepingUnits
+from msrr_bullet.simulation.wheel_motors import WheelMotors, is_standstill
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import Twist
+from msrr_scenes.messages import LockPosition, Twist
 from msrr_scenes.specs.plan import DockStep
 
 
@@ -28,18 +29,46 @@ class BulletPlant(Plant):
         self._locks: dict[str, PinLock] = {}
         self._parting: list[PinLock] = []
         self._plugs: dict[tuple[str, str], PortPlug] = {}
+        self._sleeping = SleepingUnits(world)
+        self._locked_pairs: tuple[tuple[str, str], ...] = ()
 
     def step(self) -> None:
         """Advance by one tick: drives, physics, locks."""
+        driven = {name: self._is_driven(name) for name in self._motors}
+        self._sleeping.step(driven)
         for name, motors in self._motors.items():
-            motors.drive(self._drives[name].step(self._commands[name], self._dt))
+            if not self._sleeping.is_asleep(name):
+                motors.drive(self._drives[name].step(self._commands[name], self._dt))
         self._advance()
 
     def step_freewheeling(self) -> None:
         """Advance by one tick with all wheels released."""
-        for motors in self._motors.values():
-            motors.release()
+        for name, motors in self._motors.items():
+            if not self._sleeping.is_asleep(name):
+                motors.release()
         self._advance()
+
+    def command(self, unit: str, twist: Twist) -> None:
+        """Command a velocity to the drive of ``unit``, and wake it if it is to move."""
+        super().command(unit, twist)
+        if twist != Twist():
+            self._sleeping.rouse(unit)
+
+    def set_lock(self, unit: str, close: bool) -> None:
+        """Close the lock of ``unit``, or open it, and wake the units that it may hold."""
+        lock = self._mechanism(unit)
+        if lock.position is not (LockPosition.CLOSED if close else LockPosition.OPEN):
+            self.rouse(unit, lock.dock_step.target_unit)
+        lock.command(close)
+
+    def rouse(self, *units: str) -> None:
+        """Wake units, and all that are locked to them, before a force or a constraint acts on them."""
+        for unit in units:
+            self._sleeping.rouse(unit)
+
+    def is_asleep(self, unit: str) -> bool:
+        """Return whether a unit stands still and is left out of the physics until something may move it."""
+        return self._sleeping.is_asleep(unit)
 
     def pose(self, unit: str) -> SE2:
         """Return the true ``X_WU``."""
@@ -66,8 +95,10 @@ class BulletPlant(Plant):
         """Plug the holes of a passive port, or clear them."""
         key = (unit, port)
         if present and key not in self._plugs:
+            self.rouse(unit)
             self._plugs[key] = PortPlug(self.world, unit, port)
         elif not present and key in self._plugs:
+            self.rouse(unit)
             self._plugs.pop(key).remove()
 
     def close(self) -> None:
@@ -86,5 +117,15 @@ class BulletPlant(Plant):
         self.tick += 1
         for lock in (*self._locks.values(), *self._parting):
             lock.step(self._dt)
+        pairs = tuple(
+            (lock.dock_step.unit, lock.dock_step.target_unit) for lock in self._locks.values() if lock.engaged
+        )
+        if pairs != self._locked_pairs:
+            self._locked_pairs = pairs
+            self._sleeping.join(pairs)
         self._parting = [lock for lock in self._parting if not lock.parted]
         self.world.reveal(self.tick / self._scene.physics_hz)
+
+    def _is_driven(self, unit: str) -> bool:
+        """Return whether the drive of a unit is commanded to move or has not come to rest."""
+        return self._commands[unit] != Twist() or not is_standstill(self._drives[unit].velocity)

@@ -14,6 +14,11 @@ STANDSTILL_MPS = 1e-4
 STANDSTILL_RADPS = 1e-3
 
 
+def is_standstill(velocity: Twist) -> bool:
+    """Return whether a drive at this velocity counts as stopped."""
+    return abs(velocity.v) < STANDSTILL_MPS and abs(velocity.w) < STANDSTILL_RADPS
+
+
 class WheelMotors:
     """The two velocity-controlled wheel motors of a unit, with limited torque."""
 
@@ -29,8 +34,8 @@ class WheelMotors:
     def drive(self, twist: Twist) -> None:
         """Turn the wheels at the speeds of ``twist`` with limited torque."""
         # A drive at rest is held by the gear, which is stronger than the motor.
-        stopped = abs(twist.v) < STANDSTILL_MPS and abs(twist.w) < STANDSTILL_RADPS
-        self._control(wheel_speeds(twist, self._unit.geometry), self._holding if stopped else self._torque)
+        torque = self._holding if is_standstill(twist) else self._torque
+        self._control(wheel_speeds(twist, self._unit.geometry), torque)
 
     def release(self) -> None:
         """Let the wheels roll freely."""
