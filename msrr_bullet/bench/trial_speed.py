@@ -162,7 +162,7 @@ def trial_speed_table(report: TrialSpeed) -> Table:
     for stage, ms in sorted(report.stages_ms_per_s.items(), key=lambda item: -item[1]):
         table.add_row(stage, f"{ms:.1f} ms")
     table.add_section()
-    table.add_row("one control step, without the guard", f"{report.control_step_ms:.3f} ms")
+    table.add_row("one control step, without the collision monitor", f"{report.control_step_ms:.3f} ms")
     table.add_row("real time factor", f"{report.real_time_factor:.1f}")
     table.add_row("times faster than the naive loop", f"{report.naive_ratio:.1f}")
     table.add_row("... than a naive loop with one sample a pixel", f"{report.naive_ratio_one_sample:.1f}")

@@ -76,7 +76,7 @@ SENSOR_TABLES = (
     ),
     Table(
         "clearance",
-        "The smallest distance between two bodies, from truth.",
+        "The smallest distance between two bodies that are neither docking nor locked together, from truth.",
         ClearanceRecord,
         columns(
             **TIME,

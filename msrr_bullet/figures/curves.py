@@ -153,14 +153,15 @@ def _motion(axes: Axes, series: TrialSeries, column: int, label: str, limit: flo
 
 
 def clearance(axes: Axes, series: TrialSeries, guard: GuardSpec, judge: JudgeSpec) -> None:
-    """Draw the smallest clearance of all bodies, and the limits of the collision monitor and of the judge."""
-    apart = np.where(series.docking_pair, np.nan, series.clearance)
-    docking = np.where(series.docking_pair, series.clearance, np.nan)
-    axes.plot(series.time, apart, color=css(CLEARANCE), linewidth=2.0, label="smallest clearance (truth)")
-    axes.plot(series.time, docking, ":", color=css(CLEARANCE), linewidth=1.6, label="of the docking pair")
+    """Draw the smallest clearance, and the limits of the collision monitor and of the judge."""
+    label = "smallest clearance (truth)"
+    axes.plot(series.time, series.clearance, color=css(CLEARANCE), linewidth=2.0, label=label)
     bounds = [(judge.min_clearance_m, "-", "judge")]
     if guard.enabled:
-        bounds += [(guard.slow_m, "--", "guard slows"), (guard.stop_m, "-.", "guard stops")]
+        bounds += [
+            (guard.slow_m, "--", "collision monitor slows"),
+            (guard.stop_m, "-.", "collision monitor stops"),
+        ]
     for value, style, _ in bounds:
         axes.axhline(value, color=css(VERMILLION), linestyle=style, linewidth=0.9)
     limits = ", ".join(f"{name} {1e3 * value:.0f} mm" for value, _, name in sorted(bounds, reverse=True))

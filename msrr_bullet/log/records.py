@@ -63,27 +63,27 @@ class StartPoses:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClearanceRecord:
-    """Distance between two bodies, from their true poses.
+    """Smallest distance between two bodies that may not touch, from their true poses.
+
+    The judge leaves out a pair that is docking, and units that are locked together.
 
     Attributes:
         stamp_ns: Time.
         pair: Names of the bodies.
         distance: Smallest distance [m]; negative when they overlap.
         nearest: Nearest points in W, one row for each body, shape (2, 2) [m]; None if unknown.
-        exempt: The pair is docking and may touch.
     """
 
     stamp_ns: int
     pair: tuple[str, str]
     distance: float
     nearest: Array | None = None
-    exempt: bool = False
 
     @classmethod
-    def of(cls, stamp_ns: int, clearance: Clearance, exempt: bool = False) -> ClearanceRecord:
+    def of(cls, stamp_ns: int, clearance: Clearance) -> ClearanceRecord:
         """Return the record of a measured clearance."""
         nearest = np.array([clearance.point_a, clearance.point_b])
-        return cls(stamp_ns, (clearance.body_a, clearance.body_b), clearance.distance, nearest, exempt)
+        return cls(stamp_ns, (clearance.body_a, clearance.body_b), clearance.distance, nearest)
 
     @property
     def clearance(self) -> Clearance | None:

@@ -118,7 +118,7 @@ class Objective:
     over 2 deg and of the time to contact over 10 s; ten times the share of trials that do not come to the
     face inside the mechanism's capture range, and ten times the share that loses the target. Long phase: the
     95th percentiles of tracking error, amplitude and recovery over the paper's values for its own law, and
-    ten times the share of trials that come nearer to the obstacle than the clearance guard would allow.
+    ten times the share of trials that come nearer to the obstacle than the collision monitor would allow.
     """
 
     part: Part

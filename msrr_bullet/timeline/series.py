@@ -38,8 +38,7 @@ class TrialSeries:
         driven: True forward velocity and turn rate, shape (T, 2) [m/s, rad/s].
         sight: Angles of the target's left and right edge, shape (T, 2) [rad].
         seen: Both angles were measured in an image, shape (T,).
-        clearance: Smallest distance between any two bodies, shape (T,) [m].
-        docking_pair: That distance is the one of the docking pair, which may touch, shape (T,).
+        clearance: Smallest distance between two bodies that may not touch, shape (T,) [m].
         off_path: Distance of the controlled point from the desired point on the path, by the unit's estimate,
             shape (T,) [m].
         true_off_path: That distance by the unit's true pose, shape (T,) [m].
@@ -58,7 +57,6 @@ class TrialSeries:
     sight: Array
     seen: Mask
     clearance: Array
-    docking_pair: Mask
     off_path: Array
     true_off_path: Array
     limited: Mask
@@ -101,7 +99,6 @@ class TrialSeries:
             sight=np.array([(s.los.left, s.los.right) if s.los else _UNKNOWN for s in snapshots]),
             seen=np.array([s.los is not None and s.los.status is LosStatus.SEEN for s in snapshots]),
             clearance=np.array([s.clearance.distance if s.clearance else math.nan for s in snapshots]),
-            docking_pair=np.array([s.docking_pair_is_nearest for s in snapshots]),
             off_path=off[:, 0],
             true_off_path=off[:, 1],
             limited=_monitored(snapshots, MonitorState.SLOW),

@@ -20,10 +20,6 @@ from msrr_scenes.messages import (
 )
 from msrr_scenes.specs.plan import DockStep
 
-#: Phases in which the docking pair may come close.
-_DOCKING = (Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.RETREAT, Phase.DONE, Phase.FAILED)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
     """One instant of a trial.
@@ -37,7 +33,8 @@ class Snapshot:
         phase: Phase of the docking unit; None before its first decision.
         attempt: Number of the docking attempt, from 1; 0 before the first.
         los: Line of sight of the docking unit to its target.
-        clearance: Smallest clearance of all pairs of bodies, the docking pair included.
+        clearance: Smallest clearance of all pairs of bodies that may not touch, which leaves out a pair that
+            is docking and units that are locked together; None without such a pair.
         twist: Velocity command of the docking unit; None before its first decision.
         reason: Why the phase was entered.
         situation: Estimates of all bodies in the arena; None without an overhead camera in use.
@@ -71,13 +68,6 @@ class Snapshot:
     def docking_pose(self) -> SE2 | None:
         """True pose ``X_WU`` of the unit that docks."""
         return self.units.get(self.step.unit) if self.step else None
-
-    @property
-    def docking_pair_is_nearest(self) -> bool:
-        """Whether the nearest pair is the docking pair, in a phase in which it may come close."""
-        if self.clearance is None or self.step is None or self.phase not in _DOCKING:
-            return False
-        return self.clearance.pair == {self.step.unit, self.step.target_unit}
 
     @property
     def phase_text(self) -> str:

@@ -81,7 +81,8 @@ class Judge:
     Attributes:
         X_TD: Dock frame of the target port in the frame of the target unit.
         contact: First pin contact of the present attempt; None before the first.
-        min_clearance: Smallest clearance so far of any pair that was not docking [m]; None before the first.
+        min_clearance: Smallest clearance so far of any pair that was not exempt, that of a collision included
+            [m]; None before the first.
     """
 
     def __init__(
@@ -199,7 +200,8 @@ class Judge:
                 has parted again, and it may touch in the zone in front of the port.
 
         Returns:
-            The outcome that ends the trial, if any, and the smallest clearance of all pairs not yet locked.
+            The outcome that ends the trial, if any, and the smallest clearance of all pairs that are not
+            exempt; None without such a pair. It is what the log holds and every display shows.
         """
         if not self._locked.hold(self._plant):
             return Outcome.LOCK_FAILED, None
@@ -207,46 +209,52 @@ class Judge:
         poses = self._simulation.poses()
         port = self.port_pose()
         self._gap = port.gap
-        model, locked_pairs = self._clearance, self._locked.pairs
-        # Units that an earlier step locked together are one body.
-        first = nearest = model.minimum(poses, locked_pairs)
+        nearest = self._nearest(poses, docking, port.in_zone)
         self._close = action.phase in _DOCKING or (self._close and not self._parted(poses))
-        if nearest is not None and docking and nearest.pair == self._pair:
-            if nearest.distance <= 0.0 and not port.in_zone:
-                return Outcome.COLLISION, nearest
-            nearest = model.minimum(poses, {*locked_pairs, self._pair})
-        # The clearances of all other pairs are at least as large.
         if nearest is not None:
-            if nearest.distance <= 0.0:
-                return Outcome.COLLISION, nearest
             if self.min_clearance is None or nearest.distance < self.min_clearance:
                 self.min_clearance = nearest.distance
-            violated = self._violation(nearest, poses, docking)
-            if violated is not None:
-                return Outcome.CLEARANCE_VIOLATED, violated
+            if nearest.distance <= 0.0:
+                return Outcome.COLLISION, nearest
+            if self._is_violated(nearest, poses, docking):
+                return Outcome.CLEARANCE_VIOLATED, nearest
         arena = self._scene.arena
         for unit in self._scene.units:
             X_WU = poses[unit]
             if not (arena.x_m[0] <= X_WU.x <= arena.x_m[1] and arena.y_m[0] <= X_WU.y <= arena.y_m[1]):
-                return Outcome.LEFT_ARENA, first
-        return None, first
+                return Outcome.LEFT_ARENA, nearest
+        return None, nearest
 
-    def _violation(self, nearest: Clearance, poses: Mapping[str, SE2], docking: bool) -> Clearance | None:
-        """Return the clearance of a pair that is nearer than it may be; None if there is none.
+    def _nearest(self, poses: Mapping[str, SE2], docking: bool, in_zone: bool) -> Clearance | None:
+        """Return the smallest clearance of all pairs that are not exempt; None without such a pair.
+
+        Exempt are units that earlier steps locked together, which are one body, and the docking pair while it
+        docks, unless it touches beside the port.
+        """
+        locked_pairs = self._locked.pairs
+        nearest = self._clearance.minimum(poses, locked_pairs)
+        if nearest is None or not docking or nearest.pair != self._pair:
+            return nearest
+        if nearest.distance <= 0.0 and not in_zone:
+            return nearest
+        return self._clearance.minimum(poses, {*locked_pairs, self._pair})
+
+    def _is_violated(self, nearest: Clearance, poses: Mapping[str, SE2], docking: bool) -> bool:
+        """Return whether a pair is nearer than it may be; ``nearest`` is the smallest clearance of all.
 
         A unit that docks may come nearer to the neighbours of its target: as near as its seat is, and a
         margin.
         """
         limit, unit = self._scene.judge.min_clearance_m, self._step.unit
         if nearest.distance >= limit or not docking:
-            return nearest if nearest.distance < limit else None
+            return nearest.distance < limit
         for name, neighbour_limit in self._neighbour_limits.items():
             clearance = self._clearance.nearest(unit, poses[unit], {name: poses[name]})
             if clearance is not None and clearance.distance < min(neighbour_limit, limit):
-                return clearance
+                return True
         exempt = {frozenset({unit, name}) for name in self._neighbour_limits}
         others = self._clearance.minimum(poses, {*self._locked.pairs, self._pair, *exempt})
-        return others if others is not None and others.distance < limit else None
+        return others is not None and others.distance < limit
 
     def _parted(self, poses: Mapping[str, SE2]) -> bool:
         unit, target = self._step.unit, self._step.target_unit

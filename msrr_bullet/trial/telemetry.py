@@ -86,7 +86,7 @@ class Telemetry:
             judge: The judge of the step.
             robot: The robot after the decision.
             action: Action of the robot.
-            nearest: Smallest true clearance of all pairs; None without a pair.
+            nearest: Smallest true clearance of all pairs that may not touch; None without such a pair.
         """
         simulation = environment.simulation
         step = simulation.scene.plan[index]
@@ -95,8 +95,7 @@ class Telemetry:
             true = TruePose(unit, action.stamp_ns, poses[unit])
             self.recorder.write(topics.true_pose(unit), action.stamp_ns, true)
         if nearest is not None:
-            exempt = nearest.pair in environment.locked.pairs
-            record = ClearanceRecord.of(action.stamp_ns, nearest, exempt)
+            record = ClearanceRecord.of(action.stamp_ns, nearest)
             self.recorder.write(topics.CLEARANCE, action.stamp_ns, record)
         last, self._last_action = self._last_action, action
         if last is None or (last.phase, last.attempt) != (action.phase, action.attempt):

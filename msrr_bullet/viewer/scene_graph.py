@@ -80,7 +80,7 @@ class SceneGraph:
         yield from self._obstacles()
         yield from self._sight()
         yield from self._belief.build()
-        for node, colour in (("clearance/free", CLEARANCE), ("clearance/guarded", ALARM)):
+        for node, colour in (("clearance/free", CLEARANCE), ("clearance/monitored", ALARM)):
             yield set_object(node, g.Box([1.0, 0.006, 0.006]), shapes.flat_material(colour))
             yield set_property(node, "visible", False)
 
@@ -216,9 +216,9 @@ def _clearance_placements(snapshot: Snapshot, guard: GuardSpec) -> Iterator[tupl
         (ax, ay), (bx, by) = nearest.point_a, nearest.point_b
         X = SE2(0.5 * (ax + bx), 0.5 * (ay + by), math.atan2(by - ay, bx - ax))
         bar = Placement(SE3.from_se2(X, CLEARANCE_Z), scale=(nearest.distance, 1.0, 1.0))
-        limited = guard.enabled and nearest.distance < guard.slow_m and not snapshot.docking_pair_is_nearest
+        limited = guard.enabled and nearest.distance < guard.slow_m
     yield "clearance/free", HIDDEN if limited else bar
-    yield "clearance/guarded", bar if limited else HIDDEN
+    yield "clearance/monitored", bar if limited else HIDDEN
 
 
 def path_commands(name: str, points: Sequence[Array]) -> Iterator[Command]:

@@ -74,7 +74,7 @@ def drive() -> Drive:
                 phase=next(phase for until, phase in PHASES if done < until),
                 attempt=1,
                 los=LosObservation(stamp_ns, angles[0], angles[1], 0.2, status) if i > 5 else None,
-                clearance=model.minimum({**units, **posts}),
+                clearance=model.minimum({**units, **posts}, {frozenset("ab")} if done >= 0.06 else ()),
             )
         )
     return Drive(scene, tuple(snapshots))

@@ -8,16 +8,6 @@ from msrr_bullet.timeline.snapshot import planned_paths
 from msrr_scenes.messages import Phase
 
 
-def test_only_a_docking_pair_in_a_docking_phase_may_come_close(drive):
-    snapshot = drive.snapshots[100]
-    near = replace(snapshot.clearance, body_a="b", body_b="a")
-    docking = replace(snapshot, clearance=near, phase=Phase.DOCK)
-    assert docking.docking_pair_is_nearest
-    assert not replace(docking, phase=Phase.ASSEMBLE).docking_pair_is_nearest
-    assert not replace(docking, clearance=replace(near, body_a="c")).docking_pair_is_nearest
-    assert not replace(docking, step=None).docking_pair_is_nearest
-
-
 def test_texts_name_phase_stage_and_progress(drive, short_snapshots):
     following = next(s for s in short_snapshots if s.assembly and s.path and s.stamp_ns >= 3_000_000_000)
     assert following.phase_text == f"assemble, {following.assembly.stage}"

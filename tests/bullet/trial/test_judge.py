@@ -68,11 +68,12 @@ def check_all_pairs(judge: Judge, crowded: Crowd, docking: bool) -> tuple[Outcom
     counted = None
     for clearance in crowded.clearance.query(crowded.simulation.poses(), crowded.locked.pairs):
         own = clearance.pair == PAIR
-        if clearance.distance <= 0.0 and not (own and authorised):
-            return Outcome.COLLISION, counted
-        if own and docking:
+        touches = clearance.distance <= 0.0 and not (own and authorised)
+        if own and docking and not touches:
             continue
         counted = clearance.distance if counted is None else min(counted, clearance.distance)
+        if touches:
+            return Outcome.COLLISION, counted
         if clearance.distance < crowded.simulation.scene.judge.min_clearance_m:
             return Outcome.CLEARANCE_VIOLATED, counted
     return None, counted
@@ -97,9 +98,8 @@ def test_the_outcome_is_that_of_a_check_of_all_pairs(scene: Scene) -> None:
         expected, counted = check_all_pairs(judge, crowded, docking)
         verdict, nearest = judge.safety(Action(0, phase, 1))
         assert verdict is expected
-        if verdict is None:
-            assert judge.min_clearance == counted
-            assert nearest == crowded.clearance.query(crowded.simulation.poses(), crowded.locked.pairs)[0]
+        assert judge.min_clearance == counted, "the distance at a collision counts"
+        assert (nearest.distance if nearest else None) == counted, "what is reported is what counts"
         cases.add((verdict, judge.port_pose().in_zone))
     assert {v for v, _ in cases} == {None, Outcome.COLLISION, Outcome.CLEARANCE_VIOLATED}
     assert (None, True) in cases  # docking, and no other body near
@@ -125,6 +125,34 @@ def beside(scene: Scene, x: float, y: float = 0.0, yaw: float = 0.0) -> Crowd:
     X_WA = X_WD @ SE2(x, y, yaw) @ scene.geometry("a").port("front").inverse()
     units = {"a": X_WA, "b": SE2(0.1, -0.2, 0.5), "c": SE2(1.0, 1.0, 0.0)}
     return crowd(scene, ClearanceModel.from_scene(scene), units, SE2(-1.0, 1.0, 0.0))
+
+
+def test_the_distance_at_a_collision_is_the_smallest_clearance(scene: Scene) -> None:
+    """It kept the value of the instant before, metres away."""
+    apart, post = beside(scene, -0.5), SE2(-1.0, 1.0, 0.0)
+    judge = apart.judge()
+    assert judge.safety(Action(0, Phase.HAND_OVER, 1))[0] is None
+    before = judge.min_clearance
+    units = {name: apart.simulation.poses()[name] for name in "abc"} | {"c": post @ SE2(0.12, 0.0)}
+    judge._simulation = crowd(scene, apart.clearance, units, post).simulation
+    outcome, nearest = judge.safety(Action(0, Phase.HAND_OVER, 1))
+    assert outcome is Outcome.COLLISION
+    assert before is not None
+    assert nearest is not None
+    assert judge.min_clearance == nearest.distance <= 0.0 < before
+
+
+def test_a_pair_that_docks_is_exempt_and_its_neighbours_are_not(scene: Scene) -> None:
+    """A seated pair overlaps by its pins, which was shown as a clearance of -18 mm."""
+    seated = beside(scene, 0.0)
+    overlap = seated.clearance.minimum(seated.simulation.poses())
+    assert overlap is not None
+    assert (overlap.pair, overlap.distance < -0.01) == (PAIR, True)
+    judge = seated.judge()
+    outcome, nearest = judge.safety(Action(0, Phase.VERIFY, 1))
+    assert outcome is None
+    assert nearest == seated.clearance.query(seated.simulation.poses(), {PAIR})[0]
+    assert judge.min_clearance == nearest.distance > 0.0
 
 
 def keep_seated(judge: Judge, ticks: int = 200) -> Judge:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from msrr_bullet.log import MemoryRecorder, StartPoses, TruePose
+from msrr_bullet.log import ClearanceRecord, MemoryRecorder, StartPoses, TruePose
 from msrr_bullet.log.records import Event
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.trial.result import TrialResult
@@ -126,6 +126,15 @@ def test_the_start_poses_come_first(mission: Watched) -> None:
     assert isinstance(start, StartPoses)
     assert start.poses.keys() == mission.scene.units.keys() | mission.scene.obstacles.keys()
     assert start.poses["a"] == mission.snapshots[0].units["a"]
+
+
+def test_every_display_of_the_clearance_leaves_out_the_docking_pair(docking: Watched) -> None:
+    """Log and snapshots show what counts; while the only pair docks there is nothing to show."""
+    shown = {record.stamp_ns: record.clearance for record in docking.of(ClearanceRecord)}
+    assert {s.stamp_ns: s.clearance for s in docking.snapshots if s.clearance is not None} == shown
+    apart = {s.stamp_ns for s in docking.snapshots if s.phase is Phase.HAND_OVER}
+    assert shown.keys() == apart
+    assert min(c.distance for c in shown.values()) == docking.result.min_clearance_m > 0.0
 
 
 def test_reports_change_nothing_in_the_trial(docking: Watched) -> None:

@@ -28,6 +28,6 @@ def test_the_clearance_bar_is_red_where_the_collision_monitor_acts(drive):
     for distance, red in ((guard.slow_m + 0.01, False), (guard.slow_m - 0.01, True)):
         near = replace(snapshot.clearance, distance=distance, body_a="a", body_b="c")
         nodes = graph.placements(replace(snapshot, clearance=near))
-        assert nodes["clearance/guarded"].visible is red
+        assert nodes["clearance/monitored"].visible is red
         assert nodes["clearance/free"].visible is not red
-        assert nodes["clearance/guarded" if red else "clearance/free"].scale[0] == distance
+        assert nodes["clearance/monitored" if red else "clearance/free"].scale[0] == distance

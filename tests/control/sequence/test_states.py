@@ -533,7 +533,8 @@ def test_it_goes_when_a_picture_of_after_the_decision_arrives(facts: DockSetup, 
 def test_it_goes_when_no_picture_comes(facts: DockSetup, pictures: Pictures) -> None:
     waited, lasted = waited_s(facts, pictures)
     assert waited == pytest.approx(TUNING.look_around_s + 1e-9 * DT_NS, abs=1e-9)
-    # The unit is held where it is, as by a guard: the time for the way counts from where it may go.
+    # The unit is held where it is, as by the collision monitor: the time for the way counts from where it may
+    # go.
     way_s = DockingSpec().retreat_m / TUNING.retreat.speed_mps + TUNING.retreat_margin_s
     assert lasted == pytest.approx(waited + way_s + TUNING.settle_s, abs=4e-9 * DT_NS)
 
