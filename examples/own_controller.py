@@ -35,4 +35,4 @@ if __name__ == "__main__":
 
     chosen = "{name: 'own_controller:Pursuit', params: {cruise_mps: 0.12}}"
     result = run_trial(load_scene("close_range", {"control.docking": chosen}), seed=1)
-    print(f"{result.outcome.value} after {result.duration_s:.1f} s: {result.belief_reason}")
+    print(f"{result.outcome.value} after {result.duration_s:.1f} s: {result.steps[0].belief_reason}")

@@ -113,4 +113,4 @@ def test_an_installed_wheel_docks(wheel: Path, tmp_path: Path) -> None:
     }
     result = TrialResult.from_json((work / "docking" / "result.json").read_text())
     assert result.outcome is Outcome.DOCKED
-    assert result.pull_test_passed
+    assert result.steps[0].pull_test_passed

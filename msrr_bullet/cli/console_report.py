@@ -1,4 +1,4 @@
-"""The tables that the command line prints: a trial's belief and truth, a sweep, the shipped scenes."""
+"""The tables that the command line prints: a trial and its steps, a sweep, the shipped scenes."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from rich.table import Table
 from rich.text import Text
 
 from msrr_bullet.statistics import Quantiles
-from msrr_bullet.sweep.summary import SweepSummary
-from msrr_bullet.trial.result import PlanarPose, TrialResult
+from msrr_bullet.sweep.summary import StepSummary, SweepSummary
+from msrr_bullet.trial.result import PlanarPose, StepResult, TrialResult
 from msrr_scenes.loading.load import load_scene
+from msrr_scenes.outcome import Outcome
 
 _UNKNOWN = "-"
 
@@ -34,20 +35,54 @@ def _pose(pose: PlanarPose | None) -> str:
     return f"{x:+.1f} mm, {y:+.1f} mm, {math.degrees(pose.yaw_rad):+.2f} deg"
 
 
-def trial_table(result: TrialResult) -> Table:
-    """Return the table of a trial, with the robot's belief beside the truth."""
-    title = f"{result.scene}, seed {result.seed} ({result.plant}, {result.perception})"
-    table = Table(title=title, title_justify="left")
+def _metres(clearance: float | None) -> str:
+    return _UNKNOWN if clearance is None else f"{clearance:.3f} m"
+
+
+def _title(result: TrialResult) -> str:
+    return f"{result.scene}, seed {result.seed} ({result.plant}, {result.perception})"
+
+
+def _name(step: StepResult | StepSummary) -> str:
+    return f"{step.unit} to {step.target}"
+
+
+def _verdict(step: StepResult) -> Text:
+    return Text(step.outcome.value, "green" if step.docked else "red")
+
+
+def steps_table(result: TrialResult) -> Table:
+    """Return the table of a trial with a row for every step that began."""
+    table = Table(title=_title(result), title_justify="left")
+    for column in ("step", "belief", "truth"):
+        table.add_column(column)
+    for column in ("lateral", "yaw", "attempts", "clearance", "end"):
+        table.add_column(column, justify="right")
+    for step in result.steps:
+        contact = step.contact
+        table.add_row(
+            _name(step),
+            step.belief.replace("_", " "),
+            _verdict(step),
+            _mm(contact.lateral_m if contact else None),
+            _deg(contact.yaw_rad if contact else None),
+            str(len(step.attempts)),
+            _metres(step.min_clearance_m),
+            f"{step.ended_s:.2f} s",
+        )
+    return table
+
+
+def step_table(result: TrialResult, step: StepResult) -> Table:
+    """Return the table of one step of a trial, with the robot's belief beside the truth."""
+    table = Table(title=f"{_title(result)}: {_name(step)}", title_justify="left")
     table.add_column("")
     table.add_column("belief")
     table.add_column("truth")
-    colour = "green" if result.docked else "red"
-    table.add_row("verdict", result.belief.replace("_", " "), Text(result.outcome.value, colour))
-    last = result.records[-1] if result.records else None
-    table.add_row(
-        "pose in dock frame", _pose(last.believed if last else None), _pose(last.true if last else None)
-    )
-    contact, seating = result.contact, result.seating
+    table.add_row("verdict", step.belief.replace("_", " "), _verdict(step))
+    last = step.attempts[-1]
+    table.add_row("pose in dock frame", _pose(last.believed), _pose(last.true))
+    contact, seating = last.contact, step.seating
     if contact is not None:
         error = contact.estimate_error
         table.add_row(
@@ -62,13 +97,12 @@ def trial_table(result: TrialResult) -> Table:
         table.add_row("seated", "", _yes_no(seating.seated))
     table.add_row(
         "lock",
-        "closed" if result.lock_closed else "open",
-        "holds" if result.lock_engaged else "holds nothing",
+        "closed" if step.lock_closed else "open",
+        "holds" if step.lock_engaged else "holds nothing",
     )
-    table.add_row("pull test passed", "", _yes_no(result.pull_test_passed))
-    clearance = result.min_clearance_m
-    table.add_row("smallest clearance", "", _UNKNOWN if clearance is None else f"{clearance:.3f} m")
-    table.add_row("attempts, time", f"{result.attempts}", f"{result.duration_s:.2f} s")
+    table.add_row("pull test passed", "", _yes_no(step.pull_test_passed))
+    table.add_row("smallest clearance", "", _metres(step.min_clearance_m))
+    table.add_row("attempts, time", f"{len(step.attempts)}", f"{step.ended_s - step.started_s:.2f} s")
     return table
 
 
@@ -85,28 +119,34 @@ def sweep_table(summary: SweepSummary) -> Table:
     table.add_column("")
     for column in ("median", "95 %", "largest"):
         table.add_column(column, justify="right")
-    for name, values, unit in (
-        ("lateral error at first contact", summary.contact_lateral_mm, "mm"),
-        ("yaw error at first contact", summary.contact_yaw_deg, "deg"),
-        ("gap between seated faces", summary.seated_axial_mm, "mm"),
-        ("steady tracking error", summary.tracking_error_m, "m"),
-        ("amplitude at an obstacle", summary.amplitude_m, "m"),
-        ("recovery from an obstacle", summary.recovery_s, "s"),
-        ("attempts", summary.attempts, ""),
-    ):
-        if values.p50 is None:
-            continue  # no trial of this scene has this figure
-        table.add_row(name, *_quantiles(values, unit))
-    table.add_section()
+    for step in summary.steps:
+        _add_step(table, step)
     for outcome, count in summary.outcomes.items():
         table.add_row(outcome, str(count), "", "")
     if summary.failures:
         table.add_row(Text("without a result", "red"), str(len(summary.failures)), "", "")
-    clearance = summary.min_clearance_m
-    table.add_row("smallest clearance", _UNKNOWN if clearance is None else f"{clearance:.3f} m", "", "")
+    table.add_row("smallest clearance", _metres(summary.min_clearance_m), "", "")
     table.add_row("starts drawn again", str(summary.redraws), "", "")
     table.add_row("taken from the store", str(summary.reused), "", "")
     return table
+
+
+def _add_step(table: Table, step: StepSummary) -> None:
+    """Add a section with the figures of a step, over the trials that began it."""
+    docked = f"docked {step.outcomes.get(Outcome.DOCKED.value, 0)} of {step.trials}"
+    table.add_row(Text(_name(step), "bold"), docked, "", "")
+    for name, values, unit in (
+        ("lateral error at first contact", step.contact_lateral_mm, "mm"),
+        ("yaw error at first contact", step.contact_yaw_deg, "deg"),
+        ("gap between seated faces", step.seated_axial_mm, "mm"),
+        ("steady tracking error", step.tracking_error_m, "m"),
+        ("amplitude at an obstacle", step.amplitude_m, "m"),
+        ("recovery from an obstacle", step.recovery_s, "s"),
+        ("attempts", step.attempts, ""),
+    ):
+        if values.p50 is not None:  # else no trial has this figure
+            table.add_row(name, *_quantiles(values, unit))
+    table.add_section()
 
 
 def _quantiles(values: Quantiles, unit: str) -> list[str]:

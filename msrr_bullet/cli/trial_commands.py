@@ -76,7 +76,7 @@ def dock(
         if view and sys.stdin.isatty():
             console.input("The page stays until you press Enter. ")
     if result.outcome is Outcome.PROGRAM_FAILED:
-        raise typer.Exit(report_error(result.belief_reason, BAD_INPUT))
+        raise typer.Exit(report_error(result.decisive_step.belief_reason, BAD_INPUT))
     raise typer.Exit(0 if result.docked else NOT_DOCKED)
 
 
@@ -96,10 +96,12 @@ def _live_view(scene: Scene, console: Console) -> Iterator[LiveViewer]:
 
 
 def _report(console: Console, result: TrialResult, folder: Path) -> None:
-    from msrr_bullet.cli.console_report import trial_table
+    from msrr_bullet.cli.console_report import step_table, steps_table
 
-    console.print(trial_table(result))
-    typer.echo(f"The robot's reason: {result.belief_reason}")
+    if len(result.steps) > 1:
+        console.print(steps_table(result))
+    console.print(step_table(result, result.decisive_step))
+    typer.echo(f"The robot's reason: {result.decisive_step.belief_reason}")
     typer.echo(f"{result.outcome.value}, run folder {folder}")
     older = [name for name in (FRAMES_NAME, PLOT_NAME, TABLES_NAME) if (folder / name).exists()]
     if older:
@@ -163,7 +165,7 @@ def sweep(
                 docked += 1
             elif not stored:
                 bar.console.print(
-                    f"seed {outcome.seed}: {outcome.outcome.value}, {outcome.belief_reason}",
+                    f"seed {outcome.seed}: {outcome.outcome.value}, {outcome.decisive_step.belief_reason}",
                     highlight=False,
                     soft_wrap=True,
                 )

@@ -51,7 +51,7 @@ def bullet_figure6(seed: int, replaced: dict[str, str] | None = None) -> Figure6
         }
         scene = load_scene(scene_name, overrides)
         recorder = SeriesRecorder(scene.plan[-1].unit)
-        contact = Trial(scene, seed, recorder=recorder).run().contact
+        contact = Trial(scene, seed, recorder=recorder).run().steps[-1].attempts[0].contact
         first = [i for i in recorder.instants if i.action.attempt == recorder.instants[0].action.attempt]
         approach = DockingSeries.of(first, scene, contact.time_s if contact is not None else None)
         if approach is None:

@@ -13,14 +13,14 @@ from msrr_bullet.reproduce.trial_series import DockingSeries, SeriesRecorder
 from msrr_bullet.studies.measures import SETTLED_M
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.timeline.path_following_series import PathFollowingSeries
-from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.result import Contact, TrialResult
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.specs.scene import Scene
 
 
 class MeasuredTrial(TrialResult):
-    """A trial's result with the measures of both phases that it has.
+    """A trial's result with the measures of both phases of its last step.
 
     Attributes:
         measures: Measures by key, in SI, see :mod:`msrr_bullet.studies.measures`. The settling time of a
@@ -51,12 +51,18 @@ def record_trial(
     recorder = SeriesRecorder(step.unit)
     result = Trial(scene, seed, recorder=recorder).run()
     offset = scene.geometry(step.unit).control_offset(step.port)
-    contact_s = result.contact.time_s if result.contact is not None else None
+    contact = _last_contact(scene, result)
     return (
         result,
         PathFollowingSeries.of(recorder.instants, step.unit, offset),
-        DockingSeries.of(recorder.instants, scene, contact_s),
+        DockingSeries.of(recorder.instants, scene, contact.time_s if contact is not None else None),
     )
+
+
+def _last_contact(scene: Scene, result: TrialResult) -> Contact | None:
+    """Return the first pin contact in the last step of the plan; None without one, or if it never began."""
+    last = result.steps[-1]
+    return last.contact if last.index == len(scene.plan) - 1 else None
 
 
 def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
@@ -67,8 +73,9 @@ def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
         measures.update(path_following.measures())
     if docking is not None:
         measures.update(docking.measures(SETTLED_M))
-    if result.contact is not None:
-        measures["lateral"], measures["yaw"] = result.contact.lateral_m, result.contact.yaw_rad
+    contact = _last_contact(scene, result)
+    if contact is not None:
+        measures["lateral"], measures["yaw"] = contact.lateral_m, contact.yaw_rad
     values = {name: getattr(result, name) for name in TrialResult.model_fields}
     half_fov = scene.cameras.onboard.pinhole.half_fov
     return MeasuredTrial(

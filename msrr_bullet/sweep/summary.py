@@ -1,4 +1,4 @@
-"""The summary of a sweep: counts, a success rate with its interval, and quantiles."""
+"""The summary of a sweep: counts, a success rate with its interval, and quantiles of every step."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from pydantic import BaseModel, ConfigDict
 
 from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
-from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.result import StepResult, TrialResult
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.specs.plan import Perception, Plant
+from msrr_scenes.specs.plan import DockStep, Perception, Plant
 from msrr_scenes.specs.scene import Scene
 
 
@@ -22,6 +22,44 @@ class TrialFailure(BaseModel):
 
     seed: int
     error: str
+
+
+class StepSummary(BaseModel):
+    """Summary of one step of the plan over the trials that began it.
+
+    Attributes:
+        unit: Name of the docking unit.
+        target: Port that is docked to, written ``<unit>.<port>``.
+        trials: Number of trials that began the step.
+        outcomes: Number of these trials by the outcome of the step.
+        contact_lateral_mm: Lateral error at the first pin contact of the last attempt, over all that came to
+            it (truth).
+        contact_yaw_deg: Yaw error at that contact (truth).
+        seated_axial_mm: Gap between the faces, over all that ended seated (truth).
+        tracking_error_m: Tracking error of the long-distance phase, over all that completed an arc; see
+            :class:`msrr_bullet.trial.result.AssemblyFigures`.
+        amplitude_m: Amplitude of the long-distance phase, over all that passed an obstacle.
+        recovery_s: Recovery time of the long-distance phase, over all that passed an obstacle.
+        attempts: Number of attempts.
+        docked_by_attempt: Number of trials in which the step docked, by the attempt that succeeded.
+        min_clearance_m: Smallest clearance; None when there was no body to come near.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    unit: str
+    target: str
+    trials: int
+    outcomes: dict[str, int]
+    contact_lateral_mm: Quantiles
+    contact_yaw_deg: Quantiles
+    seated_axial_mm: Quantiles
+    tracking_error_m: Quantiles
+    amplitude_m: Quantiles
+    recovery_s: Quantiles
+    attempts: Quantiles
+    docked_by_attempt: dict[int, int]
+    min_clearance_m: float | None
 
 
 class SweepSummary(BaseModel):
@@ -36,20 +74,11 @@ class SweepSummary(BaseModel):
         trials: Number of trials, failures of the program included.
         outcomes: Number of trials by outcome; failures of the program are not included.
         success: Rate of ``docked`` among all trials, with the 95 % Wilson interval.
-        contact_lateral_mm: Lateral error at the first pin contact, over all trials that came to it (truth).
-        contact_yaw_deg: Yaw error at the first pin contact, over all trials that came to it (truth).
-        seated_axial_mm: Gap between the faces, over all trials that ended seated (truth).
-        tracking_error_m: Tracking error of the long-distance phase, over all trials that completed an arc;
-            see :class:`msrr_bullet.trial.result.AssemblyFigures`.
-        amplitude_m: Amplitude of the long-distance phase, over all trials that passed an obstacle.
-        recovery_s: Recovery time of the long-distance phase, over all trials that passed an obstacle.
-        attempts: Number of attempts, over all trials.
-        docked_by_attempt: Number of docked trials by the attempt that succeeded; in a plan with several
-            steps, the attempt of the step that needed most.
         min_clearance_m: Smallest clearance over all trials; None when there was no body to come near.
         false_docks: Number of trials in which the robot believed in a dock that was none.
         redraws: Number of starts over all trials that were drawn again because the target lay outside the
             outer cone.
+        steps: Summary of every step of the plan, in order.
         reused: Number of trials taken from the store.
         failures: Trials without a result.
         interrupted: Whether the sweep was stopped before all seeds were run.
@@ -65,17 +94,10 @@ class SweepSummary(BaseModel):
     trials: int
     outcomes: dict[str, int]
     success: Rate
-    contact_lateral_mm: Quantiles
-    contact_yaw_deg: Quantiles
-    seated_axial_mm: Quantiles
-    tracking_error_m: Quantiles
-    amplitude_m: Quantiles
-    recovery_s: Quantiles
-    attempts: Quantiles
-    docked_by_attempt: dict[int, int]
     min_clearance_m: float | None
     false_docks: int
     redraws: int
+    steps: tuple[StepSummary, ...]
     reused: int = 0
     failures: tuple[TrialFailure, ...] = ()
     interrupted: bool = False
@@ -87,6 +109,10 @@ class SweepSummary(BaseModel):
 
 def _known(values: Iterable[float | None]) -> Iterator[float]:
     return (value for value in values if value is not None)
+
+
+def _counts(outcomes: Counter[Outcome]) -> dict[str, int]:
+    return {o.value: outcomes[o] for o in Outcome if outcomes[o]}
 
 
 def summarise(
@@ -102,12 +128,7 @@ def summarise(
     """Summarise the results of one scene."""
     trials = list(results)
     outcomes = Counter(r.outcome for r in trials)
-    contacts = [r.contact for r in trials if r.contact is not None]
-    seatings = [r.seating for r in trials if r.seating is not None and r.seating.seated]
-    clearances = [r.min_clearance_m for r in trials if r.min_clearance_m is not None]
-    figures = [r.assembly for r in trials if r.assembly is not None]
-    # In a plan with several steps, the step that needed most attempts counts.
-    by_attempt = Counter(max((a.attempt for a in r.records), default=r.attempts) for r in trials if r.docked)
+    steps = [step for r in trials for step in r.steps]
     return SweepSummary(
         scene=scene.name,
         scene_hash=scene_hash,
@@ -115,20 +136,39 @@ def summarise(
         plant=scene.plant,
         perception=scene.perception,
         trials=len(trials) + len(failures),
-        outcomes={o.value: outcomes[o] for o in Outcome if outcomes[o]},
+        outcomes=_counts(outcomes),
         success=wilson(outcomes[Outcome.DOCKED], len(trials) + len(failures)),
+        min_clearance_m=min(_known(r.min_clearance_m for r in trials), default=None),
+        false_docks=outcomes[Outcome.FALSE_DOCK],
+        redraws=sum(r.start_redraws for r in trials),
+        steps=tuple(
+            _summarise_step(planned, [step for step in steps if step.index == index])
+            for index, planned in enumerate(scene.plan)
+        ),
+        reused=reused,
+        failures=tuple(sorted(failures, key=lambda f: f.seed)),
+        interrupted=interrupted,
+    )
+
+
+def _summarise_step(planned: DockStep, results: list[StepResult]) -> StepSummary:
+    """Summarise the results of one step of the plan."""
+    contacts = [r.contact for r in results if r.contact is not None]
+    seatings = [r.seating for r in results if r.seating is not None and r.seating.seated]
+    figures = [r.assembly for r in results if r.assembly is not None]
+    by_attempt = Counter(len(r.attempts) for r in results if r.docked)
+    return StepSummary(
+        unit=planned.unit,
+        target=planned.to,
+        trials=len(results),
+        outcomes=_counts(Counter(r.outcome for r in results)),
         contact_lateral_mm=quantiles(1000.0 * c.lateral_m for c in contacts),
         contact_yaw_deg=quantiles(math.degrees(c.yaw_rad) for c in contacts),
         seated_axial_mm=quantiles(1000.0 * s.axial_gap_m for s in seatings),
         tracking_error_m=quantiles(_known(f.tracking_error_m for f in figures)),
         amplitude_m=quantiles(_known(f.amplitude_m for f in figures)),
         recovery_s=quantiles(_known(f.recovery_s for f in figures)),
-        attempts=quantiles(float(r.attempts) for r in trials),
+        attempts=quantiles(float(len(r.attempts)) for r in results),
         docked_by_attempt=dict(sorted(by_attempt.items())),
-        min_clearance_m=min(clearances, default=None),
-        false_docks=outcomes[Outcome.FALSE_DOCK],
-        redraws=sum(r.start_redraws for r in trials),
-        reused=reused,
-        failures=tuple(sorted(failures, key=lambda f: f.seed)),
-        interrupted=interrupted,
+        min_clearance_m=min(_known(r.min_clearance_m for r in results), default=None),
     )

@@ -7,11 +7,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
 
-from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.result import ResultError, TrialResult
 from msrr_scenes.errors import MsrrError
 
-#: Version of the tables' layout; it is increased with every change.
-LAYOUT = 1
+#: Version of the tables and of the results in them; it is increased with every change.
+LAYOUT = 2
 
 _TABLES = """
 CREATE TABLE IF NOT EXISTS scenes (
@@ -52,7 +52,8 @@ class TrialStore:
                 known = self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] > 0
                 if known and layout != LAYOUT:
                     raise StoreError(
-                        f"{path}: not a store of this version (layout {layout}); name another file"
+                        f"{path}: not a store of this version (layout {layout}, now {LAYOUT});"
+                        " delete the file, or name another one with --store"
                     )
                 self._db.executescript(_TABLES)
                 self._db.execute(f"PRAGMA user_version = {LAYOUT}")
@@ -83,8 +84,8 @@ class TrialStore:
             rows = self._db.execute(
                 "SELECT seed, result FROM trials WHERE scene_hash = ? AND code = ?", (scene_hash, code)
             )
-            return {seed: TrialResult.model_validate_json(text) for seed, text in rows if seed in wanted}
-        except (sqlite3.Error, ValueError) as error:
+            return {seed: TrialResult.from_json(text) for seed, text in rows if seed in wanted}
+        except (sqlite3.Error, ResultError) as error:
             raise StoreError(f"{self._path}: cannot be read: {error}") from None
 
     def _write(self, statement: str, row: tuple[object, ...]) -> None:

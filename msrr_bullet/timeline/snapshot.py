@@ -20,6 +20,7 @@ from msrr_scenes.messages import (
 )
 from msrr_scenes.specs.plan import DockStep
 
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
     """One instant of a trial.

@@ -3,6 +3,6 @@
 Only the result is imported here; :mod:`msrr_bullet.trial.trial` imports PyBullet.
 """
 
-from msrr_bullet.trial.result import TrialResult, package_versions
+from msrr_bullet.trial.result import StepResult, TrialResult, package_versions
 
-__all__ = ["TrialResult", "package_versions"]
+__all__ = ["StepResult", "TrialResult", "package_versions"]

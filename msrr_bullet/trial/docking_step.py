@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from msrr_bullet.log.records import Level
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.replay.recorded_robot import RecordedRobot
@@ -14,50 +12,25 @@ from msrr_bullet.sensors.sensor_suite import SensorSuite
 from msrr_bullet.timeline.path_following_series import Instant, PathFollowingSeries
 from msrr_bullet.trial.environment import Environment
 from msrr_bullet.trial.judge import Judge
-from msrr_bullet.trial.result import AssemblyFigures, AttemptRecord, Contact, PlanarPose, Seating
+from msrr_bullet.trial.result import AssemblyFigures, AttemptRecord, Belief, PlanarPose, StepResult
 from msrr_bullet.trial.telemetry import Telemetry
-from msrr_scenes.messages import Action, Belief, LockPosition, Phase, Twist, seconds
+from msrr_scenes.messages import Action, Conviction, LockPosition, Phase, Twist, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.faults import PortPlugged
 
 _FINISHED = frozenset({Phase.DONE, Phase.FAILED})
+
+_BELIEFS: dict[Conviction, Belief] = {
+    Conviction.DOCKED: "docked",
+    Conviction.GAVE_UP: "gave_up",
+}
+
 #: Time for which the robot goes on after a pull test that its lock did not hold [s], to notice it.
 _WATCH_S = 0.5
 
 #: Time for which a trial goes on after the program of the unit has failed, so that the unit comes to rest
 #: [s]: the largest speed over the largest deceleration of the shipped limits, and the delay of the drive.
 STOP_TIME_S = 1.5
-
-
-@dataclass(frozen=True)
-class StepResult:
-    """The result of a step of the plan.
-
-    Attributes:
-        outcome: Verdict of the judge.
-        belief: Belief of the robot.
-        action: Last decision of the robot.
-        contact: First pin contact of the last attempt; None without contact.
-        seating: True relative pose of the pair before the pull test; None when the port was not reached.
-        lock_closed: Whether the lock reports that it is closed.
-        lock_engaged: Whether the lock holds the other unit.
-        pull_test_passed: Whether the lock held the pull; None without a pull test.
-        min_clearance_m: Smallest clearance of any pair that was not docking [m]; None without such a pair.
-        assembly: Figures of the long-distance phase; None without one.
-        records: Record of every attempt.
-    """
-
-    outcome: Outcome
-    belief: Belief
-    action: Action
-    contact: Contact | None
-    seating: Seating | None
-    lock_closed: bool
-    lock_engaged: bool
-    pull_test_passed: bool | None
-    min_clearance_m: float | None
-    assembly: AssemblyFigures | None
-    records: tuple[AttemptRecord, ...]
 
 
 class DockingStep:
@@ -83,7 +56,8 @@ class DockingStep:
         self._sensors = SensorSuite(scene, step, plant, devices.encoders[step.unit], cameras, profiler)
         self._link = devices.links[step.unit]
         self._control = Periodic(scene.control.rate_hz, plant.now_ns())
-        self._records: list[AttemptRecord] = []
+        self._started_ns = plant.now_ns()
+        self._attempts: list[AttemptRecord] = []
         self._assembly_instants: list[Instant] = []
         self._failed_ns: int | None = None  # time at which the program of the unit failed
 
@@ -102,7 +76,7 @@ class DockingStep:
                     action = self._robot.step(now_ns)
                 self._link.send(action)
                 if action.attempt != last.attempt:
-                    self._records.append(self._record(last, action.reason))
+                    self._attempts.append(self._record(last, action.reason))
                     self._set_plug(action.attempt)
                 with profiler("clearance"):
                     outcome, nearest = self._judge.safety(action)
@@ -169,11 +143,10 @@ class DockingStep:
     def _record(self, last: Action, reason: str) -> AttemptRecord:
         estimate = self._autonomy.estimate
         return AttemptRecord(
-            step=self._index,
-            attempt=last.attempt,
             ended_s=seconds(last.stamp_ns),
             phase=last.phase,
             reason=reason,
+            contact=self._judge.contact_in(last.attempt),
             believed=PlanarPose.of(estimate.X_DU) if estimate else None,
             true=PlanarPose.of(self._judge.X_DU()),
         )
@@ -191,7 +164,7 @@ class DockingStep:
 
     def _end(self, action: Action, outcome: Outcome | None) -> StepResult:
         plant, unit = self._plant, self._step.unit
-        self._records.append(self._record(action, action.reason))
+        self._attempts.append(self._record(action, action.reason))
         seating = self._judge.seating()
         closed = plant.lock_position(unit) is LockPosition.CLOSED
         engaged = plant.lock_engaged(unit)
@@ -207,16 +180,21 @@ class DockingStep:
                 reason = self._autonomy.belief.setback
                 outcome = self._judge.verdict_gave_up(reason, self._sensors.ever_detected)
         self._telemetry.verdict(plant.now_ns(), outcome)
+        belief = self._autonomy.belief
         return StepResult(
+            index=self._index,
+            unit=unit,
+            port=self._step.port,
+            target=self._step.to,
             outcome=outcome,
-            belief=self._autonomy.belief,
-            action=action,
-            contact=self._judge.contact,
+            belief=_BELIEFS.get(belief.conviction, "undecided"),
+            belief_reason=belief.reason or action.reason,
+            started_s=seconds(self._started_ns),
+            attempts=tuple(self._attempts),
             seating=seating,
             lock_closed=closed,
             lock_engaged=engaged,
             pull_test_passed=passed,
             min_clearance_m=self._judge.min_clearance,
             assembly=self._assembly_figures(),
-            records=tuple(self._records),
         )

@@ -80,7 +80,6 @@ class Judge:
 
     Attributes:
         X_TD: Dock frame of the target port in the frame of the target unit.
-        contact: First pin contact of the present attempt; None before the first.
         min_clearance: Smallest clearance so far of any pair that was not exempt, that of a collision included
             [m]; None before the first.
     """
@@ -116,7 +115,7 @@ class Judge:
         self._deepest_pose: PortPose | None = None
         self._seated_since: int | None = None
         self._was_seated = False
-        self.contact: Contact | None = None
+        self._contacts: dict[int, Contact] = {}  # first pin contact by the number of the attempt
         self.min_clearance: float | None = None
 
     def X_WD(self) -> SE2:
@@ -157,21 +156,20 @@ class Judge:
 
         Args:
             now_ns: Simulated time.
-            attempt: Number of the attempt of the robot; a new one resets contact and seat.
+            attempt: Number of the attempt of the robot; a new one resets the seat.
             estimate: Estimate of the robot, which is compared with the truth at the first contact.
         """
         if attempt != self._attempt:
             self._attempt = attempt
             self._deepest, self._deepest_pose = math.inf, None
             self._seated_since, self._was_seated = None, False
-            self.contact = None
         if self._gap > ZONE_DEPTH_M + _MAX_STEP_M:
             return  # the unit cannot reach the zone before the next control instant
         port = self.port_pose()
         if not port.in_zone:
             return
-        if self.contact is None and self._plant.pins_touch(self._step.unit):
-            self.contact = Contact(
+        if attempt not in self._contacts and self._plant.pins_touch(self._step.unit):
+            self._contacts[attempt] = Contact(
                 time_s=seconds(now_ns),
                 lateral_m=abs(port.lateral),
                 yaw_rad=abs(port.yaw),
@@ -185,6 +183,10 @@ class Judge:
             self._seated_since = now_ns
         elif seconds(now_ns - self._seated_since) >= FALSE_ABORT_TIME_S:
             self._was_seated = True
+
+    def contact_in(self, attempt: int) -> Contact | None:
+        """Return the first pin contact in an attempt, by its number; None without contact."""
+        return self._contacts.get(attempt)
 
     def _error(self, estimate: PoseEstimate | None) -> PlanarPose | None:
         if estimate is None:
@@ -276,12 +278,12 @@ class Judge:
         """
         if self._was_seated:
             return Outcome.FALSE_ABORT
-        if reason is FailureReason.BLOCKED and self.contact is None:
+        contact, deepest = self.contact_in(self._attempt), self._deepest_pose
+        if reason is FailureReason.BLOCKED and contact is None:
             return Outcome.BLOCKED
         if not ever_detected:
             return Outcome.NEVER_DETECTED
-        deepest = self._deepest_pose
-        if self.contact is None or deepest is None:
+        if contact is None or deepest is None:
             return Outcome.TARGET_LOST if reason is FailureReason.TARGET_LOST else Outcome.GAVE_UP
         in_line = abs(deepest.lateral) <= IN_LINE_M and abs(deepest.yaw) <= IN_LINE_YAW_RAD
         return Outcome.NOT_SEATED if in_line else Outcome.JAMMED

@@ -1,20 +1,22 @@
-"""The result of a trial: the outcome, and belief next to truth."""
+"""The result of a trial and of each step of its plan: the outcome, and belief next to truth."""
 
 from __future__ import annotations
 
+import json
 import platform
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import Perception, Plant
 
-#: Belief of the robot about the trial when it ended.
+#: Belief of the robot about a step when it ended.
 Belief = Literal["docked", "gave_up", "undecided"]
 
 Distance = Annotated[float, Field(ge=0.0)]
@@ -46,6 +48,10 @@ def _installed() -> tuple[tuple[str, str], ...]:
 def package_versions() -> dict[str, str]:
     """Return the versions of Python and of every installed package that can change a trial."""
     return dict(_installed())
+
+
+class ResultError(MsrrError):
+    """A text is not a trial result of this version."""
 
 
 class _Record(BaseModel):
@@ -105,23 +111,21 @@ class Seating(_Record):
 
 
 class AttemptRecord(_Record):
-    """One attempt of one step of the plan.
+    """One attempt of a step.
 
     Attributes:
-        step: Index of the step in the plan.
-        attempt: Number of the attempt, from 1.
-        ended_s: Simulated time of the end [s].
+        ended_s: Simulated time of the last decision [s].
         phase: Phase at the end.
         reason: Reason of the robot for the end.
+        contact: First pin contact; None without contact.
         believed: Estimate X_DU at the end; None without an estimate.
         true: True X_DU at the end.
     """
 
-    step: int = Field(ge=0)
-    attempt: int = Field(ge=1)
     ended_s: Distance
     phase: Phase
     reason: str
+    contact: Contact | None = None
     believed: PlanarPose | None
     true: PlanarPose
 
@@ -142,8 +146,67 @@ class AssemblyFigures(_Record):
     recovery_s: Distance | None = None
 
 
+class StepResult(_Record):
+    """The result of one step of the plan. All values are true values but the beliefs.
+
+    Attributes:
+        index: Index of the step in the plan.
+        unit: Name of the docking unit.
+        port: Active port of the docking unit.
+        target: Port that is docked to, written ``<unit>.<port>``.
+        outcome: Verdict of the judge.
+        belief: Belief of the robot.
+        belief_reason: Reason of the robot for the belief.
+        started_s: Simulated time of the start [s].
+        attempts: Every attempt, in order; the last one tells how the step ended.
+        seating: True relative pose of the pair at the end; None when the port was not reached.
+        lock_closed: Whether the lock reports that it is closed.
+        lock_engaged: Whether the lock holds the other unit; a lock that closed on nothing does not.
+        pull_test_passed: Whether the lock held the pull; None without a pull test.
+        min_clearance_m: Smallest clearance of any pair of bodies, those left out that were docking or locked
+            together [m]; 0 or negative after a collision, None without such a pair.
+        assembly: Figures of the long-distance phase; None without one.
+    """
+
+    index: int = Field(ge=0)
+    unit: str
+    port: str
+    target: str
+    outcome: Outcome
+    belief: Belief
+    belief_reason: str
+    started_s: Distance
+    attempts: tuple[AttemptRecord, ...] = Field(min_length=1)
+    seating: Seating | None = None
+    lock_closed: bool = False
+    lock_engaged: bool = False
+    pull_test_passed: bool | None = None
+    min_clearance_m: float | None = None
+    assembly: AssemblyFigures | None = None
+
+    @property
+    def docked(self) -> bool:
+        """Whether the unit was seated and locked, passed the pull test, and believed so."""
+        return self.outcome is Outcome.DOCKED
+
+    @property
+    def phase(self) -> Phase:
+        """Phase at the end."""
+        return self.attempts[-1].phase
+
+    @property
+    def contact(self) -> Contact | None:
+        """First pin contact of the last attempt; None without contact."""
+        return self.attempts[-1].contact
+
+    @property
+    def ended_s(self) -> float:
+        """Simulated time of the last decision [s]."""
+        return self.attempts[-1].ended_s
+
+
 class TrialResult(_Record):
-    """The result of one trial, in SI units and radians. All values are true values but the beliefs.
+    """The result of one trial, in SI units and radians.
 
     Attributes:
         scene: Name of the scene.
@@ -153,21 +216,10 @@ class TrialResult(_Record):
         plant: Kind of the plant.
         perception: Kind of the perception.
         versions: Installed versions, from :func:`package_versions`.
-        outcome: Verdict of the judge.
-        belief: Belief of the robot.
-        belief_reason: Reason of the robot for the belief.
-        attempts: Number of docking attempts over all steps of the plan.
+        outcome: Verdict of the judge on the whole plan.
         duration_s: Simulated time [s].
-        phase: Phase at the end.
-        contact: First pin contact of the last attempt; None without contact.
-        seating: True relative pose of the pair at the end; None when the port was not reached.
-        lock_closed: Whether the lock reports that it is closed.
-        lock_engaged: Whether the lock holds the other unit; a lock that closed on nothing does not.
-        pull_test_passed: Whether the lock held the pull; None without a pull test.
-        min_clearance_m: Smallest clearance of any pair that was not docking; None without such a pair.
-        assembly: Figures of the long-distance phase of the last step; None without one.
         start_redraws: Number of start poses discarded because the target was outside the outer cone.
-        records: Record of every attempt, in order.
+        steps: Result of every step that began, in the order of the plan.
     """
 
     scene: str
@@ -177,35 +229,49 @@ class TrialResult(_Record):
     perception: Perception
     versions: dict[str, str] = Field(default_factory=package_versions)
     outcome: Outcome
-    belief: Belief
-    belief_reason: str
-    attempts: int = Field(ge=0)
     duration_s: Distance
-    phase: Phase
-    contact: Contact | None = None
-    seating: Seating | None = None
-    lock_closed: bool = False
-    lock_engaged: bool = False
-    pull_test_passed: bool | None = None
-    min_clearance_m: float | None = None
-    assembly: AssemblyFigures | None = None
     start_redraws: int = Field(default=0, ge=0)
-    records: tuple[AttemptRecord, ...] = ()
+    steps: tuple[StepResult, ...] = Field(min_length=1)
 
     @property
     def docked(self) -> bool:
-        """Whether the unit was seated and locked, passed the pull test, and believed so."""
+        """Whether all steps of the plan docked."""
         return self.outcome is Outcome.DOCKED
+
+    @property
+    def decisive_step(self) -> StepResult:
+        """The first step that did not dock; the last step if all have docked."""
+        return next((step for step in self.steps if not step.docked), self.steps[-1])
+
+    @property
+    def min_clearance_m(self) -> float | None:
+        """Smallest clearance of all steps [m]; None without one."""
+        return min((s.min_clearance_m for s in self.steps if s.min_clearance_m is not None), default=None)
 
     def to_json(self) -> str:
         """Return the result as indented JSON; :meth:`from_json` reads it back."""
         return self.model_dump_json(indent=2) + "\n"
 
     @classmethod
-    def from_json(cls, text: str) -> TrialResult:
+    def from_json(cls, text: str) -> Self:
         """Return the result that :meth:`to_json` wrote.
 
         Raises:
-            pydantic.ValidationError: The text is not a result.
+            ResultError: The text is not a result as this version writes it.
         """
-        return cls.model_validate_json(text)
+        try:
+            return cls.model_validate_json(text)
+        except ValidationError as error:
+            raise ResultError(_mismatch(text, error)) from None
+
+
+def _mismatch(text: str, error: ValidationError) -> str:
+    """Return why a text is not a result, and which version wrote it if it says so."""
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"])
+    message = f"not a trial result of this version: {f'{place}: ' if place else ''}{first['msg']}"
+    try:
+        written_by = json.loads(text)["versions"]["msrr-bullet"]
+    except (ValueError, KeyError, TypeError):  # no result of any version
+        return message
+    return f"{message}; msrr-bullet {written_by} wrote it, run the trial again"

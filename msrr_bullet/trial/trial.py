@@ -7,23 +7,15 @@ from collections.abc import Callable
 from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_bullet.timeline.snapshot import Viewer
-from msrr_bullet.trial import result
-from msrr_bullet.trial.docking_step import DockingStep, StepResult
+from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.environment import open_environment
-from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.result import StepResult, TrialResult
 from msrr_bullet.trial.telemetry import Progress, Telemetry
 from msrr_control.staging.feasibility import check_assembly
 from msrr_scenes.loading.load import scene_hash
-from msrr_scenes.messages import Conviction, seconds
-from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import draw_placement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
-
-_BELIEFS: dict[Conviction, result.Belief] = {
-    Conviction.DOCKED: "docked",
-    Conviction.GAVE_UP: "gave_up",
-}
 
 
 class Trial:
@@ -62,38 +54,25 @@ class Trial:
         """Run the trial and return the result."""
         placement = draw_placement(self.scene, lambda name: stream(self.seed, name))
         self._telemetry.begin(placement)
-        results: list[StepResult] = []
+        steps: list[StepResult] = []
         with open_environment(self.scene, self.seed, placement) as environment:
             for index, step in enumerate(self.scene.plan):
-                step_result = DockingStep(environment, index, self._telemetry, self._profiler).run()
-                results.append(step_result)
-                if step_result.outcome is not Outcome.DOCKED:
+                result = DockingStep(environment, index, self._telemetry, self._profiler).run()
+                steps.append(result)
+                if not result.docked:
                     break
                 environment.locked.add(step)
-        return self._result(results, placement.redraws)
+        return self._result(tuple(steps), placement.redraws)
 
-    def _result(self, results: list[StepResult], redraws: int) -> TrialResult:
-        last = results[-1]
-        clearances = [r.min_clearance_m for r in results if r.min_clearance_m is not None]
+    def _result(self, steps: tuple[StepResult, ...], redraws: int) -> TrialResult:
         return TrialResult(
             scene=self.scene.name,
             scene_hash=scene_hash(self.scene),
             seed=self.seed,
             plant=self.scene.plant,
             perception=self.scene.perception,
-            outcome=last.outcome,
-            belief=_BELIEFS.get(last.belief.conviction, "undecided"),
-            belief_reason=last.belief.reason or last.action.reason,
-            attempts=sum(r.action.attempt for r in results),
-            duration_s=seconds(last.action.stamp_ns),
-            phase=last.action.phase,
-            contact=last.contact,
-            seating=last.seating,
-            lock_closed=last.lock_closed,
-            lock_engaged=last.lock_engaged,
-            pull_test_passed=last.pull_test_passed,
-            min_clearance_m=min(clearances, default=None),
-            assembly=last.assembly,
+            outcome=steps[-1].outcome,
+            duration_s=steps[-1].ended_s,
             start_redraws=redraws,
-            records=tuple(record for r in results for record in r.records),
+            steps=steps,
         )

@@ -107,7 +107,7 @@ def check(
     claim(f"docks with {condition}", RATE, trials, tier.needed).check(
         [r.result.docked for r in runs], outcomes
     )
-    contacts = [r.result.contact for r in runs]
+    contacts = [r.result.steps[0].contact for r in runs]
     claim(f"meets the port to 3 mm and 1.5 deg with {condition}", RATE, trials, tier.needed).check(
         [c is not None and c.lateral_m <= CONTACT_LATERAL_M and c.yaw_rad <= CONTACT_YAW for c in contacts],
         contacts,

@@ -4,9 +4,9 @@ import pytest
 from rich.table import Table
 
 from msrr_bullet.cli.console import open_console
-from msrr_bullet.cli.console_report import scenes_table, sweep_table, trial_table
+from msrr_bullet.cli.console_report import scenes_table, step_table, steps_table, sweep_table
 from msrr_bullet.sweep.summary import TrialFailure, summarise
-from msrr_bullet.trial.result import Contact, Seating, TrialResult
+from msrr_bullet.trial.result import AttemptRecord, Contact, PlanarPose, Seating, StepResult, TrialResult
 from msrr_scenes import load_scene
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
@@ -22,6 +22,21 @@ def text(table: Table) -> str:
 
 @pytest.fixture
 def false_dock() -> TrialResult:
+    here = PlanarPose(x_m=-0.102, y_m=0.0, yaw_rad=0.0)
+    failed = AttemptRecord(ended_s=6.0, phase=Phase.DOCK, reason="stalled", believed=here, true=here)
+    contact = Contact(time_s=9.0, lateral_m=0.0015, yaw_rad=0.01)
+    step = StepResult(
+        index=0,
+        unit="a",
+        port="front",
+        target="b.rear",
+        outcome=Outcome.FALSE_DOCK,
+        belief="docked",
+        belief_reason="the seat switches closed",
+        started_s=0.0,
+        attempts=(failed, failed.model_copy(update={"contact": contact, "ended_s": 12.5})),
+        seating=Seating(axial_gap_m=0.004, lateral_m=0.0, yaw_rad=0.0, seated=False),
+    )
     return TrialResult(
         scene="close_range",
         scene_hash="00ff",
@@ -29,20 +44,14 @@ def false_dock() -> TrialResult:
         plant="bullet",
         perception="images",
         outcome=Outcome.FALSE_DOCK,
-        belief="docked",
-        belief_reason="the seat switches closed",
-        attempts=2,
         duration_s=12.5,
-        phase=Phase.DONE,
-        contact=Contact(time_s=9.0, lateral_m=0.0015, yaw_rad=0.01),
-        seating=Seating(axial_gap_m=0.004, lateral_m=0.0, yaw_rad=0.0, seated=False),
-        min_clearance_m=None,
+        steps=(step,),
     )
 
 
-def test_a_trial_shows_belief_beside_truth(false_dock: TrialResult) -> None:
-    shown = text(trial_table(false_dock))
-    assert "close_range, seed 3 (bullet, images)" in shown
+def test_a_step_shows_belief_beside_truth(false_dock: TrialResult) -> None:
+    shown = text(step_table(false_dock, false_dock.steps[0]))
+    assert "close_range, seed 3 (bullet, images): a to b.rear" in shown
     assert "verdict docked false_dock" in shown
     assert "contact: lateral - 1.50 mm" in shown
     assert "contact: yaw - 0.57 deg" in shown
@@ -51,15 +60,44 @@ def test_a_trial_shows_belief_beside_truth(false_dock: TrialResult) -> None:
     assert "attempts, time 2 12.50 s" in shown
 
 
+def test_a_trial_has_a_row_for_every_step(false_dock: TrialResult) -> None:
+    (failed,) = false_dock.steps
+    docked = failed.model_copy(
+        update={
+            "outcome": Outcome.DOCKED,
+            "attempts": failed.attempts[:1],
+            "min_clearance_m": 0.25,
+        }
+    )
+    later = failed.model_copy(update={"index": 1, "unit": "c", "target": "a.rear"})
+    table = steps_table(false_dock.model_copy(update={"steps": (docked, later)}))
+    assert table.row_count == 2
+    shown = text(table)
+    assert "a to b.rear docked docked - - 1 0.250 m 6.00 s" in shown
+    assert "c to a.rear docked false_dock 1.50 mm 0.57 deg 2 - 12.50 s" in shown
+
+
 def test_a_sweep_shows_its_rate_and_what_it_measured(false_dock: TrialResult) -> None:
     failures = [TrialFailure(seed=4, error="the process of this trial died")]
     summary = summarise(load_scene("close_range"), "00ff", "code", [false_dock], failures)
     shown = text(sweep_table(summary))
     assert "docked: 0.0 %, 95 % interval 0.0 .. 65.8 %" in shown
+    assert "a to b.rear docked 0 of 1" in shown
     assert "lateral error at first contact 1.50 mm 1.50 mm 1.50 mm" in shown
     assert "false_dock 1" in shown
     assert "without a result 1" in shown
     assert "recovery" not in shown  # no trial passed an obstacle
+
+
+def test_a_sweep_shows_the_figures_of_every_step(false_dock: TrialResult) -> None:
+    scene = load_scene("three_units")
+    shown = text(sweep_table(summarise(scene, "00ff", "code", [false_dock])))
+    first, second = (f"{step.unit} to {step.to}" for step in scene.plan)
+    before, _, after = shown.partition(second)
+    assert f"{first} docked 0 of 1" in before
+    assert "lateral error at first contact 1.50 mm" in before
+    assert after.strip().startswith("docked 0 of 0")
+    assert "lateral error" not in after
 
 
 def test_scenes_have_descriptions() -> None:
@@ -68,9 +106,9 @@ def test_scenes_have_descriptions() -> None:
 
 def test_brackets_are_text(false_dock: TrialResult) -> None:
     """Markup swallowed them: names, errors and the help hold brackets of their own."""
-    names = {"scene": "dock [fast]", "belief_reason": "no port [/] :warning:"}
-    result = false_dock.model_copy(update=names)
-    assert "dock [fast], seed 3" in text(trial_table(result))
+    result = false_dock.model_copy(update={"scene": "dock [fast]"})
+    assert "dock [fast], seed 3" in text(step_table(result, result.steps[0]))
+    assert "dock [fast], seed 3" in text(steps_table(result))
     failures = [TrialFailure(seed=4, error="[bold]")]
     scene = load_scene("close_range").model_copy(update={"name": "dock [fast]"})
     assert "dock [fast], 2 trials" in text(sweep_table(summarise(scene, "00ff", "code", [result], failures)))

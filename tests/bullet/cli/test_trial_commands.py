@@ -48,7 +48,7 @@ def test_sweep_writes_the_numbers(short_trial: list[str], tmp_path: Path, capsys
     assert numbers["outcomes"] == {"timeout": 2}
     assert set(numbers["success"]) == {"rate", "low", "high"}
     for key in ("contact_lateral_mm", "contact_yaw_deg", "seated_axial_mm", "attempts"):
-        assert set(numbers[key]) == {"p50", "p95", "max"}
+        assert set(numbers["steps"][0][key]) == {"p50", "p95", "max"}
     assert {"min_clearance_m", "false_docks", "redraws"} <= set(numbers)
     capsys.readouterr()
     assert run([*arguments, "--json", "-"]) == 0  # the table gives way to the numbers
@@ -84,7 +84,9 @@ def test_a_sweep_shows_brackets_in_names_and_reasons(
     def failing(scene: Scene, seed: int) -> TrialResult:
         if seed == 1:
             raise ValueError(reason)
-        return one_trial(scene, seed).model_copy(update={"belief_reason": reason})
+        result = one_trial(scene, seed)
+        steps = (result.steps[0].model_copy(update={"belief_reason": reason}),)
+        return result.model_copy(update={"steps": steps})
 
     def in_this_process(*arguments: Any, **options: Any) -> SweepSummary:
         with ThreadPoolExecutor(1) as executor:

@@ -88,7 +88,7 @@ prepare_renderers(far, lambda message: None)
 ahead = compiled()
 Trial(far, 0).run()
 result = Trial(near, 0).run()
-print(json.dumps([ahead, compiled(), result.records[-1].believed is not None]))
+print(json.dumps([ahead, compiled(), result.steps[-1].attempts[-1].believed is not None]))
 """
 
 

@@ -57,7 +57,7 @@ def test_a_unit_stops_before_a_post_that_appears_beside_the_lane(
     docking = [p.time_s for p in instants if p.phase is Phase.DOCK]
     assert docking[0] < 4.0 < docking[-1]
     assert result.outcome is Outcome.GAVE_UP
-    assert result.contact is None
+    assert result.steps[0].contact is None
     assert result.min_clearance_m is not None
     assert result.min_clearance_m > scene.control.guard.stop_m - 0.002
     if not models:

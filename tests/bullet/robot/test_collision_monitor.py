@@ -291,7 +291,8 @@ def test_a_stall_names_the_body_at_which_the_monitor_holds_the_unit(
     post = {f"obstacles.post.pose.{k}": v for k, v in (("x_m", "-0.05"), ("y_m", "0.0"))}
     appears = {"obstacles.post.appears_at_s": "2.5", "docking.attempts": "1"}
     result = run_trial(shipped("bystander", {**post, **appears}, blind=True), 1, out=tmp_path)
-    assert re.search(r"held for 2\.0 s by the collision monitor: \d+ mm to post", result.belief_reason)
+    reason = result.steps[0].belief_reason
+    assert re.search(r"held for 2\.0 s by the collision monitor: \d+ mm to post", reason)
     log = read_log(tmp_path)
     decisions = [message for _, message in log.messages(CollisionMonitorState)]
     assert len(decisions) == len(list(log.messages(Action)))

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from msrr_bullet.trial.result import Contact, Seating, TrialResult
+from msrr_bullet.trial.result import AttemptRecord, Contact, PlanarPose, Seating, StepResult, TrialResult
 from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
@@ -45,24 +45,39 @@ def short_trial() -> dict[str, str]:
 def _made_up(scene: Scene, seed: int) -> TrialResult:
     """Dock on the first attempt with even seeds and the second with odd ones; every tenth is a false dock."""
     false_dock = seed % 10 == 9
+    outcome = Outcome.FALSE_DOCK if false_dock else Outcome.DOCKED
+    contact = Contact(time_s=0.5, lateral_m=1e-3 * seed, yaw_rad=math.radians(0.1 * seed))
+    attempt = AttemptRecord(
+        ended_s=1.0,
+        phase=Phase.DONE,
+        reason="made up",
+        contact=None if false_dock else contact,
+        believed=None,
+        true=PlanarPose(x_m=-0.1, y_m=0.0, yaw_rad=0.0),
+    )
+    step = StepResult(
+        index=0,
+        unit="a",
+        port="front",
+        target="b.rear",
+        outcome=outcome,
+        belief="docked",
+        belief_reason="made up",
+        started_s=0.0,
+        attempts=(attempt,) * (1 + seed % 2),
+        seating=Seating(axial_gap_m=0.001, lateral_m=0.0, yaw_rad=0.0, seated=not false_dock),
+        min_clearance_m=0.3 - 0.01 * seed,
+    )
     return TrialResult(
         scene=scene.name,
         scene_hash=scene_hash(scene),
         seed=seed,
         plant=scene.plant,
         perception=scene.perception,
-        outcome=Outcome.FALSE_DOCK if false_dock else Outcome.DOCKED,
-        belief="docked",
-        belief_reason="made up",
-        attempts=1 + seed % 2,
+        outcome=outcome,
         duration_s=1.0,
-        phase=Phase.DONE,
-        contact=None
-        if false_dock
-        else Contact(time_s=0.5, lateral_m=1e-3 * seed, yaw_rad=math.radians(0.1 * seed)),
-        seating=Seating(axial_gap_m=0.001, lateral_m=0.0, yaw_rad=0.0, seated=not false_dock),
-        min_clearance_m=0.3 - 0.01 * seed,
         start_redraws=seed % 3,
+        steps=(step,),
     )
 
 

@@ -4,6 +4,7 @@ import pytest
 
 from msrr_bullet.sweep.summary import TrialFailure, summarise
 from msrr_bullet.sweep.worker_pool import TrialFunction
+from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 
@@ -13,12 +14,14 @@ def test_the_numbers(scene: Scene, made_up: TrialFunction) -> None:
     assert summary.outcomes == {"docked": 18, "false_dock": 2}
     assert summary.success.rate == 0.9
     assert summary.success.low < 0.9 < summary.success.high
-    assert summary.contact_lateral_mm.max == pytest.approx(18.0)
-    assert summary.contact_yaw_deg.max == pytest.approx(1.8)
-    assert summary.seated_axial_mm.p50 == pytest.approx(1.0)
-    assert summary.attempts.max == 2
-    assert summary.docked_by_attempt == {1: 10, 2: 8}
-    assert summary.min_clearance_m == pytest.approx(0.11)
+    (step,) = summary.steps
+    assert (step.unit, step.target, step.trials, step.outcomes) == ("a", "b.rear", 20, summary.outcomes)
+    assert step.contact_lateral_mm.max == pytest.approx(18.0)
+    assert step.contact_yaw_deg.max == pytest.approx(1.8)
+    assert step.seated_axial_mm.p50 == pytest.approx(1.0)
+    assert step.attempts.max == 2
+    assert step.docked_by_attempt == {1: 10, 2: 8}
+    assert summary.min_clearance_m == step.min_clearance_m == pytest.approx(0.11)
     assert summary.false_docks == 2
     assert summary.redraws == sum(seed % 3 for seed in range(20))
     assert not summary.failures
@@ -32,3 +35,25 @@ def test_a_failure_of_the_program_counts_as_a_trial(scene: Scene, made_up: Trial
     assert (summary.trials, summary.success.rate, summary.outcomes) == (4, 0.5, {"docked": 2})
     assert [f.seed for f in summary.failures] == [5, 7]
     assert (summary.reused, summary.interrupted) == (1, True)
+
+
+def test_a_step_counts_the_trials_that_began_it(scene: Scene, made_up: TrialFunction) -> None:
+    """A plan of two steps: the second begins only in the trials whose first step docked."""
+    plan = (scene.plan[0], DockStep(unit="c", to="b.left"))
+    twice = scene.model_copy(update={"plan": plan})
+    results = []
+    for seed in range(20):
+        once = made_up(scene, seed)
+        (first,) = once.steps
+        later = first.model_copy(update={"index": 1, "min_clearance_m": 0.05})
+        results.append(once.model_copy(update={"steps": (first, later) if first.docked else (first,)}))
+    summary = summarise(twice, "hash", "code", results)
+    assert [(s.unit, s.target, s.trials) for s in summary.steps] == [("a", "b.rear", 20), ("c", "b.left", 18)]
+    assert [s.outcomes for s in summary.steps] == [{"docked": 18, "false_dock": 2}, {"docked": 18}]
+    assert [s.min_clearance_m for s in summary.steps] == pytest.approx([0.11, 0.05])
+    assert summary.min_clearance_m == 0.05
+
+
+def test_a_step_that_no_trial_began_has_no_figures(scene: Scene) -> None:
+    (step,) = summarise(scene, "hash", "code", []).steps
+    assert (step.trials, step.outcomes, step.attempts.p50, step.min_clearance_m) == (0, {}, None, None)

@@ -43,6 +43,32 @@ def test_a_file_that_is_no_store(
         sweep(scene, range(1), store=tmp_path, executor=inline, trial=made_up)
 
 
+def test_a_store_of_an_earlier_version_is_refused_and_left_as_it_is(
+    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
+) -> None:
+    """Layout 1 held results without steps."""
+    store = tmp_path / "trials.sqlite"
+    sweep(scene, range(1), store=store, executor=inline, trial=made_up)
+    with sqlite3.connect(store) as db:
+        db.execute("PRAGMA user_version = 1")
+    with pytest.raises(StoreError, match=r"layout 1.* delete the file, or name another one with --store"):
+        sweep(scene, range(1), store=store, executor=inline, trial=made_up)
+    with sqlite3.connect(store) as db:
+        assert db.execute("PRAGMA user_version").fetchone() == (1,)
+
+
+def test_a_result_that_cannot_be_read_is_one_error(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path
+) -> None:
+    result = made_up(scene, 0)
+    with TrialStore(tmp_path / "trials.sqlite") as store:
+        store.put(result, "code")
+        with sqlite3.connect(tmp_path / "trials.sqlite") as db:
+            db.execute("UPDATE trials SET result = '{}'")
+        with pytest.raises(StoreError, match=r"cannot be read: not a trial result of this version"):
+            store.get(result.scene_hash, "code", [0])
+
+
 def test_a_full_disk_is_one_error(
     scene: Scene,
     inline: SupportsSubmit,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from msrr_bullet.timeline.snapshot import planned_paths
-from msrr_scenes.messages import Phase
 
 
 def test_texts_name_phase_stage_and_progress(drive, short_snapshots):

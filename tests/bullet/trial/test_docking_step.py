@@ -35,15 +35,45 @@ def test_a_lock_of_an_earlier_step_that_opens_fails_the_plan(
     result = run_trial(shipped("three_units", IDEAL), 1)
     assert result.outcome is Outcome.LOCK_FAILED
     assert not result.docked
+    assert [step.outcome for step in result.steps] == [Outcome.DOCKED, Outcome.LOCK_FAILED]
+    assert result.decisive_step is result.steps[1]
 
 
-def test_attempts_are_counted_by_step(shipped: Load) -> None:
-    scene = shipped("three_units", IDEAL)
+TWO_STEPS = """
+description: Two units dock to a third one; the port of the first is plugged in its first attempt.
+units:
+  b: {number: 1, pose: {x_m: 0.4}}
+  a: {number: 0, pose: {frame: b.rear, x_m: -0.30}}
+  c: {number: 2, pose: {frame: b.left, x_m: -0.30}}
+docking: {stall_time_s: 0.8, retreat_m: 0.15}
+faults: [{kind: port_plugged, unit: b, port: rear, attempts: [1]}]
+plan: [{unit: a, to: b.rear}, {unit: c, to: b.left}]
+"""
+
+
+def test_every_step_has_a_result_of_its_own(shipped: Load, tmp_path: Path) -> None:
+    """The attempts of all steps were summed, and the other figures were those of the last step alone."""
+    path = tmp_path / "two_steps.yaml"
+    path.write_text(TWO_STEPS)
+    scene = load_scene(path, IDEAL)
     result = run_trial(scene, 1)
-    assert result.outcome is Outcome.DOCKED
-    assert [(record.step, record.attempt) for record in result.records] == [(0, 1), (1, 1)]
+    first, second = result.steps
+    assert result.outcome is first.outcome is second.outcome is Outcome.DOCKED
+    assert [(s.index, s.unit, s.target) for s in (first, second)] == [(0, "a", "b.rear"), (1, "c", "b.left")]
+    assert (len(first.attempts), len(second.attempts)) == (2, 1)
+    plugged, free = (attempt.contact for attempt in first.attempts)
+    assert plugged is not None
+    assert free is not None
+    assert plugged.time_s < first.attempts[0].ended_s < free.time_s < first.ended_s <= second.started_s
+    assert first.contact == free
+    assert second.contact != free
+    assert result.duration_s == second.ended_s
+    assert result.min_clearance_m == min(first.min_clearance_m, second.min_clearance_m)
+
     summary = summarise(scene, "hash", "code", [result])
-    assert summary.docked_by_attempt == {1: 1}, "both steps docked at the first attempt"
+    assert [(s.unit, s.target, s.trials) for s in summary.steps] == [("a", "b.rear", 1), ("c", "b.left", 1)]
+    assert [s.docked_by_attempt for s in summary.steps] == [{2: 1}, {1: 1}]
+    assert summary.steps[0].contact_lateral_mm.max == 1000.0 * free.lateral_m
 
 
 def test_a_robot_that_is_done_at_the_time_limit_is_in_time(shipped: Load) -> None:
@@ -63,7 +93,7 @@ def test_a_unit_that_creeps_is_stalled(shipped: Load, compensation: str) -> None
     late = {"cameras.onboard.latency_ms": "500", "control.delay_compensation": compensation}
     result = run_trial(shipped("close_range", {**IDEAL, **late}), 1)
     assert result.outcome is not Outcome.TIMEOUT
-    ends = [0.0, *(record.ended_s for record in result.records)]
+    ends = [0.0, *(attempt.ended_s for attempt in result.steps[0].attempts)]
     assert max(after - before for before, after in pairwise(ends)) < 10.0
 
 

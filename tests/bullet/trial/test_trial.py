@@ -64,28 +64,31 @@ def test_a_unit_docks_by_rendered_images(docking: Docking) -> None:
         SEED,
         "close_range",
     )
-    assert (result.phase, result.attempts) == (Phase.DONE, 1)
-    assert result.contact is not None
-    assert result.contact.lateral_m < 0.003
-    assert result.contact.yaw_rad < math.radians(1.5)
-    assert result.seating is not None
-    assert result.seating.seated
-    assert result.seating.axial_gap_m < docking.scene.judge.seated_depth_m
-    assert result.lock_closed
-    assert result.lock_engaged
-    assert result.pull_test_passed
+    (step,) = result.steps
+    assert (step.unit, step.port, step.target) == ("a", "front", "b.rear")
+    assert (step.phase, len(step.attempts), step.docked) == (Phase.DONE, 1, True)
+    assert (step.started_s, step.ended_s) == (0.0, result.duration_s)
+    assert step.contact is not None
+    assert step.contact.lateral_m < 0.003
+    assert step.contact.yaw_rad < math.radians(1.5)
+    assert step.seating is not None
+    assert step.seating.seated
+    assert step.seating.axial_gap_m < docking.scene.judge.seated_depth_m
+    assert step.lock_closed
+    assert step.lock_engaged
+    assert step.pull_test_passed
 
 
 def test_the_result_holds_belief_and_truth(docking: Docking) -> None:
-    result = docking.result
-    assert result.belief == "docked"
-    assert result.contact is not None
-    error = result.contact.estimate_error
+    (step,) = docking.result.steps
+    assert step.belief == "docked"
+    assert step.contact is not None
+    error = step.contact.estimate_error
     assert error is not None
     assert math.hypot(error.x_m, error.y_m) < 0.003
     assert abs(error.yaw_rad) < math.radians(1.0)
     assert error.x_m != 0.0  # an estimate that equals the truth bit for bit would be the truth
-    (attempt,) = result.records
+    (attempt,) = step.attempts
     assert attempt.believed is not None
     between = attempt.true.se2.inverse() @ attempt.believed.se2
     assert math.hypot(between.x, between.y) < 0.003
@@ -99,14 +102,14 @@ def test_plant_and_perception_are_independent_axes(plant: str, perception: str, 
     result = run_trial(
         shipped("weak_lock", {"plant": plant, "perception": perception, "lock.strength_n": "60"}), 2
     )
-    assert result.outcome is Outcome.DOCKED, result.belief_reason
+    assert result.outcome is Outcome.DOCKED, result.decisive_step.belief_reason
     assert (result.plant, result.perception) == (plant, perception)
 
 
 def test_kinematic_units_with_parametric_perception_dock_at_the_first_attempt(shipped: Load) -> None:
     """The fast variant replaces the full one in studies, so it must not add failures."""
     results = [run_trial(shipped("close_range", blind=True), seed) for seed in range(5)]
-    assert [(r.outcome, r.attempts) for r in results] == [(Outcome.DOCKED, 1)] * 5
+    assert [(r.outcome, len(r.steps[0].attempts)) for r in results] == [(Outcome.DOCKED, 1)] * 5
 
 
 @pytest.mark.parametrize("plant", ["bullet", "unicycle"])
@@ -138,9 +141,11 @@ def test_a_plan_of_two_steps_is_carried_out_in_order(shipped: Load, tmp_path: Pa
     )
     recorder = MemoryRecorder()
     result = Trial(shipped(str(file), {"perception": "parametric"}), SEED, recorder=recorder).run()
-    assert result.outcome is Outcome.DOCKED, result.belief_reason
-    assert [(r.step, r.attempt, r.phase) for r in result.records] == [(0, 1, Phase.DONE), (1, 1, Phase.DONE)]
-    assert result.attempts == 2
+    assert result.outcome is Outcome.DOCKED, result.decisive_step.belief_reason
+    first, second = result.steps
+    assert [(s.index, s.unit, s.target) for s in (first, second)] == [(0, "a", "b.rear"), (1, "c", "b.left")]
+    assert [(len(s.attempts), s.phase) for s in (first, second)] == [(1, Phase.DONE)] * 2
+    assert 0.0 == first.started_s < first.ended_s < second.started_s < second.ended_s == result.duration_s
     assert [(m.index, m.unit) for _, _, m in recorder.messages if isinstance(m, StepStart)] == [
         (0, "a"),
         (1, "c"),

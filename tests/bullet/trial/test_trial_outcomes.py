@@ -9,7 +9,7 @@ from functools import cached_property
 import pytest
 
 from msrr_bullet.run import run_trial
-from msrr_bullet.trial.result import Belief, TrialResult
+from msrr_bullet.trial.result import Belief, StepResult
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -27,7 +27,7 @@ class Case:
     outcome: Outcome
     scene: str
     belief: Belief
-    true: Callable[[TrialResult], bool]
+    true: Callable[[StepResult], bool]
     overrides: Mapping[str, str] = field(default_factory=dict)
     blind: bool = False
 
@@ -36,12 +36,12 @@ class Case:
         return self.outcome.value
 
 
-def seated(result: TrialResult) -> bool:
-    return result.seating is not None and result.seating.seated
+def seated(step: StepResult) -> bool:
+    return step.seating is not None and step.seating.seated
 
 
-def nothing_touched(result: TrialResult) -> bool:
-    return result.contact is None and not result.lock_closed
+def nothing_touched(step: StepResult) -> bool:
+    return step.contact is None and not step.lock_closed
 
 
 CASES = (
@@ -84,20 +84,20 @@ CASES = (
         Outcome.GAVE_UP,
         "seized_drive",
         "gave_up",
-        lambda r: nothing_touched(r) and r.records[-1].believed is not None,
+        lambda r: nothing_touched(r) and r.attempts[-1].believed is not None,
     ),
     Case(
         Outcome.NEVER_DETECTED,
         "hidden_marker",
         "gave_up",
-        lambda r: nothing_touched(r) and r.records[-1].believed is None,
+        lambda r: nothing_touched(r) and r.attempts[-1].believed is None,
         {"docking.search_time_s": "1"},
     ),
     Case(
         Outcome.COLLISION,
         "obstacle_in_lane",
         "undecided",
-        nothing_touched,
+        lambda r: nothing_touched(r) and r.min_clearance_m is not None and r.min_clearance_m <= 0.0,
         {
             "judge.min_clearance_m": "0",
             "perception": "parametric",
@@ -114,7 +114,7 @@ CASES = (
     Case(
         Outcome.LEFT_ARENA, "no_room_to_retreat", "undecided", lambda r: r.phase is Phase.RETREAT, blind=True
     ),
-    Case(Outcome.TIMEOUT, "short_time", "undecided", lambda r: abs(r.duration_s - 2.0) < 0.03, blind=True),
+    Case(Outcome.TIMEOUT, "short_time", "undecided", lambda r: abs(r.ended_s - 2.0) < 0.03, blind=True),
     Case(
         Outcome.PROGRAM_FAILED,
         "close_range",
@@ -146,9 +146,10 @@ Load = Callable[..., Scene]
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)
 def test_an_outcome_is_provoked(case: Case, shipped: Load) -> None:
     result = run_trial(shipped(case.scene, case.overrides, blind=case.blind), SEED)
-    assert (result.outcome, result.belief) == (case.outcome, case.belief), result.belief_reason
-    assert case.true(result), result
-    assert result.belief_reason
+    (step,) = result.steps
+    assert (result.outcome, step.belief) == (case.outcome, case.belief), step.belief_reason
+    assert case.true(step), step
+    assert step.belief_reason
     assert result.docked == (case.outcome is Outcome.DOCKED)
 
 
@@ -162,7 +163,7 @@ def test_verification_by_sight_detects_a_stuck_seat_switch(shipped: Load) -> Non
         "stuck_seat_switch", {"docking.verify.by_sight": "true", "docking.attempts": "1", **BRIEF}
     )
     result = run_trial(scene, SEED)
-    assert (result.outcome, result.belief) == (Outcome.NOT_SEATED, "gave_up")
+    assert (result.outcome, result.steps[0].belief) == (Outcome.NOT_SEATED, "gave_up")
 
 
 def test_a_stuck_seat_switch_does_not_prevent_a_docking(shipped: Load) -> None:
@@ -177,5 +178,8 @@ def test_touching_the_target_beside_its_port_is_a_collision(shipped: Load) -> No
     """The docking pair may touch where it docks and nowhere else."""
     misaligned = {"faults": "[{kind: camera_misaligned, unit: a, yaw_deg: 20}]", "docking.attempts": "1"}
     result = run_trial(shipped("askew_camera", misaligned), SEED)
-    assert (result.outcome, result.belief) == (Outcome.COLLISION, "undecided")
-    assert result.contact is None
+    (step,) = result.steps
+    assert (result.outcome, step.belief) == (Outcome.COLLISION, "undecided")
+    assert step.contact is None
+    assert step.min_clearance_m is not None
+    assert step.min_clearance_m <= 0.0

@@ -208,16 +208,17 @@ def test_a_failure_stops_the_unit_and_ends_the_trial(
         overrides["cameras.onboard.samples"] = "1"
     scene = shipped("two_units" if kind == "assembler" else "close_range", overrides, blind=not pixels)
     result = run_trial(scene, SEED, out=tmp_path)
-    assert (result.outcome, result.belief, result.docked) == (Outcome.PROGRAM_FAILED, "undecided", False)
-    assert result.belief_reason.startswith(f"{kind} 'users_classes:{name}', users_classes.py line ")
-    assert says in result.belief_reason
+    (step,) = result.steps
+    assert (result.outcome, step.belief, result.docked) == (Outcome.PROGRAM_FAILED, "undecided", False)
+    assert step.belief_reason.startswith(f"{kind} 'users_classes:{name}', users_classes.py line ")
+    assert says in step.belief_reason
     assert TrialResult.from_json((tmp_path / "result.json").read_text()) == result
 
     log = read_log(tmp_path)
     assert log.complete
     actions = [action for _, action in log.messages(Action)]
     assert actions[-1].twist == Twist()
-    assert actions[-1].reason == result.belief_reason
+    assert actions[-1].reason == step.belief_reason
     if name not in ("Leaving", "Unbuildable", "NoRenderer"):
         assert any(abs(a.twist.v) + abs(a.twist.w) > 0.01 for a in actions), "it was under way"
     stand = [pose for _, pose in log.messages(TruePose, "/truth/a/pose")][-5:]
@@ -238,4 +239,4 @@ def test_the_line_that_failed_is_named(shipped: Load) -> None:
         '            raise KeyError("gain")  # the line that is to be named'
     )
     scene = shipped("close_range", {"control.docking": "users_classes:Raising"}, blind=True)
-    assert f"users_classes.py line {line}:" in Trial(scene, SEED).run().belief_reason
+    assert f"users_classes.py line {line}:" in Trial(scene, SEED).run().steps[0].belief_reason
