@@ -14,6 +14,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import cv2
 import numpy as np
@@ -121,14 +122,18 @@ def make(name: str, folder: Path) -> None:
     result = run_trial(load_scene(name), SEED, out=folder)
     image = draw(read_log(folder))
     notes = PngInfo()
-    verdict = {"outcome": result.outcome.value, "duration_s": result.duration_s, "attempts": result.attempts}
+    verdict = {
+        "outcome": result.outcome.value,
+        "duration_s": result.duration_s,
+        "attempts": [len(step.attempts) for step in result.steps],
+    }
     notes.add_text("msrr", json.dumps(verdict))
     image.save(PICTURES / f"{name}.png", optimize=True, pnginfo=notes)
     print(f"{name}: {result.outcome.value}, {(PICTURES / f'{name}.png').stat().st_size / 1e3:.0f} kB")
 
 
-def verdict(name: str) -> dict[str, str | float]:
-    """Return the verdict that the picture of a scene stores."""
+def verdict(name: str) -> dict[str, Any]:
+    """Return the verdict that the picture of a scene stores: outcome, duration, attempts of every step."""
     with Image.open(PICTURES / f"{name}.png") as image:
         return json.loads(image.text["msrr"])
 
@@ -149,8 +154,9 @@ def page(names: Sequence[str]) -> str:
     chapters: dict[str, list[str]] = {title: [] for title in (FAR, NEAR, TUNED, WRONG)}
     for name in names:
         scene, run = load_scene(name), verdict(name)
-        tries = f", {run['attempts']} attempts" if run["attempts"] > len(scene.plan) else ""
-        ending = f"{run['outcome']} after {run['duration_s']:.1f} s{tries}"
+        counts = " and ".join(str(count) for count in run["attempts"])
+        attempts = f", {counts} attempts" if max(run["attempts"]) > 1 else ""
+        ending = f"{run['outcome']} after {run['duration_s']:.1f} s{attempts}"
         chapters[chapter(scene)].append(
             f"### `{name}`\n{scene.description} This run: {ending}.\n\n![{name}](gallery/{name}.png)\n"
         )

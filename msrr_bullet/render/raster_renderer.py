@@ -18,8 +18,8 @@ from msrr_scenes.messages import Pixels
 class RasterRenderer:
     """Exact visibility at pixel corners, sixteen samples where they disagree; see ``docs/renderer.md``.
 
-    The renderer notices bodies that are loaded or removed, but not a changed colour or texture of a loaded
-    body: call :meth:`refresh` for that.
+    The shapes of all bodies are read when a body has been loaded or removed since the last picture. A colour
+    or texture that changes later is not noticed.
     """
 
     def __init__(self, context: RenderContext) -> None:
@@ -31,10 +31,6 @@ class RasterRenderer:
         self._client = context.client
         self._floor = _packed(context.floor)
         self._bodies: LoadedBodies | None = None
-
-    def refresh(self) -> None:
-        """Read the shapes of all bodies anew at the next picture."""
-        self._bodies = None
 
     def render(self, camera: PinholeCamera, X_WC: SE3, window: Window) -> Pixels:
         """Return the mono8 pixels of ``window``, shape (height, width); see :class:`Renderer`.

@@ -82,14 +82,14 @@ def drive() -> Drive:
 
 @pytest.fixture(scope="session")
 def short_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Run folder with the log of 8 s, seen by both cameras, which ends half-way through docking."""
+    """Run folder with the log of 10 s, seen by both cameras, which ends half-way through docking."""
     scene = load_scene(
         "two_units",
         {
             "plant": "unicycle",
             "cameras.onboard.samples": "1",
             "cameras.overhead.samples": "1",
-            "time_limit_s": "8",
+            "time_limit_s": "10",
             "units.a.pose.x_m": "-0.1",
             "units.a.pose.y_m": "0.05",
             "units.a.pose.yaw_deg": "20",

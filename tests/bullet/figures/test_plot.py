@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from msrr_bullet.cli.app import run
@@ -12,9 +14,14 @@ from msrr_scenes.errors import MsrrError
 
 
 def test_the_plot_shows_belief_on_truth_and_the_clearance(count_pixels, short_log, short_snapshots, tmp_path):
+    """Every curve takes more than 100 pixels beyond what a plot without it has, such as its legend."""
     path = write_plot(tmp_path / "plot.png", short_log.header.scene, short_snapshots, "timeout")
-    for name in ("PATH", "BELIEF", "CLEARANCE", "GREEN", "VERMILLION", "PLAN"):
-        assert count_pixels(path, getattr(palette, name), 3) > 50, name
+    assert count_pixels(path, palette.PATH, 3) > 100
+    bare = [replace(s, estimate=None, clearance=None, los=None, twist=None) for s in short_snapshots]
+    without = write_plot(tmp_path / "bare.png", short_log.header.scene, bare, "timeout")
+    for name in ("BELIEF", "CLEARANCE", "GREEN", "VERMILLION", "PLAN"):
+        drawn, legend = (count_pixels(each, getattr(palette, name), 3) for each in (path, without))
+        assert drawn - legend > 100, name
     again = write_plot(tmp_path / "again.png", short_log.header.scene, short_snapshots, "timeout")
     assert path.read_bytes() == again.read_bytes()
 
