@@ -56,7 +56,7 @@ def steps_table(result: TrialResult) -> Table:
     table = Table(title=_title(result), title_justify="left")
     for column in ("step", "belief", "truth"):
         table.add_column(column)
-    for column in ("lateral", "yaw", "attempts", "clearance", "end"):
+    for column in ("lateral", "attempts", "clearance", "end"):
         table.add_column(column, justify="right")
     for step in result.steps:
         contact = step.contact
@@ -65,7 +65,6 @@ def steps_table(result: TrialResult) -> Table:
             step.belief.replace("_", " "),
             _verdict(step),
             _mm(contact.lateral_m if contact else None),
-            _deg(contact.yaw_rad if contact else None),
             str(len(step.attempts)),
             _metres(step.min_clearance_m),
             f"{step.ended_s:.2f} s",

@@ -73,8 +73,8 @@ def test_a_trial_has_a_row_for_every_step(false_dock: TrialResult) -> None:
     table = steps_table(false_dock.model_copy(update={"steps": (docked, later)}))
     assert table.row_count == 2
     shown = text(table)
-    assert "a to b.rear docked docked - - 1 0.250 m 6.00 s" in shown
-    assert "c to a.rear docked false_dock 1.50 mm 0.57 deg 2 - 12.50 s" in shown
+    assert "a to b.rear docked docked - 1 0.250 m 6.00 s" in shown
+    assert "c to a.rear docked false_dock 1.50 mm 2 - 12.50 s" in shown
 
 
 def test_a_sweep_shows_its_rate_and_what_it_measured(false_dock: TrialResult) -> None:

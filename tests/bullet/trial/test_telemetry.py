@@ -11,10 +11,12 @@ import pytest
 
 from msrr_bullet.log import ClearanceRecord, MemoryRecorder, StartPoses, TruePose
 from msrr_bullet.log.records import Event
+from msrr_bullet.timeline.series import TrialSeries
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial
+from msrr_bullet.viewer.page import READINGS, readings
 from msrr_scenes.messages import Action, Phase, PoseEstimate
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -135,6 +137,10 @@ def test_every_display_of_the_clearance_leaves_out_the_docking_pair(docking: Wat
     apart = {s.stamp_ns for s in docking.snapshots if s.phase is Phase.HAND_OVER}
     assert shown.keys() == apart
     assert min(c.distance for c in shown.values()) == docking.result.min_clearance_m > 0.0
+    series = TrialSeries.of(docking.scene, docking.snapshots)  # of plots and tables
+    assert np.nanmin(series.clearance) == docking.result.min_clearance_m
+    seated = dict(zip(READINGS, readings(docking.snapshots[-1]), strict=True))
+    assert (seated["phase"], seated["clearance"], seated["nearest pair"]) == ("done", "–", "–")
 
 
 def test_reports_change_nothing_in_the_trial(docking: Watched) -> None:
