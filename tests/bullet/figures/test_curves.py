@@ -57,3 +57,15 @@ def test_each_step_of_a_plan_ends_within_half_a_turn(drive, turning):
     truth = np.asarray(axes.lines[0].get_ydata())
     for end in (len(turning) - 1, 2 * len(turning) - 1):
         assert abs(truth[end]) <= 180.0
+
+
+def test_the_clearance_names_the_limits_of_judge_and_collision_monitor(drive):
+    """The text said "guard", which no other text and no glossary knows."""
+    series = TrialSeries.of(drive.scene, drive.snapshots)
+    axes = Figure().add_subplot()
+    curves.clearance(axes, series, drive.scene.control.guard, drive.scene.judge)
+    limits = "collision monitor slows 50 mm, collision monitor stops 30 mm, judge 20 mm"
+    assert axes.get_title(loc="right") == limits
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["smallest clearance (truth)"]
+    drawn = np.asarray(axes.lines[0].get_ydata())
+    assert np.nanmin(drawn) == np.nanmin(series.clearance) > 0.0, "the docking pair is left out"
