@@ -4,6 +4,9 @@ The AprilTag library samples whole pixels along each edge, which leaves a bias o
 the edge's direction. Here the image is interpolated, each cross section gives the place where the grey level
 passes from black to white as an area (unbiased under any symmetric blur), and a line is fitted through all of
 them.
+
+What lies beyond the black and the white border of the tag, which are one module wide each, is different on
+the two sides and shifts the edge. Therefore a cross section ends in the middle of either border.
 """
 
 from __future__ import annotations
@@ -12,28 +15,37 @@ import math
 
 import numpy as np
 
-from msrr_perception.kernels.compiled import kernel
+from msrr_perception.kernels.compiled import inlined, kernel
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
 
-#: How often the lines are fitted, each time from the corners that the last lines gave. The cross sections lie
-#: where the guess puts them; the second time they lie on the edges, and the first guess hardly matters.
-PASSES = 2
+#: Largest number of fits, each from the corners that the last one gave, and the largest change of a corner
+#: coordinate at which they end [px]. The cross sections lie where the guess puts them. A section shorter than
+#: the blurred edge measures only a part of the shift, so that blurred, small tags need most fits.
+PASSES = 4
+SETTLED_PX = 0.01
 
 #: Cross sections per edge, and the share of the edge left out at either end (corners are rounded).
 SECTIONS = 16
 END_SHARE = 0.12
 
 #: Half-length of a cross section in modules (bits) of the tag, its bounds in pixels, and its samples.
-REACH_MODULES = 0.7
-LEAST_REACH_PX, GREATEST_REACH_PX = 1.5, 3.0
+#: Interpolation spreads a sharp edge over 2 px. Sections much shorter than that make the shift depend on
+#: where the edge lies between two pixels, an error that all corners on one edge have in common; those of
+#: tiny tags therefore reach beyond the middle of the borders.
+REACH_MODULES = 0.5
+LEAST_REACH_PX, GREATEST_REACH_PX = 1.15, 3.0
 SAMPLES = 13
 
-#: Largest shift of an edge [px]; one that would move farther is not the edge of a printed square.
-LARGEST_SHIFT_PX = 1.5
+#: Largest distance of a corner from the guess [px]; what lies farther is not the corner that was detected.
+LARGEST_SHIFT_PX = 2.0
 
 #: Least mean contrast across an edge [grey levels].
 LEAST_CONTRAST = 8.0
+
+#: Distance of the cross sections as a share of the edge, and their sum of squared places about its middle.
+_STEP = (1.0 - 2.0 * END_SHARE) / (SECTIONS - 1)
+_SQUARES = _STEP * _STEP * SECTIONS * (SECTIONS * SECTIONS - 1) / 12.0
 
 
 def refine_corners(pixels: Pixels, corners: Array) -> Array:
@@ -51,97 +63,111 @@ def refine_corners(pixels: Pixels, corners: Array) -> Array:
     # One memory layout, so that the kernel is compiled once: contiguous and read-only, as a camera gives it.
     image = np.ascontiguousarray(pixels)[:]
     image.setflags(write=False)
-    refined: Array = np.ascontiguousarray(corners, dtype=np.float64)
-    for _ in range(PASSES):
-        refined = intersect_edges(image, refined)
+    refined: Array = intersect_edges(image, np.ascontiguousarray(corners, dtype=np.float64))
     return refined
 
 
 @kernel
 def intersect_edges(pixels: Pixels, corners: Array) -> Array:
-    """Return the corners, shape (T, 4, 2), after one fit of the edges; see :func:`refine_corners`."""
+    """Return the refined corners, shape (T, 4, 2); see :func:`refine_corners`."""
     out = corners.copy()
-    height, width = pixels.shape
-    grey = np.empty((SECTIONS, SAMPLES))
+    square, before = np.empty((4, 2)), np.empty((4, 2))  # the corners of one tag after and before a fit
     a, b = np.empty((4, 2)), np.empty((4, 2))  # the ends of each edge, moved
     for t in range(corners.shape[0]):
-        middle_x = 0.25 * (corners[t, 0, 0] + corners[t, 1, 0] + corners[t, 2, 0] + corners[t, 3, 0])
-        middle_y = 0.25 * (corners[t, 0, 1] + corners[t, 1, 1] + corners[t, 2, 1] + corners[t, 3, 1])
+        square[:] = corners[t]
         ok = True
-        for e in range(4):
-            x0, y0 = corners[t, e, 0], corners[t, e, 1]
-            x1, y1 = corners[t, (e + 1) % 4, 0], corners[t, (e + 1) % 4, 1]
-            along_x, along_y = x1 - x0, y1 - y0
-            length = math.hypot(along_x, along_y)
-            nx, ny = along_y / length, -along_x / length
-            if (x0 - middle_x) * nx + (y0 - middle_y) * ny < 0.0:
-                nx, ny = -nx, -ny
-            # The extent of the tag across this edge gives the width of a module there.
-            next_x = corners[t, (e + 2) % 4, 0] - x1
-            next_y = corners[t, (e + 2) % 4, 1] - y1
-            after = math.hypot(next_x, next_y)
-            before = math.hypot(x0 - corners[t, (e + 3) % 4, 0], y0 - corners[t, (e + 3) % 4, 1])
-            slant = abs(next_x * nx + next_y * ny) / after
-            reach = REACH_MODULES * 0.5 * (before + after) * slant / 8.0
-            reach = min(max(reach, LEAST_REACH_PX), GREATEST_REACH_PX)
-            for i in range(2):  # the ends of the outermost sections bound all samples
-                s = END_SHARE if i == 0 else 1.0 - END_SHARE
-                foot_x, foot_y = x0 + s * along_x, y0 + s * along_y
-                ok = ok and min(foot_x - reach * nx, foot_x + reach * nx) >= 0.0
-                ok = ok and max(foot_x - reach * nx, foot_x + reach * nx) <= width - 1.0
-                ok = ok and min(foot_y - reach * ny, foot_y + reach * ny) >= 0.0
-                ok = ok and max(foot_y - reach * ny, foot_y + reach * ny) <= height - 1.0
+        for _ in range(PASSES):
+            before[:] = square
+            for e in range(4):
+                ok = ok and fit_edge(pixels, before, e, a, b)
             if not ok:
                 break
-            black, white = 0.0, 0.0
-            for i in range(SECTIONS):
-                s = END_SHARE + (1.0 - 2.0 * END_SHARE) / (SECTIONS - 1) * i
-                foot_x, foot_y = x0 + s * along_x, y0 + s * along_y
-                for k in range(SAMPLES):
-                    offset = reach * (2.0 * k / (SAMPLES - 1) - 1.0)
-                    x, y = foot_x + offset * nx, foot_y + offset * ny
-                    column = min(max(int(x), 0), width - 2)
-                    row = min(max(int(y), 0), height - 2)
-                    ax, ay = x - column, y - row
-                    upper = pixels[row, column] + ax * (
-                        float(pixels[row, column + 1]) - float(pixels[row, column])
-                    )
-                    lower = pixels[row + 1, column] + ax * (
-                        float(pixels[row + 1, column + 1]) - float(pixels[row + 1, column])
-                    )
-                    grey[i, k] = upper + ay * (lower - upper)
-                black += grey[i, 0] + grey[i, 1]
-                white += grey[i, SAMPLES - 2] + grey[i, SAMPLES - 1]
-            black, white = black / (2 * SECTIONS), white / (2 * SECTIONS)
-            contrast = white - black
-            if not contrast > LEAST_CONTRAST:
-                ok = False
-                break
-            # Fit a straight line through the places where the cross sections turn from black to white.
-            level, slope, squares = 0.0, 0.0, 0.0
-            for i in range(SECTIONS):
-                # The mean brightness by the trapezium rule is the share of white, which is the distance of
-                # the border from the outer end.
-                total = 0.5 * (grey[i, 0] + grey[i, SAMPLES - 1])
-                for k in range(1, SAMPLES - 1):
-                    total += grey[i, k]
-                shift = reach * (1.0 - 2.0 * (total / (SAMPLES - 1) - black) / contrast)
-                place = END_SHARE + (1.0 - 2.0 * END_SHARE) / (SECTIONS - 1) * i - 0.5
-                level += shift
-                slope += shift * place
-                squares += place * place
-            level, slope = level / SECTIONS, slope / squares
-            if not abs(level) + 0.5 * abs(slope) < LARGEST_SHIFT_PX:
-                ok = False
-                break
-            a[e, 0], a[e, 1] = x0 + (level - 0.5 * slope) * nx, y0 + (level - 0.5 * slope) * ny
-            b[e, 0], b[e, 1] = x1 + (level + 0.5 * slope) * nx, y1 + (level + 0.5 * slope) * ny
-        if ok:
+            change = 0.0
             for e in range(4):  # intersect each edge's line with the one before it
                 p = (e + 3) % 4
                 dx, dy = b[e, 0] - a[e, 0], b[e, 1] - a[e, 1]
                 ex, ey = b[p, 0] - a[p, 0], b[p, 1] - a[p, 1]
                 rx, ry = a[e, 0] - a[p, 0], a[e, 1] - a[p, 1]
                 part = (rx * dy - ry * dx) / (ex * dy - ey * dx)
-                out[t, e, 0], out[t, e, 1] = a[p, 0] + part * ex, a[p, 1] + part * ey
+                square[e, 0], square[e, 1] = a[p, 0] + part * ex, a[p, 1] + part * ey
+                moved = math.hypot(square[e, 0] - corners[t, e, 0], square[e, 1] - corners[t, e, 1])
+                ok = ok and moved < LARGEST_SHIFT_PX
+                change = max(change, abs(square[e, 0] - before[e, 0]), abs(square[e, 1] - before[e, 1]))
+            if not ok or change < SETTLED_PX:
+                break
+        if ok:
+            out[t] = square
     return out
+
+
+@inlined
+def fit_edge(pixels: Pixels, square: Array, e: int, a: Array, b: Array) -> bool:
+    """Write the ends of edge ``e`` of a tag, moved onto the edge in the image, into ``a[e]`` and ``b[e]``.
+
+    Args:
+        pixels: Mono8 image, shape (height, width).
+        square: Corners of the tag, shape (4, 2) [px].
+        e: Number of the edge, from corner ``e`` to the next.
+        a: First ends of the edges, shape (4, 2) [px].
+        b: Second ends of the edges, shape (4, 2) [px].
+
+    Returns:
+        Whether the sections lie in the image and show an edge; if not, nothing is written.
+    """
+    height, width = pixels.shape
+    f, g, h = (e + 1) % 4, (e + 2) % 4, (e + 3) % 4
+    x0, y0 = square[e, 0], square[e, 1]
+    along_x, along_y = square[f, 0] - x0, square[f, 1] - y0
+    length = math.hypot(along_x, along_y)
+    nx, ny = along_y / length, -along_x / length
+    # The tag's extent across this edge tells the outward side and the width of a module there.
+    across_f = (square[f, 0] - square[g, 0]) * nx + (square[f, 1] - square[g, 1]) * ny
+    across_e = (x0 - square[h, 0]) * nx + (y0 - square[h, 1]) * ny
+    across = 0.5 * (across_e + across_f)
+    if across < 0.0:
+        nx, ny, across = -nx, -ny, -across
+    reach = min(max(REACH_MODULES * across / 8.0, LEAST_REACH_PX), GREATEST_REACH_PX)
+    for i in range(2):  # the ends of the outermost sections bound all samples
+        s = END_SHARE if i == 0 else 1.0 - END_SHARE
+        foot_x, foot_y = x0 + s * along_x, y0 + s * along_y
+        half_x, half_y = reach * abs(nx), reach * abs(ny)
+        if not (half_x <= foot_x <= width - 1.0 - half_x and half_y <= foot_y <= height - 1.0 - half_y):
+            return False
+    black, white, mean, moment = 0.0, 0.0, 0.0, 0.0
+    step = 2.0 * reach / (SAMPLES - 1)
+    for i in range(SECTIONS):
+        s = END_SHARE + _STEP * i
+        foot_x, foot_y = x0 + s * along_x - reach * nx, y0 + s * along_y - reach * ny
+        total = 0.0
+        for k in range(SAMPLES):
+            x, y = foot_x + k * step * nx, foot_y + k * step * ny
+            column, row = min(max(int(x), 0), width - 2), min(max(int(y), 0), height - 2)
+            ax, ay = x - column, y - row
+            left, lower_left = float(pixels[row, column]), float(pixels[row + 1, column])
+            upper = left + ax * (float(pixels[row, column + 1]) - left)
+            lower = lower_left + ax * (float(pixels[row + 1, column + 1]) - lower_left)
+            grey = upper + ay * (lower - upper)
+            total += grey
+            # The mean of two samples at either end is the level on that side. The trapezium rule counts
+            # the outermost samples half.
+            if k < 2:
+                black += grey
+            elif k > SAMPLES - 3:
+                white += grey
+            if k == 0 or k == SAMPLES - 1:
+                total -= 0.5 * grey
+        mean += total
+        moment += total * (s - 0.5)
+    black, white = black / (2 * SECTIONS), white / (2 * SECTIONS)
+    contrast = white - black
+    if not contrast > LEAST_CONTRAST:
+        return False
+    # The mean brightness of a section is the share of white, which is the distance of the border from the
+    # outer end. A straight line is fitted through these distances.
+    scale = 2.0 * reach / (contrast * (SAMPLES - 1))
+    level = reach * (1.0 + 2.0 * black / contrast) - scale * mean / SECTIONS
+    slope = -scale * moment / _SQUARES
+    at_a, at_b = level - 0.5 * slope, level + 0.5 * slope
+    a[e, 0], a[e, 1] = x0 + at_a * nx, y0 + at_a * ny
+    b[e, 0], b[e, 1] = x0 + along_x + at_b * nx, y0 + along_y + at_b * ny
+    return True
