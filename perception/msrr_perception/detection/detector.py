@@ -58,7 +58,9 @@ class PupilDetector:
         family: Tag family.
         max_hamming: Number of corrected bits above which a detection is dropped.
         min_decision_margin: Decision margin below which a detection is dropped [grey levels].
-        refine: Whether corners are refined by :func:`msrr_perception.kernels.edges.refine_corners`.
+        refine: Whether corners are refined by :func:`msrr_perception.kernels.edges.refine_corners`. If so, a
+            tag whose edges cannot be measured is dropped: at the edge of a window its corners are up to 1 px
+            off, for the border that the library follows is cut.
         settings: Settings of the native detector.
     """
 
@@ -117,10 +119,11 @@ class PupilDetector:
             return ()
         found.sort(key=lambda t: (t.tag_id, -t.decision_margin))
         corners = np.stack([t.corners for t in found])
+        measured = np.ones(len(found), dtype=np.bool_)
         if self.refine:
-            corners = refine_corners(pixels, corners)
+            corners, measured = refine_corners(pixels, corners)
         corners += [window.x, window.y]
-        return tuple(replace(t, corners=c) for t, c in zip(found, corners, strict=True))
+        return tuple(replace(t, corners=c) for t, c, ok in zip(found, corners, measured, strict=True) if ok)
 
 
 DETECTORS: ExtensionPoint[Detector] = ExtensionPoint(

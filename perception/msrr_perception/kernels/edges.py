@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msrr_perception.kernels.compiled import inlined, kernel
 from msrr_scenes.arrays import Array
@@ -48,8 +49,8 @@ _STEP = (1.0 - 2.0 * END_SHARE) / (SECTIONS - 1)
 _SQUARES = _STEP * _STEP * SECTIONS * (SECTIONS * SECTIONS - 1) / 12.0
 
 
-def refine_corners(pixels: Pixels, corners: Array) -> Array:
-    """Return tag corners moved to the intersections of the tags' edges.
+def refine_corners(pixels: Pixels, corners: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return tag corners moved to the intersections of the tags' edges, and which tags could be measured.
 
     Args:
         pixels: Mono8 image, shape (height, width).
@@ -57,20 +58,21 @@ def refine_corners(pixels: Pixels, corners: Array) -> Array:
             either sense of rotation.
 
     Returns:
-        Shape (T, 4, 2). A tag that has an edge with too little contrast, too near the image's border, or too
-        far from where it should be keeps its corners.
+        Corners, shape (T, 4, 2), and for each tag whether they were measured, shape (T,). A tag that has an
+        edge with too little contrast, too near the image's border, or too far from where it should be keeps
+        its corners.
     """
     # One memory layout, so that the kernel is compiled once: contiguous and read-only, as a camera gives it.
     image = np.ascontiguousarray(pixels)[:]
     image.setflags(write=False)
-    refined: Array = intersect_edges(image, np.ascontiguousarray(corners, dtype=np.float64))
-    return refined
+    refined, measured = intersect_edges(image, np.ascontiguousarray(corners, dtype=np.float64))
+    return refined, measured
 
 
 @kernel
-def intersect_edges(pixels: Pixels, corners: Array) -> Array:
-    """Return the refined corners, shape (T, 4, 2); see :func:`refine_corners`."""
-    out = corners.copy()
+def intersect_edges(pixels: Pixels, corners: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return what :func:`refine_corners` returns, from an image and corners of the expected layout."""
+    out, measured = corners.copy(), np.zeros(corners.shape[0], np.bool_)
     square, before = np.empty((4, 2)), np.empty((4, 2))  # the corners of one tag after and before a fit
     a, b = np.empty((4, 2)), np.empty((4, 2))  # the ends of each edge, moved
     for t in range(corners.shape[0]):
@@ -96,8 +98,8 @@ def intersect_edges(pixels: Pixels, corners: Array) -> Array:
             if not ok or change < SETTLED_PX:
                 break
         if ok:
-            out[t] = square
-    return out
+            out[t], measured[t] = square, True
+    return out, measured
 
 
 @inlined
