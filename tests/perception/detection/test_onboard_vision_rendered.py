@@ -118,27 +118,37 @@ def test_seated_the_lock_can_be_verified_by_sight(rig: Rig) -> None:
 
 
 def test_windows_see_what_the_full_frame_sees(rig: Rig) -> None:
-    """The same view in windows and in full, for a tenth of the pixels: corners within 0.1 px.
+    """The same view in windows and in full, for a tenth of the pixels: every corner within 0.1 px.
 
-    The tags of the neighbouring ports are seen at 50 degrees and 12 to 18 px wide, before a grey body: in the
-    window a border of other pixels is found in one of ten, which the gate of the filter is for. Over 64 views
-    the median difference of a corner was 0.05 px, nine of ten were within 0.31 px, the largest was 1.1 px.
+    That holds for the tags of the neighbouring ports too, 12 to 18 px wide. One whose white border is cut by
+    the edge of a window is not reported; its corners would be up to 1 px off. Over 64 views the largest
+    difference was 0.07 px.
     """
-    neighbours = []
+    neighbours = cut = 0
     for X in _views(96)[:64]:
         full, _ = rig.detect(OnboardVision(rig.target, PupilDetector()), X, None)
         few, _ = rig.detect(OnboardVision(rig.target, PupilDetector()), X, X)
         if few.windows == (rig.target.camera.frame,):
             continue  # the periodic look at the full frame
         whole = {t.tag_id: t.corners for t in full.tags}
+        seen = {t.tag_id: t.corners for t in few.tags}
         assert sum(w.area for w in few.windows) < 0.1 * rig.target.camera.frame.area
-        for tag in few.tags:
-            if tag.tag_id in rig.target.port_tags:
-                np.testing.assert_allclose(tag.corners, whole[tag.tag_id], atol=0.1)
-            elif tag.tag_id in whole:
-                neighbours.append(tag.corners - whole[tag.tag_id])
-    assert len(neighbours) >= 3
-    off = np.abs(np.concatenate(neighbours)).max(axis=1)
-    assert np.median(off) < 0.1
-    assert np.mean(off < 0.4) > 0.8
-    assert off.max() < 1.5
+        assert set(rig.target.port_tags) <= seen.keys()
+        for tag in seen.keys() & whole.keys():
+            np.testing.assert_allclose(seen[tag], whole[tag], atol=0.1)
+        neighbours += len(seen.keys() - set(rig.target.port_tags))
+        cut += sum(_is_cut(whole[tag], few) for tag in whole.keys() - seen.keys())
+    assert neighbours >= 3
+    assert cut >= 3  # else the views do not show what the test is about
+
+
+def _is_cut(corners: np.ndarray, found: Detections) -> bool:
+    """Return whether a window holds the middle of a tag, and its edge is nearer than 3 px to a corner."""
+    u, v = corners.mean(axis=0)
+    (low_u, low_v), (high_u, high_v) = corners.min(axis=0), corners.max(axis=0)
+    return any(
+        w.x <= u < w.x_end
+        and w.y <= v < w.y_end
+        and min(low_u - w.x, low_v - w.y, w.x_end - high_u, w.y_end - high_v) < 3.0
+        for w in found.windows
+    )

@@ -70,7 +70,7 @@ def test_the_sense_of_rotation_does_not_matter(plate: Plate, warp: Warp) -> None
 
 
 def test_what_is_no_edge_keeps_its_corners(plate: Plate, warp: Warp) -> None:
-    """No contrast, half outside the image, or far from any edge: nothing is invented, and the caller is told."""
+    """No contrast, half outside the image, or far from any edge: nothing is invented, and it is said."""
     square = _square(np.random.default_rng(3), 50.0)
     image = warp(WINDOW, [(plate(0), square)])
     guesses = np.stack([square + 0.2, square + 12.0, square - [50.0, 0.0]])
@@ -85,10 +85,10 @@ def test_what_is_no_edge_keeps_its_corners(plate: Plate, warp: Warp) -> None:
 
 
 def test_a_corner_is_not_led_away_step_by_step(plate: Plate, warp: Warp) -> None:
-    """A guess 3 px off is near enough for each fit to come closer, and still too far for the tag detected."""
-    square = _square(np.random.default_rng(4), 80.0)
+    """A guess 2.1 px off: each fit moves the corners by less than is allowed, all together by more."""
+    square = _square(np.random.default_rng(4), 28.0)
     image = warp(WINDOW, [(plate(0), square)])
-    guess = square + 2.2
+    guess = square + 1.5
     found, measured = refine_corners(image, guess[None])
     assert not measured[0]
     np.testing.assert_array_equal(found[0], guess)
