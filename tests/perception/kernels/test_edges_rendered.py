@@ -1,4 +1,7 @@
-"""Corners of the tags of a port on rendered frames, against their exact projection."""
+"""Corners of the tags of a port on rendered frames, against their exact projection.
+
+``pytest -s`` with this file prints the figures that ``perception/README.md`` cites.
+"""
 
 from __future__ import annotations
 
@@ -123,7 +126,13 @@ def _errors(found: np.ndarray, exact: np.ndarray) -> tuple[float, float]:
 @pytest.mark.parametrize(("kind", "tags"), [("canted", 2 * VIEWS), ("mast", VIEWS)])
 @pytest.mark.parametrize(
     ("distance_m", "blur_px", "bias_px", "rms_px"),
-    [(0.3, 0.4, 0.01, 0.025), (0.6, 0.4, 0.022, 0.04), (1.0, 0.4, 0.08, 0.11), (0.3, 1.0, 0.03, 0.05)],
+    [
+        (0.3, 0.4, 0.01, 0.025),
+        (0.6, 0.4, 0.022, 0.04),
+        (1.0, 0.4, 0.08, 0.11),
+        (0.3, 1.0, 0.03, 0.05),
+        (0.6, 1.0, 0.098, 0.125),
+    ],
 )
 def test_small_tags_are_not_too_large_or_too_small(
     errors: Errors, kind: str, tags: int, distance_m: float, blur_px: float, bias_px: float, rms_px: float
@@ -135,6 +144,9 @@ def test_small_tags_are_not_too_large_or_too_small(
     would fail by chance once in 1000 times. The RMS is held to a third above what was measured, or more.
     """
     seen = errors[distance_m, blur_px, kind]
+    print(
+        f"\n{kind}, {distance_m} m, {blur_px} px: {seen.outward_px.mean():+.3f} px, RMS {seen.rms_px:.3f} px"
+    )
     assert len(seen.outward_px) >= 0.9 * tags
     assert seen.largest_bias_px < bias_px
     assert seen.rms_px < rms_px
