@@ -4,26 +4,18 @@ from __future__ import annotations
 
 import math
 
+from typing import NamedTuple
+
 from pydantic import Field
 
+from msrr_control.docking.edge_barrier import EdgeBarrier, Sighting
 from msrr_control.docking.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
 from msrr_control.docking.law import DockSetup, LawInputs
-from msrr_control.feedback.envelope import EnvelopeGains, envelope
 from msrr_control.kinematics.controlled_point import offset_point, position_error, rotate_components
-from msrr_control.kinematics.elementwise import (
-    Number,
-    at_least,
-    cos,
-    hypot,
-    join,
-    limit,
-    number,
-    sin,
-    split,
-    where,
-)
+from msrr_control.kinematics.drive_limits import limit_twist
+from msrr_control.kinematics.elementwise import cos, hypot, join, limit, number, sin, split, where
+from msrr_control.kinematics.motion_history import MotionHistory, coast, under_way
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import SceneError
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
 
 
@@ -45,6 +37,20 @@ class BarrierParams(Spec):
     guidance: GuidanceSpec = GuidanceSpec()
 
 
+class BarrierState(NamedTuple):
+    """State of the law.
+
+    Attributes:
+        guidance: Reference on the docking axis.
+        motion: Motion since the line of sight was measured.
+        sent: Commands under way to the drive, the last one first, each of shape (..., 2).
+    """
+
+    guidance: GuidanceState
+    motion: MotionHistory
+    sent: tuple[Array, ...]
+
+
 class BarrierLaw:
     r"""Tracks the guidance linearly, with the turn rate bounded so that the target stays in view.
 
@@ -60,48 +66,57 @@ class BarrierLaw:
             SceneError: The margin leaves nothing of the cone.
         """
         self.params, self.setup = params, setup
-        self._limit = setup.los.outer - math.radians(params.margin_deg)
-        if self._limit <= 0.0:
-            raise SceneError(f"margin_deg = {params.margin_deg:g} leaves nothing of los.outer_deg")
-        self._gains = EnvelopeGains(gamma=params.braking * setup.limits.dw_max_radps2, rho=params.rho_rad)
+        self._barrier = EdgeBarrier(setup, params.braking, params.rho_rad, math.radians(params.margin_deg))
 
-    def start(self, inputs: LawInputs) -> GuidanceState:
+    def start(self, inputs: LawInputs) -> BarrierState:
         """Return the state at the beginning of an approach."""
-        return guidance_start(offset_point(inputs.pose, self.setup.offset))
+        twist = self._possible(inputs.twist)
+        waiting = under_way(self.setup.link_latency_s, 1.0 / self.setup.rate_hz)
+        guidance = guidance_start(offset_point(inputs.pose, self.setup.offset))
+        return BarrierState(guidance, MotionHistory(twist), (twist,) * waiting)
 
-    def step(self, state: GuidanceState, inputs: LawInputs, dt: float) -> tuple[Array, GuidanceState]:
+    def step(self, state: BarrierState, inputs: LawInputs, dt: float) -> tuple[Array, BarrierState]:
         """Advance by ``dt`` [s]; return (v, w), shape (..., 2), and the next state."""
         params, setup, limits = self.params, self.setup, self.setup.limits
         visibility = number(inputs.visibility)
         x, y, yaw = split(inputs.pose)
         tip = join(x + setup.offset * cos(yaw), y + setup.offset * sin(yaw))
-        guidance = guidance_step(state, tip, visibility, params.guidance, setup.pin_reach, dt)
+        guidance = guidance_step(state.guidance, tip, visibility, params.guidance, setup.pin_reach, dt)
         tip_x, tip_y = split(tip)
         velocity_x = -params.k_n_per_s * position_error(tip_x, number(guidance.x)) + number(guidance.speed)
         velocity_y = -params.k_n_per_s * position_error(tip_y, 0.0)
         v, across = rotate_components(velocity_x, velocity_y, -yaw)
         v = limit(v, -limits.v_close_mps, limits.v_close_mps)
         w = limit(across / setup.offset, -limits.w_max_radps, limits.w_max_radps)
-        low, high = self.turn_bounds(v, inputs)
-        w_in_view = where(low > high, 0.5 * low + 0.5 * high, limit(w, low, high))
+        motion = state.motion.advanced(self._possible(inputs.twist), dt, inputs.age)
+        twist, left, right = self._at_the_drive(motion, state.sent, inputs)
+        v_in_view, w_in_view = self._barrier.limited(v, w, split(twist), left, right)
+        v = limit(where(visibility > 0.0, v_in_view, v), -limits.v_close_mps, limits.v_close_mps)
         w = limit(where(visibility > 0.0, w_in_view, w), -limits.w_max_radps, limits.w_max_radps)
-        return join(v, w), guidance
+        command = join(v, w)
+        return command, BarrierState(guidance, motion, (command, *state.sent)[: len(state.sent)])
 
-    def turn_bounds(self, v: Number, inputs: LawInputs) -> tuple[Number, Number]:
-        """Return the lowest and highest turn rate [rad/s] that keep both edges in the cone (may cross)."""
-        los, camera_offset = self.setup.los, self.setup.camera_offset
+    def _at_the_drive(
+        self, motion: MotionHistory, sent: tuple[Array, ...], inputs: LawInputs
+    ) -> tuple[Array, Sighting, Sighting]:
+        """Return twist and sightings of both edges at the time when a command of now reaches the drive."""
+        setup = self.setup
+        length, turn = motion.since(inputs.age)
+        twist, further, beyond = coast(
+            motion.twist, sent, setup.link_latency_s, setup.limits, 1.0 / setup.rate_hz
+        )
         x, y, yaw = split(inputs.pose)
-        camera_x, camera_y = x + camera_offset * cos(yaw), y + camera_offset * sin(yaw)
-        bounds = []
-        left, right = split(inputs.edges)
-        for angle, sign in ((left, 1.0), (right, -1.0)):
-            b = sign * los.half_width_m
-            distance = at_least(hypot(los.setback_m - camera_x, b - camera_y), los.half_width_m)
-            allowed = sign * envelope(sign * angle - self._limit, self._gains)
-            lever = 1.0 + camera_offset * cos(angle) / distance
-            bounds.append((v * sin(angle) / distance - allowed) / lever)
-        return bounds[0], bounds[1]
+        camera_x, camera_y = x + setup.camera_offset * cos(yaw), y + setup.camera_offset * sin(yaw)
+        sightings = []
+        for angle, b in zip(split(inputs.edges), (setup.los.half_width_m, -setup.los.half_width_m), strict=True):
+            seen = Sighting(angle, hypot(setup.los.setback_m - camera_x, b - camera_y))
+            sightings.append(seen.moved(length + further, turn + beyond, setup.camera_offset))
+        return twist, sightings[0], sightings[1]
 
-    def reference(self, state: GuidanceState) -> Array:
+    def _possible(self, twist: Array) -> Array:
+        limits = self.setup.limits
+        return limit_twist(twist, limits.v_max_mps, limits.w_max_radps)
+
+    def reference(self, state: BarrierState) -> Array:
         """Return the guidance trajectory's point p_r in D, shape (..., 2) [m]."""
-        return state.point
+        return state.guidance.point

@@ -18,7 +18,7 @@ from msrr_control.docking.guidance import GuidanceSpec
 from msrr_control.docking.law import DockingLaw, DockSetup, LawInputs, State
 from msrr_control.parameters import read_params
 from msrr_scenes.guarded import no_result, wrong
-from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, Twist
+from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, Twist, seconds
 from msrr_scenes.registry import ExtensionPoint, build
 from msrr_scenes.specs.spec import Choice, Spec
 
@@ -116,6 +116,7 @@ def law_inputs(inputs: ControlInputs) -> LawInputs:
         edges=np.array(edges),
         visibility=np.array(visibility),
         twist=np.array([inputs.twist.v, inputs.twist.w]),
+        age=np.array(seconds(inputs.now_ns - inputs.pose.stamp_ns)),
     )
 
 

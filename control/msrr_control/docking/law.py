@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from msrr_scenes.specs.scene import Scene
 
 
+_NO_AGE = np.zeros(())
+
+
 class LawInputs(NamedTuple):
     """What a law is given at one control instant.
 
@@ -24,13 +27,16 @@ class LawInputs(NamedTuple):
         pose: Axle pose (x, y, yaw) in the dock frame D, shape (..., 3) [m, m, rad].
         edges: Line-of-sight angles (left, right) of the target's edges, shape (..., 2) [rad].
         visibility: 1 where the target is seen, 0 where lost, between where predicted; shape (...).
-        twist: Measured (v, w), shape (..., 2) [m/s, rad/s].
+        twist: (v, w) as the encoders measure them now, shape (..., 2) [m/s, rad/s].
+        age: Time since the instant that pose and edges describe, shape (...) [s]; 0 for an estimate of now,
+            as an estimator with delay compensation gives it.
     """
 
     pose: Array
     edges: Array
     visibility: Array
     twist: Array
+    age: Array = _NO_AGE
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +50,7 @@ class DockSetup:
         los: Line-of-sight target and cone.
         limits: What the drive can do.
         rate_hz: Control rate.
+        link_latency_s: Time that a command takes to the drive.
     """
 
     offset: float
@@ -52,6 +59,7 @@ class DockSetup:
     los: LosSpec
     limits: LimitsSpec
     rate_hz: float
+    link_latency_s: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.offset > 0.0:
@@ -80,6 +88,7 @@ class DockSetup:
             los=scene.los,
             limits=scene.limits,
             rate_hz=scene.control.rate_hz,
+            link_latency_s=1e-3 * scene.link.latency_ms,
         )
 
 

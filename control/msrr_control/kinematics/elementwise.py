@@ -105,6 +105,11 @@ def hypot(x: Number, y: Number) -> Number:
     return float(np.hypot(x, y)) if isinstance(x, float) else np.hypot(x, y)
 
 
+def atan2(y: Number, x: Number) -> Number:
+    """Return the direction of the vector (x, y) [rad], in [-pi, pi]."""
+    return float(np.arctan2(y, x)) if isinstance(x, float) else np.arctan2(y, x)
+
+
 def tanh_tan(share: Number) -> Number:
     """Return tanh(tan(pi/2 share)), the force of eqs. 15 and 22; the share is held between 0 and 1."""
     return tanh(tan((0.5 * math.pi) * limit(share, 0.0, _BELOW_ONE)))

@@ -78,6 +78,11 @@ class DisturbedUnicycles:
         moved[:, :2] = late[:, :2] + rotate(motion[:, :2], late[:, 2] - then[:, 2])
         return late, moved
 
+    @property
+    def age_s(self) -> float:
+        """Time since the instant that the last measured poses describe, as the law gets them [s]."""
+        return 0.0 if self._disturbance.compensated else self._dt * (len(self._delayed) - 1)
+
     def advance(self, command: Array) -> None:
         """Drive by a command (v, w), shape (trials, 2), for one control period."""
         dt, track = self._dt, self._disturbance.track_m

@@ -186,7 +186,7 @@ def run_study(
             turned = edge_angles(measured, setup.los, setup.camera_offset)
             turned -= edge_angles(late, setup.los, setup.camera_offset)
             measured_edges = measured_edges + np.arctan2(np.sin(turned), np.cos(turned))
-        inputs = LawInputs(measured, measured_edges, np.ones(trials), units.twist)
+        inputs = LawInputs(measured, measured_edges, np.ones(trials), units.twist, np.array(units.age_s))
         state = law.start(inputs) if state is None else state
         commands[k], state = law.step(state, inputs, dt)
         references[k] = law.reference(state)

@@ -1,0 +1,97 @@
+"""The recent motion of a unit by its measured speeds, and the motion that its commands under way will make."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from msrr_control.kinematics.elementwise import Number, limit, number, split
+from msrr_control.kinematics.unicycle import drive
+from msrr_scenes.arrays import Array
+from msrr_scenes.specs.vehicle import LimitsSpec
+
+#: A remainder of a control period shorter than this is rounding [s].
+_ROUNDING_S = 1e-9
+
+
+class MotionInterval(NamedTuple):
+    """A stretch of time [s] and the mean speeds in it [m/s, rad/s], floats or of shape (...)."""
+
+    duration: float
+    v: Any
+    w: Any
+
+
+class MotionHistory(NamedTuple):
+    """How a unit has moved since the measurement that is still in use.
+
+    Attributes:
+        twist: Measured (v, w) of now, shape (..., 2) [m/s, rad/s].
+        past: Intervals between the instants before now, the last one first.
+    """
+
+    twist: Array
+    past: tuple[MotionInterval, ...] = ()
+
+    def advanced(self, twist: Array, dt: float, age: Array) -> MotionHistory:
+        """Return the history ``dt`` [s] later, without what lies before the measurement in use.
+
+        Args:
+            twist: Measured (v, w) of the new instant, shape (..., 2) [m/s, rad/s].
+            dt: Time since the last instant [s].
+            age: Age of the measurement in use, shape (...) [s]; its time of exposure never goes back.
+        """
+        v, w = split(0.5 * self.twist + 0.5 * twist)
+        kept: list[MotionInterval] = []
+        missing = float(np.max(age))
+        for interval in (MotionInterval(dt, v, w), *self.past):
+            if missing <= 0.0:
+                break
+            kept.append(interval)
+            missing -= interval.duration
+        return MotionHistory(twist, tuple(kept))
+
+    def since(self, age: Array) -> tuple[Any, Any]:
+        """Return the length [m] and the angle [rad] by which the unit has moved in the last ``age`` [s].
+
+        Before the oldest interval that is known the unit moved as it did in that.
+        """
+        left = number(age)
+        length = turn = 0.0
+        v, w = split(self.twist)
+        for interval in self.past:
+            within = limit(left, 0.0, interval.duration)
+            v, w = interval.v, interval.w
+            length, turn, left = length + within * v, turn + within * w, left - within
+        return length + left * v, turn + left * w
+
+
+def coast(
+    twist: Array, sent: Sequence[Array], latency: float, limits: LimitsSpec, period: float
+) -> tuple[Array, Number, Number]:
+    """Predict the motion until a command that is sent now reaches the drive.
+
+    Args:
+        twist: (v, w) of now, shape (..., 2) [m/s, rad/s].
+        sent: Commands of the instants before now, the last one first, as many as :func:`under_way` says.
+        latency: Time that a command takes to the drive [s].
+        limits: What the drive can do.
+        period: Time between two commands [s].
+
+    Returns:
+        The twist then, and the length [m] and the angle [rad] moved until then.
+    """
+    length = turn = 0.0
+    for k in reversed(range(under_way(latency, period))):
+        duration = min(period, latency - k * period)
+        twist, mean = drive(twist, sent[k], limits, duration)
+        v, w = split(mean)
+        length, turn = length + duration * v, turn + duration * w
+    return twist, length, turn
+
+
+def under_way(latency: float, period: float) -> int:
+    """Return how many commands are in force between now and the arrival of one that is sent now."""
+    return int(np.ceil((latency - _ROUNDING_S) / period)) if latency > 0.0 else 0
