@@ -79,6 +79,14 @@ def paper_experiments(docking: dict[str, Choice], mission: str = "two_units") ->
             "hard starts", "close_range_hard", f"scene close_range_hard; {_GUIDANCE}", ("close",), docking
         ),
         Experiment(
+            "hard starts, uncompensated",
+            "close_range_hard",
+            f"scene close_range_hard, whose 100 ms the estimator does not compensate for; {_GUIDANCE}",
+            ("close",),
+            docking,
+            overrides={"control.delay_compensation": "false"},
+        ),
+        Experiment(
             "high gain",
             "close_range",
             "scene close_range, gain 6 1/s, 100 ms latency that the estimator does not compensate for;"

@@ -75,6 +75,7 @@ def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
         measures.update(docking.measures(SETTLED_M))
     contact = _last_contact(scene, result)
     if contact is not None:
+        measures["contact"] = contact.time_s
         measures["lateral"], measures["yaw"] = contact.lateral_m, contact.yaw_rad
     values = {name: getattr(result, name) for name in TrialResult.model_fields}
     half_fov = scene.cameras.onboard.pinhole.half_fov

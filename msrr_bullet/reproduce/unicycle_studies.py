@@ -16,7 +16,15 @@ from msrr_bullet.studies.measures import PHASES, PhaseName
 from msrr_bullet.studies.model import Ablations, Reproduction, Row, Table
 from msrr_bullet.studies.path_following_studies import path_following_series
 from msrr_bullet.studies.series import Panels, Series
-from msrr_bullet.studies.settings import HARD, IDEAL, STANDARD, UNCOMPENSATED, WIDE, Setting
+from msrr_bullet.studies.settings import (
+    HARD,
+    IDEAL,
+    STANDARD,
+    UNCOMPENSATED,
+    WIDE,
+    WIDE_UNCOMPENSATED,
+    Setting,
+)
 from msrr_bullet.studies.stability import SETTINGS as STABILITY_SETTINGS
 from msrr_bullet.studies.stability import stability_checks
 from msrr_bullet.trial.result import package_versions
@@ -25,8 +33,11 @@ from msrr_scenes.specs.spec import Choice
 T = TypeVar("T")
 R = TypeVar("R")
 
-#: Settings of the tables; the last one differs only in the starts of the close phase.
-TABLES = (STANDARD, IDEAL, UNCOMPENSATED, HARD, WIDE)
+#: Settings of the tables.
+TABLES = (STANDARD, IDEAL, UNCOMPENSATED, HARD, WIDE, WIDE_UNCOMPENSATED)
+
+#: Settings of the close phase alone: it is their starts that differ.
+_CLOSE_ALONE = (WIDE, WIDE_UNCOMPENSATED)
 
 #: Number of trials in each cell of the map, enough to distinguish docking from not docking.
 MAP_TRIALS = 40
@@ -69,7 +80,7 @@ def reproduce_unicycle(
         RowJob(phase, choice, label, setting, seeds)
         for phase, choices in contenders.items()
         for setting in TABLES
-        if not (phase == "long" and setting is WIDE)
+        if not (phase == "long" and setting in _CLOSE_ALONE)
         for label, choice in choices.items()
     ]
     tables = _tables(jobs, list(run_all(RowJob.run, jobs)))

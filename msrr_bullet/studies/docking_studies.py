@@ -74,14 +74,16 @@ def docking_row(controller: Choice, label: str, setting: Setting, seeds: range) 
     """Return a controller's row of a table of the close phase."""
     result = run_docking(with_paper_trajectory(controller), setting, seeds)
     paper_values = {"settling": result.settling_time(SETTLED_M), "final": result.final_error()}
-    lateral, yaw = np.full((2, len(seeds)), np.nan)
+    contact, lateral, yaw = np.full((3, len(seeds)), np.nan)
+    contact[result.docked] = result.dt * result.contact[result.docked]
     lateral[result.docked], yaw[result.docked] = np.abs(result.at_contact())
     docked = captured(result)
     within_paper = docked.copy()
     for key, found in paper_values.items():
         within_paper &= found <= (measure(key).paper_c1 or np.inf)
     follows = not np.isnan(result.reference).any()
-    values = {**paper_values, "port": result.port_error(), "lateral": lateral, "yaw": yaw}
+    values = {**paper_values, "port": result.port_error()}
+    values |= {"contact": contact, "lateral": lateral, "yaw": yaw}
     return Row(
         controller=controller.name,
         label=label,

@@ -66,6 +66,7 @@ DOCKING = (
     Measure("settling", "time to stay under 15 mm", "s", 1.0, 4.0, None, 1.2, 2.0),
     Measure("final", "final error to the guidance", "mm", 1e3, 0.007, 0.044, 0.0025, 0.0035),
     Measure("port", "final error to the port", "mm", 1e3),
+    Measure("contact", "time to contact", "s"),
     Measure("lateral", "lateral error at contact", "mm", 1e3),
     Measure("yaw", "yaw error at contact", "deg", 57.29577951308232),
 )

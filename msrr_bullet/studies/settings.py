@@ -133,6 +133,12 @@ WIDE = Setting(
     disturbance=HARD.disturbance,
     docking_starts=StartSet(spread=Spread(x_m=0.05, y_m=0.25, yaw_deg=30.0)),
 )
+WIDE_UNCOMPENSATED = Setting(
+    "wide, uncompensated",
+    limits="tight",
+    disturbance=WIDE.disturbance.model_copy(update={"compensated": False}),
+    docking_starts=WIDE.docking_starts,
+)
 HIGH_GAIN = Setting(
     "high gain",
     disturbance=_NOISE.model_copy(update={"delay_s": 0.10, "compensated": False}),

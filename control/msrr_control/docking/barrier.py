@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-
 from typing import NamedTuple
 
 from pydantic import Field
@@ -13,7 +12,7 @@ from msrr_control.docking.guidance import GuidanceSpec, GuidanceState, guidance_
 from msrr_control.docking.law import DockSetup, LawInputs
 from msrr_control.kinematics.controlled_point import offset_point, position_error, rotate_components
 from msrr_control.kinematics.drive_limits import limit_twist
-from msrr_control.kinematics.elementwise import cos, hypot, join, limit, number, sin, split, where
+from msrr_control.kinematics.elementwise import Number, cos, hypot, join, limit, number, sin, split, where
 from msrr_control.kinematics.motion_history import MotionHistory, coast, under_way
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
@@ -24,7 +23,8 @@ class BarrierParams(Spec):
 
     Attributes:
         k_n_per_s: Gain of the linear tracking.
-        braking: Share of the drive's angular acceleration that the envelope counts on.
+        braking: Share of the drive's angular acceleration that stops an edge; the rest turns the unit along
+            as it comes nearer.
         rho_rad: Angle over which the envelope rounds off.
         margin_deg: Angle by which the barrier lies inside the outer cone.
         guidance: Guidance trajectory.
@@ -52,11 +52,13 @@ class BarrierState(NamedTuple):
 
 
 class BarrierLaw:
-    r"""Tracks the guidance linearly, with the turn rate bounded so that the target stays in view.
+    """Tracks the guidance linearly, with speed and turn rate bounded so that the target stays in view.
 
-    The rate of an edge angle is :math:`\dot a = v\sin a/r - w(1 + l_c\cos a/r)`. The envelope of Lemma 1
-    (Zheng et al., eqs. 4 to 6) bounds it on either side, and that bounds w in closed form. The law is not in
-    the paper; it needs no force, no filter and no quadratic program.
+    The bounds are those of :class:`~msrr_control.docking.edge_barrier.EdgeBarrier`, in closed form, at the
+    time when the command reaches the drive: the line of sight is moved forward from its exposure by the
+    measured twists since then, and through the latency of the link by the commands under way. Tracking takes
+    the pose as the estimator gives it. The law is not in the paper; it needs no force, no filter and no
+    quadratic program.
     """
 
     def __init__(self, params: BarrierParams, setup: DockSetup) -> None:
@@ -89,8 +91,9 @@ class BarrierLaw:
         v = limit(v, -limits.v_close_mps, limits.v_close_mps)
         w = limit(across / setup.offset, -limits.w_max_radps, limits.w_max_radps)
         motion = state.motion.advanced(self._possible(inputs.twist), dt, inputs.age)
-        twist, left, right = self._at_the_drive(motion, state.sent, inputs)
-        v_in_view, w_in_view = self._barrier.limited(v, w, split(twist), left, right)
+        twist, edges = self._at_the_drive(motion, state.sent, inputs)
+        v_now, w_now = split(twist)
+        v_in_view, w_in_view = self._barrier.limited((v, w), (v_now, w_now), edges)
         v = limit(where(visibility > 0.0, v_in_view, v), -limits.v_close_mps, limits.v_close_mps)
         w = limit(where(visibility > 0.0, w_in_view, w), -limits.w_max_radps, limits.w_max_radps)
         command = join(v, w)
@@ -98,7 +101,7 @@ class BarrierLaw:
 
     def _at_the_drive(
         self, motion: MotionHistory, sent: tuple[Array, ...], inputs: LawInputs
-    ) -> tuple[Array, Sighting, Sighting]:
+    ) -> tuple[Array, tuple[Sighting, Sighting]]:
         """Return twist and sightings of both edges at the time when a command of now reaches the drive."""
         setup = self.setup
         length, turn = motion.since(inputs.age)
@@ -107,13 +110,17 @@ class BarrierLaw:
         )
         x, y, yaw = split(inputs.pose)
         camera_x, camera_y = x + setup.camera_offset * cos(yaw), y + setup.camera_offset * sin(yaw)
-        sightings = []
-        for angle, b in zip(split(inputs.edges), (setup.los.half_width_m, -setup.los.half_width_m), strict=True):
+        left, right = split(inputs.edges)
+
+        def sighting(angle: Number, b: float) -> Sighting:
             seen = Sighting(angle, hypot(setup.los.setback_m - camera_x, b - camera_y))
-            sightings.append(seen.moved(length + further, turn + beyond, setup.camera_offset))
-        return twist, sightings[0], sightings[1]
+            return seen.moved(length + further, turn + beyond, setup.camera_offset)
+
+        half_width = setup.los.half_width_m
+        return twist, (sighting(left, half_width), sighting(right, -half_width))
 
     def _possible(self, twist: Array) -> Array:
+        """Return a measured twist within what the drive can do: more is an error of the measurement."""
         limits = self.setup.limits
         return limit_twist(twist, limits.v_max_mps, limits.w_max_radps)
 

@@ -1,4 +1,4 @@
-"""The recent motion of a unit by its measured speeds, and the motion that its commands under way will make."""
+"""The recent motion of a unit by its measured speeds, and the motion that commands under way will make."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msrr_control.kinematics.elementwise import Number, limit, number, split
+from msrr_control.kinematics.elementwise import limit, number, split
 from msrr_control.kinematics.unicycle import drive
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -70,7 +70,7 @@ class MotionHistory(NamedTuple):
 
 def coast(
     twist: Array, sent: Sequence[Array], latency: float, limits: LimitsSpec, period: float
-) -> tuple[Array, Number, Number]:
+) -> tuple[Array, Any, Any]:
     """Predict the motion until a command that is sent now reaches the drive.
 
     Args:

@@ -34,12 +34,17 @@ every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
 def _random(rng: np.random.Generator, trials: int) -> LawInputs:
     pose = rng.uniform([-0.9, -0.2, -0.6], [-0.1, 0.2, 0.6], size=(trials, 3))
     edges = rng.uniform(-0.6, 0.6, size=(trials, 2))
-    return LawInputs(pose, edges, rng.choice([0.0, 0.5, 1.0], size=trials), rng.normal(size=(trials, 2)))
+    visibility, twist = rng.choice([0.0, 0.5, 1.0], size=trials), rng.normal(size=(trials, 2))
+    return LawInputs(pose, edges, visibility, twist, np.linspace(0.0, 0.15, trials))
 
 
 def _mirrored(inputs: LawInputs) -> LawInputs:
     return LawInputs(
-        inputs.pose * [1.0, -1.0, -1.0], -inputs.edges[..., ::-1], inputs.visibility, inputs.twist * MIRROR
+        inputs.pose * [1.0, -1.0, -1.0],
+        -inputs.edges[..., ::-1],
+        inputs.visibility,
+        inputs.twist * MIRROR,
+        inputs.age,
     )
 
 
