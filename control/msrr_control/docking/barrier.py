@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pydantic import Field
 
@@ -75,7 +75,7 @@ class BarrierLaw:
         twist = self._possible(inputs.twist)
         waiting = under_way(self.setup.link_latency_s, 1.0 / self.setup.rate_hz)
         guidance = guidance_start(offset_point(inputs.pose, self.setup.offset))
-        return BarrierState(guidance, MotionHistory(twist), (twist,) * waiting)
+        return BarrierState(guidance, MotionHistory.starting(twist), (twist,) * waiting)
 
     def step(self, state: BarrierState, inputs: LawInputs, dt: float) -> tuple[Array, BarrierState]:
         """Advance by ``dt`` [s]; return (v, w), shape (..., 2), and the next state."""
@@ -91,17 +91,33 @@ class BarrierLaw:
         v = limit(v, -limits.v_close_mps, limits.v_close_mps)
         w = limit(across / setup.offset, -limits.w_max_radps, limits.w_max_radps)
         motion = state.motion.advanced(self._possible(inputs.twist), dt, inputs.age)
-        twist, edges = self._at_the_drive(motion, state.sent, inputs)
-        v_now, w_now = split(twist)
-        v_in_view, w_in_view = self._barrier.limited((v, w), (v_now, w_now), edges)
-        v = limit(where(visibility > 0.0, v_in_view, v), -limits.v_close_mps, limits.v_close_mps)
-        w = limit(where(visibility > 0.0, w_in_view, w), -limits.w_max_radps, limits.w_max_radps)
-        command = join(v, w)
+        v, w = self.kept_in_view((v, w), motion, state.sent, inputs)
+        v = limit(v, -limits.v_close_mps, limits.v_close_mps)
+        command = join(v, limit(w, -limits.w_max_radps, limits.w_max_radps))
         return command, BarrierState(guidance, motion, (command, *state.sent)[: len(state.sent)])
+
+    def kept_in_view(
+        self, wanted: tuple[Any, Any], motion: MotionHistory, sent: tuple[Array, ...], inputs: LawInputs
+    ) -> tuple[Any, Any]:
+        """Return the command (v, w) nearest to the wanted one that keeps the target in view.
+
+        A target that is lost sets no bounds: its last angles are no measurement.
+
+        Args:
+            wanted: (v, w) that is wanted, floats or of shape (...) [m/s, rad/s].
+            motion: Motion since the line of sight was measured.
+            sent: Commands under way to the drive, the last one first.
+            inputs: What the law is given.
+        """
+        v, w = wanted
+        (v_then, w_then), edges = self._at_the_drive(motion, sent, inputs)
+        v_in_view, w_in_view = self._barrier.limited(wanted, (v_then, w_then), edges)
+        known = number(inputs.visibility) > 0.0
+        return where(known, v_in_view, v), where(known, w_in_view, w)
 
     def _at_the_drive(
         self, motion: MotionHistory, sent: tuple[Array, ...], inputs: LawInputs
-    ) -> tuple[Array, tuple[Sighting, Sighting]]:
+    ) -> tuple[list[Any], tuple[Sighting, Sighting]]:
         """Return twist and sightings of both edges at the time when a command of now reaches the drive."""
         setup = self.setup
         length, turn = motion.since(inputs.age)
@@ -117,7 +133,7 @@ class BarrierLaw:
             return seen.moved(length + further, turn + beyond, setup.camera_offset)
 
         half_width = setup.los.half_width_m
-        return twist, (sighting(left, half_width), sighting(right, -half_width))
+        return split(twist), (sighting(left, half_width), sighting(right, -half_width))
 
     def _possible(self, twist: Array) -> Array:
         """Return a measured twist within what the drive can do: more is an error of the measurement."""

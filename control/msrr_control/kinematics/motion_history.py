@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -33,7 +34,13 @@ class MotionHistory(NamedTuple):
     """
 
     twist: Array
-    past: tuple[MotionInterval, ...] = ()
+    past: tuple[MotionInterval, ...]
+
+    @classmethod
+    def starting(cls, twist: Array) -> MotionHistory:
+        """Return the history of a unit that has always moved at ``twist``, shape (..., 2) [m/s, rad/s]."""
+        v, w = split(twist)
+        return cls(twist, (MotionInterval(math.inf, v, w),))
 
     def advanced(self, twist: Array, dt: float, age: Array) -> MotionHistory:
         """Return the history ``dt`` [s] later, without what lies before the measurement in use.
@@ -54,18 +61,14 @@ class MotionHistory(NamedTuple):
         return MotionHistory(twist, tuple(kept))
 
     def since(self, age: Array) -> tuple[Any, Any]:
-        """Return the length [m] and the angle [rad] by which the unit has moved in the last ``age`` [s].
-
-        Before the oldest interval that is known the unit moved as it did in that.
-        """
+        """Return the length [m] and the angle [rad] by which the unit has moved in the last ``age`` [s]."""
         left = number(age)
         length = turn = 0.0
-        v, w = split(self.twist)
         for interval in self.past:
             within = limit(left, 0.0, interval.duration)
-            v, w = interval.v, interval.w
-            length, turn, left = length + within * v, turn + within * w, left - within
-        return length + left * v, turn + left * w
+            length, turn = length + within * interval.v, turn + within * interval.w
+            left = left - within
+        return length, turn
 
 
 def coast(

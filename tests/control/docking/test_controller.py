@@ -122,6 +122,13 @@ def test_lost_or_missing_sight_is_no_measurement() -> None:
     assert law_inputs(ControlInputs(0, 0.02, _inputs().pose, nan)).visibility == 0.0
 
 
+def test_a_law_is_told_how_old_its_inputs_are() -> None:
+    """Without delay compensation an estimate is of the last exposure, and is stamped with its time."""
+    late = ControlInputs(120_000_000, 0.02, _inputs(now_ns=20_000_000).pose, None)
+    assert law_inputs(late).age == pytest.approx(0.1)
+    assert law_inputs(_inputs(now_ns=20_000_000)).age == 0.0
+
+
 def test_a_step_is_fast(facts: DockSetup) -> None:
     """0.2 ms of processor time is the budget; the best of many rounds is what the code costs."""
     controller = build_controller(Choice(name="c1"), facts)

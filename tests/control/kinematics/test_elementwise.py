@@ -23,11 +23,11 @@ def test_a_function_of_a_number_is_that_of_an_array_to_the_bit(name: str) -> Non
     assert type(function(0.5)) is float
 
 
-def test_a_length_of_numbers_is_that_of_arrays_to_the_bit() -> None:
-    x, y = np.random.default_rng(1).uniform(0.0, 2.0, (2, 4000))
-    assert [
-        elementwise.hypot(*pair) for pair in zip(x.tolist(), y.tolist(), strict=True)
-    ] == elementwise.hypot(x, y).tolist()
+@pytest.mark.parametrize("name", ["hypot", "atan2"])
+def test_length_and_direction_of_numbers_are_those_of_arrays_to_the_bit(name: str) -> None:
+    x, y = np.random.default_rng(1).uniform(-2.0, 2.0, (2, 4000))
+    function = getattr(elementwise, name)
+    assert [function(*pair) for pair in zip(x.tolist(), y.tolist(), strict=True)] == function(x, y).tolist()
 
 
 def test_bounds() -> None:
