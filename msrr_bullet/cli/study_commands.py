@@ -90,10 +90,12 @@ def reproduce(
             mission=mission,
             on_progress=show,
         )
-    from msrr_bullet.reproduce.report.findings import default_controller_text, requirements
+    from msrr_bullet.reproduce.report.findings import requirements
+    from msrr_bullet.reproduce.report.ranking import default_controller_text, ranking_text
 
     for requirement in requirements(results):
         verdict = "met   " if requirement.met else "MISSED"
         typer.echo(f"{verdict} {requirement.text}: {requirement.result}")
-    typer.echo(default_controller_text(results))
+    for text in (ranking_text(results), default_controller_text(results)):
+        typer.echo(text)
     typer.echo(f"report: {out / 'report.html'}")

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import get_args
 
-from msrr_bullet.reproduce.report.comparisons import LEVEL
 from msrr_bullet.reproduce.report.formatting import format_quantiles, format_rate, format_value
 from msrr_bullet.reproduce.report.gain_delay_findings import count_cells
-from msrr_bullet.statistics import Rate, wilson
+from msrr_bullet.statistics import wilson
 from msrr_bullet.studies.gain_delay import C1
-from msrr_bullet.studies.labels import C2, label_of
+from msrr_bullet.studies.labels import C2
 from msrr_bullet.studies.measures import MEASURES, PHASES, measure
-from msrr_bullet.studies.model import FlagName, Reproduction, Row, Table
-from msrr_bullet.studies.paired import mcnemar
-from msrr_scenes.specs.plan import ControlSpec
+from msrr_bullet.studies.model import Reproduction, Row, Table
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +80,7 @@ def _loop_requirements(results: Reproduction) -> list[Requirement]:
         answered.append(
             Requirement(
                 "CBF, hard starts, bullet and images: target kept in view in all, docked in 97 %",
-                _evidence(cbf),
+                f"{format_rate(cbf.success)} docked, {format_rate(cbf.in_view)} in view",
                 cbf.in_view.rate == 1.0 and cbf.success.rate >= 0.97,
             )
         )
@@ -128,74 +124,3 @@ def _lag_paragraph(table: Table) -> str:
         "At the obstacle the distance to the desired point includes lag along the path, that to the path"
         f" does not ({table.plant}; {table.description}). {'; '.join(laws)}."
     )
-
-
-def default_controller_text(results: Reproduction) -> str:
-    """Name the default controllers, the best docking controller, and the evidence; empty without a table.
-
-    Controllers are ranked in the hardest available table of the close phase by docking rate, then by keeping
-    the target in view, then by keeping it in the cone, then by the lateral error at contact. Controllers
-    whose rates cannot be told from the best one's on the same trials are named with it.
-    """
-    table = (
-        results.table("close", "bullet", "hard starts")
-        or results.table("close", "unicycle", "wide")
-        or results.table("close", "unicycle", "hard")
-    )
-    if table is None:
-        return ""
-    best, *others = sorted(table.rows, key=_rank, reverse=True)
-    equal = [r for r in others if _rates_are_equal(r, best)]
-    worse = [r for r in others if r not in equal]
-    shipped = ControlSpec()
-    default = _row(table, label_of(shipped.docking.name))
-    text = (
-        f"The default docking controller is {label_of(shipped.docking.name)}, the default of the"
-        f" long-distance phase {label_of(shipped.assembly.name)}. The evidence ({table.plant},"
-        f" {best.trials} trials; {table.description}): {best.label} is the best by docking rate, then by"
-        " keeping the target in view, then by keeping it in the cone, then by the lateral error at contact"
-        f" ({_evidence(best)})."
-    )
-    if default is not None and default is not best:
-        text += f" The default {'cannot be told from it' if default in equal else 'is worse'}."
-    if equal:
-        listed = "; ".join(f"{r.label} ({_evidence(r)})" for r in equal)
-        text += f" The rates of {best.label} cannot be told from those of {listed}."
-    if worse:
-        text += f" Worse are {'; '.join(f'{r.label} ({_evidence(r, brief=True)})' for r in worse)}."
-    return text
-
-
-def _rank(row: Row) -> tuple[float, float, float, float]:
-    lateral = _lateral_p95(row)
-    error = lateral if lateral is not None else float("inf")
-    return (row.success.rate, _known(row.in_view).rate, _known(row.in_cone).rate, -error)
-
-
-def _rates_are_equal(row: Row, best: Row) -> bool:
-    """Return whether no rate of a row is lower than that of the best one beyond chance, trial by trial."""
-    pairs = [(row.by_trial(name), best.by_trial(name)) for name in get_args(FlagName)]
-    found = [mcnemar(a, b) for a, b in pairs if a is not None and b is not None]
-    return not any(f.second_alone > f.first_alone and f.p < LEVEL for f in found)
-
-
-def _known(rate: Rate | None) -> Rate:
-    return rate if rate is not None else Rate(rate=0.0, low=0.0, high=0.0)
-
-
-def _lateral_p95(row: Row) -> float | None:
-    return row.measures["lateral"].quantiles.p95 if "lateral" in row.measures else None
-
-
-def _evidence(row: Row, brief: bool = False) -> str:
-    """Return the rates, with their intervals unless ``brief``, and the lateral error at contact."""
-    rates = ((row.success, "docked"), (row.in_view, "in view"), (row.in_cone, "in the cone"))
-    parts = [
-        f"{f'{100 * rate.rate:.1f} %' if brief else format_rate(rate)} {name}"
-        for rate, name in rates
-        if rate is not None
-    ]
-    lateral = _lateral_p95(row)
-    if lateral is not None:
-        parts.append(f"{1e3 * lateral:.2g} mm" if brief else f"{1e3 * lateral:.2g} mm off at contact in 95 %")
-    return ", ".join(parts)

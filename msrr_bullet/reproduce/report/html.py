@@ -10,9 +10,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from msrr_bullet.reproduce.report.balance import balances
 from msrr_bullet.reproduce.report.comparisons import METHOD, success_text
-from msrr_bullet.reproduce.report.findings import default_controller_text, lag_text, requirements
+from msrr_bullet.reproduce.report.findings import lag_text, requirements
 from msrr_bullet.reproduce.report.formatting import format_quantiles
 from msrr_bullet.reproduce.report.gain_delay_findings import DOCKS, map_text
+from msrr_bullet.reproduce.report.ranking import COLUMNS, default_controller_text, ranking
 from msrr_bullet.studies.labels import C2, C2_NOTE
 from msrr_bullet.studies.measures import MEASURES, Measure
 from msrr_bullet.studies.model import Reproduction, Table
@@ -57,6 +58,8 @@ def write_report(results: Reproduction, figures: Mapping[str, Path], path: Path)
         c2_label=C2,
         c2_note=C2_NOTE,
         conclusions=[text for text in (default_controller_text(results), *lag_text(results)) if text],
+        ranking_columns=COLUMNS,
+        ranking=ranking(results),
         map_text=map_text(results),
     )
     path.write_text(page, encoding="utf-8")

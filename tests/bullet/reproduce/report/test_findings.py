@@ -1,10 +1,10 @@
-"""The findings in words: requirements, lag behind the desired point, and the default controller."""
+"""The findings in words: requirements, and lag behind the desired point."""
 
 import math
 
 import numpy as np
 
-from msrr_bullet.reproduce.report.findings import default_controller_text, lag_text, requirements
+from msrr_bullet.reproduce.report.findings import lag_text, requirements
 from msrr_bullet.studies.model import Measured, Reproduction, Row, Table, rates_of
 from msrr_bullet.studies.path_following_studies import path_following_row
 from msrr_bullet.studies.settings import STANDARD
@@ -52,21 +52,6 @@ def test_a_law_that_never_settles_misses_the_requirement() -> None:
     few = few.model_copy(update={"measures": {**few.measures, "settling": times}})
     (settling,) = [r for r in requirements(results(few)) if "15 mm" in r.text]
     assert (settling.result, settling.met) == ("1 / never s", False)
-
-
-def test_the_best_controller_is_named_with_those_that_cannot_be_told_from_it() -> None:
-    rows = (row("C1", 20, 4, 0.001), row("CBF", 20, 20, 0.002), row("GRACEFUL", 20, 20, 0.001))
-    text = default_controller_text(results(*rows, setting="hard"))
-    assert "GRACEFUL is the best" in text
-    assert (
-        "The default cannot be told from it. The rates of GRACEFUL cannot be told from those of CBF (" in text
-    )
-    assert "Worse are C1 (100.0 % docked, 20.0 % in view, 20.0 % in the cone, 1 mm)." in text
-    assert default_controller_text(Reproduction(versions={}, seeds={})) == ""
-
-
-def test_the_default_controller_is_named(unicycle_results: Reproduction) -> None:
-    assert "CBF" in default_controller_text(unicycle_results)
 
 
 def test_both_distances_are_compared() -> None:
