@@ -56,8 +56,9 @@ class BarrierLaw:
 
     The bounds are those of :class:`~msrr_control.docking.edge_barrier.EdgeBarrier`, in closed form, at the
     time when the command reaches the drive: the line of sight is moved forward from its exposure by the
-    measured twists since then, and through the latency of the link by the commands under way. Tracking takes
-    the pose as the estimator gives it. The law is not in the paper; it needs no force, no filter and no
+    measured twists since then, and through the latency of the link by the commands under way. Either motion
+    is taken as one arc, which is right for tenths of a second. Tracking takes the pose as the estimator gives
+    it. The law is not in the paper; it needs no force, no filter and no
     quadratic program.
     """
 

@@ -30,8 +30,7 @@ class Sighting(NamedTuple):
     def moved(self, length: Number, turn: Number, camera_offset: float) -> Sighting:
         """Return the sighting after the unit has moved along an arc.
 
-        The arc is replaced by two equal turns and a straight line between them, which for the 0.2 rad of a
-        tenth of a second is right to 2 parts in 1000 of its length.
+        The chord is taken to be as long as the arc, of which 0.2 rad of turn make 2 parts in 1000.
 
         Args:
             length: Length of the arc, negative backwards [m].
@@ -49,34 +48,32 @@ class Sighting(NamedTuple):
 class EdgeBarrier:
     r"""Bounds speed and turn rate so that neither edge of the target crosses a bound inside the cone.
 
-    *The set.* With :math:`x = a - \bar a`, where a is the outward angle of an edge at the distance r and
-    :math:`\bar a` the bound, the edge moves at :math:`\dot x = v\sin a/r - \lambda w`,
-    :math:`\lambda = 1 + l_c\cos a/r` (signs for the left edge; the right one is its mirror image). The turn
-    rate that would hold the edge at the bound is that of :math:`D = v\sin\bar a/r`. The state is in the set
-    if for both edges
+    **The set.** Let a be the outward angle of an edge at the distance r, :math:`\bar a` the bound and
+    :math:`x = a - \bar a`. The edge moves at :math:`\dot x = v\sin a/r - \lambda w`,
+    :math:`\lambda = 1 + l_c\cos a/r` (signs of the left edge; the right one is its mirror image). The state is
+    in the set if for both edges
 
-    .. math:: x \le 0,\quad z = D - \lambda w \le F(x)
+    .. math:: x \le 0,\quad z = D - \lambda w \le F(x),\quad D = v\sin\bar a/r
 
-    with the envelope F of Lemma 1, :math:`F(0) = 0`. No edge crosses its bound from there, for
-    :math:`\dot x \le z \le F(x)`.
+    with the envelope F of Lemma 1. As :math:`\dot x \le z` inside the bound and :math:`F(0) = 0`, no edge
+    crosses its bound from there.
 
-    *It is not left.* A drive of bandwidth kappa that gets a command for the period T goes
-    :math:`T/T_l` of the way to it, with the lead :math:`T_l = T/(1 - e^{-\kappa T}) \approx 1/\kappa + T/2`.
-    The command is bounded by :math:`\lambda w_c \ge D_l - F(x + T_l\dot x)`, the edge and its D as they will
-    be a lead ahead. F is concave along the way to the bound, and D grows no slower from then on, so that
+    **It is not left.** A drive of bandwidth kappa that follows a command :math:`w_c` for the period T goes the
+    part :math:`T/T_l` of the way to it, with the lead :math:`T_l = T/(1 - e^{-\kappa T})`, about
+    :math:`1/\kappa + T/2`. The command is bounded by :math:`\lambda w_c \ge D_l - F(x + T_l\dot x)`: the edge
+    and its D as they will be a lead ahead. D grows ever faster as the unit comes nearer and F is concave, so
+    that after the period
 
     .. math:: z^+ \le (1 - T/T_l)\,z + (T/T_l)\,F(x + T_l\dot x) \le F(x + T\dot x)
 
-    after a period. Where the drive turns faster at its rate limit only, it does so at dw_max. The envelope
-    takes ``braking`` of that (:math:`|F'F| \le \gamma`); the rest is left to the growth of D, and v is
-    bounded so that :math:`\dot D` takes no more. It is further bounded so that the bounds of both edges leave
-    room for a turn rate between them.
+    Where this asks for more than the rate limit gives, the drive turns at dw_max. The envelope needs the share
+    ``braking`` of that, for :math:`|F'F| \le \gamma`; the rest is left for the growth of D, and v is bounded so
+    that D grows no faster. v is also bounded so that both edges leave a turn rate between their bounds.
 
-    *What is assumed.* The drive is that of eq. 3 with the limits of the scene; sightings, their age, the
-    latency of the link and the measured twist are right, and no command is lost or altered on its way; the
-    unit can brake (a_max) as fast as the second bound of v falls. From a state in the set the bound then
-    holds whatever is wanted, with lag and latency of any length. The margin between bound and cone is for
-    what is not: sampling, noise, slip.
+    **What is assumed.** The drive is that of eq. 3 with these limits, and a_max brakes as fast as the bounds of
+    v fall; the sightings and the twist are those of the time when the command reaches the drive; the command
+    is held for one period. Then the bound holds whatever is wanted. What sampling adds at 50 Hz is below
+    0.05 deg; the margin between bound and cone is there for this, for noise, and for slip.
 
     Source: Lemma 1 (Zheng et al., eqs. 4 to 6) for F; set, lead and bounds are not in the paper.
     """

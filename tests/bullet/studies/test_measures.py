@@ -51,7 +51,7 @@ def test_the_targets_are_stricter_than_the_papers_values() -> None:
 
 
 def test_the_measures_of_each_phase() -> None:
-    assert [m.key for m in MEASURES["close"]] == ["settling", "final", "port", "lateral", "yaw"]
+    assert [m.key for m in MEASURES["close"]] == ["settling", "final", "port", "contact", "lateral", "yaw"]
     long = ["tracking", "amplitude", "amplitude_path", "recovery", "recovery_path", "clearance"]
     assert [m.key for m in MEASURES["long"]] == long
     assert len({m.label for m in ALL}) == len(ALL) == len({m.key for m in ALL})
