@@ -50,29 +50,30 @@ class EdgeBarrier:
 
     **The set.** Let a be the outward angle of an edge at the distance r, :math:`\bar a` the bound and
     :math:`x = a - \bar a`. The edge moves at :math:`\dot x = v\sin a/r - \lambda w`,
-    :math:`\lambda = 1 + l_c\cos a/r` (signs of the left edge; the right one is its mirror image). The state is
-    in the set if for both edges
+    :math:`\lambda = 1 + l_c\cos a/r` (signs of the left edge; the right one is its mirror image). The state
+    is in the set if for both edges
 
     .. math:: x \le 0,\quad z = D - \lambda w \le F(x),\quad D = v\sin\bar a/r
 
     with the envelope F of Lemma 1. As :math:`\dot x \le z` inside the bound and :math:`F(0) = 0`, no edge
     crosses its bound from there.
 
-    **It is not left.** A drive of bandwidth kappa that follows a command :math:`w_c` for the period T goes the
-    part :math:`T/T_l` of the way to it, with the lead :math:`T_l = T/(1 - e^{-\kappa T})`, about
+    **It is not left.** A drive of bandwidth kappa that follows a command :math:`w_c` for the period T goes
+    the part :math:`T/T_l` of the way to it, with the lead :math:`T_l = T/(1 - e^{-\kappa T})`, about
     :math:`1/\kappa + T/2`. The command is bounded by :math:`\lambda w_c \ge D_l - F(x + T_l\dot x)`: the edge
     and its D as they will be a lead ahead. D grows ever faster as the unit comes nearer and F is concave, so
     that after the period
 
     .. math:: z^+ \le (1 - T/T_l)\,z + (T/T_l)\,F(x + T_l\dot x) \le F(x + T\dot x)
 
-    Where this asks for more than the rate limit gives, the drive turns at dw_max. The envelope needs the share
-    ``braking`` of that, for :math:`|F'F| \le \gamma`; the rest is left for the growth of D, and v is bounded so
-    that D grows no faster. v is also bounded so that both edges leave a turn rate between their bounds.
+    up to what sampling adds. Where this asks for more than the rate limit gives, the drive turns at dw_max.
+    The envelope needs the share ``braking`` of that, for :math:`|F'F| \le \gamma`; the rest is left for the
+    growth of D, and v is bounded so that D grows no faster. v is also bounded so that both edges leave a turn
+    rate between their bounds.
 
-    **What is assumed.** The drive is that of eq. 3 with these limits, and a_max brakes as fast as the bounds of
-    v fall; the sightings and the twist are those of the time when the command reaches the drive; the command
-    is held for one period. Then the bound holds whatever is wanted. What sampling adds at 50 Hz is below
+    **What is assumed.** The drive is that of eq. 3 with these limits, and a_max brakes as fast as the bounds
+    of v fall; the sightings and the twist are those of the time when the command reaches the drive; the
+    command is held for one period. Then the bound holds whatever is wanted. Sampling at 50 Hz adds less than
     0.05 deg; the margin between bound and cone is there for this, for noise, and for slip.
 
     Source: Lemma 1 (Zheng et al., eqs. 4 to 6) for F; set, lead and bounds are not in the paper.
