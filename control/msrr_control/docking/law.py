@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from msrr_scenes.specs.scene import Scene
 
 
+#: The age of inputs that describe the present, one for any number of trials.
 _NO_AGE = np.zeros(())
 
 

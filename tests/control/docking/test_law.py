@@ -14,6 +14,7 @@ from msrr_control.docking.law import DockingLaw, DockSetup, LawInputs
 from msrr_control.studies.disturbance import Disturbance
 from msrr_control.studies.docking_study import CLOSE, run_study
 from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.plan import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -143,6 +144,11 @@ def test_a_docking_law_drives_one_robot_as_it_drives_many(name: str, facts: Dock
         heading = np.column_stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])])
         pose = pose + DT * np.column_stack([heading * commands[:, :1], commands[:, 1]])
     assert np.abs(commands).max() > 0.01
+
+
+def test_a_law_is_told_the_latency_of_the_link() -> None:
+    scene = load_scene("close_range", {"link.latency_ms": "30"})
+    assert DockSetup.of(scene, scene.plan[0]).link_latency_s == pytest.approx(0.03)
 
 
 @pytest.mark.parametrize(

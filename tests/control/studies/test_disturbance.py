@@ -28,6 +28,18 @@ def _units(disturbance: Disturbance, trials: int = 3, dt: float = 0.02) -> Distu
     return DisturbedUnicycles(rng.normal(size=(trials, 3)), disturbance, NORMAL, dt, rng)
 
 
+@pytest.mark.parametrize("compensated", [False, True])
+def test_the_law_is_told_how_old_a_measurement_is(compensated: bool) -> None:
+    """60 ms are three steps; the first measurement stays in use until the next one arrives."""
+    units = _units(Disturbance(delay_s=0.06, compensated=compensated))
+    ages = []
+    for _ in range(6):
+        units.measure()
+        ages.append(units.age_s)
+        units.advance(np.zeros((3, 2)))
+    assert ages == pytest.approx([0.0] * 6 if compensated else [0.0, 0.02, 0.04, 0.06, 0.06, 0.06])
+
+
 @given(st.floats(-0.3, 0.3), st.floats(-1.0, 1.0))
 def test_slip_of_both_wheels_scales_and_of_one_turns(v: float, w: float) -> None:
     """Speeds that the drive has reached already: a step shows what the wheels make of them."""
