@@ -48,7 +48,7 @@ class _Law(NamedTuple):
         """Return the lowest of a law's rates; 0 for one that is not known."""
         # A row has a field of the name of each flag.
         rates = [getattr(row, name) or Rate(rate=0.0, low=0.0, high=0.0) for row in self.rows]
-        return min(rates, key=lambda rate: rate.rate)
+        return min(rates, key=lambda rate: (rate.rate, rate.low))
 
     @property
     def lateral(self) -> float:

@@ -9,20 +9,27 @@ CONE, TIME, LATERAL, BESIDE = 3, 4, 5, 7
 
 
 def row(
-    label: str, docked: int = 20, in_cone: int = 20, lateral_m: float = 0.001, time_s: float = 7.0
+    label: str,
+    docked: int = 20,
+    in_cone: int = 20,
+    lateral_m: float = 0.001,
+    time_s: float = 7.0,
+    trials: int = 20,
 ) -> Row:
-    """A row of 20 trials of the close phase, each with the same values."""
+    """A row of the close phase, each trial with the same values."""
     return Row(
         controller=label.lower(),
         label=label,
-        trials=20,
+        trials=trials,
         **rates_of(
-            success=np.arange(20) < docked, in_view=np.arange(20) < docked, in_cone=np.arange(20) < in_cone
+            success=np.arange(trials) < docked,
+            in_view=np.arange(trials) < docked,
+            in_cone=np.arange(trials) < in_cone,
         ),
         measures={
-            "contact": Measured.of([time_s] * 20),
-            "lateral": Measured.of([lateral_m] * 20),
-            "yaw": Measured.of([0.001] * 20),
+            "contact": Measured.of([time_s] * trials),
+            "lateral": Measured.of([lateral_m] * trials),
+            "yaw": Measured.of([0.001] * trials),
         },
     )
 
@@ -52,6 +59,14 @@ def test_the_worst_setting_of_a_law_counts() -> None:
     assert "The default is worse." in text
     assert "here, wide; unicycle, 20 trials: here, wide, uncompensated" in text
     assert "50.0 % in the cone" in text
+
+
+def test_of_equal_rates_the_one_of_fewer_trials_is_told() -> None:
+    """20 of 20 trials make at least 83.9 %, 10 of 10 at least 72.2 % (Wilson)."""
+    few = row("CBF", docked=10, in_cone=10, trials=10)
+    text = default_controller_text(results(table("wide", row("CBF")), table("wide, uncompensated", few)))
+    assert "100.0 % (72.2 .. 100.0) docked" in text
+    assert "83.9" not in text
 
 
 def test_what_differs_from_the_default_beyond_chance_is_said() -> None:
