@@ -11,8 +11,10 @@ from __future__ import annotations
 import tempfile
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from msrr_bullet.log import topics
 from msrr_bullet.log.reader import Log, LogRecord, read_log
 from msrr_bullet.log.records import CameraWindow, Event, Level, StepStart
 from msrr_bullet.replay.comparison import Comparison, Diverged, ReplayError, ReplayReport, encoded
@@ -34,6 +36,7 @@ from msrr_scenes.messages import (
     Localisation,
     LockFeedback,
     LosObservation,
+    Phase,
     Pixels,
     PoseEstimate,
     PoseMeasurement,
@@ -88,6 +91,16 @@ def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool =
         return Replayer(log, log.header.unpacked(Path(folder)).scene, robot).run()
 
 
+@dataclass
+class _ReplayedRobot:
+    """A robot that runs again, its estimates that the log has not confirmed yet, and its last path."""
+
+    robot: ObservableRobot
+    estimates: dict[type, bytes] = field(default_factory=dict)
+    path: AssemblyPath | None = None
+    finished: bool = False
+
+
 class Replayer:
     """One pass over a log."""
 
@@ -96,13 +109,11 @@ class Replayer:
         self._log = log
         self._scene = scene
         self._factory = factory
-        self._robot: ObservableRobot | None = None
+        self._robots: dict[str, _ReplayedRobot] = {}  # by unit
         self._exposure: LogRecord | None = None
         self._windows: list[LogRecord] = []
         self._camera_failure: str | None = None
         self._detections: dict[tuple[str, int], Detections] = {}
-        self._estimates: dict[type, bytes] = {}
-        self._path: AssemblyPath | None = None
         self._monitor_is_logged = log.header.versions.get("msrr-bullet") != "0.1.0"  # not yet in that version
         self._comparison = Comparison()
         self._counts = dict.fromkeys(
@@ -122,7 +133,8 @@ class Replayer:
                 self._process(record)
             if last is not None and self._log.complete:  # else windows or estimates may be missing at the end
                 self._expose()
-                self._report_unlogged_estimates(last)
+                for robot in self._robots.values():
+                    self._report_unlogged_estimates(last, robot)
         except Diverged:
             pass  # the difference is in the list
         if not self._counts["steps"]:
@@ -153,24 +165,40 @@ class Replayer:
             self._deliver(record)
         elif kind in _SENSOR_MESSAGES:
             self._counts["sensor_messages"] += 1
-            self._robot_of(record).receive(record.message)
+            self._robot_of(record).robot.receive(record.message)
         elif kind is Action:
             self._decide(record)
 
-    def _robot_of(self, record: LogRecord) -> ObservableRobot:
-        if self._robot is None:
+    def _robot_of(self, record: LogRecord) -> _ReplayedRobot:
+        """Return the robot of the unit in the topic of a message."""
+        robot = self._robots.get(topics.unit_of(record.topic))
+        if robot is None:
             raise ReplayError(
                 f"{self._log.path}: message {record.sequence} on {record.topic} comes before the first step"
             )
-        return self._robot
+        return robot
+
+    def _reader_of(self, record: LogRecord) -> _ReplayedRobot:
+        """Return the robot that read an exposure: that of the camera's unit, or the only one under way."""
+        if topics.unit_of(record.topic) in self._scene.units:
+            return self._robot_of(record)
+        active = [robot for robot in self._robots.values() if not robot.finished]
+        if len(active) != 1:
+            raise ReplayError(
+                f"{self._log.path}: {len(active)} robots may have read message {record.sequence} on"
+                f" {record.topic}; a log in which several units use the overhead camera cannot be replayed"
+            )
+        return active[0]
 
     def _start(self, record: LogRecord) -> None:
         start: StepStart = record.message
         if not 0 <= start.index < len(self._scene.plan):
             raise ReplayError(f"{self._log.path}: step {start.index} is not in the plan of the scene")
-        self._report_unlogged_estimates(record)
+        before = self._robots.pop(start.unit, None)
+        if before is not None:
+            self._report_unlogged_estimates(record, before)
         self._counts["steps"] += 1
-        self._robot = self._factory(self._scene, self._scene.plan[start.index])
+        self._robots[start.unit] = _ReplayedRobot(self._factory(self._scene, self._scene.plan[start.index]))
 
     def _note_camera_failure(self, event: Event) -> None:
         """Note that the trial's renderer failed at the next window, which the robot will ask for again."""
@@ -200,7 +228,7 @@ class Replayer:
                 raise Diverged
             return expected.pixels
 
-        detections = self._robot_of(record).expose(exposure, fetch)
+        detections = self._reader_of(record).robot.expose(exposure, fetch)
         for unused in logged:
             self._comparison.add("window", unused, str(unused.message.window), None)
         if detections is not None:
@@ -212,28 +240,31 @@ class Replayer:
         self._counts["detections"] += 1
         if not self._comparison.compare("detections", record, detections) or detections is None:
             raise Diverged
-        self._robot_of(record).receive(detections)
+        self._robot_of(record).robot.receive(detections)
 
     def _decide(self, record: LogRecord) -> None:
-        self._report_unlogged_estimates(record)
-        robot = self._robot_of(record)
+        replayed = self._robot_of(record)
+        self._report_unlogged_estimates(record, replayed)
+        robot = replayed.robot
         self._counts["commands"] += 1
-        self._comparison.compare("command", record, robot.step(record.stamp_ns))
+        action = robot.step(record.stamp_ns)
+        replayed.finished = action.phase in (Phase.DONE, Phase.FAILED)
+        self._comparison.compare("command", record, action)
         monitor = robot.monitor if self._monitor_is_logged else None
-        path, self._path = (None if robot.path is self._path else robot.path), robot.path
+        path, replayed.path = (None if robot.path is replayed.path else robot.path), robot.path
         for estimate in (robot.estimate, robot.los, robot.arena, monitor, robot.assembly, path, robot.belief):
             if estimate is not None:
-                self._estimates[type(estimate)] = encoded(estimate, record.topic)
+                replayed.estimates[type(estimate)] = encoded(estimate, record.topic)
 
     def _compare_estimate(self, record: LogRecord) -> None:
         self._counts["estimates"] += 1
-        data = self._estimates.pop(record.kind, None)
+        data = self._robot_of(record).estimates.pop(record.kind, None)
         if data != record.data:
             logged, replayed = record.data.decode(), None if data is None else data.decode()
             self._comparison.add(_ESTIMATES[record.kind], record, logged, replayed)
 
-    def _report_unlogged_estimates(self, record: LogRecord) -> None:
-        """Report the estimates of the last decision that the log does not hold."""
-        for kind, data in self._estimates.items():
+    def _report_unlogged_estimates(self, record: LogRecord, robot: _ReplayedRobot) -> None:
+        """Report the estimates of the last decision of a robot that the log does not hold."""
+        for kind, data in robot.estimates.items():
             self._comparison.add(_ESTIMATES[kind], record, None, data.decode())
-        self._estimates = {}
+        robot.estimates.clear()

@@ -16,7 +16,7 @@ from msrr_bullet.collision.locked_group import NEIGHBOUR_MARGIN_M, neighbour_lim
 from msrr_bullet.robot.stopping_trajectory import LocalMap, StoppingTrajectory
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, CollisionMonitorState, MonitorState, Twist
-from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.plan import DockStep, comes_after
 from msrr_scenes.specs.scene import Scene
 
 #: Loss of clearance along a trajectory that still counts as none [m]: no more than rounding, because a small
@@ -80,8 +80,9 @@ class CollisionMonitor:
         self._reaches = {unit: scene.geometry(unit).circumradius for unit in scene.units}
         self._reaches |= {name: spec.radius_m for name, spec in scene.obstacles.items()}
         self._trajectory = StoppingTrajectory(scene)
-        # A step begins only when all steps before it have docked, so their pairs are locked together.
-        earlier = scene.plan[: scene.plan.index(step)] if step in scene.plan else ()
+        # Units of other steps may have docked to the same body or be about to, unless they come later.
+        plan = scene.plan
+        earlier = [other for other in plan if other != step and not comes_after(plan, other, step)]
         limits = neighbour_limits(scene, self._model, earlier, step)
         self._close_neighbours = {n: limit for n, limit in limits.items() if limit < self._spec.stop_m}
 

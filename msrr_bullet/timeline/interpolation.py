@@ -6,7 +6,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
 
-from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.timeline.snapshot import Snapshot, StepSnapshot
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import LosObservation
@@ -40,12 +40,9 @@ class SnapshotInterpolator:
         b = self.snapshots[after]
         fraction = (stamp_ns - a.stamp_ns) / (b.stamp_ns - a.stamp_ns)
         units = {name: interpolate_pose(X, b.units.get(name, X), fraction) for name, X in a.units.items()}
-        estimate = a.estimate
-        # Two phases may take the estimate from different sources; a pose between the two was never estimated.
-        if estimate is not None and b.estimate is not None and a.phase is b.phase and a.step == b.step:
-            estimate = interpolate_pose(estimate, b.estimate, fraction)
-        los = _interpolate_los(a.los, b.los, fraction)
-        return replace(a, stamp_ns=stamp_ns, units=units, estimate=estimate, los=los)
+        later = {step.step: step for step in b.steps}
+        steps = tuple(_interpolate_step(step, later.get(step.step), fraction) for step in a.steps)
+        return replace(a, stamp_ns=stamp_ns, units=units, steps=steps)
 
     def until(self, stamp_ns: int) -> Sequence[Snapshot]:
         """Return the snapshots up to a time."""
@@ -56,6 +53,16 @@ def interpolate_pose(a: SE2, b: SE2, fraction: float) -> SE2:
     """Return the pose at a fraction in [0, 1] of the way from ``a`` to ``b`` at constant twist."""
     dx, dy, dyaw = (a.inverse() @ b).log()
     return a @ SE2.exp(fraction * float(dx), fraction * float(dy), fraction * float(dyaw))
+
+
+def _interpolate_step(a: StepSnapshot, b: StepSnapshot | None, fraction: float) -> StepSnapshot:
+    if b is None:
+        return a
+    estimate = a.estimate
+    # Two phases may take the estimate from different sources; a pose between the two was never estimated.
+    if estimate is not None and b.estimate is not None and a.phase is b.phase:
+        estimate = interpolate_pose(estimate, b.estimate, fraction)
+    return replace(a, estimate=estimate, los=_interpolate_los(a.los, b.los, fraction))
 
 
 def _interpolate_los(

@@ -22,21 +22,16 @@ from msrr_scenes.specs.plan import DockStep
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Snapshot:
-    """One instant of a trial.
+class StepSnapshot:
+    """One instant of a step of the plan: what its unit does and believes.
 
     Attributes:
-        stamp_ns: Simulated time.
-        units: True poses ``X_WU`` of all units.
-        obstacles: True poses ``X_WB`` of the obstacles that have appeared.
-        step: Step of the plan in progress: which unit docks to which port.
+        step: The step: which unit docks to which port.
         estimate: Pose ``X_WU`` that the docking unit believes to have; None without an estimate.
-        phase: Phase of the docking unit; None before its first decision.
-        attempt: Number of the docking attempt, from 1; 0 before the first.
+        phase: Phase of the docking unit.
+        attempt: Number of the docking attempt, from 1.
         los: Line of sight of the docking unit to its target.
-        clearance: Smallest clearance of all pairs of bodies that may not touch, which leaves out a pair that
-            is docking and units that are locked together; None without such a pair.
-        twist: Velocity command of the docking unit; None before its first decision.
+        twist: Velocity command of the docking unit.
         reason: Why the phase was entered.
         situation: Estimates of all bodies in the arena; None without an overhead camera in use.
         monitor: Decision of the collision monitor; None without an overhead camera.
@@ -44,21 +39,97 @@ class Snapshot:
         path: Path that the long-distance phase follows or followed last.
     """
 
-    stamp_ns: int
-    units: Mapping[str, SE2]
-    obstacles: Mapping[str, SE2] = field(default_factory=dict)
-    step: DockStep | None = None
-    estimate: SE2 | None = None
-    phase: Phase | None = None
-    attempt: int = 0
+    step: DockStep
+    estimate: SE2 | None
+    phase: Phase
+    attempt: int
     los: LosObservation | None = None
-    clearance: Clearance | None = None
     twist: Twist | None = None
     reason: str = ""
     situation: ArenaEstimate | None = None
     monitor: CollisionMonitorState | None = None
     assembly: AssemblyProgress | None = None
     path: AssemblyPath | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """One instant of a trial.
+
+    Attributes:
+        stamp_ns: Simulated time.
+        units: True poses ``X_WU`` of all units.
+        obstacles: True poses ``X_WB`` of the obstacles that have appeared.
+        clearance: Smallest clearance of all pairs of bodies that may not touch, which leaves out a pair that
+            is docking and units that are locked together; None without such a pair.
+        steps: The steps under way, in the order in which they began.
+    """
+
+    stamp_ns: int
+    units: Mapping[str, SE2]
+    obstacles: Mapping[str, SE2] = field(default_factory=dict)
+    clearance: Clearance | None = None
+    steps: tuple[StepSnapshot, ...] = ()
+
+    @property
+    def first(self) -> StepSnapshot | None:
+        """The first step under way, which a display of a single step shows; None while there is none."""
+        return self.steps[0] if self.steps else None
+
+    @property
+    def step(self) -> DockStep | None:
+        """First step under way."""
+        return self.first.step if self.first else None
+
+    @property
+    def estimate(self) -> SE2 | None:
+        """Believed pose ``X_WU`` of the first step under way; None without one."""
+        return self.first.estimate if self.first else None
+
+    @property
+    def phase(self) -> Phase | None:
+        """Phase of the first step under way; None without one."""
+        return self.first.phase if self.first else None
+
+    @property
+    def los(self) -> LosObservation | None:
+        """Line of sight of the first step under way; None without one."""
+        return self.first.los if self.first else None
+
+    @property
+    def twist(self) -> Twist | None:
+        """Velocity command of the first step under way; None without one."""
+        return self.first.twist if self.first else None
+
+    @property
+    def situation(self) -> ArenaEstimate | None:
+        """Estimates of all bodies of the first step under way; None without one."""
+        return self.first.situation if self.first else None
+
+    @property
+    def monitor(self) -> CollisionMonitorState | None:
+        """Decision of the collision monitor of the first step under way; None without one."""
+        return self.first.monitor if self.first else None
+
+    @property
+    def assembly(self) -> AssemblyProgress | None:
+        """Progress in the long-distance phase of the first step under way; None without one."""
+        return self.first.assembly if self.first else None
+
+    @property
+    def path(self) -> AssemblyPath | None:
+        """Path of the first step under way; None without one."""
+        return self.first.path if self.first else None
+
+    @property
+    def attempt(self) -> int:
+        """Attempt of the first step under way, from 1; 0 without one."""
+        return self.first.attempt if self.first else 0
+
+    @property
+    def reason(self) -> str:
+        """Why the first step under way is in its phase; empty without one."""
+        return self.first.reason if self.first else ""
 
     @property
     def docking_unit(self) -> str | None:

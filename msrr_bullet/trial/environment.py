@@ -37,9 +37,9 @@ class LockedPairs:
         group.update(*(pair for pair in self.pairs if pair & group))
         self.pairs.update(frozenset(pair) for pair in combinations(sorted(group), 2))
 
-    def hold(self, plant: Plant) -> bool:
-        """Return whether the locks of all pairs hold."""
-        return all(plant.lock_engaged(step.unit) for step in self.steps)
+    def opened(self, plant: Plant) -> DockStep | None:
+        """Return the first step whose lock no longer holds; None while all hold."""
+        return next((step for step in self.steps if not plant.lock_engaged(step.unit)), None)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The judge of a trial, which reads the true state of the simulation. Nothing of it reaches a robot."""
+"""The judge of a docking step, which reads the true state of the simulation and tells no robot."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from msrr_bullet.collision.clearance import Clearance, Pair
+from msrr_bullet.collision.clearance import Pair
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.collision.locked_group import neighbour_limits
 from msrr_bullet.simulation.simulation import Simulation
@@ -79,9 +79,11 @@ class Judge:
     """Judges one step of the plan by the truth.
 
     Attributes:
+        step: The step.
+        pair: The two units that dock.
         X_TD: Dock frame of the target port in the frame of the target unit.
-        min_clearance: Smallest clearance so far of any pair that was not exempt, that of a collision included
-            [m]; None before the first.
+        docking: Whether the pair may be close, as of the last decision of the robot.
+        port: Pose of the docking port at the last decision of the robot; None before the first.
     """
 
     def __init__(
@@ -92,7 +94,7 @@ class Judge:
         Args:
             simulation: Source of the true poses.
             clearance: Clearance model with the shapes of all bodies.
-            locked: Pairs that earlier steps locked together; they may touch, and the locks have to hold.
+            locked: Pairs that are locked together.
             step: The step of the plan.
         """
         scene = simulation.scene
@@ -100,35 +102,36 @@ class Judge:
         self._clearance = clearance
         self._locked = locked
         self._scene = scene
-        self._step = step
+        self.step = step
         self._plant = simulation.plant
         geometry = scene.geometry(step.unit)
         self._X_UP = SE3.from_se2(geometry.port(step.port), geometry.pin_height)
         self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._X_DT = SE3.from_se2(self.X_TD).inverse()
-        self._pair: Pair = frozenset({step.unit, step.target_unit})
-        self._neighbour_limits = neighbour_limits(scene, clearance, locked.steps, step)
+        self.pair: Pair = frozenset({step.unit, step.target_unit})
+        self._neighbour_limits: Mapping[Pair, float] = {}
+        self._known_locks = -1
         self._attempt = 0
         self._close = False
-        self._gap = -math.inf  # gap at the last control instant; unknown before the first
+        self.docking = False
+        self.port: PortPose | None = None
         self._deepest = math.inf
         self._deepest_pose: PortPose | None = None
         self._seated_since: int | None = None
         self._was_seated = False
         self._contacts: dict[int, Contact] = {}  # first pin contact by the number of the attempt
-        self.min_clearance: float | None = None
 
     def X_WD(self) -> SE2:
         """Return the true pose of the dock frame in W."""
-        return self._plant.pose(self._step.target_unit) @ self.X_TD
+        return self._plant.pose(self.step.target_unit) @ self.X_TD
 
     def X_DU(self) -> SE2:
         """Return the true pose of the docking unit in the dock frame."""
-        return self.X_WD().inverse() @ self._plant.pose(self._step.unit)
+        return self.X_WD().inverse() @ self._plant.pose(self.step.unit)
 
     def port_pose(self) -> PortPose:
         """Return the true pose of the docking port in the dock frame."""
-        X_WU, X_WT = self._plant.pose3(self._step.unit), self._plant.pose3(self._step.target_unit)
+        X_WU, X_WT = self._plant.pose3(self.step.unit), self._plant.pose3(self.step.target_unit)
         X_DP = (self._X_DT @ X_WT.inverse() @ X_WU @ self._X_UP).to_se2()
         return PortPose(-X_DP.x, X_DP.y, X_DP.yaw)
 
@@ -163,12 +166,12 @@ class Judge:
             self._attempt = attempt
             self._deepest, self._deepest_pose = math.inf, None
             self._seated_since, self._was_seated = None, False
-        if self._gap > ZONE_DEPTH_M + _MAX_STEP_M:
+        if self.port is not None and self.port.gap > ZONE_DEPTH_M + _MAX_STEP_M:
             return  # the unit cannot reach the zone before the next control instant
         port = self.port_pose()
         if not port.in_zone:
             return
-        if attempt not in self._contacts and self._plant.pins_touch(self._step.unit):
+        if attempt not in self._contacts and self._plant.pins_touch(self.step.unit):
             self._contacts[attempt] = Contact(
                 time_s=seconds(now_ns),
                 lateral_m=abs(port.lateral),
@@ -194,73 +197,28 @@ class Judge:
         believed, true = estimate.X_DU, self.X_DU()
         return PlanarPose.of(SE2(believed.x - true.x, believed.y - true.y, believed.yaw - true.yaw))
 
-    def safety(self, action: Action) -> tuple[Outcome | None, Clearance | None]:
-        """Check clearances, earlier locks and the limits of the arena at one control instant.
+    def decide(self, action: Action) -> None:
+        """Take note of the action of the robot at one control instant.
 
-        Args:
-            action: Action of the robot. The docking pair may be close from the beginning of docking until it
-                has parted again, and it may touch in the zone in front of the port.
-
-        Returns:
-            The outcome that ends the trial, if any, and the smallest clearance of all pairs that are not
-            exempt; None without such a pair. It is what the log holds and every display shows.
+        The docking pair may be close from the beginning of docking until it has parted again.
         """
-        if not self._locked.hold(self._plant):
-            return Outcome.LOCK_FAILED, None
-        docking = action.phase in _DOCKING or self._close
-        poses = self._simulation.poses()
-        port = self.port_pose()
-        self._gap = port.gap
-        nearest = self._nearest(poses, docking, port.in_zone)
-        self._close = action.phase in _DOCKING or (self._close and not self._parted(poses))
-        if nearest is not None:
-            if self.min_clearance is None or nearest.distance < self.min_clearance:
-                self.min_clearance = nearest.distance
-            if nearest.distance <= 0.0:
-                return Outcome.COLLISION, nearest
-            if self._is_violated(nearest, poses, docking):
-                return Outcome.CLEARANCE_VIOLATED, nearest
-        arena = self._scene.arena
-        for unit in self._scene.units:
-            X_WU = poses[unit]
-            if not (arena.x_m[0] <= X_WU.x <= arena.x_m[1] and arena.y_m[0] <= X_WU.y <= arena.y_m[1]):
-                return Outcome.LEFT_ARENA, nearest
-        return None, nearest
+        close = action.phase in _DOCKING
+        self.docking = close or self._close
+        self.port = self.port_pose()
+        self._close = close or (self._close and not self._parted())
 
-    def _nearest(self, poses: Mapping[str, SE2], docking: bool, in_zone: bool) -> Clearance | None:
-        """Return the smallest clearance of all pairs that are not exempt; None without such a pair.
+    def neighbour_limits(self) -> Mapping[Pair, float]:
+        """Return how near the unit may come to the units that are locked to its target while it docks [m]."""
+        if len(self._locked.steps) != self._known_locks:
+            self._known_locks = len(self._locked.steps)
+            limits = neighbour_limits(self._scene, self._clearance, self._locked.steps, self.step)
+            self._neighbour_limits = {frozenset({self.step.unit, n}): limit for n, limit in limits.items()}
+        return self._neighbour_limits
 
-        Exempt are units that earlier steps locked together, which are one body, and the docking pair while it
-        docks, unless it touches beside the port.
-        """
-        locked_pairs = self._locked.pairs
-        nearest = self._clearance.minimum(poses, locked_pairs)
-        if nearest is None or not docking or nearest.pair != self._pair:
-            return nearest
-        if nearest.distance <= 0.0 and not in_zone:
-            return nearest
-        return self._clearance.minimum(poses, {*locked_pairs, self._pair})
-
-    def _is_violated(self, nearest: Clearance, poses: Mapping[str, SE2], docking: bool) -> bool:
-        """Return whether a pair is nearer than it may be; ``nearest`` is the smallest clearance of all.
-
-        A unit that docks may come nearer to the neighbours of its target: as near as its seat is, and a
-        margin.
-        """
-        limit, unit = self._scene.judge.min_clearance_m, self._step.unit
-        if nearest.distance >= limit or not docking:
-            return nearest.distance < limit
-        for name, neighbour_limit in self._neighbour_limits.items():
-            clearance = self._clearance.nearest(unit, poses[unit], {name: poses[name]})
-            if clearance is not None and clearance.distance < min(neighbour_limit, limit):
-                return True
-        exempt = {frozenset({unit, name}) for name in self._neighbour_limits}
-        others = self._clearance.minimum(poses, {*self._locked.pairs, self._pair, *exempt})
-        return others is not None and others.distance < limit
-
-    def _parted(self, poses: Mapping[str, SE2]) -> bool:
-        unit, target = self._step.unit, self._step.target_unit
-        clearance = self._clearance.nearest(unit, poses[unit], {target: poses[target]})
+    def _parted(self) -> bool:
+        unit, target = self.step.unit, self.step.target_unit
+        others = {target: self._plant.pose(target)}
+        clearance = self._clearance.nearest(unit, self._plant.pose(unit), others)
         return clearance is None or clearance.distance >= max(self._scene.judge.min_clearance_m, PARTED_M)
 
     def verdict_docked(self, seating: Seating | None, engaged: bool, pull_passed: bool) -> Outcome:

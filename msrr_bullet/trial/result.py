@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+from collections.abc import Sequence
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated, Literal, Self
@@ -205,6 +206,16 @@ class StepResult(_Record):
         return self.attempts[-1].ended_s
 
 
+def decisive_step(steps: Sequence[StepResult]) -> StepResult:
+    """Return the first step to end without docking; the last one of the plan if all have docked.
+
+    A step that was aborted decides nothing, for it ended because of another one.
+    """
+    failed = [step for step in steps if not step.docked]
+    decisive = [step for step in failed if step.outcome is not Outcome.ABORTED] or failed
+    return min(decisive, key=lambda step: step.ended_s, default=steps[-1])
+
+
 class TrialResult(_Record):
     """The result of one trial, in SI units and radians.
 
@@ -240,8 +251,8 @@ class TrialResult(_Record):
 
     @property
     def decisive_step(self) -> StepResult:
-        """The first step that did not dock; the last step if all have docked."""
-        return next((step for step in self.steps if not step.docked), self.steps[-1])
+        """The step that decides the outcome, as :func:`decisive_step` finds it."""
+        return decisive_step(self.steps)
 
     @property
     def min_clearance_m(self) -> float | None:

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
 from msrr_bullet.log.records import JUDGE, ClearanceRecord, Event, Level, StartPoses, TruePose
-from msrr_bullet.robot.interface import ObservableRobot
-from msrr_bullet.simulation.simulation import Simulation
-from msrr_bullet.timeline.snapshot import Snapshot, Viewer
+from msrr_bullet.timeline.snapshot import Snapshot, StepSnapshot, Viewer
+from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.environment import Environment
-from msrr_bullet.trial.judge import Judge
 from msrr_perception.estimation.global_estimator import pose_in_dock_frame
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, Phase, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import Placement
-from msrr_scenes.specs.plan import DockStep
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +59,7 @@ class Telemetry:
         self.recorder = recorder
         self._viewer = viewer
         self._observer = observer
-        self._last_action: Action | None = None
+        self._last_actions: dict[int, Action] = {}  # by the index of the step
 
     def begin(self, placement: Placement) -> None:
         """Record the start poses of all bodies."""
@@ -72,76 +69,95 @@ class Telemetry:
     def report(
         self,
         environment: Environment,
-        index: int,
-        judge: Judge,
-        robot: ObservableRobot,
-        action: Action,
+        now_ns: int,
+        steps: Sequence[DockingStep],
         nearest: Clearance | None,
     ) -> None:
-        """Report one control instant.
+        """Report one control instant, after the decisions of all robots.
 
         Args:
             environment: The environment of the trial.
-            index: Index of the step in the plan.
-            judge: The judge of the step.
-            robot: The robot after the decision.
-            action: Action of the robot.
+            now_ns: Time of the instant.
+            steps: The steps under way.
             nearest: Smallest true clearance of all pairs that may not touch; None without such a pair.
         """
         simulation = environment.simulation
-        step = simulation.scene.plan[index]
         poses = simulation.poses()
         for unit in simulation.scene.units:
-            true = TruePose(unit, action.stamp_ns, poses[unit])
-            self.recorder.write(topics.true_pose(unit), action.stamp_ns, true)
+            self.recorder.write(topics.true_pose(unit), now_ns, TruePose(unit, now_ns, poses[unit]))
         if nearest is not None:
-            record = ClearanceRecord.of(action.stamp_ns, nearest)
-            self.recorder.write(topics.CLEARANCE, action.stamp_ns, record)
-        last, self._last_action = self._last_action, action
+            self.recorder.write(topics.CLEARANCE, now_ns, ClearanceRecord.of(now_ns, nearest))
+        for step in steps:
+            self._report_change(step)
+            if self._observer is not None:
+                self._observer(_progress(step))
+        if self._viewer is not None:
+            self._viewer.update(
+                Snapshot(
+                    stamp_ns=now_ns,
+                    units={unit: poses[unit] for unit in simulation.scene.units},
+                    obstacles={n: X for n, X in poses.items() if n in simulation.scene.obstacles},
+                    clearance=nearest,
+                    steps=tuple(map(_step_snapshot, steps)),
+                )
+            )
+
+    def _report_change(self, step: DockingStep) -> None:
+        """Record an event if the phase or the attempt of a unit has changed."""
+        action, last = step.action, self._last_actions.get(step.index)
+        self._last_actions[step.index] = action
         if last is None or (last.phase, last.attempt) != (action.phase, action.attempt):
             text = f"attempt {action.attempt}: {action.phase.value}: {action.reason}"
-            self.event(action.stamp_ns, step.unit, text)
-        believed = robot.estimate.X_DU if robot.estimate else None
-        if action.phase is Phase.ASSEMBLE and robot.arena is not None:
-            believed = pose_in_dock_frame(robot.arena, judge.X_TD)
-        if self._observer is not None:
-            now_s = seconds(action.stamp_ns)
-            self._observer(
-                Progress(now_s, action.phase, action.attempt, index, believed, judge.X_DU(), action.reason)
-            )
-        if self._viewer is not None:
-            estimate = judge.X_WD() @ believed if believed else None
-            self._viewer.update(_snapshot(simulation, step, poses, estimate, robot, action, nearest))
+            self.event(action.stamp_ns, step.step.unit, text)
 
-    def verdict(self, stamp_ns: int, outcome: Outcome) -> None:
-        """Record the verdict on a step."""
-        level = Level.INFO if outcome is Outcome.DOCKED else Level.WARNING
-        self.event(stamp_ns, JUDGE, outcome.value, level)
+    def verdict(self, stamp_ns: int, step: DockingStep) -> None:
+        """Record the verdict on a step that has ended."""
+        assert step.outcome is not None, "the step has ended"
+        text = f"{step.step.unit} to {step.step.to}: {step.outcome.value}"
+        self.event(stamp_ns, JUDGE, text, _level(step.outcome))
+
+    def end(self, stamp_ns: int, outcome: Outcome) -> None:
+        """Record the verdict on the trial."""
+        self.event(stamp_ns, JUDGE, outcome.value, _level(outcome))
 
     def event(self, stamp_ns: int, source: str, text: str, level: Level = Level.INFO) -> None:
         """Record an event of ``source``, described by one line of text."""
         self.recorder.write(topics.EVENTS, stamp_ns, Event(stamp_ns, source, text, level))
 
 
-def _snapshot(
-    simulation: Simulation,
-    step: DockStep,
-    poses: dict[str, SE2],
-    estimate: SE2 | None,
-    robot: ObservableRobot,
-    action: Action,
-    nearest: Clearance | None,
-) -> Snapshot:
-    return Snapshot(
-        stamp_ns=action.stamp_ns,
-        units={unit: poses[unit] for unit in simulation.scene.units},
-        obstacles={name: X for name, X in poses.items() if name in simulation.scene.obstacles},
-        step=step,
-        estimate=estimate,
+def _level(outcome: Outcome) -> Level:
+    return Level.INFO if outcome is Outcome.DOCKED else Level.WARNING
+
+
+def _believed(step: DockingStep) -> SE2 | None:
+    """Return the pose X_DU that the unit believes to have; None while it believes none."""
+    robot = step.robot
+    if step.action.phase is Phase.ASSEMBLE and robot.arena is not None:
+        return pose_in_dock_frame(robot.arena, step.judge.X_TD)
+    return robot.estimate.X_DU if robot.estimate else None
+
+
+def _progress(step: DockingStep) -> Progress:
+    action = step.action
+    return Progress(
+        seconds(action.stamp_ns),
+        action.phase,
+        action.attempt,
+        step.index,
+        _believed(step),
+        step.judge.X_DU(),
+        action.reason,
+    )
+
+
+def _step_snapshot(step: DockingStep) -> StepSnapshot:
+    robot, action, believed = step.robot, step.action, _believed(step)
+    return StepSnapshot(
+        step=step.step,
+        estimate=step.judge.X_WD() @ believed if believed else None,
         phase=action.phase,
         attempt=action.attempt,
         los=robot.los,
-        clearance=nearest,
         twist=action.twist,
         reason=action.reason,
         situation=robot.arena,

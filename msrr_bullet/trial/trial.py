@@ -7,9 +7,9 @@ from collections.abc import Callable
 from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_bullet.timeline.snapshot import Viewer
-from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.environment import open_environment
-from msrr_bullet.trial.result import StepResult, TrialResult
+from msrr_bullet.trial.mission import Mission
+from msrr_bullet.trial.result import StepResult, TrialResult, decisive_step
 from msrr_bullet.trial.telemetry import Progress, Telemetry
 from msrr_control.staging.feasibility import check_assembly
 from msrr_scenes.loading.load import scene_hash
@@ -54,15 +54,11 @@ class Trial:
         """Run the trial and return the result."""
         placement = draw_placement(self.scene, lambda name: stream(self.seed, name))
         self._telemetry.begin(placement)
-        steps: list[StepResult] = []
         with open_environment(self.scene, self.seed, placement) as environment:
-            for index, step in enumerate(self.scene.plan):
-                result = DockingStep(environment, index, self._telemetry, self._profiler).run()
-                steps.append(result)
-                if not result.docked:
-                    break
-                environment.locked.add(step)
-        return self._result(tuple(steps), placement.redraws)
+            steps = Mission(environment, self._telemetry, self._profiler).run()
+            result = self._result(steps, placement.redraws)
+            self._telemetry.end(environment.simulation.plant.now_ns(), result.outcome)
+        return result
 
     def _result(self, steps: tuple[StepResult, ...], redraws: int) -> TrialResult:
         return TrialResult(
@@ -71,8 +67,8 @@ class Trial:
             seed=self.seed,
             plant=self.scene.plant,
             perception=self.scene.perception,
-            outcome=steps[-1].outcome,
-            duration_s=steps[-1].ended_s,
+            outcome=decisive_step(steps).outcome,
+            duration_s=max(step.ended_s for step in steps),
             start_redraws=redraws,
             steps=steps,
         )

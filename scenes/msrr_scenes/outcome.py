@@ -23,6 +23,7 @@ class Outcome(Enum):
     COLLISION = "collision"  # bodies other than the docking pair touched
     CLEARANCE_VIOLATED = "clearance_violated"  # bodies came closer than the scene allows
     LEFT_ARENA = "left_arena"  # a unit left the floor
+    ABORTED = "aborted"  # the trial ended for what happened elsewhere while the step was under way
     TIMEOUT = "timeout"  # the time limit of the scene was reached
     PROGRAM_FAILED = "program_failed"  # a class that the scene names failed, or gave an impossible result
     FALSE_DOCK = "false_dock"  # the robot says docked; the pins are not seated or the lock holds nothing

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from msrr_bullet.plant.plant import Plant
 from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_bullet.timeline.log_snapshots import read_snapshots
-from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.timeline.snapshot import Snapshot, StepSnapshot
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
@@ -41,6 +41,14 @@ class Drive:
 
     scene: Scene
     snapshots: tuple[Snapshot, ...]
+
+
+@pytest.fixture(scope="session")
+def with_step() -> Callable[..., Snapshot]:
+    """Return a snapshot with changes in its first step."""
+    return lambda snapshot, **changes: replace(
+        snapshot, steps=(replace(snapshot.steps[0], **changes), *snapshot.steps[1:])
+    )
 
 
 @pytest.fixture(scope="session")
@@ -69,12 +77,16 @@ def drive() -> Drive:
                 stamp_ns=stamp_ns,
                 units=units,
                 obstacles=posts,
-                step=step,
-                estimate=X_WU @ SE2(0.0, 0.012 * left) if i > 5 else None,
-                phase=next(phase for until, phase in PHASES if done < until),
-                attempt=1,
-                los=LosObservation(stamp_ns, angles[0], angles[1], 0.2, status) if i > 5 else None,
                 clearance=model.minimum({**units, **posts}, {frozenset("ab")} if done >= 0.06 else ()),
+                steps=(
+                    StepSnapshot(
+                        step=step,
+                        estimate=X_WU @ SE2(0.0, 0.012 * left) if i > 5 else None,
+                        phase=next(phase for until, phase in PHASES if done < until),
+                        attempt=1,
+                        los=LosObservation(stamp_ns, angles[0], angles[1], 0.2, status) if i > 5 else None,
+                    ),
+                ),
             )
         )
     return Drive(scene, tuple(snapshots))

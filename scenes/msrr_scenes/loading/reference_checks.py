@@ -9,6 +9,7 @@ from msrr_scenes.errors import nearest
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.placement.placement import split_frame
 from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
+from msrr_scenes.specs.plan import ancestors
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
 
@@ -63,7 +64,7 @@ def reference_problems(scene: Scene) -> list[Problem]:
         if name in scene.units:
             text = f"a unit is named {name!r} as well; names of bodies have to differ"
             problems.append(Problem(("obstacles", name), text))
-    return problems or [*_frame_cycles(scene), *_numbers_twice(scene)]
+    return problems or [*_frame_cycles(scene), *_numbers_twice(scene), *_order_problems(scene)]
 
 
 def _frame_cycles(scene: Scene) -> Iterator[Problem]:
@@ -76,6 +77,28 @@ def _frame_cycles(scene: Scene) -> Iterator[Problem]:
         if len(chain) > 1 and chain[-1] == unit:
             text = f"placed relative to itself ({' -> '.join(chain)}); give one of them in frame world"
             yield Problem(("units", unit, "pose", "frame"), text)
+
+
+def _order_problems(scene: Scene) -> Iterator[Problem]:
+    """Yield names in ``after`` that do not name one step, and steps that wait for themselves."""
+    labels = [step.label for step in scene.plan]
+    wrong = False
+    for i, step in enumerate(scene.plan):
+        for j, name in enumerate(step.after or ()):
+            path: KeyPath = ("plan", i, "after", j)
+            if name not in labels:
+                wrong = True
+                yield Problem(
+                    path, f"no step named {name!r}{nearest(name, labels)} Steps: {', '.join(labels)}"
+                )
+            elif labels.count(name) > 1:
+                wrong = True
+                yield Problem(path, f"{labels.count(name)} steps are named {name!r}; give each a `name`")
+    if wrong:
+        return
+    for i, step in enumerate(scene.plan):
+        if i in ancestors(scene.plan, i):
+            yield Problem(("plan", i, "after"), f"step {step.label!r} waits for itself; take one `after` out")
 
 
 def _numbers_twice(scene: Scene) -> Iterator[Problem]:

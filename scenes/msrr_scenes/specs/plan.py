@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -22,6 +23,16 @@ class DockStep(Spec):
     """Active port of the docking unit."""
     to: str = Field(pattern=r"^[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*$")
     """Port that is docked to, written ``<unit>.<port>``."""
+    name: Name | None = None
+    """Name of the step, for ``after``; by default that of the unit."""
+    after: tuple[Name, ...] | None = None
+    """Names of the steps that have to be done before this one begins; by default the step before it in the
+    plan. Steps that do not come after one another are carried out at the same time."""
+
+    @property
+    def label(self) -> str:
+        """Name by which other steps refer to this one."""
+        return self.name or self.unit
 
     @property
     def target_unit(self) -> str:
@@ -32,6 +43,37 @@ class DockStep(Spec):
     def target_port(self) -> str:
         """Name of the port that is docked to, without its unit."""
         return self.to.partition(".")[2]
+
+
+def predecessors(plan: Sequence[DockStep]) -> tuple[tuple[int, ...], ...]:
+    """Return for every step the indices of the steps that it comes directly after.
+
+    Names that no step has are left out, and a name that several steps have means all of them; the checks of a
+    scene refuse both.
+    """
+    found: list[tuple[int, ...]] = []
+    for index, step in enumerate(plan):
+        if step.after is None:
+            found.append((index - 1,) if index else ())
+        else:
+            found.append(tuple(i for i, other in enumerate(plan) if other.label in step.after))
+    return tuple(found)
+
+
+def ancestors(plan: Sequence[DockStep], index: int) -> tuple[int, ...]:
+    """Return the indices of all steps that are done before a step begins, in order."""
+    before, pending = set[int](), [index]
+    direct = predecessors(plan)
+    while pending:
+        new = [i for i in direct[pending.pop()] if i not in before]
+        before.update(new)
+        pending += new
+    return tuple(sorted(before))
+
+
+def comes_after(plan: Sequence[DockStep], step: DockStep, earlier: DockStep) -> bool:
+    """Return whether a step of the plan begins only when another one is done."""
+    return earlier in plan and plan.index(earlier) in ancestors(plan, plan.index(step))
 
 
 class LosSpec(Spec):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,8 +56,8 @@ def test_a_caption_tells_the_present_and_not_how_the_phase_began(trial, context)
 
 
 @pytest.mark.parametrize("phase", [Phase.RETREAT, Phase.FAILED])
-def test_a_caption_gives_the_reason_that_stays_true(phase, trial, context):
-    snapshot = replace(trial.snapshots[-1], phase=phase, reason="no progress for 2.0 s")
+def test_a_caption_gives_the_reason_that_stays_true(phase, trial, context, with_step):
+    snapshot = with_step(trial.snapshots[-1], phase=phase, reason="no progress for 2.0 s")
     view = CameraView(
         Exposure("a/onboard", -1, snapshot.stamp_ns), pinhole_camera(context.scene, "a/onboard")
     )

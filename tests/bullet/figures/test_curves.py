@@ -15,7 +15,7 @@ from msrr_scenes.geometry.se2 import SE2
 
 
 @pytest.fixture
-def turning(drive):
+def turning(drive, with_step):
     """The drive with a unit that starts near 180 deg, jitters about it, and turns to 0."""
     rng = np.random.default_rng(5)
     done = np.linspace(0.0, 1.0, len(drive.snapshots))
@@ -23,9 +23,8 @@ def turning(drive):
     unit = drive.scene.plan[0].unit
     X_WD = drive.snapshots[0].units["b"] @ drive.scene.geometry("b").dock_frame("rear")
     return [
-        replace(
-            s,
-            units={**s.units, unit: X_WD @ SE2(-0.5, 0.0, float(h))},
+        with_step(
+            replace(s, units={**s.units, unit: X_WD @ SE2(-0.5, 0.0, float(h))}),
             estimate=X_WD @ SE2(-0.5, 0.0, float(h + 0.02 * rng.standard_normal())) if i > 5 else None,
         )
         for i, (s, h) in enumerate(zip(drive.snapshots, heading, strict=True))
@@ -48,9 +47,9 @@ def test_a_heading_around_180_deg_is_a_line_and_no_block(drive, turning):
     assert abs(truth[-1]) < 10.0
 
 
-def test_each_step_of_a_plan_ends_within_half_a_turn(drive, turning):
+def test_each_step_of_a_plan_ends_within_half_a_turn(drive, turning, with_step):
     step = drive.scene.plan[0].model_copy(update={"to": "b.left"})
-    later = [replace(s, step=step) for s in turning]
+    later = [with_step(s, step=step) for s in turning]
     series = TrialSeries.of(drive.scene, [*turning, *later])
     axes = Figure().add_subplot()
     curves.yaw(axes, series)

@@ -27,11 +27,13 @@ def test_an_overhead_frame_shows_truth_belief_plan_and_detections(count_pixels, 
         assert text in title
 
 
-def test_belief_is_drawn_where_it_is(views, trial, context):
+def test_belief_is_drawn_where_it_is(views, trial, context, with_step):
     """A belief 20 cm off is drawn 20 cm off."""
     view = [v for v in views if v.exposure.camera == OVERHEAD and v.tags][5]
     snapshot = trial.at(view.stamp_ns)
-    wrong = replace(snapshot, estimate=snapshot.estimate @ SE2(0.0, 0.2), assembly=None, clearance=None)
+    wrong = with_step(
+        replace(snapshot, clearance=None), estimate=snapshot.estimate @ SE2(0.0, 0.2), assembly=None
+    )
     image = draw_overhead(context, CameraView(view.exposure, view.camera), wrong, ()).image
     ghost = SE3.from_se2(wrong.estimate).act(scene_solids(context.scene)["a"].points)
     hull = Perspective.overhead(context.scene).hull(ghost)

@@ -13,11 +13,15 @@ from msrr_bullet.timeline import palette
 from msrr_scenes.errors import MsrrError
 
 
-def test_the_plot_shows_belief_on_truth_and_the_clearance(count_pixels, short_log, short_snapshots, tmp_path):
+def test_the_plot_shows_belief_on_truth_and_the_clearance(
+    count_pixels, short_log, short_snapshots, tmp_path, with_step
+):
     """Every curve takes more than 100 pixels beyond what a plot without it has, such as its legend."""
     path = write_plot(tmp_path / "plot.png", short_log.header.scene, short_snapshots, "timeout")
     assert count_pixels(path, palette.PATH, 3) > 100
-    bare = [replace(s, estimate=None, clearance=None, los=None, twist=None) for s in short_snapshots]
+    bare = [
+        with_step(replace(s, clearance=None), estimate=None, los=None, twist=None) for s in short_snapshots
+    ]
     without = write_plot(tmp_path / "bare.png", short_log.header.scene, bare, "timeout")
     for name in ("BELIEF", "CLEARANCE", "GREEN", "VERMILLION", "PLAN"):
         drawn, legend = (count_pixels(each, getattr(palette, name), 3) for each in (path, without))

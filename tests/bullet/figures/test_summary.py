@@ -54,10 +54,7 @@ def test_the_same_trial_gives_the_same_picture(drive, view, tmp_path):
 
 
 def test_what_is_missing_is_left_out(drive, tmp_path):
-    bare = [
-        replace(snapshot, estimate=None, los=None, clearance=None, phase=None, step=None, obstacles={})
-        for snapshot in drive.snapshots[::20]
-    ]
+    bare = [replace(snapshot, steps=(), clearance=None, obstacles={}) for snapshot in drive.snapshots[::20]]
     assert write_picture(tmp_path / "bare.png", drive.scene, bare).is_file()
     assert write_picture(tmp_path / "one.png", drive.scene, bare[:1]).is_file()
     with pytest.raises(MsrrError, match="without a single snapshot"):
@@ -80,7 +77,7 @@ def test_the_picture_of_a_run_shows_its_plan_in_a_shape_that_fits(
 
 
 @pytest.mark.parametrize("ratio", [0.3, 0.85, 0.88, 0.92, 0.95, 1.5])
-def test_no_text_runs_over_the_edge(ratio, drive, tmp_path, monkeypatch):
+def test_no_text_runs_over_the_edge(ratio, drive, tmp_path, monkeypatch, with_step):
     """The title of the view from above was cut, and so was the label below it in views of some shapes."""
     figures = []
 
@@ -93,7 +90,7 @@ def test_no_text_runs_over_the_edge(ratio, drive, tmp_path, monkeypatch):
     for module in (summary, top_view):
         monkeypatch.setattr(module, "extent", lambda *_: ((-1.0, 1.0), (-ratio, ratio)))
     phases = (Phase.ASSEMBLE, Phase.HAND_OVER, Phase.DOCK, Phase.RETREAT)
-    busy = [replace(s, phase=phases[i % 4]) for i, s in enumerate(drive.snapshots[::4])]
+    busy = [with_step(s, phase=phases[i % 4]) for i, s in enumerate(drive.snapshots[::4])]
     write_picture(tmp_path / "run.png", drive.scene, busy, headline="docked")
     (figure,) = figures
     texts = [t for axes in figure.axes for t in (axes.title, axes.xaxis.label, axes.yaxis.label)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -23,8 +22,10 @@ def test_the_extent_holds_every_body(drive):
             assert X.y + reach <= y1 + 1e-9
 
 
-def test_the_title_names_the_instants_at_which_the_unit_is_drawn(drive):
-    failed = [replace(s, phase=Phase.RETREAT) if 120 <= i < 140 else s for i, s in enumerate(drive.snapshots)]
+def test_the_title_names_the_instants_at_which_the_unit_is_drawn(drive, with_step):
+    failed = [
+        with_step(s, phase=Phase.RETREAT) if 120 <= i < 140 else s for i, s in enumerate(drive.snapshots)
+    ]
     figure = Figure()
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
@@ -32,12 +33,12 @@ def test_the_title_names_the_instants_at_which_the_unit_is_drawn(drive):
     assert axes.get_title() == "from above: start, failed attempt, end"
 
 
-def test_the_title_of_many_steps_is_short(drive):
+def test_the_title_of_many_steps_is_short(drive, with_step):
     """It ran over the edge of the picture: every hand-over and step of four units stood in it."""
     phases = (Phase.ASSEMBLE, Phase.HAND_OVER, Phase.DOCK, Phase.RETREAT, Phase.ASSEMBLE)
     steps = [drive.scene.plan[0].model_copy(update={"to": f"b.{port}"}) for port in ("rear", "left", "right")]
     busy = [
-        replace(s, phase=phases[i // 4 % len(phases)], step=steps[i // 40 % len(steps)])
+        with_step(s, phase=phases[i // 4 % len(phases)], step=steps[i // 40 % len(steps)])
         for i, s in enumerate(drive.snapshots)
     ]
     figure = Figure()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -51,11 +49,11 @@ def test_the_gap_shrinks_by_the_driven_distance(series):
     assert gap[0] == pytest.approx(0.7, abs=0.1)
 
 
-def test_two_steps_of_a_plan_are_not_joined(short_log, short_snapshots):
+def test_two_steps_of_a_plan_are_not_joined(short_log, short_snapshots, with_step):
     scene = short_log.header.scene
     later = DockStep(unit="b", to="a.rear")
     half = len(short_snapshots) // 2
-    both = [*short_snapshots[:half], *(replace(f, step=later) for f in short_snapshots[half:])]
+    both = [*short_snapshots[:half], *(with_step(f, step=later) for f in short_snapshots[half:])]
     series = TrialSeries.of(scene, both)
     assert np.flatnonzero(series.new_step).tolist() == [0, half]
     gapped = series.with_gaps(series.true_port)

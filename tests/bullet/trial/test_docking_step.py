@@ -35,8 +35,8 @@ def test_a_lock_of_an_earlier_step_that_opens_fails_the_plan(
     result = run_trial(shipped("three_units", IDEAL), 1)
     assert result.outcome is Outcome.LOCK_FAILED
     assert not result.docked
-    assert [step.outcome for step in result.steps] == [Outcome.DOCKED, Outcome.LOCK_FAILED]
-    assert result.decisive_step is result.steps[1]
+    assert [step.outcome for step in result.steps] == [Outcome.LOCK_FAILED, Outcome.ABORTED]
+    assert result.decisive_step is result.steps[0]
 
 
 TWO_STEPS = """

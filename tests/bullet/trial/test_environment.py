@@ -20,13 +20,13 @@ def test_locked_pairs_hold_as_long_as_all_locks_hold(bench) -> None:
     """A docked pair that is locked, and then opened."""
     with bench("unicycle", SE2(-0.02, 0.0, 0.0)) as b:
         locked = LockedPairs()
-        assert locked.hold(b.plant)  # no pair, nothing to hold
+        assert locked.opened(b.plant) is None  # no pair, nothing to hold
         b.dock()
         locked.add(b.scene.plan[0])
         assert locked.pairs == {frozenset("ab")}
-        assert locked.hold(b.plant)
+        assert locked.opened(b.plant) is None
         b.plant.set_lock("a", False)
-        assert not locked.hold(b.plant)
+        assert locked.opened(b.plant) is b.scene.plan[0]
 
 
 def test_an_environment_is_complete_and_closed_at_the_end(shipped: Load) -> None:

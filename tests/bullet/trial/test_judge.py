@@ -10,6 +10,7 @@ import pytest
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.simulation.simulation import Simulation
+from msrr_bullet.trial.arena_judge import ArenaJudge, Safety
 from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.judge import FALSE_ABORT_TIME_S, Judge
 from msrr_scenes.geometry.se2 import SE2
@@ -46,6 +47,11 @@ class Crowd:
     def judge(self) -> Judge:
         step = self.simulation.scene.plan[0]
         return Judge(self.simulation, self.clearance, self.locked, step)
+
+    def check(self, judge: Judge, phase: Phase) -> Safety:
+        """Return what the judge of the arena finds after a decision in this phase."""
+        judge.decide(Action(0, phase, 1))
+        return ArenaJudge(self.simulation, self.clearance, self.locked).check([judge])
 
 
 def crowd(scene: Scene, model: ClearanceModel, units: dict[str, SE2], post: SE2) -> Crowd:
@@ -87,11 +93,12 @@ def test_the_outcome_is_that_of_a_check_of_all_pairs(scene: Scene) -> None:
         judge, docking = crowded.judge(), bool(i % 5)
         phase = Phase.DOCK if docking else Phase.HAND_OVER
         expected, counted = check_all_pairs(judge, crowded, docking)
-        verdict, nearest = judge.safety(Action(0, phase, 1))
-        assert verdict is expected
-        assert judge.min_clearance == counted, "the distance at a collision counts"
-        assert (nearest.distance if nearest else None) == counted, "what is reported is what counts"
-        cases.add((verdict, judge.port_pose().in_zone))
+        found = crowded.check(judge, phase)
+        assert found.outcome is expected
+        assert (found.nearest.distance if found.nearest else None) == counted, (
+            "what is reported is what counts"
+        )
+        cases.add((found.outcome, judge.port_pose().in_zone))
     assert {v for v, _ in cases} == {None, Outcome.COLLISION, Outcome.CLEARANCE_VIOLATED}
     assert (None, True) in cases  # docking, and no other body near
 
@@ -106,8 +113,7 @@ def test_an_empty_arena_has_no_clearance(scene: Scene) -> None:
     everything = {frozenset(p) for p in ("ab", "bc", "ac")} | {frozenset((u, "post")) for u in "abc"}
     crowded.locked.pairs |= everything
     judge = crowded.judge()
-    assert judge.safety(Action(0, Phase.HAND_OVER, 1)) == (None, None)
-    assert judge.min_clearance is None
+    assert crowded.check(judge, Phase.HAND_OVER) == Safety(None, frozenset(), None)
 
 
 def beside(scene: Scene, x: float, y: float = 0.0, yaw: float = 0.0) -> Crowd:
@@ -121,16 +127,15 @@ def beside(scene: Scene, x: float, y: float = 0.0, yaw: float = 0.0) -> Crowd:
 def test_the_distance_at_a_collision_is_the_smallest_clearance(scene: Scene) -> None:
     """It kept the value of the instant before, metres away."""
     apart, post = beside(scene, -0.5), SE2(-1.0, 1.0, 0.0)
-    judge = apart.judge()
-    assert judge.safety(Action(0, Phase.HAND_OVER, 1))[0] is None
-    before = judge.min_clearance
+    before = apart.check(apart.judge(), Phase.HAND_OVER)
+    assert before.outcome is None
     units = {name: apart.simulation.poses()[name] for name in "abc"} | {"c": post @ SE2(0.12, 0.0)}
-    judge._simulation = crowd(scene, apart.clearance, units, post).simulation
-    outcome, nearest = judge.safety(Action(0, Phase.HAND_OVER, 1))
-    assert outcome is Outcome.COLLISION
-    assert before is not None
-    assert nearest is not None
-    assert judge.min_clearance == nearest.distance <= 0.0 < before
+    hit = crowd(scene, apart.clearance, units, post)
+    found = hit.check(hit.judge(), Phase.HAND_OVER)
+    assert (found.outcome, found.units) == (Outcome.COLLISION, {"c", "post"})
+    assert before.nearest is not None
+    assert found.nearest is not None
+    assert found.nearest.distance <= 0.0 < before.nearest.distance
 
 
 def test_a_pair_that_docks_is_exempt_and_its_neighbours_are_not(scene: Scene) -> None:
@@ -139,11 +144,10 @@ def test_a_pair_that_docks_is_exempt_and_its_neighbours_are_not(scene: Scene) ->
     overlap = seated.clearance.minimum(seated.simulation.poses())
     assert overlap is not None
     assert (overlap.pair, overlap.distance < -0.01) == (PAIR, True)
-    judge = seated.judge()
-    outcome, nearest = judge.safety(Action(0, Phase.VERIFY, 1))
-    assert outcome is None
-    assert nearest == seated.clearance.query(seated.simulation.poses(), {PAIR})[0]
-    assert judge.min_clearance == nearest.distance > 0.0
+    found = seated.check(seated.judge(), Phase.VERIFY)
+    assert found.outcome is None
+    assert found.nearest == seated.clearance.query(seated.simulation.poses(), {PAIR})[0]
+    assert found.nearest.distance > 0.0
 
 
 def keep_seated(judge: Judge, ticks: int = 200) -> Judge:
@@ -212,16 +216,15 @@ def test_the_time_in_the_seat_begins_anew_after_a_break(scene: Scene) -> None:
 @pytest.mark.parametrize("phase", [Phase.FAILED, Phase.HAND_OVER, Phase.ASSEMBLE])
 def test_a_pair_that_tried_to_dock_may_stay_close_until_it_has_parted(scene: Scene, phase: Phase) -> None:
     near, far = beside(scene, -0.03), beside(scene, -0.10)
-    judge = near.judge()
     assert near.clearance.minimum(near.simulation.poses()).distance < scene.judge.min_clearance_m
-    assert judge.safety(Action(0, phase, 1))[0] is Outcome.CLEARANCE_VIOLATED, "the pair has not docked"
+    assert near.check(near.judge(), phase).outcome is Outcome.CLEARANCE_VIOLATED, "the pair has not docked"
     judge = near.judge()
     for step in (Phase.DOCK, Phase.RETREAT, phase, phase):
-        assert judge.safety(Action(0, step, 1))[0] is None
-    judge._simulation = far.simulation
-    assert judge.safety(Action(0, phase, 1))[0] is None
-    judge._simulation = near.simulation
-    assert judge.safety(Action(0, phase, 1))[0] is Outcome.CLEARANCE_VIOLATED, "the pair has parted"
+        assert near.check(judge, step).outcome is None
+    judge._plant = far.simulation.plant
+    assert far.check(judge, phase).outcome is None
+    judge._plant = near.simulation.plant
+    assert near.check(judge, phase).outcome is Outcome.CLEARANCE_VIOLATED, "the pair has parted"
 
 
 def test_a_unit_beyond_the_edge_has_left_the_arena(scene: Scene) -> None:
@@ -236,9 +239,9 @@ def test_a_unit_beyond_the_edge_has_left_the_arena(scene: Scene) -> None:
         (0.0, arena.y_m[0] - 0.01, True),
     ):
         units = {"a": SE2(x, y, 0.3), "b": SE2(0.0, 1.0, 0.0), "c": SE2(0.0, -1.0, 0.0)}
-        judge = crowd(scene, model, units, SE2(1.0, 1.0, 0.0)).judge()
-        verdict, _ = judge.safety(Action(0, Phase.DOCK, 1))
-        assert (verdict is Outcome.LEFT_ARENA) is left, (x, y)
+        crowded = crowd(scene, model, units, SE2(1.0, 1.0, 0.0))
+        found = crowded.check(crowded.judge(), Phase.DOCK)
+        assert (found.outcome is Outcome.LEFT_ARENA) is left, (x, y)
 
 
 def test_docked_needs_the_seat_and_the_lock(scene: Scene) -> None:

@@ -112,11 +112,12 @@ def test_far_away_the_believed_pose_is_that_of_the_overhead_camera(mission: Watc
 
 def test_events_are_the_changes_of_phase_and_the_verdict(docking: Watched, mission: Watched) -> None:
     for trial in (docking, mission):
-        *changes, verdict = trial.of(Event)
+        *changes, of_step, verdict = trial.of(Event)
         phases = [phase for phase, _ in itertools.groupby(p.phase for p in trial.progress)]
         assert [event.source for event in changes] == ["a"] * len(phases)
         for event, phase in zip(changes, phases, strict=True):
             assert event.text.startswith(f"attempt 1: {phase.value}: ")
+        assert (of_step.source, of_step.text) == ("judge", f"a to b.rear: {trial.result.outcome.value}")
         assert (verdict.source, verdict.text) == ("judge", trial.result.outcome.value)
     assert docking.result.outcome is Outcome.DOCKED
     assert mission.result.outcome is Outcome.TIMEOUT

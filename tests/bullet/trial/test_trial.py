@@ -145,7 +145,7 @@ def test_a_plan_of_two_steps_is_carried_out_in_order(shipped: Load, tmp_path: Pa
     first, second = result.steps
     assert [(s.index, s.unit, s.target) for s in (first, second)] == [(0, "a", "b.rear"), (1, "c", "b.left")]
     assert [(len(s.attempts), s.phase) for s in (first, second)] == [(1, Phase.DONE)] * 2
-    assert 0.0 == first.started_s < first.ended_s < second.started_s < second.ended_s == result.duration_s
+    assert 0.0 == first.started_s < first.ended_s == second.started_s < second.ended_s == result.duration_s
     assert [(m.index, m.unit) for _, _, m in recorder.messages if isinstance(m, StepStart)] == [
         (0, "a"),
         (1, "c"),

@@ -33,15 +33,17 @@ def test_it_plays_by_itself(browser, drive, tmp_path):
     assert (np.abs(played - last).max(axis=2) > 40).mean() < 0.1 * moved.mean()
 
 
-def test_a_trial_far_from_the_origin_is_in_view(browser, drive, tmp_path):
+def test_a_trial_far_from_the_origin_is_in_view(browser, drive, tmp_path, with_step):
     def moved(X):
         return SE2(X.x + 30.0, X.y - 20.0, X.yaw)
 
     near = replace(drive.snapshots[100], clearance=None)
-    far = replace(
-        near,
-        units={name: moved(X) for name, X in near.units.items()},
-        obstacles={name: moved(X) for name, X in near.obstacles.items()},
+    far = with_step(
+        replace(
+            near,
+            units={name: moved(X) for name, X in near.units.items()},
+            obstacles={name: moved(X) for name, X in near.obstacles.items()},
+        ),
         estimate=moved(near.estimate),
     )
     image = browser.screenshot(write_replay(tmp_path / "far.html", drive.scene, [far]).as_uri(), tmp_path)
@@ -60,7 +62,7 @@ def test_the_same_trial_gives_the_same_replay(drive, tmp_path):
 
 
 def test_one_bare_snapshot_is_shown_and_none_is_refused(drive, tmp_path):
-    bare = replace(drive.snapshots[0], step=None, estimate=None, phase=None, los=None, clearance=None)
+    bare = replace(drive.snapshots[0], steps=(), clearance=None)
     assert write_replay(tmp_path / "one.html", drive.scene, [bare]).is_file()
     with pytest.raises(MsrrError, match="without a single snapshot"):
         write_replay(tmp_path / "none.html", drive.scene, [])

@@ -9,7 +9,7 @@ from msrr_bullet.viewer.scene_graph import SceneGraph
 
 def test_all_snapshots_have_the_same_nodes(drive):
     graph = SceneGraph(drive.scene)
-    bare = replace(drive.snapshots[0], step=None, estimate=None, los=None, clearance=None, obstacles={})
+    bare = replace(drive.snapshots[0], steps=(), clearance=None, obstacles={})
     nodes = {frozenset(graph.placements(snapshot)) for snapshot in (*drive.snapshots[::40], bare)}
     assert len(nodes) == 1
     assert {"units/a", "ghost/a", "sight", "clearance/free"} <= next(iter(nodes))

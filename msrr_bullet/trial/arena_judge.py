@@ -1,0 +1,92 @@
+"""The judge of the arena: collisions, clearances, the locks and the limits of the floor, by the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from msrr_bullet.collision.clearance import Clearance, Pair
+from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.simulation.simulation import Simulation
+from msrr_bullet.trial.environment import LockedPairs
+from msrr_bullet.trial.judge import Judge
+from msrr_scenes.outcome import Outcome
+
+
+@dataclass(frozen=True, slots=True)
+class Safety:
+    """What the judge of the arena found at one control instant.
+
+    Attributes:
+        outcome: Outcome that ends the trial; None while nothing does.
+        units: Units whose doing it is; empty without an outcome.
+        nearest: Smallest clearance of all pairs that are not exempt, which the log holds and every display
+            shows; None without such a pair.
+    """
+
+    outcome: Outcome | None
+    units: frozenset[str]
+    nearest: Clearance | None
+
+
+class ArenaJudge:
+    """Judges all bodies of a trial at every control instant."""
+
+    def __init__(self, simulation: Simulation, clearance: ClearanceModel, locked: LockedPairs) -> None:
+        """Begin to judge.
+
+        Args:
+            simulation: Source of the true poses.
+            clearance: Clearance model with the shapes of all bodies.
+            locked: Pairs that are locked together: they are one body, and their locks have to hold.
+        """
+        self._simulation, self._clearance, self._locked = simulation, clearance, locked
+
+    def check(self, judges: Iterable[Judge]) -> Safety:
+        """Check locks, clearances and the limits of the arena.
+
+        Exempt from the clearances are units that are locked together, and a pair that docks, unless it
+        touches beside its port.
+
+        Args:
+            judges: Judges of the steps under way, after the decisions of their robots.
+        """
+        opened = self._locked.opened(self._simulation.plant)
+        if opened is not None:
+            return Safety(Outcome.LOCK_FAILED, frozenset({opened.unit}), None)
+        poses = self._simulation.poses()
+        docking = {judge.pair: judge for judge in judges if judge.docking}
+        exempt = set(self._locked.pairs)
+        nearest = self._clearance.minimum(poses, exempt)
+        while nearest is not None and _is_authorised(nearest, docking.get(nearest.pair)):
+            exempt.add(nearest.pair)
+            nearest = self._clearance.minimum(poses, exempt)
+        if nearest is not None and nearest.distance <= 0.0:
+            return Safety(Outcome.COLLISION, nearest.pair, nearest)
+        limit, limits = self._simulation.scene.judge.min_clearance_m, _neighbour_limits(docking.values())
+        tested = nearest
+        while tested is not None and tested.distance < limit:
+            if tested.distance < limits.get(tested.pair, limit):
+                return Safety(Outcome.CLEARANCE_VIOLATED, tested.pair, nearest)
+            exempt.add(tested.pair)
+            tested = self._clearance.minimum(poses, exempt)
+        arena = self._simulation.scene.arena
+        for unit in self._simulation.scene.units:
+            X_WU = poses[unit]
+            if not (arena.x_m[0] <= X_WU.x <= arena.x_m[1] and arena.y_m[0] <= X_WU.y <= arena.y_m[1]):
+                return Safety(Outcome.LEFT_ARENA, frozenset({unit}), nearest)
+        return Safety(None, frozenset(), nearest)
+
+
+def _is_authorised(clearance: Clearance, judge: Judge | None) -> bool:
+    """Return whether a pair may be as near as it is because it docks; ``judge`` is that of its docking."""
+    if judge is None:
+        return False
+    return clearance.distance > 0.0 or (judge.port is not None and judge.port.in_zone)
+
+
+def _neighbour_limits(judges: Iterable[Judge]) -> dict[Pair, float]:
+    limits: dict[Pair, float] = {}
+    for judge in judges:
+        limits |= judge.neighbour_limits()
+    return limits
