@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Polygon
 
 from msrr_bullet.collision.footprint import Part, obstacle_parts, unit_parts
 from msrr_bullet.timeline.palette import BELIEF, DARK, DOCKING_UNIT, OBSTACLE, PATH, PLAN, css, unit_colour
-from msrr_bullet.timeline.snapshot import Snapshot, planned_paths
+from msrr_bullet.timeline.snapshot import Snapshot, planned_paths, step_histories
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Phase
 from msrr_scenes.specs.scene import Scene
@@ -34,9 +34,9 @@ def draw_top_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot], title
     for index, (name, X) in enumerate(last.units.items()):
         if name not in docking:
             _draw_body(axes, unit_parts(scene.geometry(name)), X, unit_colour(index, docks=False), 1.0)
-    marks = _marks(snapshots)
-    for i, (_, snapshot) in enumerate(marks):
-        for name in filter(docking.__contains__, snapshot.units):
+    marks = _marks(snapshots, docking)
+    for i, (_, snapshot, shown) in enumerate(marks):
+        for name in filter(shown.__contains__, snapshot.units):
             opacity = 0.25 + 0.65 * i / (len(marks) - 1)
             _draw_body(axes, unit_parts(scene.geometry(name)), snapshot.units[name], DOCKING_UNIT, opacity)
     _draw_paths(axes, snapshots)
@@ -47,7 +47,7 @@ def draw_top_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot], title
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8)
     if title:
-        counts = Counter(event for event, _ in marks)
+        counts = Counter(event for event, _, _ in marks)
         events = ", ".join(f"{event} ({n})" if n > 1 else event for event, n in counts.items())
         axes.set_title(f"from above: {events}", fontsize=9)
 
@@ -68,17 +68,17 @@ def extent(scene: Scene, snapshots: Sequence[Snapshot]) -> tuple[tuple[float, fl
     return (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
 
 
-def _marks(snapshots: Sequence[Snapshot]) -> list[tuple[str, Snapshot]]:
-    """Return the instants at which docking units are drawn, each with the event that the title names."""
-    marks = [("start", snapshots[0])]
-    for before, after in pairwise(snapshots):
-        if before.step != after.step and after.step is not None:
-            marks.append(("next step", after))
-        elif before.phase is Phase.ASSEMBLE and after.phase is Phase.HAND_OVER:
-            marks.append(("hand-over", after))
-        elif before.phase in _ATTEMPT and after.phase in _AFTER_FAILURE:
-            marks.append(("failed attempt", before))
-    return [*marks, ("end", snapshots[-1])]
+def _marks(snapshots: Sequence[Snapshot], docking: Collection[str]) -> list[tuple[str, Snapshot, set[str]]]:
+    """Return the instants at which units are drawn: the event that the title names, and the units."""
+    marks = [("start", snapshots[0], set(docking))]
+    for step, history in step_histories(snapshots).items():
+        for (before_at, before), (at, after) in pairwise(history):
+            if before.phase is Phase.ASSEMBLE and after.phase is Phase.HAND_OVER:
+                marks.append(("hand-over", at, {step.unit}))
+            elif before.phase in _ATTEMPT and after.phase in _AFTER_FAILURE:
+                marks.append(("failed attempt", before_at, {step.unit}))
+    marks.sort(key=lambda mark: mark[1].stamp_ns)
+    return [*marks, ("end", snapshots[-1], set(docking))]
 
 
 def _draw_paths(axes: Axes, snapshots: Sequence[Snapshot]) -> None:
@@ -86,17 +86,14 @@ def _draw_paths(axes: Axes, snapshots: Sequence[Snapshot]) -> None:
         points = np.array(path.points)
         label = None if i else "planned"
         axes.plot(*points.T, color=css(PLAN), linestyle="--", linewidth=1.2, label=label)
-    for poses, colour, width, label in (
-        ([s.docking_pose for s in snapshots], PATH, 2.2, "driven (truth)"),
-        ([s.estimate for s in snapshots], BELIEF, 1.1, "believed"),
-    ):
-        points = np.array([(X.x, X.y) if X else (np.nan, np.nan) for X in poses])
-        # Another unit takes over in the next step of the plan, and no line may join the two.
-        for i, (a, b) in enumerate(pairwise(snapshots)):
-            if a.step != b.step:
-                points[i] = np.nan
-        axes.plot(*points.T, color=css(colour), linewidth=width, label=label)
-    axes.legend(loc="best", fontsize=8, framealpha=0.9)
+    histories = step_histories(snapshots)
+    for colour, width, label in ((PATH, 2.2, "driven (truth)"), (BELIEF, 1.1, "believed")):
+        for i, (step, history) in enumerate(histories.items()):
+            poses = [s.estimate if colour == BELIEF else at.units.get(step.unit) for at, s in history]
+            points = np.array([(X.x, X.y) if X else (np.nan, np.nan) for X in poses])
+            axes.plot(*points.T, color=css(colour), linewidth=width, label=None if i else label)
+    if histories:
+        axes.legend(loc="best", fontsize=8, framealpha=0.9)
 
 
 def _draw_names(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -> None:

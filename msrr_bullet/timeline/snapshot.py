@@ -161,13 +161,25 @@ def phase_name(phase: Phase) -> str:
     return phase.value.replace("_", " ")
 
 
-def planned_paths(snapshots: Iterable[Snapshot]) -> list[AssemblyPath]:
-    """Return every path that the long-distance phase chose, in order."""
-    paths: list[AssemblyPath] = []
+def step_histories(
+    snapshots: Iterable[Snapshot],
+) -> dict[DockStep, list[tuple[Snapshot, StepSnapshot]]]:
+    """Return the instants of every step, in order of time; the steps in the order in which they began."""
+    histories: dict[DockStep, list[tuple[Snapshot, StepSnapshot]]] = {}
     for snapshot in snapshots:
-        if snapshot.path is not None and (not paths or snapshot.path is not paths[-1]):
-            paths.append(snapshot.path)
-    return paths
+        for step in snapshot.steps:
+            histories.setdefault(step.step, []).append((snapshot, step))
+    return histories
+
+
+def planned_paths(snapshots: Iterable[Snapshot]) -> list[AssemblyPath]:
+    """Return every path that the long-distance phase of any step chose, in order."""
+    paths: dict[int, AssemblyPath] = {}  # by identity: two units may choose equal paths
+    for snapshot in snapshots:
+        for step in snapshot.steps:
+            if step.path is not None:
+                paths.setdefault(id(step.path), step.path)
+    return list(paths.values())
 
 
 class Viewer(Protocol):

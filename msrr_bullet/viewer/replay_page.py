@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from msrr_bullet.timeline.snapshot import Snapshot, planned_paths
+from msrr_bullet.timeline.snapshot import Snapshot, planned_paths, step_histories
 from msrr_bullet.viewer.arena_belief import PLAN_NODE, plan_commands
 from msrr_bullet.viewer.commands import Command, Placement, Track, set_animation
 from msrr_bullet.viewer.page import render_page
 from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at, path_commands
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.messages import NS_PER_S, seconds
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import NS_PER_S, Phase, seconds
 from msrr_scenes.specs.scene import Scene
 
 #: Rate at which the page stores snapshots of the trial, between which it interpolates [Hz].
@@ -45,37 +46,37 @@ def _thinned(snapshots: Iterable[Snapshot]) -> Iterator[Snapshot]:
     """Yield the snapshots at :data:`SNAPSHOT_RATE`, at every change of phase, and the last one."""
     due, last, kept = 0, None, None
     for last in snapshots:
-        if kept is None or last.stamp_ns >= due or last.phase is not kept.phase:
+        if kept is None or last.stamp_ns >= due or _phases(last) != _phases(kept):
             yield last
             kept, due = last, last.stamp_ns + round(NS_PER_S / SNAPSHOT_RATE)
     if last is not None and last is not kept:
         yield last
 
 
-def _docking_path(snapshots: Iterable[Snapshot], believed: bool) -> Iterator[list[Array]]:
-    """Yield the pieces of the path of the docking unit, each a list of points (2,) in W [m].
+def _phases(snapshot: Snapshot) -> list[Phase]:
+    return [step.phase for step in snapshot.steps]
 
-    A piece ends where another unit takes over, and where the pose is unknown.
-    """
+
+def _pieces(poses: Iterable[SE2 | None]) -> Iterator[list[Array]]:
+    """Yield the pieces of a path, each a list of points (2,) in W [m]; a piece ends at an unknown pose."""
     piece: list[Array] = []
-    unit: str | None = None
-    for snapshot in snapshots:
-        pose = snapshot.estimate if believed else snapshot.docking_pose
-        if piece and (snapshot.docking_unit != unit or pose is None):
-            yield piece
+    for pose in poses:
+        if pose is None:
+            if piece:
+                yield piece
             piece = []
-        unit = snapshot.docking_unit
-        if unit is None or pose is None:
-            continue
-        if not piece or np.linalg.norm(pose.translation - piece[-1]) >= PATH_STEP:
+        elif not piece or np.linalg.norm(pose.translation - piece[-1]) >= PATH_STEP:
             piece.append(pose.translation)
     if piece:
         yield piece
 
 
 def _paths(snapshots: Sequence[Snapshot]) -> Iterator[Command]:
-    for name, believed in (("truth", False), ("belief", True)):
-        for i, piece in enumerate(_docking_path(snapshots, believed)):
+    histories = step_histories(snapshots)
+    driven = [[at.units.get(step.unit) for at, _ in history] for step, history in histories.items()]
+    believed = [[s.estimate for _, s in history] for history in histories.values()]
+    for name, steps in (("truth", driven), ("belief", believed)):
+        for i, piece in enumerate(piece for poses in steps for piece in _pieces(poses)):
             yield from path_commands(f"{name}_{i}", piece)
     for i, plan in enumerate(planned_paths(snapshots)):
         yield from plan_commands(f"{PLAN_NODE}/{i}", plan.points)
@@ -88,7 +89,7 @@ def _animation(graph: SceneGraph, snapshots: Sequence[Snapshot]) -> Command:
     for node in placements[0]:
         tracks += _tracks(node, times, [by_node[node] for by_node in placements])
     for i, plan in enumerate(planned_paths(snapshots)):
-        followed = np.array([snapshot.path is plan for snapshot in snapshots])
+        followed = np.array([any(step.path is plan for step in s.steps) for s in snapshots])
         tracks.append(Track(f"{PLAN_NODE}/{i}", "visible", "bool", times, followed))
     return set_animation([track.thinned() for track in tracks])
 

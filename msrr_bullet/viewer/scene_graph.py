@@ -176,8 +176,9 @@ class SceneGraph:
         for name in self._scene.units:
             X = snapshot.units.get(name)
             nodes[f"units/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
+        believed = {step.step.unit: step.estimate for step in snapshot.steps}
         for name in self._docking:
-            X = snapshot.estimate if name == snapshot.docking_unit else None
+            X = believed.get(name)
             nodes[f"ghost/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
         for name in self._scene.obstacles:
             X = snapshot.obstacles.get(name)

@@ -34,7 +34,7 @@ def test_the_title_names_the_instants_at_which_the_unit_is_drawn(drive, with_ste
 
 
 def test_the_title_of_many_steps_is_short(drive, with_step):
-    """It ran over the edge of the picture: every hand-over and step of four units stood in it."""
+    """It ran over the edge of the picture: every hand-over of four units stood in it."""
     phases = (Phase.ASSEMBLE, Phase.HAND_OVER, Phase.DOCK, Phase.RETREAT, Phase.ASSEMBLE)
     steps = [drive.scene.plan[0].model_copy(update={"to": f"b.{port}"}) for port in ("rear", "left", "right")]
     busy = [
@@ -45,5 +45,5 @@ def test_the_title_of_many_steps_is_short(drive, with_step):
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     draw_top_view(axes, drive.scene, busy)
-    counted = r"from above: start, hand-over \(10\), failed attempt \(\d+\), next step \(4\), end"
+    counted = r"from above: start, hand-over \(10\), failed attempt \(\d+\), end"
     assert re.fullmatch(counted, axes.get_title())
