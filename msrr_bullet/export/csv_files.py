@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import heapq
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -14,7 +15,7 @@ from msrr_bullet.export.table import Column, Row, Table, columns, text, time
 from msrr_bullet.log import Log
 from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.series import TrialSeries
-from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.timeline.snapshot import Snapshot, step_histories
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.scene import Scene
 
@@ -101,9 +102,18 @@ def write_csv(log: Log, folder: Path) -> tuple[Path, ...]:
 
 
 def _approach_rows(scene: Scene, snapshots: Sequence[Snapshot]) -> Iterator[Row]:
+    """Yield the rows of all steps in order of time."""
+    histories = step_histories(snapshots)
+    steps = ([at.of_unit(step.unit) for at, _ in history] for step, history in histories.items())
+    for _, row in heapq.merge(*(_step_rows(scene, step) for step in steps), key=lambda pair: pair[0]):
+        yield row
+
+
+def _step_rows(scene: Scene, snapshots: Sequence[Snapshot]) -> Iterator[tuple[int, Row]]:
+    """Yield time [ns] and row of every instant of one step."""
     series = TrialSeries.of(scene, snapshots)
     for i, snapshot in enumerate(snapshots):
-        yield (
+        row = (
             time(snapshot.stamp_ns),
             snapshot.docking_unit,
             snapshot.attempt,
@@ -119,6 +129,7 @@ def _approach_rows(scene: Scene, snapshots: Sequence[Snapshot]) -> Iterator[Row]
             float(series.true_off_path[i]),
             bool(series.avoiding[i]),
         )
+        yield snapshot.stamp_ns, row
 
 
 class _CsvFiles:

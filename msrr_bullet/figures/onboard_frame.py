@@ -37,21 +37,22 @@ _LEGEND = (
 
 
 def draw_onboard(context: DrawingContext, view: CameraView, snapshot: Snapshot) -> AnnotatedFrame:
-    """Annotate a frame of the onboard camera of the docking unit.
+    """Annotate a frame of the onboard camera of a unit.
 
     Args:
         context: Scene and models of the run.
         view: Frame as far as it was read.
         snapshot: Trial at the time of exposure.
     """
-    scene, step = context.scene, snapshot.step
     unit = view.exposure.camera.partition("/")[0]
+    snapshot = snapshot.of_unit(unit)
+    scene, step = context.scene, snapshot.step
     perspective = Perspective.onboard(scene, unit, snapshot.units[unit])
     canvas = draw_frame(context, view, perspective, snapshot)
     for limit, dashed in ((scene.los.inner, True), (scene.los.outer, False)):
         for side in (1.0, -1.0):
             _draw_vertical(canvas, view, side * limit, CONE, 2, dashed)
-    if step is not None and step.unit == unit:
+    if step is not None:
         target = context.targets[step]
         if snapshot.estimate is not None:
             X_DW = target_frame(scene, step, snapshot.units).inverse()

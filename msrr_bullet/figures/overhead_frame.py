@@ -20,7 +20,7 @@ from msrr_bullet.figures.perspective import Perspective, on_floor
 from msrr_bullet.figures.schematic import draw_line, ring
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.palette import BELIEF, CLEARANCE, PATH, PLAN, SIGHT, SIGHT_RANGE
-from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.timeline.snapshot import Snapshot, step_histories
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import LosStatus
@@ -31,7 +31,7 @@ PLANE = 0.2
 _LEGEND = (
     READ_KEY,
     DETECTION_KEY,
-    Key(PATH, "docking unit and its way, truth"),
+    Key(PATH, "docking units and their ways, truth"),
     Key(BELIEF, "where bodies are believed; obstacles: circle about their footprint"),
     Key(PLAN, "planned path and desired point", dashed=True),
     Key(CLEARANCE, "smallest clearance"),
@@ -52,15 +52,17 @@ def draw_overhead(
     """
     perspective = Perspective.overhead(context.scene)
     canvas = draw_frame(context, view, perspective, snapshot)
-    _draw_plan(canvas, perspective, snapshot)
-    if snapshot.step is not None:
-        unit = snapshot.step.unit
-        driven = [f.units[unit].translation for f in past if f.step == snapshot.step]
-        points = [*driven, snapshot.units[unit].translation]
-        draw_line(canvas, perspective, on_floor(points, PLANE), PATH, 2)
-        _draw_outline(canvas, perspective, context, unit, snapshot.units[unit], PATH, 2)
-    _draw_belief(canvas, perspective, context, snapshot)
-    _draw_sight(canvas, perspective, context, snapshot)
+    histories = step_histories(past)
+    for single in snapshot.apart():
+        _draw_plan(canvas, perspective, single)
+        for step in single.steps:
+            unit = step.step.unit
+            driven = [at.units[unit].translation for at, _ in histories.get(step.step, ())]
+            points = [*driven, single.units[unit].translation]
+            draw_line(canvas, perspective, on_floor(points, PLANE), PATH, 2)
+            _draw_outline(canvas, perspective, context, unit, single.units[unit], PATH, 2)
+        _draw_belief(canvas, perspective, context, single)
+        _draw_sight(canvas, perspective, context, single)
     if snapshot.clearance is not None and snapshot.clearance.distance > 0.0:
         a, b = on_floor([snapshot.clearance.point_a, snapshot.clearance.point_b], PLANE)
         draw_line(canvas, perspective, np.stack([a, b]), CLEARANCE, 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from msrr_bullet.collision.clearance import Clearance
@@ -70,6 +70,14 @@ class Snapshot:
     obstacles: Mapping[str, SE2] = field(default_factory=dict)
     clearance: Clearance | None = None
     steps: tuple[StepSnapshot, ...] = ()
+
+    def apart(self) -> tuple[Snapshot, ...]:
+        """Return this instant once for every step under way, each time with that step alone."""
+        return tuple(replace(self, steps=(step,)) for step in self.steps)
+
+    def of_unit(self, unit: str) -> Snapshot:
+        """Return this instant with the step of one unit alone, or without a step if it has none under way."""
+        return replace(self, steps=tuple(step for step in self.steps if step.step.unit == unit))
 
     @property
     def first(self) -> StepSnapshot | None:

@@ -64,10 +64,10 @@ class ArenaBelief:
         for name in self._outlines:
             X_WB = poses.get(name)
             yield f"believed/{name}", Placement(SE3.from_se2(X_WB)) if X_WB else HIDDEN
-        follows_path = snapshot.assembly is not None and snapshot.path is not None
+        follows_path = any(step.assembly is not None and step.path is not None for step in snapshot.steps)
         yield PLAN_NODE, Placement(visible=follows_path)
         desired = HIDDEN
-        if snapshot.assembly is not None and follows_path:
+        if snapshot.assembly is not None and snapshot.path is not None:
             desired = Placement(SE3.from_se2(SE2(*snapshot.assembly.desired, 0.0), DESIRED_Z))
         yield "aim", desired
 

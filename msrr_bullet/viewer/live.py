@@ -62,9 +62,9 @@ class LiveViewer:
         self._graph = SceneGraph(scene)
         self._pace = pace
         self._placed: dict[str, Placement] = {}
-        self._true_path = _GrowingPath("truth")
-        self._believed_path = _GrowingPath("belief")
-        self._plan: AssemblyPath | None = None
+        self._true_paths = {unit: _GrowingPath(f"truth_{unit}") for unit in scene.units}
+        self._believed_paths = {unit: _GrowingPath(f"belief_{unit}") for unit in scene.units}
+        self._plans: dict[str, AssemblyPath] = {}  # newest planned path of every unit
         self._view_set = False
         self._next_update = 0.0
         self._origin: tuple[float, int] | None = None
@@ -118,8 +118,10 @@ class LiveViewer:
         Raises:
             ViewerError: The server has ended or no longer reads.
         """
-        self._true_path.add(snapshot.docking_pose)
-        self._believed_path.add(snapshot.estimate if snapshot.step else None)
+        believed = {step.step.unit: step.estimate for step in snapshot.steps}
+        for unit in self._true_paths:
+            self._true_paths[unit].add(snapshot.units[unit] if unit in believed else None)
+            self._believed_paths[unit].add(believed.get(unit))
         self._keep_pace(snapshot.stamp_ns)
         now = time.monotonic()
         if now >= self._next_update:
@@ -150,10 +152,13 @@ class LiveViewer:
         for node, placement in self._graph.placements(snapshot).items():
             commands += place(node, self._placed.get(node), placement)
             self._placed[node] = placement
-        if snapshot.path is not None and snapshot.path is not self._plan:
-            commands += plan_commands(LIVE_PLAN_NODE, snapshot.path.points)
-            self._plan = snapshot.path
-        commands += self._true_path.commands() + self._believed_path.commands()
+        for step in snapshot.steps:
+            unit, plan = step.step.unit, step.path
+            if plan is not None and plan is not self._plans.get(unit):
+                commands += plan_commands(f"{LIVE_PLAN_NODE}_{unit}", plan.points)
+                self._plans[unit] = plan
+        for path in (*self._true_paths.values(), *self._believed_paths.values()):
+            commands += path.commands()
         self._send_commands(commands)
         self._send(server.READING, b"readings", json.dumps(readings(snapshot)).encode())
 

@@ -116,7 +116,7 @@ def test_a_browser_that_connects_late_gets_the_whole_scene(drive):
     state = [umsgpack.unpackb(command) for command in commands]
     objects = {m["path"] for m in state if m["type"] == "set_object"}
     assert {f"units/{unit}/tag_top" for unit in drive.scene.units} <= objects
-    assert {"path/truth_0", "path/belief_0"} <= objects
+    assert {"path/truth_a_0", "path/belief_a_0"} <= objects
     final = [m for m in state if m["type"] == "set_transform" and m["path"] == "units/a"]
     assert len(final) == 1, "only the latest of each change is kept"
     assert final[0]["matrix"][12] == pytest.approx(drive.snapshots[-1].units["a"].x)
