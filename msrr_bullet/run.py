@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from msrr_bullet.log.header import LogHeader
@@ -16,10 +17,11 @@ from msrr_bullet.profiler import Profiler
 from msrr_bullet.timeline.camera_views import docking_views
 from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.snapshot import Viewer
+from msrr_bullet.trial.check import check_trial
 from msrr_bullet.trial.result import TrialResult, package_versions
 from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial
-from msrr_scenes.errors import MsrrError
+from msrr_scenes.errors import MsrrError, ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure, Pixels
 from msrr_scenes.specs.scene import Scene
@@ -44,6 +46,7 @@ def run_trial(
     viewer: Viewer | None = None,
     observer: Callable[[Progress], None] | None = None,
     profiler: Profiler | None = None,
+    wall_limit_s: float | None = None,
 ) -> TrialResult:
     """Run one trial.
 
@@ -56,25 +59,45 @@ def run_trial(
         viewer: Gets a snapshot at every control instant; :class:`~msrr_bullet.viewer.live.LiveViewer` is one.
         observer: Called with the progress at every control instant.
         profiler: Measures the time of each stage of the loop.
+        wall_limit_s: Time that the trial may take on the wall clock; None sets no limit.
 
     Returns:
         The result. A docking that fails is a result, not an error.
 
     Raises:
-        MsrrError: The scene names something that does not exist, or the folder cannot be written, or it holds
-            a file of such a name that belongs to no run.
+        MsrrError: :func:`~msrr_bullet.trial.check.check_trial` refuses the scene, or the folder cannot be
+            written, holds a file of such a name that belongs to no run, or is that of a run under way.
+        WallLimitError: The trial took longer than ``wall_limit_s``. The log ends there, and has no result.
     """
+    with ExitStack() as lock:
+        result = _run(scene, seed, out, lock, wall_limit_s, viewer, observer, profiler)
+        if out is not None:
+            _write_derived_files(out, result)
+    return result
+
+
+def _run(
+    scene: Scene,
+    seed: int,
+    out: Path | None,
+    lock: ExitStack,
+    wall_limit_s: float | None,
+    viewer: Viewer | None,
+    observer: Callable[[Progress], None] | None,
+    profiler: Profiler | None,
+) -> TrialResult:
+    """Run the trial and write its log; ``lock`` keeps the folder for this run until it is closed."""
     with ExitStack() as stack:
         recorder: Recorder = NullRecorder()
         if out is not None:
             _check(out)
-            recorder = _RunRecorder(out, LogHeader.of(scene, seed, package_versions()))
+        with suppress(ProgramFailedError):  # the trial ends with that outcome
+            check_trial(scene)
+        if out is not None:
+            recorder = _RunRecorder(out, LogHeader.of(scene, seed, package_versions()), lock)
             stack.callback(recorder.close)
         trial = Trial(scene, seed, recorder=recorder, viewer=viewer, observer=observer, profiler=profiler)
-        result = trial.run()
-    if out is not None:
-        _write_derived_files(out, result)
-    return result
+        return trial.run(wall_limit_s)
 
 
 class _RunRecorder:
@@ -83,8 +106,8 @@ class _RunRecorder:
     A scene that cannot be built does not come that far, and so costs no earlier run.
     """
 
-    def __init__(self, out: Path, header: LogHeader) -> None:
-        self._out, self._header = out, header
+    def __init__(self, out: Path, header: LogHeader, lock: ExitStack) -> None:
+        self._out, self._header, self._lock = out, header, lock
         self._head: list[tuple[str, int, object]] = []
         self._log: McapRecorder | None = None
 
@@ -107,6 +130,7 @@ class _RunRecorder:
     def _opened(self) -> McapRecorder:
         if self._log is None:
             _make_folder(self._out)
+            self._lock.enter_context(_locked(self._out))
             _delete_run(self._out)
             self._log = McapRecorder(self._out / LOG_NAME, self._header)
             for head in self._head:
@@ -136,6 +160,21 @@ def _delete_run(out: Path) -> None:
         raise RunFolderError(
             f"{error.filename}: the run of before cannot be deleted ({error.strerror}); choose another --out"
         ) from None
+
+
+@contextmanager
+def _locked(out: Path) -> Iterator[None]:
+    """Keep a folder for one run; the lock ends with the process at the latest, and leaves no file."""
+    folder = os.open(out, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            text = "another run is under way in this folder; choose another --out"
+            raise RunFolderError(f"{out}: {text}") from None
+        yield
+    finally:
+        os.close(folder)
 
 
 def _make_folder(out: Path) -> None:

@@ -1,4 +1,4 @@
-"""The parameters that a scene gives to a controller, checked with messages for the author of the scene."""
+"""The parameters that a scene gives to a law, checked with messages for the author of the scene."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from msrr_scenes.specs.spec import Spec
 P = TypeVar("P", bound=Spec)
 
 
-def read_params(name: str, kind: type[P], params: dict[str, Any]) -> P:
-    """Validate a controller's parameters.
+def read_params(what: str, kind: type[P], params: dict[str, Any]) -> P:
+    """Validate the parameters of a controller or an assembler.
 
     Args:
-        name: Name of the controller, for messages.
+        what: What the parameters are of, for messages: ``controller 'c1'``.
         kind: Specification of the parameters.
         params: The parameters as the scene gives them.
 
@@ -28,7 +28,7 @@ def read_params(name: str, kind: type[P], params: dict[str, Any]) -> P:
         return kind.model_validate(params)
     except ValidationError as error:
         faults = "; ".join(_explain(fault, kind) for fault in error.errors())
-        raise SceneError(f"controller {name!r}: {faults}") from error
+        raise SceneError(f"{what}: {faults}") from error
 
 
 def _explain(fault: ErrorDetails, kind: type[Spec]) -> str:

@@ -87,14 +87,17 @@ def check(
     ],
     overrides: Overrides = None,
 ) -> None:
-    """Check scene files; the exit code is 2 if one of them cannot be used."""
-    from msrr_control.staging.feasibility import check_assembly
+    """Check scene files by building all that a trial needs; the exit code is 2 if one cannot be used."""
+    from msrr_bullet.pybullet_client import load_simulator
+
+    load_simulator()
+    from msrr_bullet.trial.check import check_trial
 
     code = 0
     for file in files:
         try:
             loaded = load_scene(file, parse_overrides(overrides))
-            check_assembly(loaded)
+            check_trial(loaded)
         except MsrrError as error:
             code = report_error(str(error), BAD_INPUT)
             continue

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 NOT_DOCKED = 1
 
 #: Exit code for wrong arguments, a scene that cannot be used, a file that cannot be read or written, and for
-#: a trial in which a class of the user's own failed.
+#: a trial in which a class of the user's own failed or that took too long on the wall clock.
 BAD_INPUT = 2
 
 #: Exit code for an error of the program itself.

@@ -23,6 +23,16 @@ JsonFile = Annotated[
     Path | None,
     typer.Option("--json", metavar="FILE", help="Write the numbers as JSON to FILE; - is standard output."),
 ]
+WallLimit = Annotated[
+    float,
+    typer.Option(
+        "--wall-limit",
+        metavar="SECONDS",
+        min=0.1,
+        max=1e6,
+        help="Time that a trial may take on the wall clock.",
+    ),
+]
 Jobs = Annotated[int, typer.Option(min=1, help="Number of processes.")]
 
 #: Help of ``--seeds``.

@@ -15,11 +15,13 @@ from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import BAD_INPUT, NOT_DOCKED, PROGRAM_ERROR, report_error
 from msrr_bullet.cli.options import (
     DEFAULT_JOBS,
+    MAX_SEED,
     SEEDS_HELP,
     Jobs,
     JsonFile,
     Overrides,
     SceneName,
+    WallLimit,
     check_writable,
     parse_overrides,
     parse_seeds,
@@ -27,6 +29,7 @@ from msrr_bullet.cli.options import (
     write_json,
 )
 from msrr_bullet.cli.run_commands import FRAMES_NAME, PLOT_NAME, TABLES_NAME
+from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
 from msrr_scenes.loading.load import load_scene, scene_hash
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -42,7 +45,9 @@ BROWSER_TIMEOUT_S = 20.0
 
 def dock(
     scene: SceneName,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of every random number of the trial.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MAX_SEED, help="Seed of every random number of the trial.")
+    ] = 0,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -51,6 +56,7 @@ def dock(
         ),
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the running trial in a browser.")] = False,
+    wall_limit: WallLimit = DEFAULT_WALL_LIMIT_S,
     overrides: Overrides = None,
 ) -> None:
     """Run one trial and compare the robot's belief with the truth."""
@@ -71,7 +77,9 @@ def dock(
             def show_progress(progress: Progress) -> None:
                 show(_progress_line(loaded, progress))
 
-            result = run_trial(loaded, seed, out=folder, viewer=viewer, observer=show_progress)
+            result = run_trial(
+                loaded, seed, out=folder, viewer=viewer, observer=show_progress, wall_limit_s=wall_limit
+            )
         _report(console, result, folder)
         if view and sys.stdin.isatty():
             console.input("The page stays until you press Enter. ")
@@ -129,6 +137,7 @@ def sweep(
     store: Annotated[
         Path, typer.Option(help="SQLite file of results, from which a stopped sweep resumes.")
     ] = Path("runs/sweeps.sqlite"),
+    wall_limit: WallLimit = DEFAULT_WALL_LIMIT_S,
     fresh: Annotated[bool, typer.Option("--fresh", help="Use no store, so that every trial is run.")] = False,
     overrides: Overrides = None,
 ) -> None:
@@ -172,7 +181,9 @@ def sweep(
             bar.update(task, advance=1, description=f"{loaded.name}, {docked} docked")
 
         prepare_renderers(loaded, lambda text: bar.console.print(text, highlight=False))
-        summary = run_sweep(loaded, wanted, jobs, None if fresh else store, observer=show_trial)
+        summary = run_sweep(
+            loaded, wanted, jobs, None if fresh else store, observer=show_trial, wall_limit_s=wall_limit
+        )
     console.print(sweep_table(summary))
     write_json(json_file, summary.to_json())
     if summary.interrupted:
@@ -180,7 +191,7 @@ def sweep(
     for failure in summary.failures:
         report_error(f"seed {failure.seed} gave no result: {failure.error}", PROGRAM_ERROR)
     if summary.failures:
-        raise typer.Exit(PROGRAM_ERROR)
+        raise typer.Exit(BAD_INPUT if all(f.stopped for f in summary.failures) else PROGRAM_ERROR)
     if failed := summary.outcomes.get(Outcome.PROGRAM_FAILED.value):
         text = f"the program of the unit failed in {failed} of {summary.trials} trials"
         raise typer.Exit(report_error(f"{text}; msrr dock --seed shows one of them", BAD_INPUT))

@@ -23,6 +23,7 @@ from msrr_bullet.robot.fail_safe import FailSafeRobot
 from msrr_bullet.robot.interface import ObservableRobot
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.loading.load import check_scene
 from msrr_scenes.messages import (
     Action,
     ArenaEstimate,
@@ -79,6 +80,7 @@ def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool =
     Raises:
         LogError: The log cannot be read.
         ReplayError: The log is not that of a trial, or names a class by import path and is not trusted.
+        SceneError: The scene of the log contradicts itself.
     """
     log = read_log(run)
     named = [choice.name for choice in choices(log.header.scene.control) if is_import_path(choice)]
@@ -88,7 +90,9 @@ def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool =
             "give --trust if you trust the log and the code"
         )
     with tempfile.TemporaryDirectory(prefix="msrr-replay-") as folder:
-        return Replayer(log, log.header.unpacked(Path(folder)).scene, robot).run()
+        scene = log.header.unpacked(Path(folder)).scene
+        check_scene(scene)  # a trial was run of it, but the log may have been changed since
+        return Replayer(log, scene, robot).run()
 
 
 @dataclass

@@ -38,9 +38,13 @@ def path_following_law(choice: Choice, setting: Setting) -> PathFollowingLaw[Any
     params = merge_params({"pace": PAPER_PACE.model_dump()}, choice.params)
     limits = setting.limits_spec
     if choice.name == "c1":
-        return C1PathFollowingLaw(read_params("c1", C1PathFollowingParams, params), limits, OFFSET)
+        return C1PathFollowingLaw(
+            read_params("assembler 'c1'", C1PathFollowingParams, params), limits, OFFSET
+        )
     if choice.name == "c2":
-        return C2PathFollowingLaw(read_params("c2", C2PathFollowingParams, params), limits, OFFSET)
+        return C2PathFollowingLaw(
+            read_params("assembler 'c2'", C2PathFollowingParams, params), limits, OFFSET
+        )
     raise UnknownNameError("long-distance law", choice.name, ("c1", "c2"), "")
 
 

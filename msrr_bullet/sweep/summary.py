@@ -16,12 +16,19 @@ from msrr_scenes.specs.scene import Scene
 
 
 class TrialFailure(BaseModel):
-    """A trial without a result, because the program failed and not the robot."""
+    """A trial without a result, because the program failed and not the robot, or because it took too long.
+
+    Attributes:
+        seed: Seed of the trial.
+        error: What happened.
+        stopped: Whether it was stopped because it took too long on the wall clock.
+    """
 
     model_config = ConfigDict(frozen=True)
 
     seed: int
     error: str
+    stopped: bool = False
 
 
 class StepSummary(BaseModel):

@@ -5,15 +5,18 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 
+from msrr_bullet.pybullet_client import load_simulator
 from msrr_bullet.render import prepare_renderers
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.summary import SweepSummary, TrialFailure, summarise
 from msrr_bullet.sweep.trial_store import TrialStore
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction, WorkerPool
 from msrr_bullet.trial.result import TrialResult
+from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.specs.scene import Scene
 
@@ -23,12 +26,21 @@ _log = logging.getLogger(__name__)
 SweepObserver = Callable[[TrialResult | TrialFailure, bool], None]
 
 
-def one_trial(scene: Scene, seed: int) -> TrialResult:
-    """Run one trial without a run folder."""
+def one_trial(scene: Scene, seed: int, wall_limit_s: float | None = None) -> TrialResult:
+    """Run one trial without a run folder; see :meth:`msrr_bullet.trial.trial.Trial.run`."""
     # A process that only starts trials elsewhere does not load the simulator.
     from msrr_bullet.trial.trial import Trial
 
-    return Trial(scene, seed).run()
+    return Trial(scene, seed).run(wall_limit_s)
+
+
+def _check(scene: Scene) -> None:
+    """Refuse a scene before any trial is started; a class that fails is for the trials to count."""
+    load_simulator()
+    from msrr_bullet.trial.check import check_trial
+
+    with suppress(ProgramFailedError):
+        check_trial(scene)
 
 
 def sweep(
@@ -40,6 +52,7 @@ def sweep(
     executor: SupportsSubmit | None = None,
     trial: TrialFunction = one_trial,
     observer: SweepObserver | None = None,
+    wall_limit_s: float | None = None,
 ) -> SweepSummary:
     """Run a trial of ``scene`` for each seed.
 
@@ -54,9 +67,11 @@ def sweep(
         executor: Runs the trials instead of a pool of ``jobs`` spawned processes. It is left open.
         trial: Runs one trial; importable by name, because it is sent to other processes.
         observer: Called with each trial as it is done.
+        wall_limit_s: Time that each trial may take on the wall clock; None sets no limit.
 
     Returns:
-        The summary. It names the seed of every trial whose program failed or whose process died.
+        The summary. It names the seed of every trial that took too long, whose program failed, or whose
+        process died.
 
     Raises:
         MsrrError: The scene cannot be run with any seed, or the store cannot be used.
@@ -89,8 +104,12 @@ def sweep(
             for result in results.values():
                 observer(result, True)
         missing = deque(seed for seed in wanted if seed not in results)
+        if missing:
+            _check(scene)
         if missing and executor is None:
             prepare_renderers(scene, _log.info)  # once, instead of in every worker at the same time
+        if wall_limit_s is not None:
+            trial = partial(trial, wall_limit_s=wall_limit_s)
         pool = WorkerPool(jobs, executor, trial, scene, collect)
         try:
             pool.run(missing)

@@ -16,11 +16,13 @@ from typing import Any, Protocol
 from msrr_bullet.pybullet_client import load_simulator
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.wall_limit import WallLimitError
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.scene import Scene
 
-#: Runs one trial; importable by name, because it is sent to other processes.
-TrialFunction = Callable[[Scene, int], TrialResult]
+#: Runs one trial; importable by name, because it is sent to other processes. A sweep with a limit on the wall
+#: clock gives it as ``wall_limit_s``.
+TrialFunction = Callable[..., TrialResult]
 
 #: Called with the seed of every finished trial, and its result or failure.
 Collector = Callable[[int, TrialResult | TrialFailure], None]
@@ -115,6 +117,8 @@ class WorkerPool:
             error = future.exception()
             if error is None:
                 self._collector(seed, future.result())
+            elif isinstance(error, WallLimitError):
+                self._collector(seed, TrialFailure(seed=seed, error=str(error), stopped=True))
             elif isinstance(error, MsrrError):
                 misuse = error
             elif isinstance(error, BrokenProcessPool) and self._pool is not None:

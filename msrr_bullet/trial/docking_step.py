@@ -69,6 +69,7 @@ class DockingStep:
         self._started_ns = plant.now_ns()
         self._attempts: list[AttemptRecord] = []
         self._assembly_instants: list[Instant] = []
+        self._deadline_ns = duration_ns(scene.time_limit_s)
         self._failed_ns: int | None = None  # time at which the program of the unit failed
         self._min_clearance: float | None = None
         self._seating: Seating | None = None
@@ -111,7 +112,7 @@ class DockingStep:
 
     def end_if_over(self, now_ns: int) -> bool:
         """End the step if the robot has finished, its program has failed or the time is up."""
-        timed_out = now_ns >= duration_ns(self._scene.time_limit_s)
+        timed_out = now_ns >= self._deadline_ns
         if self.robot.failure is not None:
             if self._has_stopped(now_ns) or timed_out:
                 self.end(Outcome.PROGRAM_FAILED)
@@ -148,11 +149,15 @@ class DockingStep:
             control: Timer of the control instants.
         """
         plant = self._plant
+        time_left_ns = self._deadline_ns - plant.now_ns()
+        if self._scene.plant == "bullet" and time_left_ns < duration_ns(self._scene.lock.pull_time_s):
+            self.outcome = Outcome.TIMEOUT
+            return
         self._pull_test_passed = plant.lock_engaged(self.step.unit) and plant.pull_test(self.step.unit).holds
         if self._pull_test_passed:
             return
         self.outcome = self.judge.verdict_docked(self._seating, self._engaged, pull_passed=False)
-        deadline_ns = plant.now_ns() + duration_ns(_WATCH_S)
+        deadline_ns = min(plant.now_ns() + duration_ns(_WATCH_S), self._deadline_ns)
         while plant.now_ns() < deadline_ns:
             now_ns = plant.now_ns()
             self.sense(now_ns)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from msrr_bullet.profiler import Profiler
-from msrr_bullet.sensors.schedule import Periodic
+from msrr_bullet.sensors.schedule import Periodic, duration_ns
 from msrr_bullet.trial.arena_judge import ArenaJudge, Safety
 from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.environment import Environment
@@ -27,23 +29,29 @@ class Mission:
         self._environment, self._telemetry, self._profiler = environment, telemetry, profiler
         self._plant = simulation.plant
         self._after = predecessors(simulation.scene.plan)
+        self._deadline_ns = duration_ns(simulation.scene.time_limit_s)
         self._control = Periodic(simulation.scene.control.rate_hz, self._plant.now_ns())
         self._judge = ArenaJudge(simulation, environment.clearance, environment.locked)
         self._begun: dict[int, DockingStep] = {}
         self._active: list[DockingStep] = []
 
-    def run(self) -> tuple[StepResult, ...]:
+    def run(self, check_clock: Callable[[], None] = lambda: None) -> tuple[StepResult, ...]:
         """Run until no step is under way and none may begin; return the results of all that began.
 
         The locks are pulled at the end, when no unit can be disturbed by it.
+
+        Args:
+            check_clock: Called at every tick; it raises when the trial takes too long on the wall clock.
         """
         plant, profiler = self._plant, self._profiler
         self._begin_steps()
         while self._active:
             now_ns = plant.now_ns()
+            check_clock()
             for step in self._active:
                 step.sense(now_ns)
-            if self._control.due(now_ns):
+            # However slow the control is, the last instant is that at which the time is up.
+            if self._control.due(now_ns) or now_ns >= self._deadline_ns:
                 self._decide(now_ns)
                 if not self._active:
                     break

@@ -11,7 +11,7 @@ from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.mission import Mission
 from msrr_bullet.trial.result import StepResult, TrialResult, decisive_step
 from msrr_bullet.trial.telemetry import Progress, Telemetry
-from msrr_control.staging.feasibility import check_assembly
+from msrr_bullet.wall_limit import wall_limit
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.placement.placement import draw_placement
 from msrr_scenes.random_streams import stream
@@ -34,28 +34,35 @@ class Trial:
         """Prepare a trial.
 
         Args:
-            scene: The scene.
+            scene: The scene, which :func:`msrr_bullet.trial.check.check_trial` accepts.
             seed: Seed of all random streams; scene, seed and versions determine every bit of the log.
             recorder: Gets every message.
             viewer: Gets a snapshot at every control instant.
             observer: Called with the progress at every control instant.
             profiler: Measures the time of each stage of the loop.
-
-        Raises:
-            SceneError: The long-distance phase cannot work in this scene.
         """
-        check_assembly(scene)
         self.scene = scene
         self.seed = seed
         self._telemetry = Telemetry(recorder or NullRecorder(), viewer, observer)
         self._profiler = profiler or NullProfiler()
 
-    def run(self) -> TrialResult:
-        """Run the trial and return the result."""
+    def run(self, wall_limit_s: float | None = None) -> TrialResult:
+        """Run the trial and return the result.
+
+        Args:
+            wall_limit_s: Time that the trial may take on the wall clock; None sets no limit.
+
+        Raises:
+            WallLimitError: The trial took longer.
+        """
+        with wall_limit(wall_limit_s) as check_clock:
+            return self._run(check_clock)
+
+    def _run(self, check_clock: Callable[[], None]) -> TrialResult:
         placement = draw_placement(self.scene, lambda name: stream(self.seed, name))
         self._telemetry.begin(placement)
         with open_environment(self.scene, self.seed, placement) as environment:
-            steps = Mission(environment, self._telemetry, self._profiler).run()
+            steps = Mission(environment, self._telemetry, self._profiler).run(check_clock)
             result = self._result(steps, placement.redraws)
             self._telemetry.end(environment.simulation.plant.now_ns(), result.outcome)
         return result

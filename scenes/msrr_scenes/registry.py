@@ -170,6 +170,21 @@ def build(kind: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fix
     return cast(T, Guarded(kind, choice.name, built, {**table.methods, **table.optional}))
 
 
+def out_of_range(ranges: Mapping[str, tuple[float, float]], values: Mapping[str, object]) -> str | None:
+    """Return what is wrong with the first parameter that is no number of its range; None if all are.
+
+    Args:
+        ranges: Lowest and highest value of each parameter.
+        values: The parameters, others included.
+    """
+    for name, (low, high) in ranges.items():
+        value = values[name]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+            shown = repr(value)[:40]
+            return f"{name} has to be a number from {low:g} to {high:g}, found {shown}"
+    return None
+
+
 def _signature(cls: type) -> inspect.Signature:
     """Return the signature with which a class is built; one that takes anything if it cannot be told."""
     try:

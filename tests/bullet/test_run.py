@@ -141,3 +141,21 @@ def test_a_folder_that_cannot_be_made_is_said_before_the_trial(shipped: Load, tm
         run_trial(
             shipped("close_range", SHORT, blind=True), 1, out=tmp_path / "taken" / "run", observer=unreached
         )
+
+
+def test_two_runs_into_one_folder_at_the_same_time_are_refused(shipped: Load, tmp_path: Path) -> None:
+    scene = shipped("close_range", SHORT, blind=True)
+    refused: list[str] = []
+
+    def begin_another(progress: Progress) -> None:
+        if not refused:
+            with pytest.raises(RunFolderError, match="another run is under way") as caught:
+                run_trial(scene, 2, out=tmp_path)
+            refused.append(str(caught.value))
+
+    first = run_trial(scene, 1, out=tmp_path, observer=begin_another)
+    assert refused
+    assert read_log(tmp_path).header.seed == 1
+    assert TrialResult.from_json((tmp_path / "result.json").read_text()) == first
+    assert sorted(contents(tmp_path)) == sorted(RUN_FILES)  # the lock leaves no file
+    run_trial(scene, 2, out=tmp_path)

@@ -6,7 +6,7 @@ from msrr_scenes.errors import SceneError
 
 
 def test_parameters_are_checked_and_completed() -> None:
-    params = read_params("c1", C1PathFollowingParams, {"pace": {"cruise_mps": 0.2}})
+    params = read_params("controller 'c1'", C1PathFollowingParams, {"pace": {"cruise_mps": 0.2}})
     assert params.pace.cruise_mps == 0.2
     assert params.guidance == C1PathFollowingParams().guidance
 
@@ -19,19 +19,22 @@ def test_parameters_are_checked_and_completed() -> None:
             {"guidance": {"envelope": {"gama": 1.0}}},
             "guidance.envelope.gama: unknown parameter; did you mean",
         ),
-        ({"pace": {"ramp_s": -1.0}}, "pace.ramp_s: Input should be greater than 0, found -1.0"),
+        (
+            {"pace": {"ramp_s": -1.0}},
+            "pace.ramp_s: Input should be greater than or equal to 0.001",
+        ),
         ({"guidance": {"u_max_mps2": 0.1}}, "guidance: envelope.gamma = 0.28 m/s2 has to be less than"),
     ],
 )
 def test_a_fault_is_named_with_its_place_and_the_nearest_valid_name(params, says: str) -> None:
     with pytest.raises(SceneError) as caught:
-        read_params("c1", C1PathFollowingParams, params)
+        read_params("controller 'c1'", C1PathFollowingParams, params)
     assert says in str(caught.value)
 
 
 def test_all_faults_are_named_at_once() -> None:
     with pytest.raises(SceneError) as caught:
-        read_params("c1", C1PathFollowingParams, {"pase": {}, "pace": {"ramp_s": 0.0}})
+        read_params("controller 'c1'", C1PathFollowingParams, {"pase": {}, "pace": {"ramp_s": 0.0}})
     assert {"pase", "pace.ramp_s"} <= {
         part.split(":")[0].strip() for part in str(caught.value).split(";")
     } | {str(caught.value).split(": ")[1]}

@@ -21,7 +21,7 @@ from msrr_control.feedback.visibility_cone import ConeState
 from msrr_control.kinematics.controlled_point import offset_point, point_velocity, position_error, twist_for
 from msrr_control.kinematics.drive_limits import limit_twist, nested_limit_twist
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import Positive, Spec
+from msrr_scenes.specs.spec import Gain, Spec
 
 
 class C1DockingParams(CorrectedGuidanceParams):
@@ -114,7 +114,7 @@ class C1DockingLaw:
 class LinearParams(Spec):
     """Parameters of the plain linear law: the guidance and one gain."""
 
-    k_n_per_s: Positive = 0.8
+    k_n_per_s: Gain = 0.8
     guidance: GuidanceSpec = GuidanceSpec()
 
     def as_c1(self) -> C1DockingParams:

@@ -124,7 +124,7 @@ def _controller(name: str, law: Callable[[P, DockSetup], DockingLaw[Any]], kind:
     """Return a factory of controllers that run ``law`` with parameters of the given kind."""
 
     def build_law(setup: DockSetup, **params: Any) -> Controller:
-        return LawController(law(read_params(name, kind, params), setup))
+        return LawController(law(read_params(f"controller {name!r}", kind, params), setup))
 
     return build_law
 

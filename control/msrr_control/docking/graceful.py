@@ -9,7 +9,7 @@ from msrr_control.docking.law import DockSetup, LawInputs
 from msrr_control.kinematics.controlled_point import offset_point
 from msrr_control.kinematics.drive_limits import limit_twist
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import NonNegative, Positive, Spec
+from msrr_scenes.specs.spec import Length, NonNegative, Positive, Spec
 
 
 class GracefulParams(Spec):
@@ -28,7 +28,7 @@ class GracefulParams(Spec):
     k2: Positive = 5.0
     slow_down: NonNegative = 0.1
     sharpness: Positive = 2.0
-    ahead_m: Positive = 0.08
+    ahead_m: Length = 0.08
     guidance: GuidanceSpec = GuidanceSpec()
 
 

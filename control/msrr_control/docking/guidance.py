@@ -10,7 +10,7 @@ from msrr_control.docking.law import DockSetup, LawInputs
 from msrr_control.feedback.visibility_cone import ConeGains, ConeState, cone_force, cone_step
 from msrr_control.kinematics.elementwise import Number, at_least, at_most, limit, number, split, sqrt
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import NonNegative, Positive, Spec
+from msrr_scenes.specs.spec import Distance, Duration, Length, NonNegative, Spec, Speed
 
 
 class GuidanceSpec(Spec):
@@ -29,12 +29,12 @@ class GuidanceSpec(Spec):
         corridor_slope: Growth of that lateral bound per metre of distance.
     """
 
-    speed_mps: Positive = 0.11
-    ramp_s: Positive = 0.6
-    contact_mps: Positive = 0.06
-    overrun_m: NonNegative = 0.01
-    lag_m: Positive = 0.06
-    corridor_m: Positive = 0.006
+    speed_mps: Speed = 0.11
+    ramp_s: Duration = 0.6
+    contact_mps: Speed = 0.06
+    overrun_m: Distance = 0.01
+    lag_m: Length = 0.06
+    corridor_m: Length = 0.006
     corridor_slope: NonNegative = 0.25
 
     @property

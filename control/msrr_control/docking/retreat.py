@@ -9,7 +9,7 @@ from msrr_control.docking.law import DockSetup
 from msrr_control.kinematics.controlled_point import offset_point, twist_for
 from msrr_control.kinematics.drive_limits import limit_twist
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import Positive, Spec
+from msrr_scenes.specs.spec import Acceleration, Gain, Length, Spec, Speed
 
 
 class RetreatSpec(Spec):
@@ -24,11 +24,11 @@ class RetreatSpec(Spec):
         clear_m: Distance beyond the pins' length over which the unit backs out without steering.
     """
 
-    speed_mps: Positive = 0.12
-    k_per_s: Positive = 1.0
+    speed_mps: Speed = 0.12
+    k_per_s: Gain = 1.0
     slant: float = Field(default=0.3, gt=0.0, le=1.0)
-    stop_mps2: Positive = 0.2
-    clear_m: Positive = 0.008
+    stop_mps2: Acceleration = 0.2
+    clear_m: Length = 0.008
 
 
 def retreat_twist(pose: Array, distance: float, spec: RetreatSpec, setup: DockSetup) -> Array:

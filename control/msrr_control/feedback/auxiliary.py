@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from msrr_control.kinematics.elementwise import Number, limit, tanh
-from msrr_scenes.specs.spec import Positive, Spec
+from msrr_scenes.specs.spec import Length, Spec, Speed
 
 #: Newton's method starts short of the root of a function that is concave there, so it climbs monotonically;
 #: with the clamp below 2 six iterations reach rounding error.
@@ -21,8 +21,8 @@ class AuxiliaryGains(Spec):
         clamp: Largest |lambda|; beyond it the state can escape in finite time.
     """
 
-    k_mps: Positive
-    gamma_m: Positive
+    k_mps: Speed
+    gamma_m: Length
     clamp: float = Field(default=1.5, gt=0.0, le=2.0)
 
     @property

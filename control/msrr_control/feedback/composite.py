@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import Positive, Spec
+from msrr_scenes.specs.spec import Duration, Gain, Spec
 
 
 class CompositeGains(Spec):
@@ -20,9 +20,9 @@ class CompositeGains(Spec):
         nonlinear: Whether the nonlinear term is used (False is an ablation).
     """
 
-    k_n_per_s: Positive = 0.8
+    k_n_per_s: Gain = 0.8
     alpha: float = Field(default=0.3, gt=0.0, lt=1.0)
-    predefined_s: Positive = 20.0
+    predefined_s: Duration = 20.0
     nonlinear: bool = True
 
 

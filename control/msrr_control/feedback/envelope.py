@@ -15,7 +15,7 @@ from msrr_control.kinematics.elementwise import (
     tanh,
     where,
 )
-from msrr_scenes.specs.spec import Positive, Spec
+from msrr_scenes.specs.spec import Gain, Positive, Spec
 
 _LOG_2 = math.log(2.0)
 
@@ -34,7 +34,7 @@ class EnvelopeGains(Spec):
 
     gamma: Positive = 0.28
     rho: Positive = 0.045
-    alpha_per_s: Positive = 2.4
+    alpha_per_s: Gain = 2.4
 
 
 def braking_speed(distance: Number, gains: EnvelopeGains) -> Number:

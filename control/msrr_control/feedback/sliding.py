@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import NonNegative, Positive, Spec
+from msrr_scenes.specs.spec import Gain, Length, NonNegative, Spec
 
 
 class SlidingGains(Spec):
@@ -17,9 +17,9 @@ class SlidingGains(Spec):
         layer_m: Thickness delta of the boundary layer, within which the switching term is linear.
     """
 
-    k_per_s: Positive = 0.8
+    k_per_s: Gain = 0.8
     reach_mps: NonNegative = 0.04
-    layer_m: Positive = 0.02
+    layer_m: Length = 0.02
 
     @property
     def slope_per_s(self) -> float:

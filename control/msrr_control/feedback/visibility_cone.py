@@ -11,7 +11,7 @@ from msrr_control.kinematics.controlled_point import rotate
 from msrr_control.kinematics.elementwise import tanh_tan
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.plan import LosSpec
-from msrr_scenes.specs.spec import NonNegative, Positive, Spec
+from msrr_scenes.specs.spec import Gain, Length, NonNegative, Spec
 
 
 class ConeGains(Spec):
@@ -24,9 +24,9 @@ class ConeGains(Spec):
         x_share: Share of the force that acts backwards along the unit's axis.
     """
 
-    reach_m: Positive = 0.04
-    k1_per_s: Positive = 3.0
-    k2_per_s: Positive = 9.0
+    reach_m: Length = 0.04
+    k1_per_s: Gain = 3.0
+    k2_per_s: Gain = 9.0
     x_share: NonNegative = Field(default=0.1, le=1.0)
 
 

@@ -11,7 +11,7 @@ from pydantic import model_validator
 from msrr_control.feedback.auxiliary import AuxiliaryGains
 from msrr_control.kinematics.elementwise import at_least, hypot, join, number, split, tanh_tan
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import Positive, Spec
+from msrr_scenes.specs.spec import Length, Positive, Spec, Speed
 
 
 class Obstacles(NamedTuple):
@@ -39,9 +39,9 @@ class SpringGains(Spec):
         windup: Auxiliary system that is driven by the force.
     """
 
-    k_r_mps: Positive = 1.0
-    near_m: Positive = 0.20
-    far_m: Positive = 0.65
+    k_r_mps: Speed = 1.0
+    near_m: Length = 0.20
+    far_m: Length = 0.65
     windup: AuxiliaryGains = AuxiliaryGains(k_mps=1.0, gamma_m=0.02)
 
     @model_validator(mode="after")
@@ -94,8 +94,8 @@ class RepulsionGains(Spec):
     """
 
     eta: Positive = 0.02
-    range_m: Positive = 0.65
-    nearest_m: Positive = 0.10
+    range_m: Length = 0.65
+    nearest_m: Length = 0.10
 
     @model_validator(mode="after")
     def _ordered(self) -> RepulsionGains:

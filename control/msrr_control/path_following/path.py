@@ -13,7 +13,7 @@ from pydantic import Field
 from msrr_control.kinematics.elementwise import at_least, at_most, cos, join, limit, number, sin, split, sqrt
 from msrr_control.kinematics.unicycle import advance_pose
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import Positive, Spec
+from msrr_scenes.specs.spec import Duration, Length, Spec, Speed
 
 
 class PathPoint(NamedTuple):
@@ -111,9 +111,9 @@ class PaceSpec(Spec):
             point slows down; at twice this distance it waits.
     """
 
-    cruise_mps: Positive = 0.22
-    ramp_s: Positive = 1.5
-    lag_m: Positive = Field(default=0.10)
+    cruise_mps: Speed = 0.22
+    ramp_s: Duration = 1.5
+    lag_m: Length = Field(default=0.10)
 
     @property
     def acceleration(self) -> float:

@@ -14,7 +14,7 @@ from msrr_control.kinematics.controlled_point import rotate_components
 from msrr_control.kinematics.elementwise import join, limit, number, split, tanh, where
 from msrr_control.path_following.path import DesiredPoint
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import Positive, Spec
+from msrr_scenes.specs.spec import Acceleration, Gain, Spec
 
 
 class ReferenceGains(Spec):
@@ -28,9 +28,9 @@ class ReferenceGains(Spec):
         envelope: Safety envelope before a wall.
     """
 
-    c1_per_s: Positive = 0.8
-    c2_per_s: Positive = 1.8
-    u_max_mps2: Positive = 0.5
+    c1_per_s: Gain = 0.8
+    c2_per_s: Gain = 1.8
+    u_max_mps2: Acceleration = 0.5
     windup: AuxiliaryGains = AuxiliaryGains(k_mps=0.10, gamma_m=0.05)
     envelope: EnvelopeGains = EnvelopeGains()
 

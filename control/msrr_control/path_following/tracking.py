@@ -14,7 +14,7 @@ from msrr_control.kinematics.elementwise import cos, join, limit, sin, split, ta
 from msrr_control.path_following.obstacle_forces import Obstacles, SpringGains, spring_force
 from msrr_control.path_following.reference import ReferenceState
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import Positive, Spec
+from msrr_scenes.specs.spec import Gain, Spec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 #: What Young's inequality takes from k_l [1/s] in eq. 20 for the velocity by which the spring pushes.
@@ -30,7 +30,7 @@ class TrackingGains(Spec):
         spring: Virtual spring.
     """
 
-    k_l_per_s: Positive = 1.2
+    k_l_per_s: Gain = 1.2
     windup: AuxiliaryGains = Field(default=AuxiliaryGains(k_mps=0.06, gamma_m=0.10))
     spring: SpringGains = SpringGains()
 

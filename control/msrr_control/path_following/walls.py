@@ -13,7 +13,7 @@ from msrr_control.path_following.path import Path
 from msrr_control.path_following.reference import SideWall
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.specs.spec import NonNegative, Positive, Spec
+from msrr_scenes.specs.spec import Distance, Length, Spec
 
 
 class PassageError(MsrrError):
@@ -37,12 +37,12 @@ class WallSpec(Spec):
             to the path.
     """
 
-    margin_m: NonNegative = 0.055
-    ahead_m: Positive = 0.65
-    early_m: Positive = 0.12
-    past_m: Positive = 0.12
-    widest_m: Positive = 0.32
-    before_end_m: Positive = 0.8
+    margin_m: Distance = 0.055
+    ahead_m: Length = 0.65
+    early_m: Length = 0.12
+    past_m: Length = 0.12
+    widest_m: Length = 0.32
+    before_end_m: Length = 0.8
 
     @model_validator(mode="after")
     def _has_room(self) -> WallSpec:

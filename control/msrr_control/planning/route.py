@@ -12,7 +12,7 @@ from msrr_control.path_following.path import Path
 from msrr_control.planning.free_space import Disc
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
-from msrr_scenes.specs.spec import NonNegative, Positive, Spec
+from msrr_scenes.specs.spec import Distance, Length, Spec, TurnRate
 
 
 class RouteSpec(Spec):
@@ -32,17 +32,17 @@ class RouteSpec(Spec):
         turn_radps: Turn rate that is assumed for turns on the spot.
     """
 
-    handover_m: Positive = 0.70
-    lead_in_m: tuple[Positive, ...] = Field(default=(0.3, 0.5, 0.8, 1.2, 0.2), min_length=1)
-    least_radius_m: Positive = 0.5
+    handover_m: Length = 0.70
+    lead_in_m: tuple[Length, ...] = Field(default=(0.3, 0.5, 0.8, 1.2, 0.2), min_length=1, max_length=20)
+    least_radius_m: Length = 0.5
     most_sweep_deg: float = Field(default=200.0, gt=0.0, lt=360.0)
-    turn_radius_m: tuple[Positive, ...] = Field(default=(0.6, 0.4), min_length=1)
-    stage_m: tuple[Positive, ...] = Field(default=(0.5, 0.75, 1.0, 0.3, 0.2), min_length=1)
-    unit_margin_m: NonNegative = 0.08
-    around_margin_m: NonNegative = 0.02
-    border_m: NonNegative = 0.10
-    least_run_m: Positive = 0.45
-    turn_radps: Positive = 0.8
+    turn_radius_m: tuple[Length, ...] = Field(default=(0.6, 0.4), min_length=1, max_length=20)
+    stage_m: tuple[Length, ...] = Field(default=(0.5, 0.75, 1.0, 0.3, 0.2), min_length=1, max_length=20)
+    unit_margin_m: Distance = 0.08
+    around_margin_m: Distance = 0.02
+    border_m: Distance = 0.10
+    least_run_m: Length = 0.45
+    turn_radps: TurnRate = 0.8
 
     def handover(self, X_WD: SE2) -> SE2:
         """Return the end of the path: the place of the controlled point, and the heading."""

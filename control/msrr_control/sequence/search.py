@@ -6,7 +6,7 @@ import math
 
 from pydantic import Field
 
-from msrr_scenes.specs.spec import NonNegative, Positive, Spec
+from msrr_scenes.specs.spec import Gain, Length, Spec, Speed, Time
 
 
 class SearchSpec(Spec):
@@ -20,11 +20,11 @@ class SearchSpec(Spec):
         creep_gap_m: Smallest distance to the face for that approach.
     """
 
-    wait_s: NonNegative = 0.4
+    wait_s: Time = 0.4
     sweep_deg: float = Field(default=60.0, gt=0.0, le=180.0)
-    k_per_s: Positive = 3.0
-    creep_mps: Positive = 0.03
-    creep_gap_m: Positive = 0.25
+    k_per_s: Gain = 3.0
+    creep_mps: Speed = 0.03
+    creep_gap_m: Length = 0.25
 
 
 def scan_angle(elapsed: float, duration: float, spec: SearchSpec) -> float:

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from msrr_control.docking.retreat import RetreatSpec
 from msrr_control.sequence.search import SearchSpec
-from msrr_scenes.specs.spec import NonNegative, Positive, Spec
+from msrr_scenes.specs.spec import Distance, Duration, Length, NonNegative, Spec, Time, Tolerance
 
 
 class PhaseTuning(Spec):
@@ -39,25 +39,25 @@ class PhaseTuning(Spec):
         search: How the unit looks for its target.
     """
 
-    ready_sigma_m: Positive = 0.02
-    ready_sigma_deg: Positive = 3.0
-    ready_time_s: Positive = 6.0
-    contact_m: Positive = 0.003
-    capture_m: Positive = 0.012
-    capture_deg: Positive = 7.0
+    ready_sigma_m: Length = 0.02
+    ready_sigma_deg: Tolerance = 3.0
+    ready_time_s: Duration = 6.0
+    contact_m: Length = 0.003
+    capture_m: Length = 0.012
+    capture_deg: Tolerance = 7.0
     press_turn_radps: NonNegative = 0.4
-    debounce_s: NonNegative = 0.1
-    near_m: Positive = 0.004
-    seated_gap_m: NonNegative = 0.0
-    progress_m: Positive = 0.001
+    debounce_s: Time = 0.1
+    near_m: Length = 0.004
+    seated_gap_m: Distance = 0.0
+    progress_m: Length = 0.001
     progress_share: float = Field(default=0.1, ge=0.0, le=1.0)
     hold_share: float = Field(default=0.3, ge=0.0, le=1.0)
-    latch_s: Positive = 3.0
-    unlatch_s: Positive = 2.0
-    look_around_s: Positive = 1.0
-    frames: int = Field(default=3, ge=1)
-    arrived_m: Positive = 0.01
-    settle_s: NonNegative = 0.3
-    retreat_margin_s: Positive = 3.0
+    latch_s: Duration = 3.0
+    unlatch_s: Duration = 2.0
+    look_around_s: Duration = 1.0
+    frames: int = Field(default=3, ge=1, le=100)
+    arrived_m: Length = 0.01
+    settle_s: Time = 0.3
+    retreat_margin_s: Duration = 3.0
     retreat: RetreatSpec = RetreatSpec()
     search: SearchSpec = SearchSpec()

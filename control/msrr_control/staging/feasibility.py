@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 
+from msrr_control.docking.controller import build_controller, promised_speed
+from msrr_control.docking.law import DockSetup
 from msrr_control.planning.free_space import Disc, FreeSpace
-from msrr_control.staging.parameters import RouteFollowingParams
+from msrr_control.staging.registry import route_params
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.placement.placement import close_range_steps, nominal_units, split_frame
-from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.plan import DockStep, in_order, predecessors
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
 
@@ -19,14 +21,16 @@ def check_assembly(scene: Scene) -> None:
     """Refuse a scene in which the place in front of a port can never be reached.
 
     The check uses the poses in the scene, which a unit must not know: it belongs before a trial, not in one.
-    It does not search for routes, assumes the default parameters, and leaves out targets that earlier steps
-    move.
+    It does not search for routes, leaves out targets that earlier steps move, and knows nothing of assemblers
+    of a user's own.
 
     Raises:
-        SceneError: The place in front of a port lies outside the arena or is always occupied, or
-            :meth:`AssemblySetup.check` refuses the scene.
+        SceneError: The parameters are wrong, the place in front of a port lies outside the arena or is always
+            occupied, or :meth:`AssemblySetup.check` refuses the scene.
     """
-    params = RouteFollowingParams()
+    params = route_params(scene.control.assembly)
+    if params is None:
+        return
     close_range = close_range_steps(scene)
     placed = nominal_units(scene)
     moved: set[str] = set()
@@ -39,6 +43,51 @@ def check_assembly(scene: Scene) -> None:
                 bodies = _standing_bodies(scene, step, setup, placed, moved)
                 _check_end(scene, f"plan.{i}", step, setup, end, bodies)
         moved.add(step.unit)
+
+
+def check_time(scene: Scene) -> None:
+    """Refuse a plan of several steps that cannot be carried out within the time limit.
+
+    From the middle of its start a step takes at least the straight way to the place in front of the port at
+    cruising speed, from rest and to rest, the way from there to the seat at the speed that the controller
+    promises, and the closing of the lock. A plan of one step may be cut short on purpose.
+
+    Raises:
+        SceneError: The least times of the steps that follow one another add up to more than the limit.
+        ProgramFailedError: A controller of a user's own fails while it is built.
+    """
+    if len(scene.plan) == 1:
+        return
+    params = route_params(scene.control.assembly)
+    close_range = close_range_steps(scene)
+    placed = nominal_units(scene)
+    after = predecessors(scene.plan)
+    times: list[float] = []
+    ends: list[float] = [0.0] * len(scene.plan)
+    for index in in_order(scene.plan):
+        step = scene.plan[index]
+        setup = DockSetup.of(scene, step)
+        promised = promised_speed(build_controller(scene.control.docking, setup))
+        approach = promised or scene.limits.v_max_mps
+        X_WD = placed[step.target_unit] @ scene.geometry(step.target_unit).dock_frame(step.target_port)
+        X_UP = scene.geometry(step.unit).port(step.port)
+        X_DP = X_WD.inverse() @ placed[step.unit] @ X_UP
+        if close_range.get(step.unit) is step or params is None:
+            time = math.hypot(X_DP.x, X_DP.y) / approach
+        else:
+            handover = params.route.handover_m
+            way = math.hypot(X_DP.x + handover, X_DP.y)
+            ramps = min(params.pace.ramp_s, way / params.pace.cruise_mps)
+            time = way / params.pace.cruise_mps + ramps + handover / approach
+        times.append(time + scene.lock.close_time_s)
+        ends[index] = times[-1] + max((ends[i] for i in after[index]), default=0.0)
+        placed[step.unit] = X_WD @ X_UP.inverse()
+    if max(ends) > scene.time_limit_s:
+        listed = ", ".join(f"{time:.0f}" for time in times)
+        raise SceneError(
+            f"time_limit_s: the steps take at least {listed} s, the whole plan {max(ends):.0f} s, found "
+            f"{scene.time_limit_s:g}; raise it, or leave out a step"
+        )
 
 
 def _check_end(

@@ -9,7 +9,15 @@ from msrr_control.path_following.c2 import C2PathFollowingParams
 from msrr_control.path_following.path import PaceSpec
 from msrr_control.path_following.walls import WallSpec
 from msrr_control.planning.route import RouteSpec
-from msrr_scenes.specs.spec import NonNegative, Positive, Spec
+from msrr_scenes.specs.spec import (
+    Duration,
+    Gain,
+    Length,
+    Spec,
+    Time,
+    Tolerance,
+    TurnRate,
+)
 
 
 class WatchSpec(Spec):
@@ -36,24 +44,24 @@ class WatchSpec(Spec):
         paths: Number of paths that are tried in a row.
     """
 
-    stale_s: Positive = 1.0
-    lost_s: Positive = 10.0
-    spin_after_s: Positive = 2.0
-    spin_radps: Positive = 0.4
-    aligned_deg: Positive = 3.0
-    askew_deg: Positive = 12.0
-    moved_m: Positive = 0.02
-    target_moved_m: Positive = 0.06
-    target_moved_deg: Positive = 6.0
-    stuck_s: Positive = 5.0
-    stuck_m: Positive = 0.04
-    astray_m: Positive = 0.45
-    there_m: Positive = 0.05
-    there_deg: Positive = 12.0
-    settle_s: NonNegative = 2.5
-    patience_s: NonNegative = 6.0
-    retry_s: Positive = 1.0
-    paths: int = Field(default=8, ge=1)
+    stale_s: Duration = 1.0
+    lost_s: Duration = 10.0
+    spin_after_s: Duration = 2.0
+    spin_radps: TurnRate = 0.4
+    aligned_deg: Tolerance = 3.0
+    askew_deg: Tolerance = 12.0
+    moved_m: Length = 0.02
+    target_moved_m: Length = 0.06
+    target_moved_deg: Tolerance = 6.0
+    stuck_s: Duration = 5.0
+    stuck_m: Length = 0.04
+    astray_m: Length = 0.45
+    there_m: Length = 0.05
+    there_deg: Tolerance = 12.0
+    settle_s: Time = 2.5
+    patience_s: Time = 6.0
+    retry_s: Duration = 1.0
+    paths: int = Field(default=8, ge=1, le=100)
 
 
 class RouteFollowingParams(Spec):
@@ -73,8 +81,8 @@ class RouteFollowingParams(Spec):
     pace: PaceSpec = PaceSpec()
     route: RouteSpec = RouteSpec()
     watch: WatchSpec = WatchSpec()
-    widest_obstacle_m: Positive = 0.5
-    turn_per_s: Positive = 2.5
+    widest_obstacle_m: Length = 0.5
+    turn_per_s: Gain = 2.5
 
 
 class AssemblyParams(C1PathFollowingParams, RouteFollowingParams):

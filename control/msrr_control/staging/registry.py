@@ -11,7 +11,7 @@ from msrr_control.parameters import read_params
 from msrr_control.path_following.c1 import C1PathFollowingLaw
 from msrr_control.path_following.c2 import C2PathFollowingLaw
 from msrr_control.sequence.observation import Assembler, GiveUp
-from msrr_control.staging.parameters import AssemblyParams, C2AssemblyParams
+from msrr_control.staging.parameters import AssemblyParams, C2AssemblyParams, RouteFollowingParams
 from msrr_control.staging.setup import AssemblySetup
 from msrr_control.staging.state_machine import LongDistanceAssembler
 from msrr_scenes.errors import SceneError
@@ -23,14 +23,25 @@ from msrr_scenes.specs.spec import Choice
 
 def c1(setup: AssemblySetup, **params: Any) -> Assembler:
     """Build the paper's long-distance phase C1."""
-    checked = read_params("c1", AssemblyParams, params)
+    checked = read_params("assembler 'c1'", AssemblyParams, params)
     return LongDistanceAssembler(checked, setup, C1PathFollowingLaw(checked, setup.limits, setup.offset))
 
 
 def c2(setup: AssemblySetup, **params: Any) -> Assembler:
     """Build the long-distance phase of C2, our reading of the paper's comparison."""
-    checked = read_params("c2", C2AssemblyParams, params)
+    checked = read_params("assembler 'c2'", C2AssemblyParams, params)
     return LongDistanceAssembler(checked, setup, C2PathFollowingLaw(checked, setup.limits, setup.offset))
+
+
+def route_params(choice: Choice) -> RouteFollowingParams | None:
+    """Return the parameters of the registered assembler that a scene names; None for any other.
+
+    Raises:
+        SceneError: The parameters are wrong.
+    """
+    kinds: dict[str, type[RouteFollowingParams]] = {"c1": AssemblyParams, "c2": C2AssemblyParams}
+    kind = kinds.get(choice.name)
+    return None if kind is None else read_params(f"assembler {choice.name!r}", kind, choice.params)
 
 
 def _decision(result: object, *_: object) -> Twist | GiveUp | None:

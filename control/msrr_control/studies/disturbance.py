@@ -10,7 +10,7 @@ from pydantic import Field
 from msrr_control.kinematics.controlled_point import rotate
 from msrr_control.kinematics.unicycle import advance_pose, drive
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import NonNegative, Positive, Spec
+from msrr_scenes.specs.spec import Distance, Length, NonNegative, Spec, Time, Turn
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 
@@ -29,13 +29,13 @@ class Disturbance(Spec):
         track_m: Distance between the wheels.
     """
 
-    sigma_xy_m: NonNegative = 0.0
-    sigma_yaw_deg: NonNegative = 0.0
-    sigma_bearing_deg: NonNegative = 0.0
-    delay_s: NonNegative = Field(default=0.0, le=2.0)
+    sigma_xy_m: Distance = 0.0
+    sigma_yaw_deg: Turn = 0.0
+    sigma_bearing_deg: Turn = 0.0
+    delay_s: Time = Field(default=0.0, le=2.0)
     compensated: bool = True
     slip: NonNegative = Field(default=0.0, le=0.2)
-    track_m: Positive = 0.13
+    track_m: Length = 0.13
 
 
 class DisturbedUnicycles:

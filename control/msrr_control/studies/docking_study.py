@@ -14,7 +14,7 @@ from msrr_control.feedback.visibility_cone import edge_angles
 from msrr_control.kinematics.controlled_point import offset_point
 from msrr_control.studies.disturbance import Disturbance, DisturbedUnicycles
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import Positive, Spec, Spread
+from msrr_scenes.specs.spec import Length, Spec, Spread
 
 
 class StartSet(Spec):
@@ -25,7 +25,7 @@ class StartSet(Spec):
         spread: Half-widths of the uniform distribution of the front port about the docking axis.
     """
 
-    distance_m: Positive = 0.70
+    distance_m: Length = 0.70
     spread: Spread = Spread(x_m=0.05, y_m=0.10, yaw_deg=20.0)
 
 

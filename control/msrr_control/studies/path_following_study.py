@@ -17,10 +17,10 @@ from msrr_control.path_following.walls import WallSpec, find_encounter, side_wal
 from msrr_control.studies import metrics
 from msrr_control.studies.disturbance import Disturbance, DisturbedUnicycles
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.spec import NonNegative, Positive, Spec
+from msrr_scenes.specs.spec import Distance, Length, NonNegative, Spec, Turn
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-Span = tuple[float, float]
+Span = tuple[NonNegative, NonNegative]
 
 
 class PathFollowingStartSet(Spec):
@@ -41,14 +41,14 @@ class PathFollowingStartSet(Spec):
 
     radius_m: Span = (1.0, 1.4)
     sweep_deg: Span = (100.0, 140.0)
-    lead_in_m: Positive = 0.3
-    error_m: NonNegative = 0.02
-    error_deg: NonNegative = 20.0
-    obstacle_m: Positive | None = 0.08
-    beside_m: NonNegative = 0.05
-    after_start_m: Positive = 0.7
-    before_end_m: Positive = 1.0
-    body_half_width_m: Positive = Field(default=0.10)
+    lead_in_m: Length = 0.3
+    error_m: Distance = 0.02
+    error_deg: Turn = 20.0
+    obstacle_m: Length | None = 0.08
+    beside_m: Distance = 0.05
+    after_start_m: Length = 0.7
+    before_end_m: Length = 1.0
+    body_half_width_m: Length = Field(default=0.10)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from msrr_perception.kernels.edges import refine_corners
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.guarded import of_the_same_kind
 from msrr_scenes.messages import Pixels, TagDetection
-from msrr_scenes.registry import ExtensionPoint
+from msrr_scenes.registry import ExtensionPoint, out_of_range
 
 __all__ = ["DETECTORS", "LARGE_TAG_PX", "Detector", "DetectorError", "PupilDetector", "for_large_tags"]
 
@@ -25,6 +25,24 @@ LARGE_TAG_PX = 26.0
 
 #: Smaller images hold no tag and make the library's tiles degenerate [px].
 _SMALLEST_EDGE_PX = 8
+
+
+#: Tag families that the library knows.
+FAMILIES = (
+    *("tag16h5", "tag25h9", "tag36h11", "tagCircle21h7", "tagCircle49h12"),
+    *("tagCustom48h12", "tagStandard41h12", "tagStandard52h13"),
+)
+
+#: Ranges of the parameters: at a sixteenth of the resolution, or blurred by 20 px, a tag of the port is
+#: gone, ten times the library's sharpening saturates, codes are eleven bits apart, and greys are bytes.
+_RANGES = {
+    "quad_decimate": (1.0, 16.0),
+    "quad_sigma": (0.0, 20.0),
+    "decode_sharpening": (0.0, 10.0),
+    "min_white_black_diff": (1, 255),
+    "max_hamming": (0, 5),
+    "min_decision_margin": (0.0, 255.0),
+}
 
 
 class Detector(Protocol):
@@ -80,10 +98,11 @@ class PupilDetector:
         Raises:
             DetectorError: A parameter is out of its range.
         """
-        if quad_decimate < 1.0 or quad_sigma < 0.0 or decode_sharpening < 0.0:
-            raise DetectorError("quad_decimate must be >= 1, quad_sigma and decode_sharpening >= 0")
-        if not 0 < min_white_black_diff < 256:
-            raise DetectorError(f"min_white_black_diff must lie in 1..255, not {min_white_black_diff}")
+        wrong = out_of_range(_RANGES, locals())
+        if wrong is None and family not in FAMILIES:
+            wrong = f"family has to be one of {', '.join(FAMILIES)}, found {family!r:.40}"
+        if wrong is not None:
+            raise DetectorError(wrong)
         self.family = family
         self.max_hamming = max_hamming
         self.min_decision_margin = min_decision_margin

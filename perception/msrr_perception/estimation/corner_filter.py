@@ -31,9 +31,25 @@ from msrr_scenes.messages import (
     TagDetection,
     WheelOdometry,
 )
+from msrr_scenes.registry import out_of_range
 from msrr_scenes.specs.sensors import OdometrySpec
 
 _Measurement = Detections | PoseMeasurement
+
+
+#: Ranges of the parameters. Ten pixels are most of a tag's cell, a unit that is tilted by 30 deg has fallen,
+#: a gate that passes half of all good tags or all of any starves or believes anything, an older measurement
+#: than ten seconds is of another approach, and slip of a metre on a metre is no drive.
+_RANGES = {
+    "corner_sigma_px": (0.001, 10.0),
+    "tilt_sigma_deg": (0.001, 30.0),
+    "gate_probability": (0.5, 1.0 - 1e-9),
+    "reset_after": (1, 10_000),
+    "horizon_s": (0.001, 10.0),
+    "start_inflation": (1.0, 1e4),
+    "slip": (1e-6, 1.0),
+    "contact_zone_m": (-math.inf, 1.0),  # minus infinity where there is no contact
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,17 +107,9 @@ class CornerEkf:
         Raises:
             SceneError: A parameter is out of its range.
         """
-        if (
-            min(corner_sigma_px, tilt_sigma_deg, horizon_s, slip) <= 0.0
-            or start_inflation < 1.0
-            or reset_after < 1
-        ):
-            raise SceneError(
-                "corner_ekf: corner_sigma_px, tilt_sigma_deg, horizon_s and slip must be positive, "
-                "start_inflation and reset_after at least 1"
-            )
-        if not 0.5 < gate_probability < 1.0:
-            raise SceneError(f"corner_ekf: gate_probability must lie in 0.5..1, not {gate_probability}")
+        wrong = out_of_range(_RANGES, locals())
+        if wrong is not None:
+            raise SceneError(f"corner_ekf: {wrong}")
         self.target = target
         self.delay_compensation = delay_compensation
         self._noise = CornerNoise(corner_sigma_px, math.radians(tilt_sigma_deg))

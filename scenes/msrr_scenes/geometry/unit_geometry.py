@@ -11,6 +11,8 @@ holes. Any URDF with these frames works.
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -19,7 +21,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import GeometryError, SceneError
+from msrr_scenes.errors import GeometryError, SceneError, nearest
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid, convex_hull
@@ -105,7 +107,7 @@ class UnitGeometry:
     @cached_property
     def passive_ports(self) -> tuple[str, ...]:
         """Ports that carry a marker, in the order of the URDF."""
-        return tuple(p for p in self.ports if f"port_{p}_marker_left" in self.frames)
+        return tuple(p for p in self.ports if self.frames.keys() & _marker(p))
 
     def port(self, name: str) -> SE2:
         """Return ``X_UP`` of a port: the origin is on the face, x points out of the unit."""
@@ -138,7 +140,7 @@ class UnitGeometry:
         """Links that carry a tag, in the order of the tag ids: top, then per port left, middle, right."""
         slots = ["tag_top"] if "tag_top" in self.frames else []
         for port in self.passive_ports:
-            slots += [f"port_{port}_marker_{side}" for side in ("left", "middle", "right")]
+            slots += _marker(port)
         return tuple(slots)
 
     @cached_property
@@ -155,6 +157,11 @@ class UnitGeometry:
     def circumradius(self) -> float:
         """Largest distance of the footprint from the axle's middle [m]."""
         return float(np.linalg.norm(self.footprint, axis=1).max())
+
+
+def _marker(port: str) -> list[str]:
+    """Return the links of the tags of a passive port."""
+    return [f"port_{port}_marker_{side}" for side in ("left", "middle", "right")]
 
 
 def urdf_origin(element: ElementTree.Element | None) -> SE3:
@@ -203,6 +210,18 @@ def read_unit(path: Path) -> UnitGeometry:
         raise GeometryError(f"{path}: malformed URDF: {error!r}") from None
 
 
+def _check_markers(path: Path, links: Collection[str]) -> None:
+    """Refuse a port with a part of a marker, or with holes and no marker: a link has a wrong name."""
+    for port in (name.removeprefix("port_") for name in links if re.fullmatch("port_[^_]+", name)):
+        missing = [name for name in _marker(port) if name not in links]
+        passive = len(missing) < 3 or any(name.startswith(f"port_{port}_hole_") for name in links)
+        if passive and missing:
+            near = nearest(missing[0], links)
+            raise GeometryError(
+                f"{path}: port {port!r} is passive and lacks the link(s) {', '.join(missing)}{near}"
+            )
+
+
 def _read_tree(path: Path, root: ElementTree.Element) -> UnitGeometry:
     links = {e.attrib["name"]: e for e in root.findall("link")}
     parent: dict[str, tuple[str, SE3]] = {}
@@ -235,6 +254,7 @@ def _read_tree(path: Path, root: ElementTree.Element) -> UnitGeometry:
         for name, link in links.items()
         for collision in link.findall("collision")
     )
+    _check_markers(path, frames)
     wheel = next(s for s in solids if s.link == "wheel_left")
     track = float(frames["wheel_left"].p[1] - frames["wheel_right"].p[1])
     return UnitGeometry(path, frames, solids, wheel.size[0], track)

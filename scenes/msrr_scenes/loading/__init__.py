@@ -1,4 +1,4 @@
-"""Loading: scene files read, overridden and checked, every mistake answered with file, line, key and mend."""
+"""Loading: scene files read, overridden and checked, every mistake answered with place, key and mend."""
 
 from msrr_scenes.loading.load import check_scene, find_scene, load_scene, scene_hash, shipped_scenes
 

@@ -5,22 +5,36 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping
+from functools import partial
 
 import numpy as np
 
+from msrr_scenes.arrays import Array
+from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
-from msrr_scenes.loading.problems import Problem
-from msrr_scenes.placement.placement import close_range_steps, nominal_units, target_in_cone
-from msrr_scenes.placement.start_regions import may_overlap, outline, region
+from msrr_scenes.loading.problems import KeyPath, Problem
+from msrr_scenes.placement.placement import (
+    close_range_steps,
+    draw_placement,
+    nominal_units,
+    target_in_cone,
+)
+from msrr_scenes.placement.start_regions import outline, region, smallest_distance
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.bodies import TAG_PLATE_M
 from msrr_scenes.specs.scene import Scene
+
+#: Number of starts that are drawn by way of trial, and the largest mean number of redraws among them.
+_TRIAL_DRAWS, _MOST_REDRAWS = 20, 20
 
 
 def geometry_problems(scene: Scene) -> list[Problem]:
     """Return overlaps, bodies outside the arena or unseen, and targets too wide for the cone."""
-    placed = [*_overlaps(scene), *_outside(scene)]
+    covered = {name: region(scene, name, outline(scene, name)) for name in (*scene.units, *scene.obstacles)}
+    placed = [*_too_near(scene, covered), *_outside(scene, covered), *_above_the_camera(scene)]
     return [*placed, *_too_wide(scene), *(() if placed else _unseen(scene))]
 
 
@@ -34,19 +48,52 @@ def _spread(scene: Scene, *names: str) -> str:
     return " for some start within its spread" if wide else ""
 
 
-def _overlaps(scene: Scene) -> Iterator[Problem]:
+def _too_near(scene: Scene, covered: Mapping[str, Array]) -> Iterator[Problem]:
     # Bodies have moved by the time a late obstacle appears, so only the trial can check it.
     late = {name for name, body in scene.obstacles.items() if body.appears_at_s > 0.0}
-    for a, b in itertools.combinations([*scene.units, *scene.obstacles], 2):
-        if not {a, b} & late and may_overlap(scene, a, b):
+    first = scene.plan[0]
+    docking = {first.unit, first.target_unit} if first.unit in close_range_steps(scene) else set()
+    boxes = {name: (points.min(axis=0), points.max(axis=0)) for name, points in covered.items()}
+    for a, b in itertools.combinations([name for name in covered if name not in late], 2):
+        free = {a, b} == docking or {a, b} <= scene.obstacles.keys()  # the judge does not measure these
+        least = 0.0 if free else scene.judge.min_clearance_m
+        (a0, a1), (b0, b1) = boxes[a], boxes[b]
+        if max((b0 - a1).max(), (a0 - b1).max()) > least:
+            continue
+        found = smallest_distance(scene, a, b)
+        if found <= 0.0:
             text = f"overlaps {a!r}{_spread(scene, a, b)}; move them apart or narrow the spread"
+            yield Problem(_path(scene, b), text)
+        elif found < least:
+            text = (
+                f"stands {found:.3f} m from {a!r}{_spread(scene, a, b)}, nearer than judge.min_clearance_m = "
+                f"{least:g}; move them apart, narrow the spread or lower that"
+            )
             yield Problem(_path(scene, b), text)
 
 
-def _outside(scene: Scene) -> Iterator[Problem]:
+def _above_the_camera(scene: Scene) -> Iterator[Problem]:
+    camera = scene.cameras.overhead
+    if camera is None:
+        return
+    heights: dict[KeyPath, float] = {
+        ("obstacles", name, "height_m"): spec.height_m + TAG_PLATE_M for name, spec in scene.obstacles.items()
+    }
+    for unit in scene.units:
+        frames = scene.geometry(unit).frames.values()
+        heights["units", unit, "urdf"] = max(float(X_UF.p[2]) for X_UF in frames)
+    for path, height in heights.items():
+        if height >= camera.height_m:
+            text = (
+                f"reaches up to the overhead camera at {camera.height_m:g} m, found {height:g}; "
+                "lower it or raise cameras.overhead.height_m"
+            )
+            yield Problem(path, text)
+
+
+def _outside(scene: Scene, covered: Mapping[str, Array]) -> Iterator[Problem]:
     (x0, x1), (y0, y1) = scene.arena.x_m, scene.arena.y_m
-    for name in (*scene.units, *scene.obstacles):
-        reached = region(scene, name, outline(scene, name))
+    for name, reached in covered.items():
         lo, hi = reached.min(axis=0), reached.max(axis=0)
         if lo[0] < x0 or lo[1] < y0 or hi[0] > x1 or hi[1] > y1:
             text = (
@@ -90,6 +137,8 @@ def _unseen(scene: Scene) -> Iterator[Problem]:
         )
         yield Problem(_path(scene, unit), text)
         aimed.add(unit)  # one problem per unit is enough
+    if steps and aimed == {name for u, step in steps.items() for name in (u, step.target_unit)}:
+        yield from _rarely_aimed(scene)
     for unit in scene.units:
         if unit in aimed or _seen_from_above(scene, unit) or _seen_by_another(scene, unit, placed):
             continue
@@ -98,6 +147,25 @@ def _unseen(scene: Scene) -> Iterator[Problem]:
         )
         text = f"no camera sees this unit at the start ({where}, no onboard camera has a tag of it in view)"
         yield Problem(_path(scene, unit), f"{text}; move it, or add or move the overhead camera")
+
+
+def _rarely_aimed(scene: Scene) -> Iterator[Problem]:
+    # A trial draws a start again until its target is in the cone, and gives up after 1000 redraws. If 1 start
+    # in 20 is good, that happens to 1 seed in 1e22; in 48, to 1 in 1e9, and then 20 draws rarely pass.
+    redraws = 0
+    for k in range(_TRIAL_DRAWS):
+        try:
+            redraws += draw_placement(scene, partial(stream, k)).redraws
+        except SceneError as error:
+            path, _, text = str(error).partition(": ")
+            yield Problem(tuple(path.split(".")), text)
+            return
+    if redraws > _TRIAL_DRAWS * _MOST_REDRAWS:
+        text = (
+            f"hardly any start has its target inside the outer cone, {redraws / _TRIAL_DRAWS:.0f} have to be "
+            "drawn for one; narrow the spreads"
+        )
+        yield Problem(("units",), text)
 
 
 def _seen_from_above(scene: Scene, unit: str) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -13,6 +14,7 @@ from pydantic import ValidationError
 
 from msrr_scenes.errors import GeometryError, SceneError, UnknownNameError
 from msrr_scenes.loading.geometry_checks import geometry_problems
+from msrr_scenes.loading.plan_checks import fault_problems, plan_problems
 from msrr_scenes.loading.problems import Problem, dotted
 from msrr_scenes.loading.reference_checks import port_problems, reference_problems, value_problems
 from msrr_scenes.loading.validation_errors import explain
@@ -61,8 +63,8 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, str] = _NONE) -
             items by index (``plan.0.to``). They replace the file's values before these are checked.
 
     Raises:
-        SceneError: The scene is unusable; one message lists every problem with file and line, key, what was
-            expected, and the nearest valid key.
+        SceneError: The scene is unusable; one message lists every problem with file, line and column, key,
+            what was expected, and the nearest valid key.
         UnknownNameError: No shipped scene has this name.
     """
     path = find_scene(str(name_or_path))
@@ -76,7 +78,7 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, str] = _NONE) -
     apply_overrides(document, overrides)
     if "source" in document.data:
         raise SceneError(f"{document.origin(('source',))}: source: unknown key; it is set by the program")
-    document.data.setdefault("name", path.stem)
+    document.data.setdefault("name", _plain_name(path.stem))
     scene = _validate(document, path)
     _refuse(document, _contradictions(scene))
     return scene
@@ -105,6 +107,11 @@ def scene_hash(scene: Scene) -> str:
     return digest.hexdigest()
 
 
+def _plain_name(stem: str) -> str:
+    """Return a name of a scene like that of its file, which may hold any characters."""
+    return re.sub(r"^[.-]|[^A-Za-z0-9._-]", "_", stem[:64])
+
+
 def _files_of(urdf: Path) -> list[Path]:
     """Return the URDF and the files that it names, in the order of naming."""
     named = [e.attrib["filename"] for e in ElementTree.parse(urdf).iter() if "filename" in e.attrib]
@@ -127,7 +134,7 @@ def _contradictions(scene: Scene) -> list[Problem]:
     Later checks need what earlier ones establish (a unit has to exist before its port can), so the list
     ends with the first stage that finds something.
     """
-    problems = [*reference_problems(scene), *value_problems(scene)]
+    problems = [*reference_problems(scene), *value_problems(scene), *fault_problems(scene)]
     if problems:
         return problems
     for unit in scene.units:
@@ -135,7 +142,7 @@ def _contradictions(scene: Scene) -> list[Problem]:
             _ = scene.geometry(unit).footprint
         except (GeometryError, SceneError) as error:
             problems.append(Problem(("units", unit, "urdf"), str(error)))
-    return problems or port_problems(scene) or geometry_problems(scene)
+    return problems or [*port_problems(scene), *plan_problems(scene)] or geometry_problems(scene)
 
 
 def _refuse(document: YamlDocument, problems: list[Problem]) -> None:

@@ -8,13 +8,10 @@ from collections.abc import Iterator
 from msrr_scenes.errors import nearest
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.placement.placement import split_frame
+from msrr_scenes.specs.bodies import LAST_TAG
 from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
-from msrr_scenes.specs.plan import ancestors
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
-
-#: Highest id of the AprilTag family 36h11, which has 587 members.
-LAST_TAG = 586
 
 
 def poses(scene: Scene) -> Iterator[tuple[KeyPath, str, PoseSpec]]:
@@ -64,7 +61,7 @@ def reference_problems(scene: Scene) -> list[Problem]:
         if name in scene.units:
             text = f"a unit is named {name!r} as well; names of bodies have to differ"
             problems.append(Problem(("obstacles", name), text))
-    return problems or [*_frame_cycles(scene), *_numbers_twice(scene), *_order_problems(scene)]
+    return problems or [*_frame_cycles(scene), *_numbers_twice(scene)]
 
 
 def _frame_cycles(scene: Scene) -> Iterator[Problem]:
@@ -77,28 +74,6 @@ def _frame_cycles(scene: Scene) -> Iterator[Problem]:
         if len(chain) > 1 and chain[-1] == unit:
             text = f"placed relative to itself ({' -> '.join(chain)}); give one of them in frame world"
             yield Problem(("units", unit, "pose", "frame"), text)
-
-
-def _order_problems(scene: Scene) -> Iterator[Problem]:
-    """Yield names in ``after`` that do not name one step, and steps that wait for themselves."""
-    labels = [step.label for step in scene.plan]
-    wrong = False
-    for i, step in enumerate(scene.plan):
-        for j, name in enumerate(step.after or ()):
-            path: KeyPath = ("plan", i, "after", j)
-            if name not in labels:
-                wrong = True
-                yield Problem(
-                    path, f"no step named {name!r}{nearest(name, labels)} Steps: {', '.join(labels)}"
-                )
-            elif labels.count(name) > 1:
-                wrong = True
-                yield Problem(path, f"{labels.count(name)} steps are named {name!r}; give each a `name`")
-    if wrong:
-        return
-    for i, step in enumerate(scene.plan):
-        if i in ancestors(scene.plan, i):
-            yield Problem(("plan", i, "after"), f"step {step.label!r} waits for itself; take one `after` out")
 
 
 def _numbers_twice(scene: Scene) -> Iterator[Problem]:
@@ -133,12 +108,16 @@ def value_problems(scene: Scene) -> list[Problem]:
     if scene.limits.v_close_mps > scene.limits.v_max_mps:
         text = f"the close-range speed cannot exceed limits.v_max_mps = {scene.limits.v_max_mps:g}"
         problems.append(Problem(("limits", "v_close_mps"), text))
+    if scene.control.rate_hz > scene.physics_hz:
+        text = (
+            f"control cannot be faster than the physics, physics_hz = {scene.physics_hz:g}, found "
+            f"{scene.control.rate_hz:g}; lower it or raise physics_hz"
+        )
+        problems.append(Problem(("control", "rate_hz"), text))
     for i, fault in enumerate(scene.faults):
         if isinstance(fault, CameraBlackout) and fault.from_s >= fault.to_s:
             text = f"the blackout ends before it begins (from_s = {fault.from_s:g}, to_s = {fault.to_s:g})"
             problems.append(Problem(("faults", i, "to_s"), text))
-        if isinstance(fault, PortPlugged) and any(a < 1 for a in fault.attempts):
-            problems.append(Problem(("faults", i, "attempts"), "attempts are counted from 1"))
     return problems
 
 

@@ -18,8 +18,9 @@ from msrr_scenes.specs.scene import Scene
 _PATTERNS = {
     "to": "'<unit>.<port>'",
     "frame": "'world' or '<unit>.<port>'",
+    "name": "a plain name of letters, digits, '.', '_' and '-', which is no path and has at most 64 of them",
 }
-_NAME = "a name of lower-case letters, digits and underscores that starts with a letter"
+_NAME = "a name of at most 32 lower-case letters, digits and underscores that starts with a letter"
 _NOT_KEYS = {"source"}  # fields that the program fills in
 
 
@@ -44,6 +45,8 @@ def explain(error: ErrorDetails, document: YamlDocument) -> Problem | None:
             if enough
             else Problem(path, f"expected at least {context['min_length']} entry, found {found}")
         )
+    if kind == "too_long":
+        return Problem(path, f"expected at most {context['max_length']} entries, found {len(given)}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_tag((*path, context["discriminator"].strip("'")), _tags(loc), context.get("tag"))
     if kind == "literal_error":
@@ -58,7 +61,7 @@ def _wrong_tag(path: KeyPath, tags: list[str], tag: str | None) -> Problem:
     valid = " or ".join(repr(t) for t in tags)
     if tag is None:
         return Problem(path, f"required, and missing; expected {valid}")
-    return Problem(path, f"expected {valid}, found {tag!r}{nearest(tag, tags)}")
+    return Problem(path, f"expected {valid}, found {_shown(tag)}{nearest(tag, tags)}")
 
 
 def _plainly(message: str, found: str) -> str:

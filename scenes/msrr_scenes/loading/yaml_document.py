@@ -1,4 +1,4 @@
-"""YAML documents that record the file and line of every value: plain types, unique keys, bounded size."""
+"""YAML documents that record the place of every value: plain types, unique keys, bounded size."""
 
 from __future__ import annotations
 
@@ -11,9 +11,14 @@ import yaml
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.problems import KeyPath, dotted
 
-MAX_CHARACTERS = 1_000_000
+#: Largest file [characters]: ten times a scene with the largest number of bodies.
+MAX_CHARACTERS = 500_000
 MAX_DEPTH = 24
 MAX_VALUES = 20_000
+#: Longest number [characters], of which double precision uses no more than 17 digits.
+MAX_NUMBER = 40
+#: Longest key [characters].
+MAX_KEY = 100
 
 _TAG = "tag:yaml.org,2002:"
 _SCALARS = {_TAG + kind for kind in ("null", "bool", "int", "float", "str", "timestamp")}
@@ -22,7 +27,7 @@ _ALLOWED = {yaml.MappingNode: {_TAG + "map"}, yaml.SequenceNode: {_TAG + "seq"},
 
 @dataclass
 class YamlDocument:
-    """A parsed document and the origin (``file:line`` or command-line option) of each of its values.
+    """A parsed document and the origin (``file:line:column`` or command-line option) of each of its values.
 
     Attributes:
         data: Content of the document: dicts, lists and plain values.
@@ -114,22 +119,33 @@ def _compose(text: str, source: str) -> yaml.Node | None:
         return yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        place = _line(source, mark.line) if mark else source
+        place = _position(source, mark.line, mark.column) if mark else source
         raise SceneError(f"{place}: not valid YAML: {error.problem or error.context}") from None
     except yaml.reader.ReaderError as error:
-        place = _line(source, text.count("\n", 0, error.position))
+        line_start = text.rfind("\n", 0, error.position) + 1
+        place = _position(source, text.count("\n", 0, error.position), error.position - line_start)
         raise SceneError(
             f"{place}: not valid YAML: the character U+{error.character:04X} is not allowed"
         ) from None
 
 
-def _line(source: str, line: int) -> str:
-    """Return a source with a line, counted from 0; an option of the command line has no lines."""
-    return source if source.startswith("--") else f"{source}:{line + 1}"
+def _position(source: str, line: int, column: int) -> str:
+    """Return a source with line and column, counted from 0; an option of the command line has neither."""
+    return source if source.startswith("--") else f"{source}:{line + 1}:{column + 1}"
 
 
 def _place(source: str, item: yaml.Node | yaml.Event) -> str:
-    return _line(source, item.start_mark.line) if item.start_mark else source
+    mark = item.start_mark
+    return _position(source, mark.line, mark.column) if mark else source
+
+
+def _checked_text(text: str, origin: str) -> str:
+    """Return a text that can be written; a lone surrogate, which YAML can escape, is no character."""
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError as error:
+        raise SceneError(f"{origin}: U+{ord(text[error.start]):04X} is half a character; remove it") from None
+    return text
 
 
 class _Reader:
@@ -154,7 +170,9 @@ class _Reader:
         if isinstance(node, yaml.SequenceNode):
             return [self.value(item, (*path, i), depth + 1) for i, item in enumerate(node.value)]
         if node.tag in (_TAG + "timestamp", _TAG + "str"):  # a date is a text that looks like one
-            return str(node.value)
+            return _checked_text(str(node.value), origin)
+        if len(node.value) > MAX_NUMBER:
+            raise SceneError(f"{origin}: a number of more than {MAX_NUMBER} characters is refused")
         try:
             return self._scalars.construct_object(node)
         except (ValueError, yaml.YAMLError):
@@ -166,7 +184,9 @@ class _Reader:
             origin = _place(self._source, key_node)
             if not isinstance(key_node, yaml.ScalarNode):
                 raise SceneError(f"{origin}: {dotted(path) or 'scene'}: a key has to be a plain word")
-            key = str(key_node.value)
+            key = _checked_text(str(key_node.value), origin)
+            if len(key) > MAX_KEY:
+                raise SceneError(f"{origin}: a key of more than {MAX_KEY} characters is refused")
             key_path = (*path, key)
             if key == "<<":
                 raise SceneError(f"{origin}: {dotted(path) or 'scene'}: merge keys are not supported here")

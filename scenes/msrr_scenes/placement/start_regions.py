@@ -34,6 +34,19 @@ def overlap(a: Array, b: Array) -> bool:
     return True
 
 
+def distance(a: Array, b: Array) -> float:
+    """Return the distance [m] of two convex outlines, 0 if they overlap."""
+    return 0.0 if overlap(a, b) else min(_to_edges(a, b), _to_edges(b, a))
+
+
+def _to_edges(points: Array, outline: Array) -> float:
+    """Return the smallest distance [m] of points, shape (N, 2), from the edges of an outline."""
+    edges = np.roll(outline, -1, axis=0) - outline
+    to_points = points[:, None] - outline
+    share = np.clip((to_points * edges).sum(axis=2) / (edges**2).sum(axis=1), 0.0, 1.0)
+    return float(np.linalg.norm(to_points - share[..., None] * edges, axis=2).min())
+
+
 def obstacle_outline(spec: ObstacleSpec) -> Array:
     """Return the outline of an obstacle in its own frame; a circle is replaced by a polygon around it."""
     if isinstance(spec, BoxSpec):
@@ -92,8 +105,8 @@ def outline(scene: Scene, name: str) -> Array:
     return obstacle_outline(scene.obstacles[name])
 
 
-def may_overlap(scene: Scene, a: str, b: str) -> bool:
-    """Return whether two bodies may overlap for some draw."""
+def smallest_distance(scene: Scene, a: str, b: str) -> float:
+    """Return a lower bound of the distance [m] of two bodies over all draws; 0 if they may overlap."""
     chains = {}
     for name in (a, b):
         body = scene.units.get(name) or scene.obstacles[name]
@@ -104,4 +117,4 @@ def may_overlap(scene: Scene, a: str, b: str) -> bool:
         outline(scene, name) if name == common else region(scene, name, outline(scene, name), common)
         for name in (a, b)
     ]
-    return overlap(*regions)
+    return distance(*regions)

@@ -6,9 +6,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from msrr_scenes.specs.spec import Finite, PoseSpec, Positive, Spec
+from msrr_scenes.specs.spec import Coordinate, FileName, PoseSpec, Size, Spec, Time
 
 TAGS_PER_UNIT = 10
+
+#: Highest id of the AprilTag family 36h11, which has 587 members.
+LAST_TAG = 586
+
+TagId = Annotated[int, Field(ge=0, le=LAST_TAG)]
 
 #: Height of the face of an obstacle's tag above the lid [m]: the thickness of the plate that carries the tag.
 TAG_PLATE_M = 0.002
@@ -17,9 +22,9 @@ TAG_PLATE_M = 0.002
 class ArenaSpec(Spec):
     """The rectangle of floor that no body may leave."""
 
-    x_m: tuple[Finite, Finite] = (-2.0, 2.0)
+    x_m: tuple[Coordinate, Coordinate] = (-2.0, 2.0)
     """Lowest and highest x of the floor in the world frame [m]."""
-    y_m: tuple[Finite, Finite] = (-1.5, 1.5)
+    y_m: tuple[Coordinate, Coordinate] = (-1.5, 1.5)
     """Lowest and highest y of the floor in the world frame [m]."""
 
 
@@ -28,11 +33,11 @@ class TagsSpec(Spec):
 
     family: Literal["tag36h11"] = "tag36h11"
     """AprilTag family of every tag."""
-    top_m: Positive = 0.12
+    top_m: Size = 0.12
     """Edge of the tag on top of a unit [m]."""
-    side_m: Positive = 0.05
+    side_m: Size = 0.05
     """Edge of the left and the right tag of a port [m]."""
-    mast_m: Positive = 0.04
+    mast_m: Size = 0.04
     """Edge of the middle tag of a port, on the mast [m]."""
 
     def size(self, slot: str) -> float:
@@ -47,24 +52,24 @@ class UnitSpec(Spec):
 
     number: int = Field(ge=0, le=49)
     """Number n of the unit: tag 10 n is on top, tags 10 n + 1 .. 10 n + 9 are on the ports."""
-    urdf: str = "unit.urdf"
+    urdf: FileName = "unit.urdf"
     """File name of the URDF: beside the scene file, in the working folder, or a shipped one."""
     pose: PoseSpec = PoseSpec()
     """Start pose."""
-    tag_ids: dict[str, int] = Field(default_factory=dict)
+    tag_ids: dict[str, TagId] = Field(default_factory=dict, max_length=TAGS_PER_UNIT)
     """Tag ids that differ from those of the number, by link name."""
 
 
 class _Obstacle(Spec):
-    height_m: Positive = 0.15
+    height_m: Size = 0.15
     """Height of the obstacle [m]."""
     pose: PoseSpec = PoseSpec()
     """Start pose of the middle of the base."""
-    tag_id: Annotated[int, Field(ge=0, le=586)] | None = None
+    tag_id: TagId | None = None
     """Id of the tag on the lid; without one the overhead camera cannot find the obstacle."""
-    tag_m: Positive = 0.10
+    tag_m: Size = 0.10
     """Edge of the black square of the tag on the lid [m]."""
-    appears_at_s: float = Field(default=0.0, ge=0.0)
+    appears_at_s: Time = 0.0
     """Time at which the obstacle appears [s]."""
 
 
@@ -73,7 +78,7 @@ class CylinderSpec(_Obstacle):
 
     shape: Literal["cylinder"]
     """Kind of obstacle."""
-    radius_m: Positive
+    radius_m: Size
     """Radius of the cylinder [m]."""
 
 
@@ -82,9 +87,9 @@ class BoxSpec(_Obstacle):
 
     shape: Literal["box"]
     """Kind of obstacle."""
-    length_m: Positive
+    length_m: Size
     """Edge along x of the box [m]."""
-    width_m: Positive
+    width_m: Size
     """Edge along y of the box [m]."""
 
     @property

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from msrr_scenes.specs.spec import Finite, Name, Spec
+from msrr_scenes.specs.spec import Angle, FileName, Name, Spec, Time
 
 
 class SeatSwitchStuck(Spec):
@@ -38,7 +38,7 @@ class PortPlugged(Spec):
     """Unit whose port is plugged."""
     port: Name
     """Port that is plugged."""
-    attempts: tuple[int, ...] = (1,)
+    attempts: tuple[Annotated[int, Field(ge=1, le=20)], ...] = Field(default=(1,), max_length=20)
     """Attempts during which the port is plugged, counted from 1."""
 
 
@@ -47,11 +47,11 @@ class CameraBlackout(Spec):
 
     kind: Literal["camera_blackout"]
     """Kind of fault."""
-    camera: str
+    camera: FileName
     """Camera that fails: ``overhead`` or ``<unit>/onboard``."""
-    from_s: float = Field(ge=0.0)
+    from_s: Time
     """Time of the first lost frame [s]."""
-    to_s: float = Field(gt=0.0)
+    to_s: Time
     """Time from which frames are delivered again [s]."""
 
 
@@ -62,7 +62,7 @@ class CameraMisaligned(Spec):
     """Kind of fault."""
     unit: Name
     """Unit that carries the camera."""
-    yaw_deg: Finite
+    yaw_deg: Angle
     """Angle by which the camera is turned, counter-clockwise positive [deg]."""
 
 

@@ -4,14 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from msrr_scenes.specs.spec import Choice, Name, NonNegative, Positive, Spec
+from msrr_scenes.specs.spec import (
+    Choice,
+    Distance,
+    Duration,
+    Length,
+    Name,
+    PortName,
+    Rate,
+    Spec,
+    Speed,
+    Tolerance,
+    between,
+)
 
 Plant = Literal["bullet", "unicycle"]
 Perception = Literal["images", "parametric"]
+
+#: Angle of a cone [deg], less than a right angle on either side: a camera sees no more.
+ConeAngle = Annotated[float, between(0.1, 89.0)]
 
 
 class DockStep(Spec):
@@ -21,11 +36,11 @@ class DockStep(Spec):
     """Unit that docks."""
     port: Name = "front"
     """Active port of the docking unit."""
-    to: str = Field(pattern=r"^[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*$")
+    to: PortName
     """Port that is docked to, written ``<unit>.<port>``."""
     name: Name | None = None
     """Name of the step, for ``after``; by default that of the unit."""
-    after: tuple[Name, ...] | None = None
+    after: Annotated[tuple[Name, ...], Field(max_length=50)] | None = None
     """Names of the steps that have to be done before this one begins; by default the step before it in the
     plan. Steps that do not come after one another are carried out at the same time."""
 
@@ -71,6 +86,11 @@ def ancestors(plan: Sequence[DockStep], index: int) -> tuple[int, ...]:
     return tuple(sorted(before))
 
 
+def in_order(plan: Sequence[DockStep]) -> list[int]:
+    """Return the indices of all steps, each after those that it comes after, else as in the plan."""
+    return sorted(range(len(plan)), key=lambda index: (len(ancestors(plan, index)), index))
+
+
 def comes_after(plan: Sequence[DockStep], step: DockStep, earlier: DockStep) -> bool:
     """Return whether a step of the plan begins only when another one is done."""
     return earlier in plan and plan.index(earlier) in ancestors(plan, plan.index(step))
@@ -83,13 +103,13 @@ class LosSpec(Spec):
     marker's side tags.
     """
 
-    half_width_m: Positive = 0.0441
+    half_width_m: Length = 0.0441
     """Half the distance b between the two edges of the target [m]."""
-    setback_m: NonNegative = 0.0442
+    setback_m: Distance = 0.0442
     """Distance s_b of the target's edges behind the face of the port [m]."""
-    inner_deg: float = Field(default=20.0, gt=0.0, lt=90.0)
+    inner_deg: ConeAngle = 20.0
     """Angle th_in of the line of sight at which the correction starts [deg]."""
-    outer_deg: float = Field(default=30.0, gt=0.0, lt=90.0)
+    outer_deg: ConeAngle = 30.0
     """Angle th_out of the line of sight at which the correction is largest [deg]."""
 
     @property
@@ -112,11 +132,11 @@ class VerifySpec(Spec):
 
     by_sight: bool = True
     """Whether the pose seen in the image is compared with that of a seated unit."""
-    position_m: Positive = 0.003
+    position_m: Length = 0.003
     """Largest accepted deviation of the position [m]."""
-    yaw_deg: Positive = 1.5
+    yaw_deg: Tolerance = 1.5
     """Largest accepted deviation of the yaw [deg]."""
-    time_s: Positive = 1.5
+    time_s: Duration = 1.5
     """Longest time that the check may take [s]."""
 
 
@@ -125,15 +145,15 @@ class DockingSpec(Spec):
 
     attempts: int = Field(default=3, ge=1, le=20)
     """Number of attempts before the robot gives up."""
-    search_time_s: Positive = 4.0
+    search_time_s: Duration = 4.0
     """How long the marker may stay unseen before hand-over fails [s]."""
-    lost_time_s: Positive = 0.6
+    lost_time_s: Duration = 0.6
     """How long the target may be lost while docking before the robot retreats [s]."""
-    stall_time_s: Positive = 2.0
+    stall_time_s: Duration = 2.0
     """How long the robot may make no progress towards its seat before it retreats [s]."""
-    retreat_m: Positive = 0.45
+    retreat_m: Length = 0.45
     """Distance to the target face from which the next attempt starts [m]."""
-    press_mps: Positive = 0.05
+    press_mps: Speed = 0.05
     """Speed with which the robot presses into the port [m/s]."""
     verify: VerifySpec = VerifySpec()
     """Check of the finished docking."""
@@ -142,9 +162,9 @@ class DockingSpec(Spec):
 class JudgeSpec(Spec):
     """Criteria by which the judge decides the outcome of a trial, from truth."""
 
-    min_clearance_m: NonNegative = 0.02
+    min_clearance_m: Distance = 0.02
     """Smallest distance allowed between bodies other than the docking pair [m]."""
-    seated_depth_m: Positive = 0.003
+    seated_depth_m: Length = 0.003
     """Largest gap between the two faces of a seated unit, at the height of the pins [m]."""
 
 
@@ -156,12 +176,15 @@ class GuardSpec(Spec):
 
     enabled: bool = True
     """Whether commands are limited at all."""
-    slow_m: Positive = 0.05
+    slow_m: Length = 0.05
     """Clearance ahead below which the unit is slowed [m]."""
-    stop_m: Positive = 0.03
+    stop_m: Length = 0.03
     """Clearance ahead below which the unit must not come [m]."""
-    sigmas: NonNegative = 2.0
-    """Number of standard deviations of the estimated distance that is subtracted from every clearance."""
+    sigmas: Annotated[float, between(0.0, 10.0)] = 2.0
+    """Number of standard deviations of the estimated distance that is subtracted from every clearance.
+
+    Ten are never exceeded by a Gaussian error.
+    """
 
     @model_validator(mode="after")
     def _in_order(self) -> GuardSpec:
@@ -175,7 +198,7 @@ class GuardSpec(Spec):
 class ControlSpec(Spec):
     """The robot's software: laws, estimator and detector by name, with their parameters."""
 
-    rate_hz: Positive = 50.0
+    rate_hz: Rate = 50.0
     """Control instants per second [Hz]."""
     assembly: Choice = Choice(name="c1")
     """Law of the long-distance phase."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 from pydantic import Field
 
@@ -11,31 +12,38 @@ from msrr_scenes.specs.bodies import TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, Tag
 from msrr_scenes.specs.faults import Fault
 from msrr_scenes.specs.plan import ControlSpec, DockingSpec, DockStep, JudgeSpec, LosSpec, Perception, Plant
 from msrr_scenes.specs.sensors import CamerasSpec, OdometrySpec, ParametricSpec
-from msrr_scenes.specs.spec import Name, Positive, Spec
+from msrr_scenes.specs.spec import Duration, Name, Spec, Text, between
 from msrr_scenes.specs.vehicle import LimitsSpec, LinkSpec, LockSpec, WheelMotorSpec
+
+#: Number of units for which the tag family has ids.
+MAX_UNITS = 50
 
 
 class Scene(Spec):
     """A validated scene. Build one with :func:`msrr_scenes.load_scene`."""
 
-    name: str
-    """Name of the scene; by default that of its file."""
-    description: str = ""
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,63}$")]
+    """Name of the scene; by default that of its file. It names run folders, so it is no path."""
+    description: Text = ""
     """What the scene shows, in words."""
     plant: Plant = "bullet"
     """Plant: ``bullet`` with contact, or ideal unicycles."""
     perception: Perception = "images"
     """Perception: rendered images, or true poses with errors."""
-    physics_hz: Positive = 240.0
-    """Physics ticks per second [Hz]."""
-    time_limit_s: Positive = 60.0
+    physics_hz: Annotated[float, between(30.0, 2000.0)] = 240.0
+    """Physics ticks per second [Hz].
+
+    At 30 Hz and the usual speed in front of a port a unit moves by half a pin in a tick. Bullet advises
+    240 Hz; with ticks below half a millisecond a trial is slower than the robot.
+    """
+    time_limit_s: Duration = 60.0
     """Time after which a trial ends with the outcome ``timeout`` [s]."""
     arena: ArenaSpec = ArenaSpec()
     """Floor that no body may leave."""
-    units: dict[Name, UnitSpec] = Field(min_length=1)
-    """Units by name."""
-    obstacles: dict[Name, ObstacleSpec] = Field(default_factory=dict)
-    """Obstacles by name."""
+    units: dict[Name, UnitSpec] = Field(min_length=1, max_length=MAX_UNITS)
+    """Units by name; the tag family has room for 50."""
+    obstacles: dict[Name, ObstacleSpec] = Field(default_factory=dict, max_length=100)
+    """Obstacles by name; a hundred are more than the usual arena has room for."""
     tags: TagsSpec = TagsSpec()
     """Family and sizes of the tags on the units."""
     cameras: CamerasSpec = CamerasSpec()
@@ -60,9 +68,9 @@ class Scene(Spec):
     """Attempts, times and distances of the phase machine."""
     judge: JudgeSpec = JudgeSpec()
     """Criteria of the judge."""
-    plan: tuple[DockStep, ...] = Field(min_length=1)
+    plan: tuple[DockStep, ...] = Field(min_length=1, max_length=MAX_UNITS)
     """Docking steps in the order in which they are carried out."""
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[Fault, ...] = Field(default=(), max_length=100)
     """Deliberate faults."""
     source: Path | None = Field(default=None, exclude=True)
     """File that the scene was read from; set by the program."""

@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from msrr_scenes.geometry.pinhole import PinholeCamera
-from msrr_scenes.specs.spec import Choice, Finite, NonNegative, Positive, Probability, Spec
+from msrr_scenes.specs.spec import (
+    Angle,
+    Choice,
+    Coordinate,
+    Distance,
+    Grey,
+    Latency,
+    Probability,
+    Rate,
+    Spec,
+    Turn,
+    between,
+)
 
 
 class CameraSpec(Spec):
@@ -20,16 +32,16 @@ class CameraSpec(Spec):
     """Height of the image [px]."""
     hfov_deg: float = Field(default=75.0, gt=5.0, lt=150.0)
     """Horizontal field of view [deg]."""
-    rate_hz: Positive = 25.0
+    rate_hz: Rate = 25.0
     """Frame rate [Hz]."""
-    latency_ms: NonNegative = 40.0
+    latency_ms: Latency = 40.0
     """Time from the exposure to the arrival of the detections [ms]."""
-    noise_grey: NonNegative = 2.0
+    noise_grey: Grey = 2.0
     """Standard deviation of the additive read noise [grey levels]."""
-    shot_grey: NonNegative = 0.0
+    shot_grey: Grey = 0.0
     """Standard deviation of the shot noise at white; it falls to zero at black [grey levels]."""
-    blur_px: NonNegative = 0.4
-    """Standard deviation of the Gaussian lens blur [px]."""
+    blur_px: Annotated[float, between(0.0, 20.0)] = 0.4
+    """Standard deviation of the Gaussian lens blur [px]; 20 px blur a tag of the port beyond recognition."""
     dropout: Probability = 0.0
     """Probability that a frame is lost between camera and computer."""
     renderer: Choice = Choice(name="raster")
@@ -53,19 +65,19 @@ class LocalisationErrorSpec(Spec):
     noise, as from a data sheet, and none of the other errors.
     """
 
-    bias_x_m: Finite = 0.0
+    bias_x_m: Coordinate = 0.0
     """Constant error of the docking unit's position along x of the world [m]."""
-    bias_y_m: Finite = 0.0
+    bias_y_m: Coordinate = 0.0
     """Constant error of the docking unit's position along y of the world [m]."""
-    bias_yaw_deg: Finite = 0.0
+    bias_yaw_deg: Angle = 0.0
     """Constant error of the docking unit's heading [deg]."""
-    drift_m: NonNegative = 0.0
+    drift_m: Distance = 0.0
     """Random walk of the docking unit's position, each axis [m per square root of a second]."""
-    drift_yaw_deg: NonNegative = 0.0
+    drift_yaw_deg: Turn = 0.0
     """Random walk of the docking unit's heading [deg per square root of a second]."""
-    noise_m: NonNegative = 0.0
+    noise_m: Distance = 0.0
     """Standard deviation of every body's position, each axis, drawn per frame [m]."""
-    noise_yaw_deg: NonNegative = 0.0
+    noise_yaw_deg: Turn = 0.0
     """Standard deviation of every body's heading, drawn per frame [deg]."""
     dropout: Probability = 0.0
     """Probability that a body is missing from a frame."""
@@ -80,16 +92,16 @@ class OverheadCameraSpec(CameraSpec):
     """Height of the image [px]."""
     hfov_deg: float = Field(default=67.0, gt=5.0, lt=150.0)
     """Horizontal field of view [deg]."""
-    rate_hz: Positive = 10.0
+    rate_hz: Rate = 10.0
     """Frame rate [Hz]."""
-    latency_ms: NonNegative = 60.0
+    latency_ms: Latency = 60.0
     """Time from the exposure to the arrival of the detections [ms]."""
-    x_m: Finite = 0.0
+    x_m: Coordinate = 0.0
     """Position along x of the world [m]."""
-    y_m: Finite = 0.0
+    y_m: Coordinate = 0.0
     """Position along y of the world [m]."""
-    height_m: Positive = 3.0
-    """Height above the floor [m]."""
+    height_m: Annotated[float, between(0.5, 50.0)] = 3.0
+    """Height above the floor [m]; half a metre clears a unit, and TinyRenderer sees 60 m."""
     localisation: LocalisationErrorSpec = LocalisationErrorSpec()
     """Errors added to the poses that are located with this camera."""
 
@@ -106,22 +118,25 @@ class CamerasSpec(Spec):
 class OdometrySpec(Spec):
     """The wheel encoders of every unit."""
 
-    rate_hz: Positive = 100.0
+    rate_hz: Rate = 100.0
     """Readings per second [Hz]."""
-    ticks_per_turn: int = Field(default=4096, ge=1)
-    """Encoder ticks per turn of a wheel."""
-    scale_error: NonNegative = 0.02
-    """Standard deviation of each wheel's unknown relative radius error (slip), drawn once per trial."""
-    noise_rad: NonNegative = 0.002
-    """Standard deviation of a reading's noise per square root of a radian turned [rad]."""
+    ticks_per_turn: int = Field(default=4096, ge=1, le=2**24)
+    """Encoder ticks per turn of a wheel; the finest encoders that are sold have 24 bits."""
+    scale_error: Annotated[float, between(0.0, 0.2)] = 0.02
+    """Standard deviation of each wheel's unknown relative radius error (slip), drawn once per trial.
+
+    At 0.2 a draw of five deviations is a wheel without a radius.
+    """
+    noise_rad: Annotated[float, between(0.0, 2.0 * math.pi)] = 0.002
+    """Standard deviation of a reading's noise per square root of a radian turned [rad]; at most a turn."""
 
 
 class ParametricSpec(Spec):
     """Perception without pixels: true poses with Gaussian errors, at the camera's rate and latency."""
 
-    sigma_xy_m: NonNegative = 0.005
+    sigma_xy_m: Distance = 0.005
     """Standard deviation of the position, each axis [m]."""
-    sigma_yaw_deg: NonNegative = 1.0
+    sigma_yaw_deg: Turn = 1.0
     """Standard deviation of the yaw [deg]."""
-    sigma_bearing_deg: NonNegative = 0.1
+    sigma_bearing_deg: Turn = 0.1
     """Standard deviation of the bearing of a target edge [deg]."""

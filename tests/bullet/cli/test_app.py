@@ -54,7 +54,7 @@ def test_check(capsys: Capture, tmp_path: Path) -> None:
     (tmp_path / "bad.yaml").write_text("units: {}\n")
     assert run(["check", "bad.yaml", "close_range"]) == 2  # one is bad, the other is still checked
     out, err = capsys.readouterr()
-    assert err.startswith("msrr: bad.yaml:1: ")
+    assert err.startswith("msrr: bad.yaml:1:1: ")
     assert "close_range: ok" in out
 
 
@@ -90,7 +90,7 @@ def test_bad_input_is_one_message_and_code_2(arguments: list[str], message: str,
 
 def test_the_program_starts_without_the_simulator() -> None:
     code = (
-        "import sys, msrr_bullet.cli.app as cli; cli.run(['check', 'close_range']); "
+        "import sys, msrr_bullet.cli.app as cli; cli.run(['scenes']); "
         "print([m for m in ('pybullet', 'cv2', 'fcl', 'matplotlib', 'meshcat') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -75,13 +75,13 @@ def test_a_controller_that_cannot_be_built_is_bad_input(
     assert out == ""
 
 
-def test_a_sweep_shows_brackets_in_names_and_reasons(
+def test_a_sweep_shows_brackets_in_reasons(
     short_trial: list[str], monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     """They were read as markup: what stood in them vanished, and a stray [/] was a traceback."""
     reason = "law [c1] gave up [/] :warning:"
 
-    def failing(scene: Scene, seed: int) -> TrialResult:
+    def failing(scene: Scene, seed: int, wall_limit_s: float) -> TrialResult:
         if seed == 1:
             raise ValueError(reason)
         result = one_trial(scene, seed)
@@ -94,11 +94,11 @@ def test_a_sweep_shows_brackets_in_names_and_reasons(
 
     monkeypatch.setattr("msrr_bullet.sweep.sweep.sweep", in_this_process)
     arguments = ["sweep", "close_range", *short_trial, "--seeds", "0:2", "--jobs", "1", "--fresh"]
-    assert run([*arguments, "--set", "name=close [fast]"]) == 70
+    assert run([*arguments, "--set", "name=close.fast"]) == 70
     out = capsys.readouterr().out
     assert f"seed 0: timeout, {reason}" in out
     assert f"seed 1: ValueError: {reason}" in out
-    assert "close [fast], 2 trials" in out
+    assert "close.fast, 2 trials" in out
 
 
 def test_dock_names_what_was_made_from_an_earlier_run(

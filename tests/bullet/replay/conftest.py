@@ -41,8 +41,12 @@ from msrr_scenes.specs.scene import Scene
 SCENE = Scene.model_validate(
     {
         "name": "pair",
-        "units": {"a": {"number": 0}, "b": {"number": 1, "pose": {"x_m": 1.0}}},
-        "plan": [{"unit": "a", "to": "b.rear"}, {"unit": "b", "to": "a.rear"}],
+        "units": {
+            "a": {"number": 0},
+            "b": {"number": 1, "pose": {"x_m": 1.0}},
+            "c": {"number": 2, "pose": {"frame": "b.left", "x_m": -0.5}},
+        },
+        "plan": [{"unit": "a", "to": "b.rear"}, {"unit": "c", "to": "b.left"}],
     }
 )
 

@@ -113,3 +113,17 @@ def test_tags_of_a_third_unit_are_not_the_target(tmp_path: Path) -> None:
     path = tmp_path / "third_unit.yaml"
     path.write_text(THIRD_UNIT)
     assert run_trial(load_scene(path), 1).outcome is Outcome.NEVER_DETECTED
+
+
+def test_the_time_limit_ends_slow_control_and_the_pull_test(shipped: Load) -> None:
+    """Both went on: the limit was looked at at control instants alone, and a pull test took its time."""
+    slow = run_trial(shipped("close_range", {**IDEAL, "control.rate_hz": "1", "time_limit_s": "1.25"}), 1)
+    assert (slow.outcome, slow.duration_s) == (Outcome.TIMEOUT, 1.25)
+    contact = {"perception": "parametric", "plant": "bullet"}
+    docked = run_trial(shipped("close_range", contact), 1)
+    assert docked.outcome is Outcome.DOCKED
+    for pull_time, outcome in (("0.1", Outcome.DOCKED), ("1.0", Outcome.TIMEOUT)):
+        limit = {"time_limit_s": repr(docked.duration_s + 0.5), "lock.pull_time_s": pull_time}
+        result = run_trial(shipped("close_range", {**contact, **limit}), 1)
+        assert result.outcome is outcome
+        assert (result.steps[0].pull_test_passed is None) is (outcome is Outcome.TIMEOUT)

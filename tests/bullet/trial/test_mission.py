@@ -143,6 +143,10 @@ def test_units_that_dock_beside_each_other_do_not_hold_each_other_up(shipped: Lo
             "  - {unit: d, to: b.right, after: [a]}",
             "2 steps are named 'a'",
         ),
+        (
+            "  - {unit: a, to: b.rear}\n  - {unit: c, to: a.rear, after: []}",
+            "'a' may move at the same time",
+        ),
     ],
 )
 def test_an_order_that_cannot_be_kept_is_refused(tmp_path: Path, plan: str, message: str) -> None:

@@ -28,7 +28,7 @@ def test_the_assembler_c2_is_built_from_a_scene() -> None:
     setup = AssemblySetup.of(scene, scene.plan[0])
     assembler = build_assembler(scene.control.assembly, setup)
     assert assembler.progress is None
-    with pytest.raises(SceneError, match="controller 'c2'"):
+    with pytest.raises(SceneError, match="assembler 'c2'"):
         build_assembler(Choice(name="c2", params={"repulsion": {"eta": -1.0}}), setup)
 
 

@@ -1,5 +1,6 @@
 """Checks of the start poses: each contradiction is found, placed and mended, and nothing else is."""
 
+import time
 from collections.abc import Mapping
 
 import pytest
@@ -18,6 +19,15 @@ from msrr_scenes.errors import SceneError
         ({"cameras.overhead": "null"}, "units.c.pose", "no camera sees this unit"),
         ({"cameras.overhead.x_m": "3"}, "units.c.pose", "out of the overhead view"),
         ({"units.a.pose.yaw_deg": "60"}, "units.a.pose", "turn it towards the port"),
+        ({"judge.min_clearance_m": "0.5"}, "obstacles.post.pose", "nearer than judge.min_clearance_m = 0.5"),
+        (
+            {"obstacles.post.pose": "{x_m: 0.4, y_m: -0.175}"},
+            "obstacles.post.pose",
+            "stands 0.015 m from 'b'",
+        ),
+        ({"obstacles.post.height_m": "3"}, "obstacles.post.height_m", "raise cameras.overhead.height_m"),
+        ({"obstacles.post.pose.x_m": "1e15"}, "obstacles.post.pose.x_m", "less than or equal to 100"),
+        ({"units.c.pose.x_m": "-99"}, "units.c.pose", "outside the arena"),
         ({"los.half_width_m": "0.08"}, "los.half_width_m", "lower half_width_m below 0.05"),
     ],
 )
@@ -39,6 +49,30 @@ def test_starts_that_contradict_each_other(overrides: Mapping[str, str], place: 
 )
 def test_what_is_allowed(overrides: Mapping[str, str]) -> None:
     load_scene("bystander", overrides)
+
+
+def test_a_start_that_hardly_ever_sees_its_target_is_refused() -> None:
+    """A trial of it would draw starts until it gives up, with some seeds."""
+    narrow = {"los.half_width_m": "0.015", "los.inner_deg": "6.2", "los.outer_deg": "6.5"}
+    with pytest.raises(SceneError, match="narrow the spreads"):
+        load_scene("close_range", {**narrow, "units.a.pose.spread.yaw_deg": "180"})
+    load_scene("close_range", narrow)
+
+
+def test_fifty_units_are_checked_in_a_moment() -> None:
+    """6,000 units took a minute; 50 are the most, and each pair of them is looked at."""
+    units = {
+        f"u{i}": f"{{number: {i}, pose: {{x_m: {0.6 * (i % 10)}, y_m: {0.6 * (i // 10)}}}}}"
+        for i in range(50)
+    }
+    body = ", ".join(f"{name}: {unit}" for name, unit in units.items())
+    wide = {"arena": "{x_m: [-9, 9], y_m: [-9, 9]}", "cameras.overhead": "{height_m: 20, width_px: 4096}"}
+    begun = time.process_time()
+    scene = load_scene("close_range", {**wide, "units": f"{{{body}}}", "plan": "[{unit: u0, to: u49.rear}]"})
+    assert len(scene.units) == 50
+    assert time.process_time() - begun < 5.0
+    with pytest.raises(SceneError, match="at most 50 entries, found 51"):
+        load_scene("close_range", {"units": f"{{{body}, b: {{number: 1}}}}"})
 
 
 def test_a_unit_that_carries_another_is_compared_in_its_own_frame() -> None:

@@ -82,33 +82,37 @@ def test_the_issues_start_sets_and_limits() -> None:
         (
             "      x_m: -0.70",
             "      xm: -0.70",
-            ["scene.yaml:11: units.a.pose.xm: unknown key", "did you mean 'x_m'?"],
+            ["scene.yaml:11:7: units.a.pose.xm: unknown key", "did you mean 'x_m'?"],
         ),
-        ("    number: 1\n", "", ["scene.yaml:4: units.b.number: required, and missing"]),
+        ("    number: 1\n", "", ["scene.yaml:4:3: units.b.number: required, and missing"]),
         (
             "shape: cylinder",
             "shape: cylindr",
-            ["scene.yaml:16: obstacles.post.shape", "did you mean 'cylinder'?"],
+            ["scene.yaml:16:5: obstacles.post.shape", "did you mean 'cylinder'?"],
         ),
         ("    shape: cylinder\n", "", ["obstacles.post.shape: required", "'cylinder' or 'box'"]),
         (
             "radius_m: 0.05",
             "radius_m: -1",
-            ["scene.yaml:17: obstacles.post.radius_m", "greater than 0", "found -1"],
+            ["scene.yaml:17:5: obstacles.post.radius_m", "greater than or equal to 0.005", "found -1"],
         ),
-        ("radius_m: 0.05", "radius_m: .nan", ["scene.yaml:17: obstacles.post.radius_m", "finite", "nan"]),
-        ("radius_m: 0.05", "radius_m: .inf", ["scene.yaml:17: obstacles.post.radius_m", "finite", "inf"]),
-        ("number: 1", "number: yes", ["scene.yaml:5: units.b.number", "the flag true"]),
-        ("number: 1", "number: two", ["scene.yaml:5: units.b.number", "expected an integer, found 'two'"]),
-        ("frame: b.rear", "frame: rear", ["scene.yaml:10: units.a.pose.frame", "'<unit>.<port>'", "'rear'"]),
-        ("  a:\n", "  A:\n", ["scene.yaml:7: units.A", "lower-case"]),
-        ("  a:\n", "  b:\n", ["scene.yaml:7: units.b: this key is already given at", "scene.yaml:4"]),
+        ("radius_m: 0.05", "radius_m: .nan", ["scene.yaml:17:5: obstacles.post.radius_m", "finite", "nan"]),
+        ("radius_m: 0.05", "radius_m: .inf", ["scene.yaml:17:5: obstacles.post.radius_m", "finite", "inf"]),
+        ("number: 1", "number: yes", ["scene.yaml:5:5: units.b.number", "the flag true"]),
+        ("number: 1", "number: two", ["scene.yaml:5:5: units.b.number", "expected an integer, found 'two'"]),
+        (
+            "frame: b.rear",
+            "frame: rear",
+            ["scene.yaml:10:7: units.a.pose.frame", "'<unit>.<port>'"],
+        ),
+        ("  a:\n", "  A:\n", ["scene.yaml:7:3: units.A", "lower-case"]),
+        ("  a:\n", "  b:\n", ["scene.yaml:7:3: units.b: this key is already given at", "scene.yaml:4"]),
         (
             "- {unit: a, to: b.rear}",
             "- [a, b]",
-            ["scene.yaml:21: plan.0: expected keys with values, found a list"],
+            ["scene.yaml:21:5: plan.0: expected keys with values, found a list"],
         ),
-        ("plan:", "plam:", ["scene.yaml:20: plam: unknown key; did you mean 'plan'?"]),
+        ("plan:", "plam:", ["scene.yaml:20:1: plam: unknown key; did you mean 'plan'?"]),
         ("plan:", "plan: {", ["not valid YAML"]),
         ("{x_m: 0.4}", "{x_m: !!python/name:os.system }", ["scene.yaml:6", "not allowed"]),
         ("{x_m: 0.4}", "{<<: {x_m: 0.4}}", ["scene.yaml:6", "merge keys"]),
@@ -117,11 +121,11 @@ def test_the_issues_start_sets_and_limits() -> None:
         (
             "description: two units",
             "source: /etc/passwd\ndescription: two units",
-            ["scene.yaml:1: source: unknown key"],
+            ["scene.yaml:1:1: source: unknown key"],
         ),
     ],
 )
-def test_a_mistake_names_file_line_key_and_mend(
+def test_a_mistake_names_file_line_column_key_and_mend(
     tmp_path: Path, old: str, new: str, expected: list[str]
 ) -> None:
     assert old in GOOD
@@ -165,6 +169,43 @@ def test_other_ways_not_to_be_a_scene(tmp_path: Path) -> None:
         load_scene(write(tmp_path, "# " + "x" * 1_000_001))
     with pytest.raises(UnknownNameError, match="did you mean 'close_range'"):
         load_scene("close_rnge")
+
+
+@pytest.mark.parametrize(
+    "name", ["../../x", "a/b", "/tmp/x", "..", ".hidden", "-x", "a b", "a[/]", "", "a" * 65, "\\ud800", "\\0"]
+)
+def test_a_name_is_a_name(tmp_path: Path, name: str) -> None:
+    text = message(tmp_path, f'name: "{name}"\n{GOOD}')
+    assert "scene.yaml:1:" in text
+    assert "a plain name" in text or "half a character" in text
+
+
+def test_a_scene_without_a_name_is_named_like_its_file(tmp_path: Path) -> None:
+    for stem, name in [("two.units-3", "two.units-3"), ("my scène [1]", "my_sc_ne__1_"), (".x", "_x")]:
+        (tmp_path / f"{stem}.yaml").write_text(GOOD)
+        assert load_scene(tmp_path / f"{stem}.yaml").name == name
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("number: 1", f"number: {'9' * 4300}", "5:13: a number of more than 40 characters"),
+        ("x_m: 0.4", f"x_m: 0.{'4' * 100}", "6:17: a number of more than 40 characters"),
+        (
+            "number: 1",
+            f"number: 1\n    urdf: {'u' * 5000}",
+            "6:5: units.b.urdf: string should have at most 255",
+        ),
+        ("number: 1", f"number: 1\n    {'k' * 200}: 1", "6:5: a key of more than 100 characters"),
+        ("x_m: 0.4", "x_m: 1e15", "less than or equal to 100"),
+        ("x_m: 0.4", 'frame: "\\ud800"', "U+D800 is half a character"),
+        ("two units", "x" * 5000, "description: string should have at most 4000"),
+    ],
+)
+def test_numbers_and_texts_are_bounded_in_length(tmp_path: Path, old: str, new: str, expected: str) -> None:
+    text = message(tmp_path, GOOD.replace(old, new, 1))
+    assert expected in text
+    assert len(text) < 1000
 
 
 def test_overrides_reach_everything(tmp_path: Path) -> None:

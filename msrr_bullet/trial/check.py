@@ -1,0 +1,61 @@
+"""The check of a scene before any trial: all that a trial would build is built once, and nothing is run."""
+
+from __future__ import annotations
+
+from msrr_bullet.log.header import LogHeader
+from msrr_bullet.log.recorder import NullRecorder
+from msrr_bullet.profiler import NullProfiler
+from msrr_bullet.render import RENDERERS, RenderContext, build_renderer
+from msrr_bullet.trial.docking_step import DockingStep
+from msrr_bullet.trial.environment import open_environment
+from msrr_control.staging.feasibility import check_assembly, check_time
+from msrr_control.staging.registry import ASSEMBLERS
+from msrr_scenes.errors import MsrrError, ProgramFailedError, SceneError
+from msrr_scenes.loading.load import check_scene
+from msrr_scenes.placement.placement import draw_placement
+from msrr_scenes.random_streams import stream
+from msrr_scenes.registry import resolve
+from msrr_scenes.specs.plan import in_order
+from msrr_scenes.specs.scene import Scene
+
+
+def check_trial(scene: Scene) -> None:
+    """Refuse a scene of which a trial could not be built, whatever its seed.
+
+    The world, the devices and, for every step of the plan, the robot and its cameras are built as a trial
+    builds them. What a scene names without using it has to exist as well: the renderer of parametric
+    cameras, the assembler of a scene without an overhead camera.
+
+    Raises:
+        SceneError: The scene contradicts itself, something that it names does not exist or does not take its
+            parameters, or a URDF lacks what the plant needs. The message begins with the file.
+        ProgramFailedError: A class that the scene names by its import path fails while it is built.
+    """
+    try:
+        _check(scene)
+    except ProgramFailedError:
+        raise
+    except MsrrError as error:
+        raise SceneError(f"{scene.source or scene.name}: {error}") from error
+
+
+def _check(scene: Scene) -> None:
+    check_scene(scene)
+    resolve("assembler", scene.control.assembly.name, ASSEMBLERS)
+    check_assembly(scene)
+    check_time(scene)
+    LogHeader.of(scene, 0, {})
+    cameras = [scene.cameras.onboard, *([scene.cameras.overhead] if scene.cameras.overhead else [])]
+    for camera in cameras:
+        resolve("renderer", camera.renderer.name, RENDERERS)
+    placement = draw_placement(scene, lambda name: stream(0, name))
+    with open_environment(scene, 0, placement) as environment:
+        for index in in_order(scene.plan):
+            step = DockingStep(environment, index, NullRecorder(), NullProfiler())
+            if step.robot.failure is not None:
+                raise step.robot.failure
+            environment.locked.add(step.step)
+        world = environment.simulation.world
+        if scene.perception == "images" and world is not None:
+            for camera in cameras:
+                build_renderer(camera.renderer, RenderContext(world.client, camera.samples))

@@ -1,0 +1,72 @@
+"""A limit on the time that a trial may take on the wall clock, whatever it is doing."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from msrr_scenes.errors import MsrrError
+
+#: Limit of the command line [s]. The slowest shipped scene takes about a minute on one core.
+DEFAULT_WALL_LIMIT_S = 600.0
+
+#: Time after which an interrupt is raised again, in case something has swallowed it [s].
+_AGAIN_S = 5.0
+
+
+class WallLimitError(MsrrError):
+    """A trial took longer on the wall clock than it may, and was stopped without a result."""
+
+
+class _Reached(BaseException):
+    """The limit is reached; no handler of ``Exception``, such as one in a user's class, stops it."""
+
+
+@contextmanager
+def wall_limit(limit_s: float | None) -> Iterator[Callable[[], None]]:
+    """Stop the body of a ``with`` block once it has taken ``limit_s`` seconds; None sets no limit.
+
+    In the main thread of a process a signal interrupts any Python code, also code that never ends; what runs
+    outside of Python ends first. In other threads, which get no signals, the limit holds where the block
+    calls the function that it is given.
+
+    Yields:
+        A function that raises if the limit is reached.
+
+    Raises:
+        WallLimitError: The limit was reached.
+    """
+    if limit_s is None:
+        yield lambda: None
+        return
+    begun = time.monotonic()
+
+    def check() -> None:
+        if time.monotonic() - begun >= limit_s:
+            raise _Reached
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise _Reached
+
+    try:
+        if threading.current_thread() is not threading.main_thread():
+            yield check
+            return
+        before = signal.signal(signal.SIGALRM, interrupt)
+        timer, interval = signal.setitimer(signal.ITIMER_REAL, limit_s, _AGAIN_S)
+        try:
+            yield check
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, before)
+            if timer > 0.0:  # one of the program around, which goes on
+                left = timer - (time.monotonic() - begun)
+                signal.setitimer(signal.ITIMER_REAL, max(left, 1e-3), interval)
+    except _Reached:
+        raise WallLimitError(
+            f"the trial was stopped after {limit_s:g} s on the wall clock; raise --wall-limit, or simplify it"
+        ) from None

@@ -1,0 +1,104 @@
+"""Checks of the plan and of the faults: every step can begin, and no two faults contradict each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msrr_scenes.errors import nearest
+from msrr_scenes.loading.problems import KeyPath, Problem
+from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
+from msrr_scenes.specs.plan import ancestors, in_order
+from msrr_scenes.specs.scene import Scene
+
+
+def plan_problems(scene: Scene) -> list[Problem]:
+    """Return steps that can never begin: by their order, or by what the steps before them have locked."""
+    disorder = list(_order_problems(scene))
+    if disorder:
+        return disorder
+    return [
+        *_moving_targets(scene),
+        *_busy_units(scene),
+        *_busy_ports(scene),
+        *_locked_already(scene),
+    ]
+
+
+def _order_problems(scene: Scene) -> Iterator[Problem]:
+    """Yield names in ``after`` that do not name one step, and steps that wait for themselves."""
+    labels = [step.label for step in scene.plan]
+    for i, step in enumerate(scene.plan):
+        for j, name in enumerate(step.after or ()):
+            path: KeyPath = ("plan", i, "after", j)
+            if name not in labels:
+                near = nearest(name, labels)
+                yield Problem(path, f"no step named {name!r}{near} Steps: {', '.join(labels)}")
+            elif labels.count(name) > 1:
+                yield Problem(path, f"{labels.count(name)} steps are named {name!r}; give each a `name`")
+        if i in ancestors(scene.plan, i):
+            text = f"step {labels[i]!r} waits for itself; take one `after` out"
+            yield Problem(("plan", i, "after"), text)
+
+
+def _moving_targets(scene: Scene) -> Iterator[Problem]:
+    """Yield steps whose unit or target may be moved by another step at the same time."""
+    before = [ancestors(scene.plan, i) for i in range(len(scene.plan))]
+    for i, step in enumerate(scene.plan):
+        for j, other in enumerate(scene.plan):
+            at_once = i != j and i not in before[j] and j not in before[i]
+            if at_once and other.unit in (step.unit, step.target_unit):
+                text = f"{other.unit!r} may move at the same time; put this step and {other.label!r} in order"
+                yield Problem(("plan", i, "after"), text)
+
+
+def _busy_units(scene: Scene) -> Iterator[Problem]:
+    first: dict[tuple[str, str], int] = {}
+    for i, step in enumerate(scene.plan):
+        earlier = first.setdefault((step.unit, step.port), i)
+        if earlier != i:
+            text = (
+                f"{step.unit!r} is still docked by its port {step.port} since plan step {earlier}, and a "
+                "plan does not undock; remove one of the steps or name another unit"
+            )
+            yield Problem(("plan", i, "unit"), text)
+
+
+def _busy_ports(scene: Scene) -> Iterator[Problem]:
+    first: dict[str, int] = {}
+    for i, step in enumerate(scene.plan):
+        earlier = first.setdefault(step.to, i)
+        if earlier != i and scene.plan[earlier].unit != step.unit:
+            taken = f"{scene.plan[earlier].unit!r} docks to {step.to} in plan step {earlier}"
+            text = f"the port is taken: {taken}; name another port"
+            yield Problem(("plan", i, "to"), text)
+
+
+def _locked_already(scene: Scene) -> Iterator[Problem]:
+    group = {unit: {unit} for unit in scene.units}
+    order = in_order(scene.plan)
+    for n, i in enumerate(order):
+        step = scene.plan[i]
+        own, other = group[step.unit], group[step.target_unit]
+        if own is other and (step.unit, step.port) not in {
+            (scene.plan[j].unit, scene.plan[j].port) for j in order[:n]
+        }:
+            text = f"{step.unit!r} and {step.target_unit!r} are locked together by then; remove the step"
+            yield Problem(("plan", i, "to"), text)
+        own |= other
+        for unit in own:
+            group[unit] = own
+
+
+def fault_problems(scene: Scene) -> list[Problem]:
+    """Return faults that contradict another one: two of one kind in one place cannot both hold."""
+    problems = []
+    first: dict[tuple[str, ...], int] = {}
+    for i, fault in enumerate(scene.faults):
+        if isinstance(fault, CameraBlackout):
+            continue  # a camera can fail several times
+        port = (fault.port,) if isinstance(fault, PortPlugged) else ()
+        earlier = first.setdefault((fault.kind, fault.unit, *port), i)
+        if earlier != i:
+            text = f"fault {earlier} is of this kind and in this place, too; keep one of them"
+            problems.append(Problem(("faults", i), text))
+    return problems

@@ -1,0 +1,132 @@
+"""The limit on the wall clock ends what never ends, and changes nothing else."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import pytest
+
+from msrr_bullet.cli.app import run
+from msrr_bullet.log import read_log
+from msrr_bullet.run import run_trial
+from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.wall_limit import WallLimitError, wall_limit
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.scene import Scene
+
+Load = Callable[..., Scene]
+
+SHORT: Mapping[str, str] = {"time_limit_s": "1"}
+
+#: A controller that never answers, and swallows every exception that is one.
+CLASS = """
+import time
+
+from msrr_scenes.messages import Twist
+
+
+class Stuck:
+    def __init__(self, setup): ...
+    def reset(self, inputs): ...
+    def step(self, inputs):
+        while True:
+            try:
+                time.sleep(0.01)
+            except Exception:
+                pass
+"""
+
+
+@pytest.fixture
+def stuck(shipped: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scene:
+    (tmp_path / "stuck_on_the_clock.py").write_text(CLASS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return shipped("close_range", {**SHORT, "control.docking": "stuck_on_the_clock:Stuck"}, blind=True)
+
+
+def test_a_controller_that_never_answers_is_ended_and_its_log_stays(stuck: Scene, tmp_path: Path) -> None:
+    begun = time.monotonic()
+    with pytest.raises(WallLimitError, match="after 1 s on the wall clock; raise --wall-limit"):
+        run_trial(stuck, 1, out=tmp_path / "run", wall_limit_s=1.0)
+    assert time.monotonic() - begun < 30.0
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["trial.mcap"]
+    assert read_log(tmp_path / "run").header.seed == 1
+
+
+class InThisThread:
+    """An executor of the main thread, as the pool of a sweep runs its trials in main threads."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args))
+        except WallLimitError as error:
+            future.set_exception(error)
+        return future
+
+
+def test_a_sweep_counts_what_takes_too_long_and_goes_on(stuck: Scene) -> None:
+    summary = sweep(stuck, range(2), executor=InThisThread(), wall_limit_s=0.5)
+    assert summary.trials == 2
+    assert [(f.seed, f.stopped) for f in summary.failures] == [(0, True), (1, True)]
+    assert summary.outcomes == {}
+
+
+def test_dock_says_it_and_ends_with_2(
+    stuck: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    blind = ["--set", "plant=unicycle", "--set", "perception=parametric"]
+    law = ["--set", "control.docking=stuck_on_the_clock:Stuck"]
+    assert run(["dock", "close_range", *blind, *law, "--wall-limit", "0.5"]) == 2
+    assert "msrr: the trial was stopped after 0.5 s on the wall clock" in capsys.readouterr().err
+
+
+def test_a_trial_that_stays_below_the_limit_has_the_same_bits(shipped: Load) -> None:
+    scene = shipped("close_range", SHORT, blind=True)
+    free = run_trial(scene, 3)
+    assert free.outcome is Outcome.TIMEOUT
+    assert run_trial(scene, 3, wall_limit_s=300.0) == free
+
+
+def test_without_signals_a_slow_trial_is_ended_by_its_loop(shipped: Load) -> None:
+    found: list[BaseException] = []
+
+    def in_a_thread() -> None:
+        try:
+            run_trial(shipped("close_range", blind=True), 1, wall_limit_s=0.05)
+        except WallLimitError as error:
+            found.append(error)
+
+    thread = threading.Thread(target=in_a_thread)
+    thread.start()
+    thread.join()
+    assert len(found) == 1
+
+
+def test_the_timer_and_the_handler_of_the_program_around_are_kept() -> None:
+    heard: list[int] = []
+
+    def mine(number: int, frame: FrameType | None) -> None:
+        heard.append(number)
+
+    handler, timer = signal.getsignal(signal.SIGALRM), signal.getitimer(signal.ITIMER_REAL)
+    try:
+        signal.signal(signal.SIGALRM, mine)
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        with wall_limit(100.0):
+            time.sleep(0.1)
+        assert signal.getsignal(signal.SIGALRM) is mine
+        assert 0.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 0.2
+        time.sleep(0.4)
+        assert heard == [signal.SIGALRM]
+    finally:
+        signal.signal(signal.SIGALRM, handler)
+        signal.setitimer(signal.ITIMER_REAL, *timer)

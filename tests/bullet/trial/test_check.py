@@ -1,0 +1,145 @@
+"""The check of a scene: what a trial could not be built of is refused before anything is run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+
+from msrr_bullet.cli.app import run
+from msrr_bullet.run import run_trial
+from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.trial.check import check_trial
+from msrr_scenes.errors import MsrrError, ProgramFailedError, SceneError
+from msrr_scenes.geometry.unit_geometry import urdf_folder
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.specs.scene import Scene
+
+Load = Callable[..., Scene]
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "says"),
+    [
+        ("close_range", {"control.docking": "c3"}, "unknown controller 'c3'"),
+        ("close_range", {"control.docking": "no.such:Law"}, "No module named 'no'"),
+        ("close_range", {"control.docking": "math:pi"}, "controller 'math:pi' is not a class"),
+        ("close_range", {"control.docking.params.k_n": "1"}, "controller 'cbf': k_n: unknown parameter"),
+        ("close_range", {"control.docking.params.k_n_per_s": "-1"}, "controller 'cbf': k_n_per_s"),
+        ("close_range", {"control.estimator": "ekf"}, "unknown estimator 'ekf'"),
+        ("close_range", {"control.estimator.params.slip": "0"}, "slip has to be a number from 1e-06 to 1"),
+        ("close_range", {"control.estimator.params.slop": "1"}, "estimator 'corner_ekf' does not take"),
+        ("close_range", {"control.detector": "pupl"}, "did you mean 'pupil'?"),
+        (
+            "close_range",
+            {"control.detector.params.quad_decimate": "1e300"},
+            "quad_decimate has to be a number",
+        ),
+        (
+            "close_range",
+            {"control.detector.params.max_hamming": ".nan"},
+            "max_hamming has to be a number from 0",
+        ),
+        ("close_range", {"control.detector.params.family": "tag99"}, "family has to be one of tag16h5"),
+        ("close_range", {"cameras.onboard.renderer": "rasta"}, "unknown renderer 'rasta'"),
+        ("close_range", {"control.assembly": "c9"}, "unknown assembler 'c9'"),
+        (
+            "two_units",
+            {"control.assembly": "{name: c2, params: {feedback: {k: 1}}}"},
+            "assembler 'c2': feedback.k",
+        ),
+        ("two_units", {"control.assembly.params.pace.cruise_mps": "0.39"}, "leaves nothing to catch up with"),
+        ("two_units", {"control.assembly.params.route.handover_m": "3.5"}, "lies outside the arena"),
+        ("three_units", {"time_limit_s": "28"}, "time_limit_s: the steps take at least"),
+    ],
+)
+def test_what_a_trial_could_not_be_built_of_is_refused_with_its_kind(
+    name: str, overrides: Mapping[str, str], says: str, shipped: Load
+) -> None:
+    scene = shipped(name, overrides, blind=True)
+    with pytest.raises(SceneError) as caught:
+        check_trial(scene)
+    assert says in str(caught.value)
+    assert f"{name}.yaml: " in str(caught.value)
+
+
+def test_dock_sweep_and_check_refuse_alike(
+    shipped: Load, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # for the store of sweeps
+    scene = shipped("close_range", {"control.docking": "c3"}, blind=True)
+    found = set()
+    for refusing in (check_trial, run_trial, lambda scene: sweep(scene, [1, 2])):
+        with pytest.raises(MsrrError) as caught:
+            refusing(scene)
+        found.add(str(caught.value))
+    assert len(found) == 1
+    options = ["--set", "control.docking=c3", "--set", "plant=unicycle", "--set", "perception=parametric"]
+    for command in ("check", "dock", "sweep"):
+        assert run([command, "close_range", *options]) == 2
+        assert f"msrr: {found.copy().pop()}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["close_range", "four_units_tee"])
+def test_with_contact_and_pixels_a_good_scene_is_accepted(name: str) -> None:
+    check_trial(load_scene(name))
+
+
+def test_plans_that_fit_the_time_are_accepted(shipped: Load) -> None:
+    """Three_units takes 34 s and more without contact; a plan of one step may be cut short on purpose."""
+    check_trial(shipped("three_units", {"time_limit_s": "34"}, blind=True))
+    check_trial(shipped("close_range", {"time_limit_s": "0.1"}, blind=True))
+
+
+URDF = (urdf_folder() / "unit.urdf").read_text()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (
+            "port_rear_marker_left",
+            "port_rear_marker_lefty",
+            "lacks the link(s) port_rear_marker_left; did you mean",
+        ),
+        ("port_rear_marker_", "port_rear_marked_", "port 'rear' is passive and lacks the link(s)"),
+        ('"pin_left"', '"pn_left"', "pin_left"),
+    ],
+)
+def test_a_renamed_link_is_named(tmp_path: Path, old: str, new: str, says: str) -> None:
+    """A renamed marker link was answered with: port 'rear' has no holes; passive ports: rear ..."""
+    assert old in URDF
+    (tmp_path / "odd.urdf").write_text(URDF.replace(old, new))
+    text = (
+        (Path(str(load_scene("close_range").source)))
+        .read_text()
+        .replace("number: 1", "number: 1\n    urdf: odd.urdf")
+    )
+    (tmp_path / "scene.yaml").write_text(text.replace("number: 0", "number: 0\n    urdf: odd.urdf"))
+    with pytest.raises(SceneError) as caught:
+        check_trial(load_scene(tmp_path / "scene.yaml"))
+    assert says in str(caught.value)
+    assert "scene.yaml" in str(caught.value)
+
+
+FAILING = """
+class Broken:
+    def __init__(self, setup):
+        raise RuntimeError("not today")
+    def reset(self, inputs): ...
+    def step(self, inputs): ...
+"""
+
+
+def test_a_class_that_fails_is_refused_by_check_and_an_outcome_of_dock(
+    shipped: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "broken_when_built.py").write_text(FAILING)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    scene = shipped("close_range", {"control.docking": "broken_when_built:Broken"}, blind=True)
+    with pytest.raises(
+        ProgramFailedError, match=r"broken_when_built\.py line 4: __init__ raised RuntimeError"
+    ):
+        check_trial(scene)
+    assert run_trial(scene, 1).outcome.value == "program_failed"
