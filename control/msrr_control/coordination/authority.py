@@ -1,0 +1,123 @@
+"""The unit's side of coordination: how far and how fast it may drive, and where it brakes without radio."""
+
+from __future__ import annotations
+
+import math
+from types import MappingProxyType
+
+from msrr_control.coordination.track import path_of
+from msrr_control.planning.route import Route
+from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg
+from msrr_scenes.specs.vehicle import LimitsSpec
+
+#: Share of the largest deceleration that is counted on.
+_BRAKING_SHARE = 0.8
+
+
+class MovementAuthority:
+    """Keeps the newest authority and turns it into a limit and a speed.
+
+    An authority that expires ends at the nearer of its limit and the place where the unit can stop from then
+    on; in the dock leg, which was granted whole, it does not expire.
+    """
+
+    def __init__(self, limits: LimitsSpec, reaction_s: float) -> None:
+        """Begin without an authority.
+
+        Args:
+            limits: What the drive can do.
+            reaction_s: Longest time from a state to the effect on the wheels of what is decided on it, the
+                period of control included [s].
+        """
+        self._deceleration = _BRAKING_SHARE * limits.a_max_mps2
+        self._reaction = reaction_s
+        self._newest: Authority | None = None
+        self._stop: float | None = None  # where the unit stops because its authority has expired
+
+    @property
+    def newest(self) -> Authority | None:
+        """The newest authority, None before the first."""
+        return self._newest
+
+    @property
+    def legs(self) -> tuple[RouteLeg, ...]:
+        """The legs of the route, none before the first authority."""
+        return () if self._newest is None else self._newest.legs
+
+    @property
+    def length(self) -> float:
+        """Arc length of the route [m]."""
+        return self.legs[-1].end if self.legs else 0.0
+
+    @property
+    def dock_start(self) -> float:
+        """Arc length at which the dock leg begins; that of the whole route if there is none [m]."""
+        legs = self.legs
+        if not legs or legs[-1].kind is not LegKind.DOCK:
+            return self.length
+        return legs[-2].end if len(legs) > 1 else 0.0
+
+    def receive(self, authority: Authority) -> bool:
+        """Take in an authority unless a newer one is known; return whether it begins another route."""
+        newest = self._newest
+        if newest is not None and authority.seq <= newest.seq:
+            return False
+        self._newest, self._stop = authority, None
+        return newest is None or newest.route != authority.route
+
+    def limit(self, now_ns: int, progress: float, speed: float) -> float:
+        """Return the arc length beyond which the unit may not drive [m].
+
+        Args:
+            now_ns: Present time.
+            progress: Arc length that the unit has covered [m].
+            speed: Speed along the route [m/s].
+        """
+        newest = self._newest
+        if newest is None:
+            return progress
+        docks = self.dock_start < self.length <= newest.limit
+        if now_ns < newest.expires_ns or (docks and progress >= self.dock_start):
+            self._stop = None
+            return newest.limit
+        if self._stop is None:
+            self._stop = min(newest.limit, progress + self.stopping_distance(speed))
+        return self._stop
+
+    def speed(self, now_ns: int, progress: float, speed: float) -> float:
+        """Return the largest speed along the route from which the unit can stop at the limit [m/s]."""
+        rest = self.limit(now_ns, progress, speed) - progress
+        if rest <= 0.0:
+            return 0.0
+        lag = self._deceleration * self._reaction
+        braking = math.sqrt(lag * lag + 2.0 * self._deceleration * rest) - lag
+        # A loop with a delay does not overshoot while its gain is below 1 / (e delay).
+        return min(braking, rest / (math.e * max(self._reaction, 1e-3)))
+
+    def stopping_distance(self, speed: float) -> float:
+        """Return the distance in which the unit stops from a speed [m], the reaction included."""
+        return speed * self._reaction + 0.5 * speed * speed / self._deceleration
+
+    def leg_at(self, progress: float) -> int:
+        """Return the index of the leg that the unit is in, the last one at the end of the route."""
+        for k, leg in enumerate(self.legs):
+            if progress < leg.end - 1e-6:
+                return k
+        return len(self.legs) - 1
+
+    def route_of(self, index: int, seconds: float) -> Route:
+        """Return the path of a leg forwards as a route for the follower of routes.
+
+        Args:
+            index: Index of the leg.
+            seconds: Expected duration [s].
+
+        Raises:
+            ValueError: The leg leads backwards or turns on the spot.
+        """
+        leg = self.legs[index]
+        if leg.kind not in (LegKind.PATH, LegKind.DOCK):
+            raise ValueError(f"leg {index} is {leg.kind.value}, not a path")
+        ends = leg.kind is LegKind.DOCK or index + 1 == len(self.legs)
+        final = ends or self.legs[index + 1].kind is LegKind.DOCK
+        return Route(path_of(leg), "around" if final else "staged", MappingProxyType({}), seconds)

@@ -1,0 +1,296 @@
+"""The coordinator: a base station that leads many units at once through a mission.
+
+It knows the estimates of the overhead camera and what units report over the radio, nothing else. Ground that
+it has granted is freed by reported or seen progress alone, never because a unit fell silent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from msrr_control.coordination.dispatcher import Dispatcher, Knowledge
+from msrr_control.coordination.ledger import Interlock, UnitRecord
+from msrr_control.coordination.mission import Mission, Patience
+from msrr_control.coordination.precedence import precedence
+from msrr_control.coordination.siting import site
+from msrr_control.coordination.task_list import TaskList
+from msrr_control.coordination.tasks import TaskKind, TaskState
+from msrr_control.coordination.watch import Watch
+from msrr_scenes.errors import SceneError
+from msrr_scenes.messages import NS_PER_S, GlobalPose, ObstacleEstimate, seconds
+from msrr_scenes.messages.coordination import (
+    Authority,
+    MissionState,
+    MissionStatus,
+    UnitMode,
+    UnitReport,
+    UnitState,
+)
+
+#: How often a shape may be placed again.
+_MOST_REFITS = 3
+
+
+class Coordinator:
+    """A state machine: reports and estimates in, authorities out; the same inputs give the same outputs."""
+
+    def __init__(
+        self,
+        mission: Mission,
+        units: Iterable[str],
+        knowledge: Knowledge,
+        patience: Patience | None = None,
+    ) -> None:
+        """Begin before anything was seen or heard.
+
+        Args:
+            mission: What is to be reached.
+            units: Names of all units.
+            knowledge: Geometry, routes and assumed speeds.
+            patience: How long to wait for what.
+
+        Raises:
+            SceneError: The shape cannot be built.
+        """
+        self._mission, self._know = mission, knowledge
+        self._patience = patience or Patience()
+        self._units = {name: UnitRecord(name, retreat_m=knowledge.retreat_m) for name in units}
+        self._interlock = Interlock(knowledge.lanes.body)
+        self._dispatcher = Dispatcher(knowledge, self._units, self._interlock, mission.one_by_one)
+        self._before = {} if mission.shape is None else precedence(mission.shape, knowledge.lanes)
+        self._tasks = TaskList(mission.tasks)
+        for name, port in mission.holders.items():
+            holder, _, passive = port.partition(".")
+            self._units[name].holder = (holder, passive)
+        for name in [*mission.holders, *(port.partition(".")[0] for port in mission.holders.values())]:
+            self._units[name].state = UnitState.DOCKED
+        self._fitted = mission.shape is None
+        self._state, self._reason = MissionState.RUNNING, "waits for the first sight of the units"
+        self._begun, self._start_ns = False, 0
+        self._sent_ns: int | None = None
+        self._tried_ns: int | None = None
+        self._hopeless_ns: int | None = None
+        self._changed, self._replans, self._refits = True, 0, 0
+        self._watch = Watch(self._patience)
+
+    def receive(self, report: UnitReport, now_ns: int) -> None:
+        """Take in a report that arrived over the radio."""
+        self._units[report.unit].receive(report, now_ns)
+
+    def observe(
+        self, bodies: Sequence[GlobalPose], now_ns: int, obstacles: tuple[ObstacleEstimate, ...] = ()
+    ) -> None:
+        """Take in the estimates of the overhead camera."""
+        for body in bodies:
+            self._units[body.name].observe(body, now_ns)
+        self._dispatcher.obstacles = obstacles
+
+    def step(self, now_ns: int) -> list[Authority]:
+        """Advance to ``now_ns`` and return the authorities to broadcast, none between two due times."""
+        if not self._begun:
+            self._begun, self._start_ns = True, now_ns
+            self._watch.restart(now_ns)
+            self._watch.advance(now_ns)
+        if self._state is MissionState.RUNNING:
+            self._take_stock(now_ns)
+            self._fit(now_ns)
+            if self._fitted and self._state is MissionState.RUNNING:
+                self._extend()
+                self._release(now_ns)
+                self._dispatch(now_ns)
+                self._extend()
+                self._conclude(now_ns)
+        self._watch.advance(now_ns)
+        if self._sent_ns is not None and now_ns - self._sent_ns < round(NS_PER_S / self._patience.rate_hz):
+            return []
+        self._sent_ns = now_ns
+        return [self._authority(unit, now_ns) for unit in self._units.values() if self._may_hear(unit)]
+
+    def status(self, now_ns: int) -> MissionStatus:
+        """Return how the mission stands."""
+        return MissionStatus(
+            stamp_ns=now_ns,
+            state=self._state,
+            done=self._tasks.names(TaskState.DONE),
+            given_up=self._tasks.names(TaskState.GIVEN_UP),
+            units=tuple(unit.status() for unit in self._units.values()),
+            replans=self._replans,
+            reason=self._reason,
+        )
+
+    # What has happened.
+
+    def _take_stock(self, now_ns: int) -> None:
+        """Note who has arrived and who has failed."""
+        for unit in self._units.values():
+            report = unit.report
+            if unit.state is UnitState.FAILED:
+                continue
+            if report is not None and report.mode is UnitMode.FAILED:
+                self._fail(unit, report.reason or "reports a failure", now_ns)
+            elif unit.under_way and self._watch.has_arrived(unit, now_ns):
+                self._arrive(unit, now_ns)
+            elif unit.under_way and (reason := self._watch.is_lost(unit, now_ns)) is not None:
+                self._fail(unit, reason, now_ns)
+
+    def _arrive(self, unit: UnitRecord, now_ns: int) -> None:
+        """Note that a unit has driven its route to the end."""
+        task = None if unit.task is None else self._tasks.by_name[unit.task]
+        self._changed = True
+        self._watch.restart(now_ns)
+        if task is None or self._tasks.state(task.name) is not TaskState.GRANTED:
+            self._stand(unit, now_ns, unit.reason)
+        elif task.kind is TaskKind.MOVE and not self._watch.is_at_end(unit):
+            self._tasks.reopen(task.name)
+            self._stand(unit, now_ns, "did not end where it should")
+            self._replans += 1
+        else:
+            self._tasks.finish(task.name)
+            stays = task.stays or task.kind is TaskKind.DOCK
+            unit.stand(UnitState.DOCKED if stays else UnitState.IDLE, now_ns, "")
+
+    def _fail(self, unit: UnitRecord, reason: str, now_ns: int) -> None:
+        """Note that a unit has failed; its task is open for another one."""
+        unit.stand(UnitState.FAILED, now_ns, reason)
+        self._changed = True
+        if unit.task is not None:
+            self._tasks.fail(unit.task, f"{unit.name} failed: {reason}")
+
+    def _stand(self, unit: UnitRecord, now_ns: int, reason: str) -> None:
+        """Take the route from a unit that stands still."""
+        unit.stand(UnitState.IDLE if unit.holder is None else UnitState.DOCKED, now_ns, reason)
+
+    # Where the shape stands.
+
+    def _fit(self, now_ns: int) -> None:
+        """Choose where the shape is built when all are seen; again if its root fails before anybody docks."""
+        shape = self._mission.shape
+        if shape is None or (self._fitted and self._mission.holders):
+            return
+        if self._fitted:
+            root = self._dispatcher.wanted.get(shape.root.name)
+            if root is None or self._units[root].state is not UnitState.FAILED or not self._may_fit_again():
+                return
+            self._refits += 1
+        unseen = [unit.name for unit in self._units.values() if unit.X_WU is None]
+        if unseen and seconds(now_ns - self._start_ns) < self._patience.seen_s:
+            return
+        self._fitted = True
+        units, obstacles = list(self._units.values()), self._dispatcher.obstacles
+        try:
+            tasks, wanted = site(self._mission, self._before, units, self._know, obstacles)
+        except SceneError as error:
+            missing = f"; not seen: {', '.join(unseen)}" if unseen else ""
+            self._end(MissionState.INCOMPLETE, f"{error}{missing}")
+            return
+        self._tasks, self._dispatcher.wanted = TaskList(tasks), wanted
+        self._changed, self._reason = True, ""
+
+    def _may_fit_again(self) -> bool:
+        """Return whether the shape can still be built elsewhere: nobody moves, and nobody has docked."""
+        standing = not any(unit.under_way for unit in self._units.values())
+        docked = any(unit.holder is not None for unit in self._units.values())
+        return self._mission.shape is not None and standing and not docked and self._refits < _MOST_REFITS
+
+    # Who gets a route, and who loses it.
+
+    def _release(self, now_ns: int) -> None:
+        """Take the routes from units that stand and cannot go on."""
+        quiet = self._watch.nobody_moves(self._units.values(), now_ns)
+        released = False
+        for unit in list(self._units.values()):
+            if not unit.under_way or unit.in_dock_leg or not self._stands(unit):
+                continue
+            lost = None if unit.task is None else self._tasks.lost_base(unit.task)
+            blocker = None if unit.blocked_by is None else self._units[unit.blocked_by]
+            for_ever = blocker is not None and not blocker.under_way
+            if lost is None and not for_ever and not quiet:
+                continue
+            why = f"{lost} is open again" if lost else f"waited for {unit.blocked_by}"
+            if unit.task is not None:
+                self._tasks.reopen(unit.task)
+            self._stand(unit, now_ns, why)
+            released = self._changed = True
+        if released:
+            self._replans += 1
+            self._watch.restart(now_ns)
+            if self._replans > self._patience.replans:
+                for name in self._tasks.names(TaskState.OPEN):
+                    self._tasks.give_up(name, f"routes were planned anew {self._patience.replans} times")
+
+    def _stands(self, unit: UnitRecord) -> bool:
+        """Return whether a unit rests where its authority ends, or has not been allowed to begin."""
+        return unit.stands_at_limit or (unit.limit < 0.0 and unit.progress <= 0.0)
+
+    def _dispatch(self, now_ns: int) -> None:
+        """Find routes for what is open, when something has changed and every now and then."""
+        if not self._tasks.open or self._state is not MissionState.RUNNING:
+            return
+        waits = self._patience.retry_s if self._dispatcher.waits_for_tracks else self._patience.look_again_s
+        due = self._tried_ns is None or seconds(now_ns - self._tried_ns) >= waits
+        if not self._changed and not due:
+            return
+        self._changed, self._tried_ns = False, now_ns
+        if self._dispatcher.dispatch(self._tasks, now_ns):
+            self._watch.restart(now_ns)
+
+    def _extend(self) -> None:
+        """Let everybody drive as far as the others allow, the first in order first."""
+        for unit in sorted(self._units.values(), key=lambda u: u.order):
+            if unit.under_way and (unit.task is None or self._tasks.lost_base(unit.task) is None):
+                holder = None if unit.enters is None else self._units[unit.enters[0]]
+                holds = holder is None or (not holder.under_way and holder.state is not UnitState.FAILED)
+                self._interlock.extend(unit, self._units.values(), holds)
+
+    def _conclude(self, now_ns: int) -> None:
+        """End the mission if everything is done, or give up what nobody can do."""
+        under_way = any(unit.under_way for unit in self._units.values())
+        if self._tasks.ended and not under_way:
+            failed = self._tasks.reasons
+            if not failed:
+                self._end(MissionState.COMPLETE, "all tasks are done")
+            else:
+                lost = [f"{u.name}: {u.reason}" for u in self._units.values() if u.state is UnitState.FAILED]
+                reasons = "; ".join([*(f"{name}: {why}" for name, why in failed.items()), *lost])
+                self._end(MissionState.INCOMPLETE, reasons)
+            return
+        if under_way or self._changed or self._hopeless_ns is None:
+            self._hopeless_ns = now_ns
+        if seconds(now_ns - self._hopeless_ns) > self._patience.hopeless_s and self._tasks.open:
+            self._hopeless_ns, self._changed = now_ns, True
+            if self._may_fit_again():
+                self._refits += 1
+                for unit in self._units.values():
+                    if unit.state is UnitState.DOCKED:  # the root, to which nobody has docked
+                        self._stand(unit, now_ns, "the shape is built elsewhere")
+                self._fitted = False
+                return
+            first = next(iter(self._tasks.ready()), self._tasks.open[0])
+            assigned = self._dispatcher.assignment(self._tasks).get(first.name)
+            lost = [u.name for u in self._units.values() if u.state is UnitState.FAILED]
+            why = "no unit is left" if assigned is None else f"{assigned} finds no route"
+            self._tasks.give_up(first.name, why + (f"; failed: {', '.join(lost)}" if lost else ""))
+
+    def _end(self, state: MissionState, reason: str) -> None:
+        self._state, self._reason = state, reason
+
+    # Messages.
+
+    def _may_hear(self, unit: UnitRecord) -> bool:
+        """Return whether a unit is sent authorities; one that failed is not, so that it brakes."""
+        return unit.state is not UnitState.FAILED and unit.track is not None
+
+    def _authority(self, unit: UnitRecord, now_ns: int) -> Authority:
+        assert unit.track is not None
+        unit.seq += 1
+        return Authority(
+            unit=unit.name,
+            route=unit.route,
+            seq=unit.seq,
+            stamp_ns=now_ns,
+            expires_ns=now_ns + round(self._patience.expires_s * NS_PER_S),
+            limit=unit.limit,
+            legs=unit.track.legs,
+            to=None if unit.enters is None else ".".join(unit.enters),
+            unlock=unit.unlocks,
+        )

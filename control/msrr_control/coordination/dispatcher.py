@@ -1,0 +1,312 @@
+"""The dispatcher: which unit takes which open task, on which route, and who makes way for whom."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from msrr_control.coordination.bodies import Body
+from msrr_control.coordination.embedding import Travel, assign, place_costs
+from msrr_control.coordination.ledger import Interlock, UnitRecord, clear_of_tracks
+from msrr_control.coordination.precedence import Lanes
+from msrr_control.coordination.route_finder import RouteFinder, RouteParams
+from msrr_control.coordination.task_list import TaskList
+from msrr_control.coordination.tasks import Task, TaskKind, TaskState
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import UnitGeometry
+from msrr_scenes.messages import ObstacleEstimate
+from msrr_scenes.messages.coordination import UnitState
+
+#: Distance of a waiting place from lanes, tracks and other units [m], and the grid of such places [m].
+_WAITING_ROOM_M, _WAITING_GRID_M = 0.36, 0.25
+
+#: Number of other units that are tried when the assigned one finds no route, and of waiting places.
+_SWAPS, _WAITING_PLACES = 2, 4
+
+#: How often a unit may be sent out of the way.
+_EVASIONS = 3
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What the coordinator works with; none of it changes during a mission.
+
+    Attributes:
+        lanes: Lanes of the units.
+        finder: Finds tracks.
+        travel: Assumed speeds.
+        retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
+    """
+
+    lanes: Lanes
+    finder: RouteFinder
+    travel: Travel
+    retreat_m: float = 0.5
+
+    @classmethod
+    def of(
+        cls,
+        geometry: UnitGeometry,
+        params: RouteParams,
+        box: tuple[float, float, float, float],
+        retreat_m: float = 0.5,
+    ) -> Knowledge:
+        """Return what follows from the units' geometry and the parameters of their routes.
+
+        Args:
+            geometry: Geometry of the units, which are all alike.
+            params: Parameters of the routes.
+            box: Where the axle may be and is seen: x low, x high, y low, y high [m].
+            retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
+        """
+        body = Body.of(geometry)
+        travel = Travel.of(params.pace, params.route.turn_radps)
+        return cls(Lanes(body, params.route), RouteFinder(body, params, box), travel, retreat_m)
+
+
+class Dispatcher:
+    """Grants routes for open tasks."""
+
+    def __init__(
+        self,
+        knowledge: Knowledge,
+        units: Mapping[str, UnitRecord],
+        interlock: Interlock,
+        one_by_one: bool = False,
+    ) -> None:
+        """Bind the dispatcher to the ledger, whose records it changes."""
+        self._know, self._units, self._interlock = knowledge, units, interlock
+        self._one_by_one = one_by_one
+        self._order = 0
+        self.obstacles: tuple[ObstacleEstimate, ...] = ()
+        self.wanted: dict[str, str] = {}
+        self.planned = 0
+        self.waits_for_tracks = False  # whether somebody got no route because another one passes by
+
+    def dispatch(self, tasks: TaskList, now_ns: int) -> bool:
+        """Grant all that can be granted now; return whether anything was."""
+        granted = self.waits_for_tracks = False
+        while self._may_grant and self._grant_one(tasks, now_ns):
+            granted = True
+        if granted or not self._may_grant:
+            return granted
+        evading = any(unit.under_way and unit.task is None for unit in self._units.values())
+        return not evading and self._make_way(tasks, now_ns)
+
+    @property
+    def _may_grant(self) -> bool:
+        """Whether another unit may get under way."""
+        return not (self._one_by_one and any(unit.under_way for unit in self._units.values()))
+
+    def pose_of(self, task: Task, tasks: TaskList) -> SE2 | None:
+        """Return where the unit of a task ends; None where it only leaves a port or its parent is unknown."""
+        if task.kind is TaskKind.MOVE:
+            return task.pose
+        if task.kind is TaskKind.UNDOCK:
+            return None
+        body = self._know.lanes.body
+        if task.parent_unit is not None:
+            parent = self._units[task.parent_unit]
+            return None if parent.X_WU is None else body.docked(parent.standing(end=True).X_WB, task.port)
+        assert task.parent is not None
+        holder = self.unit_of(task.parent)
+        if holder is not None and tasks.state(task.parent) is TaskState.DONE and holder.X_WU is not None:
+            return body.docked(holder.pose, task.port)
+        base = self.pose_of(tasks.by_name[task.parent], tasks)
+        return None if base is None else body.docked(base, task.port)
+
+    def unit_of(self, task: str) -> UnitRecord | None:
+        """Return the unit that has a task or has done it."""
+        for unit in self._units.values():
+            if unit.task == task and unit.state in (UnitState.UNDER_WAY, UnitState.DOCKED):
+                return unit
+        return None
+
+    # Assignment.
+
+    def _idle(self) -> list[UnitRecord]:
+        """Return the units that may take any task: they stand free and have been seen."""
+        return [
+            unit
+            for unit in self._units.values()
+            if unit.state is UnitState.IDLE and unit.X_WU is not None and unit.holder is None
+        ]
+
+    def assignment(self, tasks: TaskList) -> dict[str, str]:
+        """Return the unit for each open task, as far as there are units: the first tasks first."""
+        result = {task.name: task.unit for task in tasks.open if task.unit is not None}
+        reserved = set(result.values())
+        idle = [unit for unit in self._idle() if unit.name not in reserved]
+        free = [task for task in tasks.open if task.unit is None][: len(idle)]
+        names = {unit.name for unit in idle}
+        if all(self.wanted.get(task.name) in names for task in free):
+            return result | {task.name: self.wanted[task.name] for task in free}
+        costs = self._costs(idle, free, tasks)
+        pairs, _ = assign(costs)
+        return result | {free[p].name: idle[u].name for u, p in pairs}
+
+    def _costs(self, units: list[UnitRecord], free: list[Task], tasks: TaskList) -> Array:
+        poses = [self.pose_of(task, tasks) or SE2() for task in free]
+        places = np.array([X.as_array() for X in poses]).reshape(-1, 3)
+        return place_costs(np.array([unit.pose.as_array() for unit in units]), places, self._know.travel)
+
+    # Grants.
+
+    def _grant_one(self, tasks: TaskList, now_ns: int) -> bool:
+        """Grant one task: to the unit that the assignment names, else to another one that has a route."""
+        ready = tasks.ready()
+        if not ready:
+            return False
+        assigned = self.assignment(tasks)
+        for task in ready:
+            name = assigned.get(task.name)
+            if name is not None and self._try(task, self._units[name], tasks, now_ns):
+                return True
+        for task in ready:
+            if task.unit is None and task.name in assigned:
+                others = [unit for unit in self._idle() if unit.name != assigned[task.name]]
+                costs = self._costs(others, [task], tasks)[:, 0] if others else np.zeros(0)
+                for k in np.argsort(costs, kind="stable")[:_SWAPS].tolist():
+                    if self._try(task, others[k], tasks, now_ns):
+                        return True
+        return False
+
+    def _try(self, task: Task, unit: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
+        """Grant a task to a unit if it has a route; return whether it has."""
+        named = unit.state is UnitState.DOCKED and task.unit is not None
+        if unit.X_WU is None or not (named or unit.state is UnitState.IDLE):
+            return False
+        X_WE = self.pose_of(task, tasks)
+        if X_WE is None and task.kind is not TaskKind.UNDOCK:
+            return False
+        enters: tuple[str, str] | None = None
+        if task.kind is TaskKind.DOCK:
+            holder = task.parent_unit
+            if task.parent is not None:
+                record = self.unit_of(task.parent)
+                holder = None if record is None else record.name
+            if holder is None:
+                return False
+            enters = (holder, task.port)
+        if enters is not None and X_WE is not None and self._closed(X_WE, unit, enters[0]):
+            return False
+        if not self._grant(unit, X_WE, enters, now_ns):
+            return False
+        unit.task = task.name
+        tasks.grant(task.name)
+        return True
+
+    def _closed(self, X_WE: SE2, unit: UnitRecord, holder: str) -> bool:
+        """Return whether somebody who stands or will stand closes the lane of a docked pose."""
+        bodies = [
+            other.standing(end=True).X_WB.as_array()
+            for other in self._units.values()
+            if other.X_WU is not None and other.name not in (unit.name, holder)
+        ]
+        return bool(self._know.lanes.closes(X_WE, np.array(bodies).reshape(-1, 3)).any())
+
+    def _grant(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None, now_ns: int) -> bool:
+        """Give a unit a route of its own; return whether there is one."""
+        others = [u for u in self._units.values() if u.name != unit.name and u.X_WU is not None]
+        if not clear_of_tracks(unit.pose, unit, others, self._know.lanes.body):
+            self.waits_for_tracks = True
+            return False
+        self.planned += 1
+        leaves = None if unit.holder is None else unit.holder[0]
+        track = self._know.finder.find(
+            unit.pose,
+            X_WE,
+            [other.standing(end=True) for other in others if other.holder is None or not _on(other, unit)],
+            self.obstacles,
+            dock=enters is not None,
+            leaves=leaves,
+            enters=None if enters is None else enters[0],
+        )
+        if track is None:
+            return False
+        self._order += 1
+        self._interlock.forget(unit.name)
+        unit.state, unit.route, unit.order, unit.track = (
+            UnitState.UNDER_WAY,
+            unit.route + 1,
+            self._order,
+            track,
+        )
+        unit.limit, unit.progress, unit.patient_ns, unit.granted_ns = -1.0, 0.0, now_ns, now_ns
+        unit.enters, unit.unlocks, unit.reason = enters, leaves is not None, ""
+        return True
+
+    # Making way.
+
+    def _make_way(self, tasks: TaskList, now_ns: int) -> bool:
+        """Send one idle unit out of the way of the first task that has no route; return whether one goes."""
+        for task in tasks.ready():
+            X_WE = self.pose_of(task, tasks)
+            if X_WE is None:
+                continue
+            idle = [unit for unit in self._idle() if unit.evasions < _EVASIONS]
+            assigned = self.assignment(tasks).get(task.name)
+            if task.kind is TaskKind.DOCK and self._is_closed_for_ever(X_WE):
+                continue
+            in_the_way = [
+                unit for unit in idle if unit.name != assigned and self._know.lanes.closed_by(X_WE, unit.pose)
+            ]
+            own = [unit for unit in idle if unit.name == assigned]
+            away = {u.name: math.hypot(u.pose.x - X_WE.x, u.pose.y - X_WE.y) for u in idle}
+            rest = [unit for unit in idle if unit not in in_the_way and unit not in own]
+            for unit in [*in_the_way, *own, *sorted(rest, key=lambda u: away[u.name])]:
+                if self._evade(unit, tasks, now_ns):
+                    return True
+        return False
+
+    def _is_closed_for_ever(self, X_WE: SE2) -> bool:
+        """Return whether a unit that failed stands in the lane of a docked pose."""
+        failed = [u.pose for u in self._units.values() if u.state is UnitState.FAILED and u.X_WU is not None]
+        return any(self._know.lanes.closed_by(X_WE, X_WB) for X_WB in failed)
+
+    def _evade(self, unit: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
+        """Send a unit to a waiting place; return whether it goes."""
+        places = self._waiting_places(unit, tasks)
+        distance = np.hypot(places[:, 0] - unit.pose.x, places[:, 1] - unit.pose.y)
+        nearest = [k for k in np.argsort(distance, kind="stable").tolist() if distance[k] > _WAITING_ROOM_M]
+        for k in nearest[:_WAITING_PLACES]:
+            x, y = places[k].tolist()
+            yaw = math.atan2(y - unit.pose.y, x - unit.pose.x)
+            if self._grant(unit, SE2(x, y, yaw), None, now_ns):
+                unit.task, unit.evasions = None, unit.evasions + 1
+                unit.reason = "makes way"
+                return True
+        return False
+
+    def _waiting_places(self, unit: UnitRecord, tasks: TaskList) -> Array:
+        """Return points where a unit is in nobody's way, shape (N, 2) [m]."""
+        x0, x1, y0, y1 = self._know.finder.box
+        edge = self._know.lanes.spec.border_m + self._know.lanes.body.offset
+        xs = np.arange(x0 + edge, x1 - edge + 1e-9, _WAITING_GRID_M)
+        ys = np.arange(y0 + edge, y1 - edge + 1e-9, _WAITING_GRID_M)
+        points = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+        keep: list[Array] = []
+        for task in tasks.open:
+            X_WE = self.pose_of(task, tasks)
+            if X_WE is not None:
+                back = np.linspace(0.0, self._know.lanes.length, 8)
+                keep.append(X_WE.act(np.stack([-back, np.zeros_like(back)], axis=-1)))
+        for other in self._units.values():
+            if other.name != unit.name and other.X_WU is not None:
+                keep.append(other.pose.translation[None])
+                if other.under_way and other.track is not None:
+                    keep.append(other.track.poses[:, :2])
+        keep += [o.X_WB.translation[None] for o in self.obstacles]
+        taken = np.concatenate(keep) if keep else np.zeros((0, 2))
+        apart = np.hypot(*np.moveaxis(points[:, None] - taken[None], -1, 0)).min(axis=1, initial=math.inf)
+        free: Array = points[apart > _WAITING_ROOM_M]
+        return free
+
+
+def _on(other: UnitRecord, unit: UnitRecord) -> bool:
+    """Return whether another unit is still in a port of this one, and leaves before it."""
+    return other.holder is not None and other.holder[0] == unit.name and other.under_way

@@ -1,0 +1,207 @@
+"""The fit of a shape into the arena: where its root stands, and which unit takes which place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from msrr_control.coordination.precedence import Lanes
+from msrr_control.coordination.shape import Shape
+from msrr_control.path_following.path import PaceSpec
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.se2 import SE2
+
+#: Grid of the root's poses [m], and its number of headings.
+_GRID_M, _HEADINGS = 0.2, 8
+
+#: Distance before a place to which a way is estimated [m].
+_BEFORE_M = 1.0
+
+#: Weights of the root's time and of the others' in the score; cost of a unit that stands in a place [s].
+_ROOT_WEIGHT, _WEIGHT, _STANDS_S = 2.0, 0.5, 4.0
+
+#: Cost of what is forbidden; finite, because the assignment has to be one of numbers [s].
+_FORBIDDEN_S = 1e6
+
+#: Distance of the axle from the root's pose up to which a unit that stands there only turns [m].
+_STANDS_THERE_M = 0.02
+
+
+class Embedding(NamedTuple):
+    """A place in the arena for a shape.
+
+    Attributes:
+        X_WR: Pose of the root.
+        units: Unit that is to take each place, by place.
+        score: The lower the better [s].
+    """
+
+    X_WR: SE2
+    units: Mapping[str, str]
+    score: float
+
+
+class Travel(NamedTuple):
+    """What is assumed of a unit's way for an estimate of its time.
+
+    Attributes:
+        cruise_mps: Speed [m/s].
+        turn_radps: Turn rate on the spot [rad/s].
+        ramp_s: Time to get under way and to stop [s].
+    """
+
+    cruise_mps: float
+    turn_radps: float
+    ramp_s: float
+
+    @classmethod
+    def of(cls, pace: PaceSpec, turn_radps: float) -> Travel:
+        """Return the assumptions that belong to routes of that pace."""
+        return cls(pace.cruise_mps, turn_radps, pace.ramp_s)
+
+    def times(self, start: Array, goal: Array) -> Array:
+        """Return the times [s] from poses to poses, shapes (..., 3) that broadcast: turn, drive, turn."""
+        dx, dy = goal[..., 0] - start[..., 0], goal[..., 1] - start[..., 1]
+        way = np.arctan2(dy, dx)
+        turns = _angle(way - start[..., 2]) + _angle(goal[..., 2] - way)
+        distance = np.hypot(dx, dy)
+        there = distance < _STANDS_THERE_M
+        drive = turns / self.turn_radps + distance / self.cruise_mps + self.ramp_s
+        result: Array = np.where(there, _angle(goal[..., 2] - start[..., 2]) / self.turn_radps, drive)
+        return result
+
+
+def assign(costs: Array) -> tuple[list[tuple[int, int]], float]:
+    """Return the cheapest assignment of rows to columns of a matrix of costs, and the sum of its costs."""
+    rows, columns = linear_sum_assignment(costs)
+    pairs = sorted(zip(rows.tolist(), columns.tolist(), strict=True))
+    return pairs, float(costs[rows, columns].sum())
+
+
+def place_costs(units: Array, places: Array, travel: Travel) -> Array:
+    """Return the estimated times [s] from every unit to every docked place, shape (..., units, places).
+
+    Args:
+        units: Poses of the units, shape (U, 3).
+        places: Poses of the places, shape (..., P, 3).
+        travel: Assumed speeds.
+    """
+    before = places.copy()
+    before[..., 0] -= _BEFORE_M * np.cos(places[..., 2])
+    before[..., 1] -= _BEFORE_M * np.sin(places[..., 2])
+    return travel.times(units[:, None], before[..., None, :, :])
+
+
+def embeddings(
+    shape: Shape,
+    units: Mapping[str, SE2],
+    lanes: Lanes,
+    box: tuple[float, float, float, float],
+    travel: Travel,
+    *,
+    named: bool = False,
+    keep_out: Sequence[tuple[float, float, float]] = (),
+    count: int = 6,
+) -> list[Embedding]:
+    """Return the best places in the arena for a shape, the best first; none if it does not fit.
+
+    Args:
+        shape: The shape, with at most as many places as there are units.
+        units: Pose of every unit that may take part.
+        lanes: Lanes of the units.
+        box: Where the axle may be and is seen: x low, x high, y low, y high [m].
+        travel: Assumed speeds.
+        named: Whether the places are named by the units that have to take them.
+        keep_out: Bodies that will not move: x, y and the radius of each [m].
+        count: Largest number of embeddings.
+    """
+    names = list(units)
+    poses = np.array([X.as_array() for X in units.values()])
+    roots = _root_candidates(poses, box)
+    relative = shape.poses(SE2(), lanes.body)
+    places = _compose(roots, np.array([relative[p.name].as_array() for p in shape.places]))
+    fits = _fit(places, lanes, box, keep_out)
+    roots, places = roots[fits], places[fits]
+    if not len(roots):
+        return []
+    weighted = _WEIGHT * place_costs(poses, places, travel)
+    weighted[:, :, 0] = _ROOT_WEIGHT * travel.times(poses, roots[:, None])
+    if named:
+        allowed = np.array([[unit == place.name for place in shape.places] for unit in names])
+        weighted = np.where(allowed, weighted, _FORBIDDEN_S)
+    apart = np.hypot(*np.moveaxis(places[:, None, :, :2] - poses[None, :, None, :2], -1, 0))
+    stands = _STANDS_S * (apart.min(axis=2) < 2.0 * lanes.body.radius).sum(axis=1)
+    # No assignment is cheaper than the cheapest unit for every place, so that most candidates need none.
+    bound = weighted.min(axis=1).sum(axis=1) + stands
+    best: list[tuple[float, int, list[tuple[int, int]]]] = []
+    for k in np.argsort(bound, kind="stable").tolist():
+        if len(best) == count and bound[k] >= best[-1][0]:
+            break
+        pairs, total = assign(weighted[k])
+        score = total + float(stands[k])
+        if total < _FORBIDDEN_S:
+            best = sorted([*best, (score, k, pairs)])[:count]
+    return [
+        Embedding(SE2(*roots[k].tolist()), {shape.places[p].name: names[u] for u, p in pairs}, score)
+        for score, k, pairs in best
+    ]
+
+
+def _root_candidates(poses: Array, box: tuple[float, float, float, float]) -> Array:
+    """Return the poses of the root that are tried, shape (C, 3): a grid, and where units stand."""
+    x0, x1, y0, y1 = box
+    headings = np.arange(_HEADINGS) * 2.0 * math.pi / _HEADINGS - math.pi
+    xs = _grid(x0, x1)
+    ys = _grid(y0, y1)
+    grid = np.stack(np.meshgrid(xs, ys, headings, indexing="ij"), axis=-1).reshape(-1, 3)
+    turned = np.repeat(poses, _HEADINGS, axis=0)
+    turned[:, 2] = np.tile(headings, len(poses))
+    return np.concatenate([poses, turned, grid])
+
+
+def _grid(low: float, high: float) -> Array:
+    count = max(int((high - low) / _GRID_M), 1)
+    half = 0.5 * _GRID_M * (count - 1)
+    middle = 0.5 * (low + high)
+    return np.linspace(middle - half, middle + half, count)
+
+
+def _compose(roots: Array, places: Array) -> Array:
+    """Return the poses of places relative to each root, shape (C, P, 3)."""
+    c, s = np.cos(roots[:, 2])[:, None], np.sin(roots[:, 2])[:, None]
+    x = roots[:, 0, None] + c * places[:, 0] - s * places[:, 1]
+    y = roots[:, 1, None] + s * places[:, 0] + c * places[:, 1]
+    return np.stack([x, y, roots[:, 2, None] + places[:, 2]], axis=-1)
+
+
+def _fit(
+    places: Array,
+    lanes: Lanes,
+    box: tuple[float, float, float, float],
+    keep_out: Sequence[tuple[float, float, float]],
+) -> NDArray[np.bool_]:
+    """Return which candidates have all places and lanes inside the box and clear of what will not move."""
+    room = lanes.spec.border_m + lanes.body.offset
+    x0, x1, y0, y1 = box
+    back = np.linspace(0.0, lanes.length, 9)
+    ahead = np.stack([np.cos(places[..., 2]), np.sin(places[..., 2])], axis=-1)
+    lane = places[..., None, :2] - back[:, None] * ahead[..., None, :]
+    lane[:, 0] = places[:, 0, None, :2]  # the root has no lane
+    x, y = lane[..., 0], lane[..., 1]
+    inside = (x >= x0 + room) & (x <= x1 - room) & (y >= y0 + room) & (y <= y1 - room)
+    fits: NDArray[np.bool_] = inside.all(axis=(1, 2))
+    for bx, by, radius in keep_out:
+        apart = np.hypot(x - bx, y - by) >= radius + lanes.body.half_width + lanes.spec.unit_margin_m
+        fits = fits & apart.all(axis=(1, 2))
+    return fits
+
+
+def _angle(difference: Array) -> Array:
+    """Return the size of an angle [rad], wrapped."""
+    size: Array = np.abs(np.remainder(difference + math.pi, 2.0 * math.pi) - math.pi)
+    return size

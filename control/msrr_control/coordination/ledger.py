@@ -1,0 +1,249 @@
+"""The ledger of the coordinator: what it knows about every unit, and how far each may drive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from msrr_control.coordination.bodies import Body
+from msrr_control.coordination.route_finder import Standing
+from msrr_control.coordination.track import Track, needed, standing
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import GlobalPose
+from msrr_scenes.messages.coordination import UnitMode, UnitReport, UnitState, UnitStatus
+
+#: Distance that a seen pose is set back along a track before it frees ground [m], and from the track [m].
+_SEEN_BACK_M, _SEEN_OFF_M = 0.06, 0.06
+
+#: Arc length by which two progresses have to differ to count as different [m].
+SAME_M = 0.015
+
+
+@dataclass
+class UnitRecord:
+    """What the coordinator knows about one unit.
+
+    Attributes:
+        name: Name of the unit.
+        X_WU: Pose that was seen last; None before the first.
+        seen_ns: Time of the exposure in which it was seen last.
+        report: Newest report; None before the first.
+        heard_ns: Time at which the unit was last heard.
+        state: What the unit is held for.
+        task: Task that it has or had last; None before the first.
+        route: Number of its route.
+        order: Place of its route among all routes.
+        track: Its route; None before the first.
+        granted_ns: Time at which the route was granted.
+        limit: Arc length up to which it may drive [m].
+        progress: Arc length that was reported or seen [m].
+        moved_ns: Time of its last progress.
+        patient_ns: The same, moved on by all time for which the unit had to wait or was not heard.
+        still_ns: Time from which on it stands still for others, with a pose that they were not told of.
+        holder: Unit and port that it is locked to; None if it is free.
+        enters: Unit and port at which its route ends; None in the open.
+        unlocks: Whether its route begins in a port.
+        blocked_by: Unit for which it waits.
+        seq: Number of the last authority.
+        retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
+        evasions: How often it was sent out of the way.
+        reason: Why it is in that state, in words.
+    """
+
+    name: str
+    X_WU: SE2 | None = None
+    seen_ns: int = 0
+    report: UnitReport | None = None
+    heard_ns: int = 0
+    state: UnitState = UnitState.IDLE
+    task: str | None = None
+    route: int = 0
+    order: int = 0
+    track: Track | None = None
+    granted_ns: int = 0
+    limit: float = -1.0
+    progress: float = 0.0
+    moved_ns: int = 0
+    patient_ns: int = 0
+    still_ns: int = 0
+    holder: tuple[str, str] | None = None
+    enters: tuple[str, str] | None = None
+    unlocks: bool = False
+    blocked_by: str | None = None
+    seq: int = 0
+    retreat_m: float = 0.5
+    evasions: int = 0
+    reason: str = ""
+
+    @property
+    def pose(self) -> SE2:
+        """Where the unit stands, as far as the coordinator knows; only for units that have been seen."""
+        assert self.X_WU is not None
+        return self.X_WU
+
+    @property
+    def under_way(self) -> bool:
+        """Whether the unit has a route that it has not driven to its end."""
+        return self.state is UnitState.UNDER_WAY
+
+    @property
+    def in_dock_leg(self) -> bool:
+        """Whether the unit is or may be in its dock leg."""
+        track = self.track
+        return track is not None and self.under_way and self.limit > track.dock_start + 1e-9
+
+    @property
+    def passed(self) -> float:
+        """Arc length behind which the ground is free for others [m].
+
+        The last part of a dock leg is free only when it is over: a failed attempt leads back along it.
+        """
+        track = self.track
+        if track is None or self.enters is None:
+            return self.progress
+        return min(self.progress, max(track.length - self.retreat_m, track.dock_start))
+
+    @property
+    def stands_at_limit(self) -> bool:
+        """Whether the unit has come to rest where its authority ends."""
+        report = self.report
+        stands = report is not None and report.route == self.route and report.mode is UnitMode.STANDING
+        return stands and self.progress >= self.limit - SAME_M
+
+    def receive(self, report: UnitReport, now_ns: int) -> None:
+        """Take in a report, unless a newer one is known."""
+        if self.report is not None and report.stamp_ns <= self.report.stamp_ns:
+            return
+        self.report, self.heard_ns = report, now_ns
+        if report.docked_to is None:
+            self.holder = None
+        else:
+            unit, _, port = report.docked_to.partition(".")
+            self.holder = (unit, port)
+        if report.route == self.route:
+            self._advance(report.progress, now_ns)
+
+    def observe(self, body: GlobalPose, now_ns: int) -> None:
+        """Take in where the unit was seen."""
+        self.X_WU, self.seen_ns = body.X_WB, body.stamp_ns
+        if self.track is None or not self.under_way:
+            return
+        seen = self.track.seen_progress(body.X_WB, self.progress, self.limit + SAME_M, _SEEN_OFF_M)
+        if seen is not None:
+            self._advance(seen - _SEEN_BACK_M, now_ns)
+
+    def _advance(self, progress: float, now_ns: int) -> None:
+        if progress > self.progress + 1e-3:
+            self.moved_ns = self.patient_ns = now_ns
+        self.progress = max(self.progress, progress)
+
+    def stand(self, state: UnitState, now_ns: int, reason: str) -> None:
+        """End the route of a unit that stands still."""
+        if self.track is not None and self.seen_ns < self.moved_ns:
+            self.X_WU = self.track.at(self.progress)  # not seen since it came there
+        self.state, self.still_ns, self.reason, self.blocked_by = state, now_ns, reason, None
+
+    def standing(self, end: bool) -> Standing:
+        """Return the body for the planning of others: at the end of its route, or where it is."""
+        if end and self.under_way and self.track is not None:
+            return Standing(self.name, self.track.end, self.enters is not None)
+        return Standing(self.name, self.pose, self.holder is not None or self.state is UnitState.DOCKED)
+
+    def status(self) -> UnitStatus:
+        """Return what is told to others."""
+        return UnitStatus(
+            unit=self.name,
+            state=self.state,
+            task=self.task,
+            route=self.route,
+            order=self.order,
+            progress=self.progress,
+            limit=self.limit,
+            length=0.0 if self.track is None else self.track.length,
+            blocked_by=self.blocked_by,
+            reason=self.reason,
+        )
+
+
+class Interlock:
+    """Finds how far every unit may drive: the later keeps out of what the earlier still has to drive."""
+
+    def __init__(self, body: Body) -> None:
+        """Begin with no tracks compared."""
+        self._body = body
+        self._needed: dict[tuple[str, int, str, int], Array] = {}
+
+    def needed(self, earlier: UnitRecord, later: UnitRecord) -> Array:
+        """Return how far the earlier unit has to be for each sample of the later one's track."""
+        assert earlier.track is not None
+        assert later.track is not None
+        key = (earlier.name, earlier.route, later.name, later.route)
+        if key not in self._needed:
+            self._needed[key] = needed(earlier.track, later.track, self._body)
+        return self._needed[key]
+
+    def forget(self, name: str) -> None:
+        """Drop what was computed for a unit's earlier routes."""
+        self._needed = {key: value for key, value in self._needed.items() if name not in (key[0], key[2])}
+
+    def extend(self, unit: UnitRecord, units: Iterable[UnitRecord], parent_holds: bool) -> None:
+        """Extend the limit of a unit as far as the others allow; it never shrinks.
+
+        Args:
+            unit: The unit, which has a track.
+            units: All units.
+            parent_holds: Whether the unit that it docks to stands in its place.
+        """
+        track = unit.track
+        assert track is not None
+        free, blocker = track.length, None
+        for other in units:
+            if other.name == unit.name:
+                continue
+            limit = self._limit_by(other, unit, track)
+            if limit < free:
+                free, blocker = limit, other.name
+        if unit.enters is not None and free >= track.dock_start and (free < track.length or not parent_holds):
+            if free >= track.length:
+                blocker = unit.enters[0]
+            free = track.dock_start
+        unit.limit = max(unit.limit, free)
+        unit.blocked_by = blocker if unit.limit < track.length else None
+
+    def _limit_by(self, other: UnitRecord, unit: UnitRecord, track: Track) -> float:
+        """Return the limit that another unit imposes [m]."""
+        if unit.unlocks and other.holder is not None and other.holder[0] == unit.name:
+            return -1.0
+        if other.under_way:
+            if other.order > unit.order or other.track is None:
+                return track.length
+            clear = self.needed(other, unit) <= other.passed
+        elif other.X_WU is not None and other.still_ns > unit.granted_ns:
+            # It stopped where this route was not planned around it.
+            key = (other.name, -other.still_ns, unit.name, unit.route)
+            if key not in self._needed:
+                body = other.standing(end=False)
+                self._needed[key] = needed(standing(body.X_WB, body.at_port), track, self._body)
+            clear = np.isneginf(self._needed[key])
+            if unit.enters is not None and unit.enters[0] == other.name:
+                return track.length
+        else:
+            return track.length
+        count = int(np.count_nonzero(clear))  # the samples that are clear come first
+        if count == len(track.s):
+            return track.length
+        return float(track.s[count - 1]) if count > 0 else -1.0
+
+
+def clear_of_tracks(X_WU: SE2, unit: UnitRecord, units: Iterable[UnitRecord], body: Body) -> bool:
+    """Return whether a unit stands clear of all that others still have to drive."""
+    here = standing(X_WU, unit.holder is not None)
+    for other in units:
+        if other.name == unit.name or not other.under_way or other.track is None:
+            continue
+        if float(needed(other.track, here, body)[0]) > other.passed:
+            return False
+    return True

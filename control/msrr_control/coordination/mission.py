@@ -1,0 +1,67 @@
+"""Missions: what the coordinator is to reach, as a shape or as tasks, and how it works."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from msrr_control.coordination.shape import Shape
+from msrr_control.coordination.tasks import Task
+
+
+@dataclass(frozen=True)
+class Patience:
+    """How long the coordinator waits for what.
+
+    Attributes:
+        rate_hz: Authorities per second and unit.
+        expires_s: Time after which an authority ends unless it is renewed.
+        seen_s: Time for which the first sight of all units is waited for.
+        unseen_s: Time for which a sight of a unit that says that it has arrived is waited for.
+        retry_s: Time between two attempts to find routes past those who are under way.
+        look_again_s: Time between two attempts when nothing that is known of has changed.
+        stalled_s: Time without any progress after which routes are planned anew.
+        silent_s: Time since the newest report from which on no such time is counted.
+        unheard_s: Time without a report after which a unit under way is held for failed.
+        lost_s: Time without progress on free ground after which a unit is held for failed.
+        dock_s: The same in the dock leg, in which a unit may try more than once.
+        hopeless_s: Time without a route for anybody after which a task is given up.
+        replans: Largest number of times that routes are planned anew.
+        arrived_m: Distance from the end of a move up to which it is done.
+        arrived_rad: Heading error up to which it is done.
+    """
+
+    rate_hz: float = 5.0
+    expires_s: float = 3.0
+    seen_s: float = 5.0
+    unseen_s: float = 2.0
+    retry_s: float = 2.0
+    look_again_s: float = 4.0
+    stalled_s: float = 6.0
+    silent_s: float = 1.5
+    unheard_s: float = 60.0
+    lost_s: float = 30.0
+    dock_s: float = 150.0
+    hopeless_s: float = 5.0
+    replans: int = 12
+    arrived_m: float = 0.03
+    arrived_rad: float = 0.05
+
+
+@dataclass(frozen=True)
+class Mission:
+    """What is to be reached: a shape that is built anywhere, or a list of tasks.
+
+    Attributes:
+        shape: The shape; None for a list of tasks.
+        named: Whether the places of the shape are named by the units that have to take them.
+        tasks: The tasks of a mission without a shape, in an order in which they can be granted.
+        one_by_one: Whether only one unit may be under way at a time, for comparison.
+        holders: Port ``<unit>.<port>`` that each unit is locked to at the start.
+    """
+
+    shape: Shape | None = None
+    named: bool = False
+    tasks: tuple[Task, ...] = ()
+    one_by_one: bool = False
+    holders: Mapping[str, str] = field(default_factory=dict)

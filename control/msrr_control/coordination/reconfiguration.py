@@ -1,0 +1,210 @@
+"""From one shape to another: leaves leave their ports and dock again, as few as possible."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from msrr_control.coordination.precedence import Lanes
+from msrr_control.coordination.shape import LEAST_GAP_M, Shape
+from msrr_control.coordination.tasks import Task, TaskKind
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se2 import SE2
+
+#: Ports from the root to a place; the root itself is the empty path.
+Ports = tuple[str, ...]
+
+#: A form that an assembly can have: every place that is taken, with the unit where it matters.
+_Form = frozenset[tuple[Ports, str]]
+
+#: Largest number of forms that the search looks at.
+_MOST_FORMS = 20_000
+
+#: Way out of a port that has to be free [m].
+_WAY_OUT_M = 0.5
+
+
+class Hop(NamedTuple):
+    """One unit leaves a place and docks in another one."""
+
+    start: Ports
+    end: Ports
+
+
+def shape_ports(shape: Shape) -> dict[str, Ports]:
+    """Return the ports from the root to every place of a shape, in the order of the shape."""
+    ports: dict[str, Ports] = {shape.root.name: ()}
+    for place in shape.places[1:]:
+        assert place.parent is not None
+        ports[place.name] = (*ports[place.parent], place.port)
+    return ports
+
+
+def assembly_ports(holders: Mapping[str, str]) -> dict[str, Ports]:
+    """Return the ports from the root to every unit of an assembly.
+
+    Args:
+        holders: Port ``<unit>.<port>`` that each unit but the root is locked to.
+
+    Raises:
+        SceneError: The units are not one tree.
+    """
+    units = dict.fromkeys([*holders, *(port.partition(".")[0] for port in holders.values())])
+    roots = [unit for unit in units if unit not in holders]
+    if len(roots) != 1:
+        raise SceneError(f"an assembly needs exactly one root, found {', '.join(roots) or 'none'}")
+    return shape_ports(Shape.from_tree({**dict.fromkeys(roots, "root"), **holders}))
+
+
+class Reconfiguration:
+    """Searches the hops that turn one assembly into another, with its root where it stands."""
+
+    def __init__(self, lanes: Lanes, X_WR: SE2, box: tuple[float, float, float, float]) -> None:
+        """Bind the search to the root's pose and to the space around it.
+
+        Args:
+            lanes: Lanes of the units.
+            X_WR: Pose of the root.
+            box: Where the axle may be and is seen: x low, x high, y low, y high [m].
+        """
+        self._lanes, self._box = lanes, box
+        self._poses: dict[Ports, SE2] = {(): X_WR}
+
+    def pose(self, ports: Ports) -> SE2:
+        """Return the pose of the unit in a place."""
+        if ports not in self._poses:
+            self._poses[ports] = self._lanes.body.docked(self.pose(ports[:-1]), ports[-1])
+        return self._poses[ports]
+
+    def hops(self, start: Mapping[Ports, str], goal: Mapping[Ports, str]) -> list[Hop]:
+        """Return the fewest hops from one form to another.
+
+        Args:
+            start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
+            goal: The same at the end.
+
+        Returns:
+            The hops, in an order in which they can be made one after another.
+
+        Raises:
+            SceneError: There is no way.
+        """
+        first, wanted = frozenset(start.items()), frozenset(goal.items())
+        count = itertools.count()
+        queue = [(len(wanted - first), next(count), 0, first)]
+        came: dict[_Form, tuple[_Form, Hop] | None] = {first: None}
+        costs = {first: 0}
+        while queue:
+            _, _, cost, form = heapq.heappop(queue)
+            if form == wanted:
+                return _trace(came, form)
+            if cost > costs[form] or len(costs) > _MOST_FORMS:
+                continue
+            for hop, following in self._neighbours(form, wanted):
+                if cost + 1 < costs.get(following, len(costs) + _MOST_FORMS):
+                    costs[following], came[following] = cost + 1, (form, hop)
+                    # A hop fills at most one place that is missing: the estimate is never too large.
+                    estimate = cost + 1 + len(wanted - following)
+                    heapq.heappush(queue, (estimate, next(count), cost + 1, following))
+        raise SceneError("no order of leaving and docking again leads from one shape to the other")
+
+    def _neighbours(self, form: _Form, wanted: _Form) -> Iterator[tuple[Hop, _Form]]:
+        """Yield all hops of leaves and the forms to which they lead, those into missing places first."""
+        taken = dict(sorted(form))
+        parents = {ports[:-1] for ports in taken if ports}
+        missing = sorted(wanted - form)
+        for leaf, unit in taken.items():
+            if not leaf or leaf in parents or not self._may_leave(leaf, taken):
+                continue
+            others = {ports for ports in taken if ports != leaf}
+            places = [(*ports, port) for ports in sorted(others) for port in self._lanes.body.dock_frames]
+            free = [place for place in places if place not in others and place != leaf]
+            first = [place for place, name in missing if place in free and name == unit]
+            for place in [*first, *(place for place in free if place not in first)]:
+                if self._may_enter(place, others):
+                    yield Hop(leaf, place), (form - {(leaf, unit)}) | {(place, unit)}
+
+    def _may_leave(self, leaf: Ports, taken: Mapping[Ports, str]) -> bool:
+        """Return whether the way out of a place is free."""
+        back = np.arange(0.0, _WAY_OUT_M, 0.04)
+        X = self.pose(leaf)
+        way = np.array([(X @ SE2(-b, 0.0, 0.0)).as_array() for b in back])
+        others = [self.pose(p).as_array() for p in taken if p not in (leaf, leaf[:-1])]
+        if not others:
+            return True
+        return not bool(self._lanes.body.near(way[:, None], np.array(others)[None], LEAST_GAP_M).any())
+
+    def _may_enter(self, place: Ports, others: set[Ports]) -> bool:
+        """Return whether a unit fits into a place and can come there."""
+        X, end = self.pose(place), self._lanes.end(self.pose(place))
+        room = self._lanes.spec.border_m + self._lanes.body.offset
+        x0, x1, y0, y1 = self._box
+        for pose in (X, end):
+            if not (x0 + room <= pose.x <= x1 - room and y0 + room <= pose.y <= y1 - room):
+                return False
+        bodies = np.array([self.pose(p).as_array() for p in sorted(others) if p != place[:-1]]).reshape(-1, 3)
+        return not len(bodies) or not bool(self._lanes.closes(X, bodies).any())
+
+
+def reconfiguration_tasks(
+    holders: Mapping[str, str],
+    shape: Shape,
+    lanes: Lanes,
+    X_WR: SE2,
+    box: tuple[float, float, float, float],
+    named: bool = False,
+) -> list[Task]:
+    """Return the tasks that turn an assembly into a shape; its root stays where it is.
+
+    Args:
+        holders: Port ``<unit>.<port>`` that each unit of the assembly but its root is locked to.
+        shape: The shape.
+        lanes: Lanes of the units.
+        X_WR: Pose of the assembly's root.
+        box: Where the axle may be and is seen: x low, x high, y low, y high [m].
+        named: Whether the places of the shape are named by the units that have to take them.
+
+    Raises:
+        SceneError: Assembly and shape have different numbers of units, or there is no way.
+    """
+    ports = assembly_ports(holders)
+    if len(ports) != len(shape.places):
+        raise SceneError(f"the assembly has {len(ports)} units, the shape {len(shape.places)}")
+    start = {place: unit if named else "" for unit, place in ports.items()}
+    goal = {place: name if named else "" for name, place in shape_ports(shape).items()}
+    hops = Reconfiguration(lanes, X_WR, box).hops(start, goal)
+    unit_at = {place: unit for unit, place in ports.items()}
+    task_of: dict[str, str] = {}  # the task that brings a unit to where it is by then
+    tasks: list[Task] = []
+    for k, (leaves, enters) in enumerate(hops):
+        unit, name = unit_at.pop(leaves), f"hop{k + 1}"
+        holder = unit_at[enters[:-1]]
+        tasks.append(
+            Task(
+                name,
+                TaskKind.DOCK,
+                unit,
+                parent=task_of.get(holder),
+                parent_unit=None if holder in task_of else holder,
+                port=enters[-1],
+                behind=(tasks[-1].name,) if tasks else (),
+                after=(task_of[unit],) if unit in task_of else (),
+                stays=True,
+            )
+        )
+        unit_at[enters] = unit
+        task_of[unit] = name
+    return tasks
+
+
+def _trace(came: Mapping[_Form, tuple[_Form, Hop] | None], form: _Form) -> list[Hop]:
+    hops: list[Hop] = []
+    step = came[form]
+    while step is not None:
+        hops.append(step[1])
+        step = came[step[0]]
+    return hops[::-1]

@@ -1,0 +1,173 @@
+"""Tracks for tasks: into a port, to a pose, or out of a port, by the planner of the long-distance phase."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from msrr_control.coordination.bodies import Body
+from msrr_control.coordination.track import GAP_M, Track, TrackBuilder, first_contact
+from msrr_control.path_following.path import PaceSpec, Path
+from msrr_control.path_following.walls import WallSpec
+from msrr_control.planning.free_space import Disc
+from msrr_control.planning.route import ArenaMap, RouteSpec
+from msrr_control.planning.route_planner import RoutePlanner
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import ObstacleEstimate
+
+#: Ways out of a port that are tried before a route is planned from there [m].
+BACK_OUT_M = (0.30, 0.45, 0.60)
+
+
+class Standing(NamedTuple):
+    """A body that stands still while a route is driven.
+
+    Attributes:
+        name: Name of the unit that stands or will stand there.
+        X_WB: Its pose.
+        at_port: Whether it is docked there, so that others at ports may come as near as neighbours are.
+    """
+
+    name: str
+    X_WB: SE2
+    at_port: bool
+
+
+@dataclass(frozen=True)
+class RouteParams:
+    """Parameters of the routes, those of the long-distance phase.
+
+    Attributes:
+        route: Shape of the routes.
+        walls: Walls beside obstacles.
+        pace: Speed along the path.
+    """
+
+    route: RouteSpec = field(default_factory=RouteSpec)
+    walls: WallSpec = field(default_factory=WallSpec)
+    pace: PaceSpec = field(default_factory=PaceSpec)
+
+
+class RouteFinder:
+    """Plans tracks around what stands."""
+
+    def __init__(self, body: Body, params: RouteParams, box: tuple[float, float, float, float]) -> None:
+        """Bind the finder to what does not change.
+
+        Args:
+            body: Form of the units.
+            params: Parameters of the routes.
+            box: Where units may be and are seen: x low, x high, y low, y high [m].
+        """
+        self.body, self.box = body, box
+        self.spec = params.route
+        self._planner = RoutePlanner(
+            params.route, params.walls, params.pace, box, body.offset, body.half_width
+        )
+
+    def find(
+        self,
+        X_WU: SE2,
+        X_WE: SE2 | None,
+        standing: Sequence[Standing],
+        obstacles: tuple[ObstacleEstimate, ...] = (),
+        *,
+        dock: bool = False,
+        leaves: str | None = None,
+        enters: str | None = None,
+    ) -> Track | None:
+        """Return a track to a pose, None if there is none.
+
+        Args:
+            X_WU: Where the unit stands.
+            X_WE: Where the axle is to be at the end; None only to back out of a port.
+            standing: Everything that stands still meanwhile.
+            obstacles: Obstacles.
+            dock: Whether the end is in a port.
+            leaves: Unit in whose port the unit is now, None if it is free.
+            enters: Unit in whose port it ends.
+        """
+        if X_WE is not None and not dock and leaves is None:
+            turned = self._turn_in_place(X_WU, X_WE, standing)
+            if turned is not None:
+                return turned
+        for distance in (0.0,) if leaves is None else BACK_OUT_M:
+            builder = TrackBuilder(X_WU, self.body.offset)
+            if distance > 0.0:
+                builder.back(distance)
+            if X_WE is not None and not self._plan(builder, X_WE, standing, obstacles, dock):
+                continue
+            track = builder.track()
+            others = [s for s in standing if s.name not in (leaves, enters)]
+            if self.contact(track, others) is None:
+                return track
+        return None
+
+    def contact(self, track: Track, standing: Sequence[Standing]) -> tuple[float, str] | None:
+        """Return where a track first comes too near to a standing body [m], and to which; None if never.
+
+        To a body that stands beside the start it may come nearer than moving units do, as long as it does
+        not touch it.
+        """
+        start = track.poses[0]
+        first: tuple[float, str] | None = None
+        for other in standing:
+            # A unit that turns on the spot where it stands comes as near as its corners reach.
+            apart = math.hypot(other.X_WB.x - start[0], other.X_WB.y - start[1])
+            beside = apart < 2.0 * self.body.radius + GAP_M
+            compared = track if not beside else _at_port(track)
+            found = first_contact(compared, [(other.name, other.X_WB, other.at_port or beside)], self.body)
+            if found is not None and (first is None or found[0] < first[0]):
+                first = found
+        return first
+
+    def _turn_in_place(self, X_WU: SE2, X_WE: SE2, standing: Sequence[Standing]) -> Track | None:
+        """Return a turn on the spot where that is all that is needed and there is room."""
+        if math.hypot(X_WE.x - X_WU.x, X_WE.y - X_WU.y) > 0.02:
+            return None
+        builder = TrackBuilder(X_WU, self.body.offset)
+        builder.turn_to(X_WE.yaw)
+        track = builder.track()
+        return track if self.contact(track, standing) is None else None
+
+    def _plan(
+        self,
+        builder: TrackBuilder,
+        X_WE: SE2,
+        standing: Sequence[Standing],
+        obstacles: tuple[ObstacleEstimate, ...],
+        dock: bool,
+    ) -> bool:
+        """Append the route from where the builder stands; return whether there is one."""
+        l, handover = self.body.offset, self.spec.handover_m
+        X_WD = X_WE @ SE2(l if dock else l + handover, 0.0, 0.0)
+        discs = tuple(Disc(s.name, s.X_WB.x, s.X_WB.y, self.body.radius) for s in standing)
+        arena = ArenaMap(builder.pose, X_WD, discs, obstacles)
+        route = self._planner.plan(arena)
+        if route is not None and route.sides:
+            # A wall leads off the path by an amount that is not known before: drive around instead.
+            route = self._planner.plan(arena, caution=1)
+        if route is None:
+            return False
+        builder.turn_to(float(route.path.start[2]))
+        builder.follow(route.path)
+        if not route.final:
+            axle, end = builder.pose, self.spec.handover(X_WD)
+            dx, dy = end.x - axle.x, end.y - axle.y
+            yaw = math.atan2(dy, dx)
+            builder.turn_to(yaw)
+            start = np.array([axle.x, axle.y, yaw])
+            builder.follow(Path(start, np.zeros(1), np.array([math.hypot(dx, dy)])))
+        if dock:
+            builder.dock(X_WE, handover)
+        else:
+            builder.turn_to(X_WE.yaw)
+        return True
+
+
+def _at_port(track: Track) -> Track:
+    return Track(track.legs, track.s, track.poses, np.ones(len(track.s), dtype=np.bool_))

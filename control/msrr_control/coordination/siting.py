@@ -1,0 +1,95 @@
+"""Where a shape is built and by whom, or how the assembly that stands there becomes the shape."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from msrr_control.coordination.dispatcher import Knowledge
+from msrr_control.coordination.embedding import embeddings
+from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.reconfiguration import assembly_ports, reconfiguration_tasks
+from msrr_control.coordination.shape import Shape
+from msrr_control.coordination.tasks import Task, shape_tasks
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import ObstacleEstimate
+from msrr_scenes.messages.coordination import UnitState
+
+
+def site(
+    mission: Mission,
+    before: Mapping[str, tuple[str, ...]],
+    units: Iterable[UnitRecord],
+    knowledge: Knowledge,
+    obstacles: tuple[ObstacleEstimate, ...],
+) -> tuple[list[Task], dict[str, str]]:
+    """Return the tasks of a mission with a shape, and which unit is to take which place of it.
+
+    Args:
+        mission: The mission.
+        before: The precedence of its shape.
+        units: All units as they stand.
+        knowledge: Geometry and assumed speeds.
+        obstacles: Obstacles.
+
+    Returns:
+        All tasks, also those for which there is no unit; and a unit for every place that can be taken.
+
+    Raises:
+        SceneError: The shape cannot be built from what is there; the message says why.
+    """
+    shape = mission.shape
+    assert shape is not None
+    there = {unit.name: unit.pose for unit in units if unit.X_WU is not None and _may_take_part(unit)}
+    if mission.holders:
+        root = next(iter(assembly_ports(mission.holders)))
+        lanes, box = knowledge.lanes, knowledge.finder.box
+        if root not in there:
+            raise SceneError(f"the root {root!r} of the assembly is not seen")
+        return reconfiguration_tasks(mission.holders, shape, lanes, there[root], box, mission.named), {}
+    body = knowledge.lanes.body
+    keep_out = [
+        (unit.pose.x, unit.pose.y, body.radius)
+        for unit in units
+        if unit.X_WU is not None and not _may_take_part(unit)
+    ]
+    keep_out += [(o.X_WB.x, o.X_WB.y, o.radius) for o in obstacles]
+    part = _part(shape, before, there, mission.named)
+    found = embeddings(
+        part,
+        there,
+        knowledge.lanes,
+        knowledge.finder.box,
+        knowledge.travel,
+        named=mission.named,
+        keep_out=keep_out,
+        count=1,
+    )
+    if not found:
+        raise SceneError("the shape and the lanes to it do not fit into the arena")
+    return shape_tasks(shape, before, found[0].X_WR, mission.named), dict(found[0].units)
+
+
+def _may_take_part(unit: UnitRecord) -> bool:
+    return unit.state in (UnitState.IDLE, UnitState.DOCKED)
+
+
+def _part(
+    shape: Shape, before: Mapping[str, tuple[str, ...]], there: Mapping[str, SE2], named: bool
+) -> Shape:
+    """Return as much of a shape as there are units for.
+
+    Raises:
+        SceneError: There is no unit for its root.
+    """
+    if named:
+        names: list[str] = []
+        for place in shape.places:
+            if place.name in there and (place.parent is None or place.parent in names):
+                names.append(place.name)
+    else:
+        names = list(before)[: len(there)]
+    if not names:
+        raise SceneError("no unit is there for the root of the shape")
+    return Shape(tuple(place for place in shape.places if place.name in names))

@@ -1,0 +1,261 @@
+"""Tracks: all poses that a unit passes on a route, and where two tracks come too near to each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_control.coordination.bodies import Body
+from msrr_control.path_following.path import Path
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.se2 import SE2, wrap_angle
+from msrr_scenes.messages.coordination import LegKind, RouteLeg
+
+#: Largest distance between the samples of a track [m], and the step with which the axle is integrated [m].
+SPACING_M = 0.03
+_STEP_M = 0.01
+
+#: Stretch on which the controlled point comes onto a path beside which it begins [m].
+_MERGE_M = 0.2
+
+#: Gap that moving bodies keep from others; near a port, where both are to be near, it is the smaller one [m].
+GAP_M = 0.05
+PORT_GAP_M = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """The poses of the axle along a route.
+
+    Attributes:
+        legs: Legs of the route.
+        s: Arc length of each sample, ascending, shape (N,) [m].
+        poses: Pose of the axle at each sample in W, shape (N, 3) [m, m, rad].
+        at_port: Whether a sample lies in a leg out of or into a port, shape (N,) bool.
+    """
+
+    legs: tuple[RouteLeg, ...]
+    s: Array
+    poses: Array
+    at_port: NDArray[np.bool_]
+
+    @property
+    def length(self) -> float:
+        """Arc length of the whole route [m]."""
+        return float(self.s[-1])
+
+    @cached_property
+    def dock_start(self) -> float:
+        """Arc length at which the dock leg begins, that of the whole route if there is none [m]."""
+        if self.legs and self.legs[-1].kind is LegKind.DOCK:
+            return self.legs[-2].end if len(self.legs) > 1 else 0.0
+        return self.length
+
+    @property
+    def end(self) -> SE2:
+        """Pose at the end."""
+        return SE2(*self.poses[-1].tolist())
+
+    def at(self, s: float) -> SE2:
+        """Return the pose at arc length ``s`` [m], between samples by interpolation."""
+        k = int(np.clip(np.searchsorted(self.s, s) - 1, 0, max(len(self.s) - 2, 0)))
+        if len(self.s) == 1:
+            return self.end
+        a, b = self.poses[k].tolist(), self.poses[k + 1].tolist()
+        span = float(self.s[k + 1] - self.s[k])
+        share = min(max((s - float(self.s[k])) / span, 0.0), 1.0) if span > 0.0 else 1.0
+        yaw = a[2] + share * wrap_angle(b[2] - a[2])
+        return SE2(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), yaw)
+
+    def seen_progress(self, X_WU: SE2, low: float, high: float, off: float) -> float | None:
+        """Return the arc length between ``low`` and ``high`` at which the track is nearest to a pose [m].
+
+        Args:
+            X_WU: Estimate of the unit's pose.
+            low: Smallest arc length that counts [m].
+            high: Largest one [m].
+            off: Distance from the track beyond which the pose does not belong to it [m].
+
+        Returns:
+            The arc length; None if the pose is not on that part of the track.
+        """
+        inside = np.flatnonzero((self.s >= low) & (self.s <= high))
+        if not len(inside):
+            return None
+        delta = self.poses[inside, :2] - X_WU.translation
+        turned = np.abs(np.remainder(self.poses[inside, 2] - X_WU.yaw + math.pi, 2.0 * math.pi) - math.pi)
+        apart = np.hypot(delta[:, 0], delta[:, 1]) + 0.1 * turned
+        best = int(apart.argmin())
+        return float(self.s[inside[best]]) if apart[best] < off else None
+
+
+class TrackBuilder:
+    """Joins legs to a track, each beginning where the one before ends."""
+
+    def __init__(self, X_WU: SE2, offset: float) -> None:
+        """Begin at the pose ``X_WU`` of a unit whose controlled point is ``offset`` [m] ahead of the axle."""
+        self._offset = offset
+        self._legs: list[RouteLeg] = []
+        self._s = [0.0]
+        self._poses = [X_WU.as_array()]
+        self._at_port = [False]
+
+    @property
+    def pose(self) -> SE2:
+        """Where the unit is so far."""
+        return SE2(*self._poses[-1].tolist())
+
+    def back(self, distance: float) -> None:
+        """Drive backwards by ``distance`` [m], out of a port."""
+        count = math.ceil(distance / SPACING_M)
+        start, s = self.pose, self._s[-1]
+        if not self._legs:
+            self._at_port[0] = True
+        for k in range(1, count + 1):
+            way = distance * k / count
+            self._append(s + way, (start @ SE2(-way, 0.0, 0.0)).as_array(), True)
+        self._finish(LegKind.BACK, start)
+
+    def turn_to(self, yaw: float) -> None:
+        """Turn on the spot to the heading ``yaw`` [rad]."""
+        start, s = self.pose, self._s[-1]
+        angle = wrap_angle(yaw - start.yaw)
+        if abs(angle) < 1e-3:
+            return
+        count = math.ceil(self._offset * abs(angle) / SPACING_M)
+        for k in range(1, count + 1):
+            turned = angle * k / count
+            self._append(
+                s + self._offset * abs(turned), np.array([start.x, start.y, start.yaw + turned]), False
+            )
+        self._finish(LegKind.TURN, start, turn=angle)
+
+    def follow(self, path: Path, kind: LegKind = LegKind.PATH) -> None:
+        """Lead the controlled point along a path that begins at the axle, in the heading of the unit.
+
+        The axle trails: with the heading h of the unit and p of the point's way, h' = sin(p - h) / l. Where
+        the path bends at once, the point begins beside it; it comes onto it on the first stretch.
+        """
+        start, begin, l = self.pose, self._s[-1], self._offset
+        length = float(path.length)
+        if length <= l:
+            return
+        count = math.ceil((length - l) / _STEP_M)
+        every = max(int(SPACING_M / ((length - l) / count)), 1)
+        s = l + (length - l) * np.arange(1, count + 1) / count
+        points = path.at(s).point
+        tip = start.act([l, 0.0])
+        share = np.maximum(1.0 - (s - l) / min(_MERGE_M, 0.5 * (length - l)), 0.0) ** 2
+        points = points + share[:, None] * (tip - path.at(l).point)
+        steps = np.diff(points, axis=0, prepend=tip[None])
+        headings = np.arctan2(steps[:, 1], steps[:, 0])
+        lengths = np.hypot(steps[:, 0], steps[:, 1]) / l
+        h = start.yaw
+        for k in range(count):
+            # The middle of the step stands for all of it: exact to second order.
+            p, step = float(headings[k]), float(lengths[k])
+            half = h + 0.5 * step * math.sin(p - h)
+            h += step * math.sin(p - half)
+            if (k + 1) % every == 0 or k == count - 1:
+                x, y = points[k].tolist()
+                pose = np.array([x - l * math.cos(h), y - l * math.sin(h), h])
+                self._append(begin + float(s[k]) - l, pose, kind is LegKind.DOCK)
+        where = (float(path.start[0]), float(path.start[1]), float(path.start[2]))
+        pieces = tuple(path.curvature.tolist()), tuple(path.lengths.tolist())
+        self._legs.append(RouteLeg(kind, where, *pieces, 0.0, self._s[-1]))
+
+    def dock(self, X_WE: SE2, distance: float) -> None:
+        """Lead the controlled point along the docking axis over the last ``distance`` [m] to the port.
+
+        ``X_WE`` is the pose of the axle when the unit is docked.
+        """
+        axle = X_WE @ SE2(-distance, 0.0, 0.0)
+        self.follow(Path(axle.as_array(), np.zeros(1), np.array([distance + self._offset])), LegKind.DOCK)
+
+    def track(self) -> Track:
+        """Return the track so far."""
+        return Track(
+            tuple(self._legs),
+            np.array(self._s),
+            np.array(self._poses),
+            np.array(self._at_port, dtype=np.bool_),
+        )
+
+    def _append(self, s: float, pose: Array, at_port: bool) -> None:
+        self._s.append(s)
+        self._poses.append(pose)
+        self._at_port.append(at_port)
+
+    def _finish(self, kind: LegKind, start: SE2, turn: float = 0.0) -> None:
+        where = (start.x, start.y, start.yaw)
+        self._legs.append(RouteLeg(kind, where, (), (), turn, self._s[-1]))
+
+
+def path_of(leg: RouteLeg) -> Path:
+    """Return the path of the controlled point on a leg forwards."""
+    return Path(np.array(leg.start), np.array(leg.curvature), np.array(leg.lengths))
+
+
+def track_of(legs: Sequence[RouteLeg], X_WU: SE2, offset: float) -> Track:
+    """Return the track of legs for a unit at ``X_WU`` with its controlled point ``offset`` [m] ahead."""
+    builder, begin = TrackBuilder(X_WU, offset), 0.0
+    for leg in legs:
+        if leg.kind is LegKind.BACK:
+            builder.back(leg.end - begin)
+        elif leg.kind is LegKind.TURN:
+            builder.turn_to(builder.pose.yaw + leg.turn)
+        else:
+            builder.follow(path_of(leg), leg.kind)
+        begin = leg.end
+    return builder.track()
+
+
+def standing(X_WU: SE2, at_port: bool = False) -> Track:
+    """Return the track of a unit that stays where it stands."""
+    return Track((), np.zeros(1), X_WU.as_array()[None], np.array([at_port]))
+
+
+def needed(earlier: Track, later: Track, body: Body) -> Array:
+    """Return how far the earlier unit has to be for the later one to pass each sample of its own track.
+
+    Args:
+        earlier: Track of the unit that goes first.
+        later: Track of the one that keeps out of what the other still has to drive.
+        body: Form of both.
+
+    Returns:
+        Arc lengths on the earlier track, not descending, shape (N,) [m]; infinite where the earlier one never
+        gets out of the way.
+    """
+    gap = np.where(earlier.at_port[:, None] & later.at_port[None], PORT_GAP_M, GAP_M)
+    near = body.near(earlier.poses[:, None], later.poses[None], gap)
+    passed = np.append(earlier.s[1:], math.inf)
+    last = len(earlier.s) - 1 - near[::-1].argmax(axis=0)
+    until = np.where(near.any(axis=0), passed[last], -math.inf)
+    result: Array = np.maximum.accumulate(until)
+    return result
+
+
+def first_contact(
+    track: Track, bodies: Sequence[tuple[str, SE2, bool]], body: Body
+) -> tuple[float, str] | None:
+    """Return where a track first comes too near to a standing body, and to which; None if it never does.
+
+    Args:
+        track: The track.
+        bodies: Name and pose of each standing body, and whether it stands at a port.
+        body: Form of all units.
+    """
+    first: tuple[float, str] | None = None
+    for name, X_WB, at_port in bodies:
+        until = needed(standing(X_WB, at_port), track, body)
+        if math.isinf(until[-1]) and until[-1] > 0.0:
+            s = float(track.s[int(np.searchsorted(until, math.inf))])
+            if first is None or s < first[0]:
+                first = (s, name)
+    return first

@@ -1,0 +1,72 @@
+"""The watch over units under way: who has arrived, who is lost, and whether anybody still moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from msrr_control.coordination.ledger import SAME_M, UnitRecord
+from msrr_control.coordination.mission import Patience
+from msrr_scenes.geometry.se2 import wrap_angle
+from msrr_scenes.messages import seconds
+from msrr_scenes.messages.coordination import UnitMode
+
+
+class Watch:
+    """Judges progress by reports and sights; time in which nobody can know anything does not count."""
+
+    def __init__(self, patience: Patience) -> None:
+        """Begin with nobody under way."""
+        self._patience = patience
+        self._quiet_ns = 0  # time from which on nobody has made progress
+        self._previous_ns = 0
+
+    def has_arrived(self, unit: UnitRecord, now_ns: int) -> bool:
+        """Return whether a unit has driven its route to the end."""
+        report, track = unit.report, unit.track
+        if report is None or track is None or report.route != unit.route:
+            return False
+        if unit.enters is not None:
+            return report.mode is UnitMode.DOCKED and unit.holder == unit.enters
+        if unit.seen_ns < unit.moved_ns and seconds(now_ns - unit.moved_ns) < self._patience.unseen_s:
+            return False  # a look will tell
+        return report.mode is UnitMode.STANDING and unit.progress >= track.length - SAME_M
+
+    def is_at_end(self, unit: UnitRecord) -> bool:
+        """Return whether a unit that has driven its route stands where it ends."""
+        assert unit.track is not None
+        if unit.seen_ns < unit.moved_ns:
+            return True  # nobody saw where it stands: its own word has to do
+        X = unit.track.end.inverse() @ unit.pose
+        near = math.hypot(X.x, X.y) <= self._patience.arrived_m
+        return near and abs(wrap_angle(X.yaw)) <= self._patience.arrived_rad
+
+    def is_lost(self, unit: UnitRecord, now_ns: int) -> str | None:
+        """Return why a unit under way is held for failed, None if it is not."""
+        unheard = seconds(now_ns - max(unit.heard_ns, unit.granted_ns))
+        if unheard > self._patience.unheard_s:
+            return f"not heard for {unheard:.0f} s"
+        if unit.limit <= unit.progress + SAME_M or unheard > self._patience.silent_s:
+            unit.patient_ns += now_ns - self._previous_ns
+        wait = self._patience.dock_s if unit.in_dock_leg else self._patience.lost_s
+        if seconds(now_ns - unit.patient_ns) > wait:
+            return f"no progress beyond {unit.progress:.2f} m in {wait:.0f} s"
+        return None
+
+    def restart(self, now_ns: int) -> None:
+        """Begin to wait anew, because something has happened."""
+        self._quiet_ns = now_ns
+
+    def nobody_moves(self, units: Iterable[UnitRecord], now_ns: int) -> bool:
+        """Return whether nobody has made progress for too long, other than for want of radio."""
+        under_way = [unit for unit in units if unit.under_way]
+        silent = any(seconds(now_ns - unit.heard_ns) > self._patience.silent_s for unit in under_way)
+        free = any(unit.limit > unit.progress + SAME_M for unit in under_way)
+        if silent or free or not under_way:
+            self._quiet_ns = now_ns
+        moved = max((unit.moved_ns for unit in under_way), default=now_ns)
+        return seconds(now_ns - max(self._quiet_ns, moved)) > self._patience.stalled_s
+
+    def advance(self, now_ns: int) -> None:
+        """Note the end of a step."""
+        self._previous_ns = now_ns

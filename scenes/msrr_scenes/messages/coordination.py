@@ -1,0 +1,178 @@
+"""Messages between the base station that coordinates many units and the units, over a radio.
+
+Both sides repeat their whole state a few times a second, so that a report acknowledges an authority and a
+lost message costs time and nothing else. Arc lengths along a route are those of the controlled point: a turn
+on the spot by an angle a counts l |a|, and a way backwards counts as a way forwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class LegKind(Enum):
+    """The kinds of legs of a route."""
+
+    BACK = "back"  # backwards out of a port, straight
+    TURN = "turn"  # on the spot
+    PATH = "path"  # forwards, with the controlled point on a path
+    DOCK = "dock"  # forwards into the port, straight, under the unit's own perception
+
+
+@dataclass(frozen=True, slots=True)
+class RouteLeg:
+    """One leg of a route.
+
+    Attributes:
+        kind: What the unit does.
+        start: Pose (x, y, yaw) of the axle at the beginning of the leg in W [m, m, rad]. Forwards it is the
+            beginning of the controlled point's path, with the direction of that path.
+        curvature: Curvature of each piece of that path [1/m]; empty for a leg backwards or on the spot.
+        lengths: Length of each piece of that path, which begins at the axle [m]; empty likewise.
+        turn: Angle of a turn on the spot, counter-clockwise positive [rad].
+        end: Arc length of the route at which the leg ends [m].
+    """
+
+    kind: LegKind
+    start: tuple[float, float, float]
+    curvature: tuple[float, ...]
+    lengths: tuple[float, ...]
+    turn: float
+    end: float
+
+
+@dataclass(frozen=True, slots=True)
+class Authority:
+    """The permission to drive along a route up to a limit, repeated until the next one.
+
+    Attributes:
+        unit: Unit that may drive.
+        route: Number of the route, counted up for each unit from 1; 0 is no route: stand still.
+        seq: Number of the message, counted up for each unit.
+        stamp_ns: Time at which it was sent.
+        expires_ns: Time at which it ends unless another one arrives, except in the dock leg.
+        limit: Arc length up to which the unit may drive [m]; it never shrinks within a route. Negative: the
+            unit may not move at all.
+        legs: The legs of the route.
+        to: Port ``<unit>.<port>`` at which the route ends, None if it ends in the open.
+        unlock: Whether the unit is to open its lock before it moves.
+    """
+
+    unit: str
+    route: int
+    seq: int
+    stamp_ns: int
+    expires_ns: int
+    limit: float
+    legs: tuple[RouteLeg, ...]
+    to: str | None
+    unlock: bool
+
+
+class UnitMode(Enum):
+    """What a unit says that it is doing."""
+
+    STANDING = "standing"
+    DRIVING = "driving"
+    DOCKING = "docking"
+    DOCKED = "docked"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class UnitReport:
+    """The state of a unit, as the unit itself knows it.
+
+    Attributes:
+        unit: Unit that reports.
+        stamp_ns: Time of the state.
+        seq: Number of the newest authority that the unit has received, 0 before the first.
+        route: Number of the route that the unit follows or has followed.
+        progress: Arc length of that route that the unit has covered [m].
+        mode: What the unit does.
+        docked_to: Port ``<unit>.<port>`` into which the unit believes that it is locked, None if it is free.
+        stopping: Poses (x, y, yaw) of the axle in W that the unit would still pass if it stopped now, the
+            present one first [m, m, rad]; empty where it is not known.
+        reason: Why the unit is in this mode, in words.
+    """
+
+    unit: str
+    stamp_ns: int
+    seq: int
+    route: int
+    progress: float
+    mode: UnitMode
+    docked_to: str | None
+    stopping: tuple[tuple[float, float, float], ...] = ()
+    reason: str = ""
+
+
+class UnitState(Enum):
+    """What the coordinator holds a unit for."""
+
+    IDLE = "idle"  # stands without a route
+    UNDER_WAY = "under_way"  # has a route
+    DOCKED = "docked"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class UnitStatus:
+    """What the coordinator knows about a unit.
+
+    Attributes:
+        unit: Name of the unit.
+        state: What it is held for.
+        task: Task that the unit has or had last, None before the first.
+        route: Number of its route, 0 before the first.
+        order: Place of its route in the order of the routes: a later one keeps out of what an earlier one
+            still has to drive.
+        progress: Arc length that was reported or seen [m].
+        limit: Arc length up to which it may drive [m].
+        length: Arc length of the whole route [m].
+        blocked_by: Unit for which it waits, None if it waits for nobody.
+        reason: Why it is so, in words.
+    """
+
+    unit: str
+    state: UnitState
+    task: str | None
+    route: int
+    order: int
+    progress: float
+    limit: float
+    length: float
+    blocked_by: str | None
+    reason: str
+
+
+class MissionState(Enum):
+    """How a mission stands."""
+
+    RUNNING = "running"
+    COMPLETE = "complete"
+    INCOMPLETE = "incomplete"
+
+
+@dataclass(frozen=True, slots=True)
+class MissionStatus:
+    """What the coordinator knows about the mission.
+
+    Attributes:
+        stamp_ns: Time of the status.
+        state: How the mission stands.
+        done: Names of the tasks that are done, in the order of the tasks.
+        given_up: Names of the tasks that were given up, in the order of the tasks.
+        units: Every unit, in the order in which the coordinator was given them.
+        replans: Number of routes that were planned because an earlier one could not be driven to its end.
+        reason: Why it is so, in words.
+    """
+
+    stamp_ns: int
+    state: MissionState
+    done: tuple[str, ...]
+    given_up: tuple[str, ...]
+    units: tuple[UnitStatus, ...]
+    replans: int
+    reason: str

@@ -1,0 +1,311 @@
+"""A kinematic rig: units that follow their tracks exactly, a radio that loses messages, a judge of truth.
+
+It stands in for robots and physics where coordination alone is under test. Units know what they were sent,
+the coordinator knows what it saw and heard, and the judge compares the bodies themselves at every step.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from msrr_control.coordination.authority import MovementAuthority
+from msrr_control.coordination.bodies import Body
+from msrr_control.coordination.coordinator import Coordinator
+from msrr_control.coordination.dispatcher import Knowledge
+from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.route_finder import RouteParams
+from msrr_control.coordination.track import Track, track_of
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
+from msrr_scenes.messages import GlobalPose
+from msrr_scenes.messages.coordination import (
+    Authority,
+    LegKind,
+    MissionState,
+    MissionStatus,
+    UnitMode,
+    UnitReport,
+)
+from msrr_scenes.specs.mission import RadioSpec
+from msrr_scenes.specs.vehicle import LimitsSpec
+
+BOX = (-2.0, 2.0, -1.5, 1.5)
+TICK_NS = 50_000_000
+LIMITS = LimitsSpec.model_validate({})
+SPEED = {LegKind.BACK: 0.10, LegKind.TURN: 0.08, LegKind.PATH: 0.22, LegKind.DOCK: 0.11}
+ACCELERATION = 0.147
+LOCK_S, UNLOCK_S, SEIZED_S = 2.0, 1.0, 5.0
+CAMERA_NS = 100_000_000
+
+
+def make_knowledge(box: tuple[float, float, float, float] = BOX) -> Knowledge:
+    return Knowledge.of(read_unit(find_urdf("unit.urdf")), RouteParams(), box)
+
+
+def random_starts(seed: int, count: int, box: tuple[float, float, float, float] = BOX) -> dict[str, SE2]:
+    """Poses all over the arena, 0.45 m and more apart."""
+    rng = np.random.default_rng(seed)
+    x0, x1, y0, y1 = box
+    starts: dict[str, SE2] = {}
+    while len(starts) < count:
+        X = SE2(*rng.uniform([x0 + 0.25, y0 + 0.25, -math.pi], [x1 - 0.25, y1 - 0.25, math.pi]))
+        if all(math.hypot(X.x - o.x, X.y - o.y) > 0.45 for o in starts.values()):
+            starts[f"u{len(starts)}"] = X
+    return starts
+
+
+@dataclass
+class ToyUnit:
+    """A unit that follows its track exactly, as far as its authority lets it."""
+
+    name: str
+    X_WU: SE2
+    body: Body
+    holder: str | None = None
+    dies_s: float = math.inf
+    dies_in_lane: bool = False
+    progress: float = 0.0
+    speed: float = 0.0
+    route: int = 0
+    track: Track | None = None
+    waited_s: float = 0.0
+    dead_s: float | None = None
+    mode: UnitMode = UnitMode.STANDING
+    authority: MovementAuthority = field(default_factory=lambda: MovementAuthority(LIMITS, TICK_NS * 1e-9))
+
+    @property
+    def leg(self) -> LegKind | None:
+        legs = self.authority.legs
+        return legs[self.authority.leg_at(self.progress)].kind if legs else None
+
+    @property
+    def partner(self) -> str | None:
+        """The unit whose port this one is in, enters or leaves."""
+        newest = self.authority.newest
+        if self.holder is not None:
+            return self.holder.partition(".")[0]
+        if self.leg is LegKind.DOCK and newest is not None and newest.to is not None:
+            return newest.to.partition(".")[0]
+        return self.left if self.leg is LegKind.BACK else None
+
+    left: str | None = None
+
+    def receive(self, message: Authority) -> None:
+        if self.authority.receive(message):
+            assert self.speed < 1e-9, f"{self.name} gets another route while it moves"
+            self.route, self.progress, self.waited_s = message.route, 0.0, 0.0
+            self.track = track_of(message.legs, self.X_WU, self.body.offset)
+            assert self.track.length == pytest.approx(self.authority.length, abs=0.05)
+
+    def step(self, now_ns: int) -> None:
+        """Advance by one tick."""
+        dt, newest = 1e-9 * TICK_NS, self.authority.newest
+        if self.dead_s is None and now_ns * 1e-9 >= self.dies_s and not self.holder:
+            lane = self.track is not None and self.progress > self.authority.dock_start - 0.3
+            if self.speed > 0.0 and (lane or not self.dies_in_lane):
+                self.dead_s, self.speed = now_ns * 1e-9, 0.0
+        if self.dead_s is not None:
+            self.mode = UnitMode.FAILED if now_ns * 1e-9 > self.dead_s + SEIZED_S else UnitMode.STANDING
+            return
+        if newest is None or self.track is None:
+            return
+        if self.holder is not None:
+            if not newest.unlock or self.progress > 0.0 or newest.limit < 0.0:
+                return
+            self.waited_s += dt
+            if self.waited_s < UNLOCK_S:
+                return
+            self.left, self.holder, self.waited_s = self.holder.partition(".")[0], None, 0.0
+        kind = self.leg
+        if kind is None:  # the unit stands where it is to be
+            return
+        end = self.authority.legs[self.authority.leg_at(self.progress)].end
+        allowed = self.authority.speed(now_ns, self.progress, self.speed)
+        to_end = math.sqrt(2.0 * ACCELERATION * max(end - self.progress, 0.0))
+        self.speed = min(self.speed + ACCELERATION * dt, SPEED[kind], allowed, max(to_end, 0.01))
+        most = min(end, self.authority.limit(now_ns, self.progress, self.speed))
+        moved = min(self.speed * dt, max(most - self.progress, 0.0))
+        self.progress += moved
+        self.X_WU = self.track.at(self.progress)
+        if moved < 1e-9:
+            self.speed = 0.0
+        docks = kind is LegKind.DOCK
+        self.mode = (
+            UnitMode.STANDING if self.speed == 0.0 else UnitMode.DOCKING if docks else UnitMode.DRIVING
+        )
+        if docks and self.progress >= self.track.length - 1e-6:
+            self.waited_s, self.mode = self.waited_s + dt, UnitMode.DOCKING
+            if self.waited_s >= LOCK_S:
+                self.holder, self.mode = newest.to, UnitMode.DOCKED
+
+    def report(self, now_ns: int) -> UnitReport:
+        newest = self.authority.newest
+        seq = 0 if newest is None else newest.seq
+        mode = UnitMode.DOCKED if self.holder is not None and self.dead_s is None else self.mode
+        return UnitReport(
+            self.name,
+            now_ns,
+            seq,
+            self.route,
+            self.progress,
+            mode,
+            self.holder,
+            reason="seized" * (self.dead_s is not None),
+        )
+
+
+class Radio:
+    """Delivers messages late, or not at all."""
+
+    def __init__(self, spec: RadioSpec, rng: np.random.Generator) -> None:
+        self._spec, self._rng = spec, rng
+        self._queue: list[tuple[int, int, object]] = []
+        self._count = itertools.count()
+        self.sent = self.lost = 0
+
+    def send(self, unit: str, message: object, now_ns: int) -> None:
+        self.sent += 1
+        late = self._spec.latency_ms + self._rng.uniform(0.0, 1.0) * self._spec.jitter_ms
+        silent = any(
+            s.from_s <= now_ns * 1e-9 < s.until_s and (not s.units or unit in s.units)
+            for s in self._spec.silences
+        )
+        if self._rng.uniform() < self._spec.loss or silent:
+            self.lost += 1
+            return
+        heapq.heappush(self._queue, (now_ns + round(1e6 * late), next(self._count), message))
+
+    def arrived(self, now_ns: int) -> list[object]:
+        messages = []
+        while self._queue and self._queue[0][0] <= now_ns:
+            messages.append(heapq.heappop(self._queue)[2])
+        return messages
+
+
+@dataclass
+class Rig:
+    """A mission on toy units."""
+
+    mission: Mission
+    starts: Mapping[str, SE2]
+    knowledge: Knowledge = field(default_factory=make_knowledge)
+    radio: RadioSpec = field(default_factory=RadioSpec)
+    seed: int = 0
+    dies: Mapping[str, tuple[float, bool]] = field(default_factory=dict)
+    now_ns: int = 0
+    last_lock_s: float = 0.0
+    least_gap: float = math.inf
+    moving_s: list[float] = field(default_factory=lambda: [0.0, 0.0])  # one unit or more, two or more
+    authorities: list[Authority] = field(default_factory=list)
+    sight: bool = True
+    noise: tuple[float, float] = (0.0, 0.0)  # of the overhead estimates [m], [rad]
+
+    def __post_init__(self) -> None:
+        body = self.knowledge.lanes.body
+        self.units = {
+            name: ToyUnit(
+                name, X, body, self.mission.holders.get(name), *self.dies.get(name, (math.inf, False))
+            )
+            for name, X in self.starts.items()
+        }
+        self.coordinator = Coordinator(self.mission, self.starts, self.knowledge)
+        self._rng = np.random.default_rng([self.seed, 1])
+        self._radio = Radio(self.radio, np.random.default_rng(self.seed))
+        self._granted: dict[tuple[str, int], float] = {}
+        self._sights: list[tuple[int, list[GlobalPose]]] = []
+
+    @property
+    def status(self) -> MissionStatus:
+        return self.coordinator.status(self.now_ns)
+
+    @property
+    def joints(self) -> dict[str, str]:
+        """Port of each unit that is docked, as the truth has it."""
+        return {name: unit.holder for name, unit in self.units.items() if unit.holder is not None}
+
+    def run(self, seconds: float = 400.0) -> MissionStatus:
+        while self.now_ns < 1e9 * seconds and self.status.state is MissionState.RUNNING:
+            self.step()
+        return self.status
+
+    def step(self) -> None:
+        self.now_ns += TICK_NS
+        period = round(1e9 / self.radio.rate_hz)
+        for k, unit in enumerate(self.units.values()):
+            was = unit.holder
+            unit.step(self.now_ns)
+            if unit.holder is not None and was is None:
+                self.last_lock_s = self.now_ns * 1e-9
+            if (self.now_ns + k * TICK_NS) % period == 0:
+                self._radio.send(unit.name, unit.report(self.now_ns), self.now_ns)
+        self._judge()
+        for message in self._radio.arrived(self.now_ns):
+            if isinstance(message, Authority):
+                self.units[message.unit].receive(message)
+            else:
+                assert isinstance(message, UnitReport)
+                self.coordinator.receive(message, self.now_ns)
+        if self.now_ns % 100_000_000 == 0:
+            bodies = [GlobalPose(u.name, self.now_ns, u.X_WU, np.eye(3) * 1e-6) for u in self.units.values()]
+            self._sights.append((self.now_ns, bodies))
+        while self._sights and self._sights[0][0] <= self.now_ns - CAMERA_NS:
+            bodies = self._sights.pop(0)[1]
+            if self.sight or self.now_ns < 1_000_000_000:
+                self.coordinator.observe(bodies, self.now_ns)
+        for message in self.coordinator.step(self.now_ns):
+            key = (message.unit, message.route)
+            assert message.limit >= self._granted.get(key, -math.inf), "an authority shrinks"
+            self._granted[key] = message.limit
+            self.authorities.append(message)
+            self._radio.send(message.unit, message, self.now_ns)
+
+    def _judge(self) -> None:
+        """Compare all bodies as they are: none may touch, and none may be where it was not allowed."""
+        units = list(self.units.values())
+        moving = sum(unit.speed > 0.0 for unit in units)
+        for k in range(2):
+            self.moving_s[k] += 1e-9 * TICK_NS * (moving > k)
+        for unit in units:
+            if unit.route:
+                assert unit.progress <= self._granted[unit.name, unit.route] + 1e-6 or unit.progress == 0.0, (
+                    f"{unit.name} is on ground that was not granted"
+                )
+        pairs = [
+            (a, b)
+            for a, b in itertools.combinations(units, 2)
+            if a.partner != b.name and b.partner != a.name and (a.speed > 0.0 or b.speed > 0.0)
+        ]
+        if not pairs:
+            return
+        first = np.array([a.X_WU.as_array() for a, _ in pairs])
+        second = np.array([b.X_WU.as_array() for _, b in pairs])
+        close = self.knowledge.lanes.body.near(first, second, 0.06)
+        for k in np.flatnonzero(close).tolist():
+            gap = float(self.knowledge.lanes.body.gaps(first[k], second[k]))
+            self.least_gap = min(self.least_gap, gap)
+            assert gap > 0.0, f"{pairs[k][0].name} and {pairs[k][1].name} touch at {self.now_ns * 1e-9:.1f} s"
+
+
+@pytest.fixture
+def rig() -> type[Rig]:
+    """The rig's class."""
+    return Rig
+
+
+@pytest.fixture(scope="session")
+def knowledge() -> Knowledge:
+    """The shipped unit in an arena of 4 m by 3 m."""
+    return make_knowledge()
+
+
+@pytest.fixture
+def starts():
+    """The function that draws poses all over the arena."""
+    return random_starts

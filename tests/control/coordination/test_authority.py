@@ -1,0 +1,121 @@
+"""The unit's side: the newest authority counts, and the unit stops where it ends, radio or not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from msrr_control.coordination.authority import MovementAuthority
+from msrr_control.coordination.track import TrackBuilder
+from msrr_control.path_following.path import Path
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg
+from msrr_scenes.specs.vehicle import LimitsSpec
+
+LIMITS = LimitsSpec.model_validate({})
+DT_NS = 20_000_000
+
+#: The drive of the test obeys this many control periods late; a unit has to count one more.
+LAG = 5
+REACTION_S = (LAG + 1) * DT_NS * 1e-9
+
+
+def _legs() -> tuple[RouteLeg, ...]:
+    builder = TrackBuilder(SE2(), 0.1)
+    builder.turn_to(1.0)
+    builder.follow(Path(np.array([0.0, 0.0, 1.0]), np.zeros(1), np.array([1.1])))
+    builder.turn_to(0.0)
+    builder.dock(builder.pose @ SE2(0.7, 0.0, 0.0), 0.7)
+    return builder.track().legs
+
+
+def _authority(limit: float, seq: int = 1, route: int = 1, expires_ns: int = 10**15) -> Authority:
+    return Authority("a", route, seq, 0, expires_ns, limit, _legs(), "b.rear", unlock=False)
+
+
+def _drive(
+    authority: MovementAuthority, seconds: float, progress: float = 0.0, speed: float = 0.0
+) -> tuple[float, float]:
+    """Drive as fast as the authority allows, with a drive that reacts late; return progress and speed."""
+    wanted = [speed] * (LAG + 1)
+    for k in range(round(seconds * 1e9 / DT_NS)):
+        now = k * DT_NS
+        wanted.append(min(authority.speed(now, progress, speed), 0.4))
+        change = LIMITS.a_max_mps2 * 1e-9 * DT_NS
+        speed += min(max(wanted[-1 - LAG] - speed, -change), change)
+        progress += 1e-9 * DT_NS * speed
+    return progress, speed
+
+
+@pytest.mark.parametrize("limit", [0.05, 0.3, 1.0, 1.05, 1.7])
+def test_the_unit_stops_at_the_limit_and_not_beyond(limit: float) -> None:
+    held = MovementAuthority(LIMITS, REACTION_S)
+    held.receive(_authority(limit))
+    progress, speed = _drive(held, 20.0)
+    assert progress <= limit + 1e-3
+    assert progress > limit - 0.01
+    assert speed < 1e-2
+
+
+def test_without_radio_it_brakes_at_once_and_before_the_limit() -> None:
+    held = MovementAuthority(LIMITS, REACTION_S)
+    held.receive(_authority(1.7, expires_ns=2_000_000_000))
+    at_expiry, speed = _drive(held, 2.0)
+    assert speed > 0.3
+    braking = held.stopping_distance(speed)
+    stop, rest = _drive(held, 10.0, at_expiry, speed)  # the clock begins again, before the expiry
+    assert rest < 1e-2
+    held.receive(_authority(1.7, seq=2, expires_ns=0))
+    stop, rest = _drive(held, 10.0, 0.5, 0.4)
+    assert 0.5 < stop <= 0.5 + held.stopping_distance(0.4) + 1e-3
+    assert braking < 0.3
+
+
+def test_near_the_limit_an_expired_authority_ends_at_the_limit() -> None:
+    held = MovementAuthority(LIMITS, REACTION_S)
+    held.receive(_authority(0.52, expires_ns=0))
+    assert held.limit(1, 0.5, 0.3) == 0.52
+    assert held.limit(2, 0.5, 0.0) == 0.52  # it does not move once it is set
+
+
+def test_in_the_dock_leg_silence_does_not_stop_the_unit() -> None:
+    held = MovementAuthority(LIMITS, REACTION_S)
+    length = _legs()[-1].end
+    held.receive(_authority(length, expires_ns=0))
+    assert held.length == length
+    assert held.limit(1, held.dock_start + 0.01, 0.1) == length
+    assert held.limit(1, held.dock_start - 0.3, 0.0) < held.dock_start
+    held.receive(_authority(held.dock_start, seq=2, expires_ns=0))
+    assert held.limit(1, held.dock_start, 0.1) == held.dock_start
+
+
+def test_the_newest_counts_in_whatever_order_they_arrive() -> None:
+    held = MovementAuthority(LIMITS, REACTION_S)
+    assert held.limit(0, 0.3, 0.0) == 0.3
+    assert held.newest is None
+    messages = [_authority(0.1 * k, seq=k, route=1 + k // 6) for k in range(1, 9)]
+    order = np.random.default_rng(0).permutation(8)
+    begins = [held.receive(messages[k]) for k in order]
+    assert held.newest is messages[-1]
+    assert 1 <= sum(begins) <= 2
+    assert held.limit(0, 0.0, 0.0) == pytest.approx(0.8)
+
+
+def test_legs_follow_each_other_and_become_routes() -> None:
+    held = MovementAuthority(LIMITS, REACTION_S)
+    held.receive(_authority(1.0))
+    kinds = [leg.kind for leg in held.legs]
+    assert kinds == [LegKind.TURN, LegKind.PATH, LegKind.TURN, LegKind.DOCK]
+    seen = [held.leg_at(s) for s in np.linspace(0.0, held.length, 200)]
+    assert seen == sorted(seen)
+    assert set(seen) == {0, 1, 2, 3}
+    staged, final = held.route_of(1, 5.0), held.route_of(3, 6.0)
+    assert not staged.final
+    assert final.final
+    assert float(staged.path.length) == pytest.approx(1.1)
+    end = staged.path.at(staged.path.length).point
+    np.testing.assert_allclose(end, [1.1 * math.cos(1.0), 1.1 * math.sin(1.0)], atol=1e-9)
+    with pytest.raises(ValueError, match="not a path"):
+        held.route_of(0, 1.0)

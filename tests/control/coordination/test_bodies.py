@@ -1,0 +1,64 @@
+"""Gaps between bodies, against the distance of two polygons computed corner by corner."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from msrr_control.coordination.bodies import Body
+from msrr_control.coordination.dispatcher import Knowledge
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.se2 import SE2
+
+
+def _corner_distance(a: Array, b: Array) -> float:
+    """Smallest distance of the corners of ``b`` from the border of ``a`` [m]."""
+    start, edge = a, np.roll(a, -1, axis=0) - a
+    to = b[:, None] - start[None]
+    share = np.clip((to * edge).sum(-1) / (edge * edge).sum(-1), 0.0, 1.0)
+    return float(np.linalg.norm(to - share[..., None] * edge, axis=-1).min())
+
+
+def _distance(body: Body, X_WA: SE2, X_WB: SE2) -> float:
+    a, b = X_WA.act(body.outline), X_WB.act(body.outline)
+    return min(_corner_distance(a, b), _corner_distance(b, a))
+
+
+def test_a_gap_is_the_distance_or_a_little_less(knowledge: Knowledge) -> None:
+    body, rng = knowledge.lanes.body, np.random.default_rng(1)
+    for _ in range(400):
+        X_WA = SE2(*rng.uniform(-math.pi, math.pi, 3))
+        X_WB = X_WA @ SE2(*rng.uniform([-0.5, -0.5, -math.pi], [0.5, 0.5, math.pi]))
+        gap = body.gap(X_WA, X_WB)
+        if gap > 0.0:
+            distance = _distance(body, X_WA, X_WB)
+            assert 0.92 * distance - 1e-9 <= gap <= distance + 1e-9
+        np.testing.assert_allclose(gap, body.gap(X_WB, X_WA), atol=1e-12)
+
+
+def test_bodies_in_each_other_have_a_negative_gap(knowledge: Knowledge) -> None:
+    body, rng = knowledge.lanes.body, np.random.default_rng(2)
+    for _ in range(100):
+        X_WA = SE2(*rng.uniform(-1.0, 1.0, 3))
+        assert body.gap(X_WA, X_WA @ SE2(*rng.uniform([-0.13, -0.13, -3.0], [0.13, 0.13, 3.0]))) < 0.0
+
+
+def test_near_asks_the_same_as_the_gap(knowledge: Knowledge) -> None:
+    """The circles by which most pairs are decided decide them as the bodies do."""
+    body, rng = knowledge.lanes.body, np.random.default_rng(3)
+    a = rng.uniform([-0.5, -0.5, -3.0], [0.5, 0.5, 3.0], (60, 3))
+    b = rng.uniform([-0.5, -0.5, -3.0], [0.5, 0.5, 3.0], (50, 3))
+    for wanted in (0.0, 0.02, 0.05):
+        near = body.near(a[:, None], b[None], wanted)
+        gaps = body.gaps(a[:, None], b[None])
+        assert near.any()
+        assert not near.all()
+        # Where circles decide that bodies are near, the strip between them is no wider either.
+        np.testing.assert_array_equal(near, gaps < wanted)
+
+
+def test_docked_neighbours_at_a_corner_are_28_mm_apart(knowledge: Knowledge) -> None:
+    body = knowledge.lanes.body
+    gap = body.gap(body.docked(SE2(), "rear"), body.docked(SE2(), "left"))
+    assert abs(gap - math.sqrt(2.0) * 0.02) < 1e-6

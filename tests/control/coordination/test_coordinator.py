@@ -1,0 +1,190 @@
+"""Missions on the kinematic rig: all are completed, nobody touches anybody, whatever the radio does.
+
+The rig itself asserts at every step that no two bodies touch, that nobody is on ground that was not granted,
+that no authority shrinks within a route and that no route changes under a unit that moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, get_args
+
+import pytest
+
+from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.reconfiguration import assembly_ports, shape_ports
+from msrr_control.coordination.route_finder import RouteFinder, RouteParams
+from msrr_control.coordination.shape import Shape, build_pattern
+from msrr_control.coordination.tasks import plan_tasks
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages.coordination import LegKind, MissionState, UnitState
+from msrr_scenes.specs.mission import MoveStep, Pattern, RadioSpec, UndockStep
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.spec import PoseSpec
+
+Rig = Any
+Starts = Callable[..., dict[str, SE2]]
+
+BAD_RADIO = RadioSpec.model_validate(
+    {"loss": 0.2, "latency_ms": 200, "jitter_ms": 100, "silences": [{"from_s": 8, "until_s": 18}]}
+)
+
+
+def _is_built(run: Rig, shape: Shape) -> bool:
+    """Whether the units are docked to each other as the shape says, by truth."""
+    return sorted(assembly_ports(run.joints).values()) == sorted(shape_ports(shape).values())
+
+
+@pytest.mark.parametrize("pattern", get_args(Pattern))
+def test_a_shape_is_built_in_parallel(pattern: Pattern, rig: type[Rig], starts: Starts) -> None:
+    shape = build_pattern(pattern, 5)
+    run = rig(Mission(shape=shape), starts(11, 5))
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert _is_built(run, shape)
+    assert run.moving_s[1] > 0.25 * run.moving_s[0], "units did not move at the same time"
+
+
+def test_together_is_faster_than_one_by_one(rig: type[Rig], starts: Starts) -> None:
+    shape = build_pattern("cross", 5)
+    times = []
+    for one_by_one in (False, True):
+        run = rig(Mission(shape=shape, one_by_one=one_by_one), starts(3, 5))
+        assert run.run().state is MissionState.COMPLETE
+        times.append(run.last_lock_s)
+        if one_by_one:
+            assert run.moving_s[1] == 0.0
+    assert times[0] < 0.6 * times[1]
+
+
+def test_the_same_mission_gives_the_same_messages(rig: type[Rig], starts: Starts) -> None:
+    runs = [
+        rig(Mission(shape=build_pattern("tee", 4)), starts(5, 4), radio=BAD_RADIO, seed=2) for _ in range(2)
+    ]
+    for run in runs:
+        run.run(15.0)
+    assert len(runs[0].authorities) > 50
+    assert runs[0].authorities == runs[1].authorities
+
+
+def test_a_bad_radio_costs_time_and_nothing_else(rig: type[Rig], starts: Starts) -> None:
+    shape, times = build_pattern("cross", 5), []
+    for radio in (RadioSpec(), BAD_RADIO):
+        run = rig(Mission(shape=shape), starts(2, 5), radio=radio, seed=1)
+        status = run.run()
+        assert status.state is MissionState.COMPLETE, status.reason
+        assert _is_built(run, shape)
+        times.append(run.last_lock_s)
+    assert times[0] < times[1] < times[0] + 25.0
+
+
+def test_a_unit_that_fails_is_replaced_by_a_spare(rig: type[Rig], starts: Starts) -> None:
+    shape = build_pattern("cross", 5)
+    run = rig(Mission(shape=shape), starts(1, 6), dies={"u3": (5.0, False)})
+    status = run.run()
+    assert run.units["u3"].dead_s is not None
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert _is_built(run, shape)
+    assert "u3" not in run.joints
+
+
+def test_without_a_spare_all_else_is_built_and_the_unit_is_named(rig: type[Rig], starts: Starts) -> None:
+    shape = build_pattern("cross", 5)
+    run = rig(Mission(shape=shape), starts(1, 5), dies={"u2": (4.0, False)})
+    status = run.run()
+    assert run.units["u2"].dead_s is not None
+    assert status.state is MissionState.INCOMPLETE
+    assert "u2" in status.reason
+    assert "seized" in status.reason
+    assert len(status.done) == 4
+    assert len(run.joints) == 3
+
+
+def test_an_assembly_takes_another_shape(rig: type[Rig]) -> None:
+    line, tee = build_pattern("line", 5), build_pattern("tee", 5)
+    names = {place.name: f"u{k}" for k, place in enumerate(line.places)}
+    holders = {names[p.name]: f"{names[p.parent]}.{p.port}" for p in line.places if p.parent is not None}
+    body = rig(Mission(), {}).knowledge.lanes.body
+    poses = line.poses(SE2(0.9, -0.2, 0.1), body)
+    run = rig(Mission(shape=tee, holders=holders), {names[k]: X for k, X in poses.items()})
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert _is_built(run, tee)
+    stayed = [name for name, unit in run.units.items() if unit.route == 0]
+    assert len(stayed) == len(line.places) - len(status.done)
+
+
+def test_an_explicit_plan_runs_in_its_order(rig: type[Rig]) -> None:
+    steps = [
+        UndockStep(undock="c", name="leave"),
+        DockStep(unit="a", to="b.rear", name="dock", after=("leave",)),
+        MoveStep(move="c", pose=PoseSpec(x_m=-1.2, y_m=-0.9, yaw_deg=90), name="park", after=("leave",)),
+    ]
+    body = rig(Mission(), {}).knowledge.lanes.body
+    X_WB = SE2(0.5, 0.2, 0.0)
+    starts = {"a": SE2(-1.3, 0.9, 0.5), "b": X_WB, "c": body.docked(X_WB, "left")}
+    run = rig(Mission(tasks=tuple(plan_tasks(steps)), holders={"c": "b.left"}), starts)
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.joints == {"a": "b.rear"}
+    X = run.units["c"].X_WU
+    assert abs(X.x + 1.2) < 0.02
+    assert abs(X.y + 0.9) < 0.02
+    first = {}
+    for k, message in enumerate(run.authorities):
+        first.setdefault((message.unit, tuple(leg.kind for leg in message.legs)), k)
+    left = next(k for (unit, kinds), k in first.items() if unit == "c" and kinds == (LegKind.BACK,))
+    assert all(k > left for (unit, _), k in first.items() if unit == "a")
+
+
+def test_two_that_meet_head_on_pass_each_other(rig: type[Rig]) -> None:
+    """In a lane for one, with idle units as its walls; neither waits for the other for ever."""
+    walls = {f"w{k}": SE2(-0.6 + 0.4 * (k // 2), 0.45 * (-1) ** k, 0.0) for k in range(8)}
+    starts = {"a": SE2(-1.6, 0.0, 0.0), "b": SE2(1.6, 0.0, 3.1), **walls}
+    steps = [
+        MoveStep(move="a", pose=PoseSpec(x_m=1.5, y_m=0.5, yaw_deg=0), after=()),
+        MoveStep(move="b", pose=PoseSpec(x_m=-1.5, y_m=-0.5, yaw_deg=180), after=()),
+    ]
+    run = rig(Mission(tasks=tuple(plan_tasks(steps))), starts)
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+
+
+def test_of_two_that_want_one_port_one_is_refused_with_the_reason(rig: type[Rig]) -> None:
+    steps = [DockStep(unit=unit, to="b.rear", after=()) for unit in "ac"]
+    starts = {"b": SE2(0.8, 0.0, 0.0), "a": SE2(-1.0, 0.7, 0.0), "c": SE2(-1.0, -0.7, 0.0)}
+    run = rig(Mission(tasks=tuple(plan_tasks(steps))), starts)
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert run.joints == {"a": "b.rear"}
+    assert status.given_up == ("c2",)
+    assert "c" in status.reason
+
+
+def test_ground_is_not_freed_by_silence(rig: type[Rig], starts: Starts) -> None:
+    """A unit that falls silent and out of sight keeps what it was granted: nobody is let onto it."""
+    shape = build_pattern("cross", 5)
+    silent = RadioSpec.model_validate({"silences": [{"from_s": 6.0, "until_s": 26.0, "units": ["u0", "u1"]}]})
+    run = rig(Mission(shape=shape), starts(4, 5), radio=silent, sight=False)
+    held: dict[tuple[str, int], float] = {}
+    while run.now_ns < 25e9:
+        run.step()
+        for unit in run.status.units:
+            if run.now_ns > 7e9 and unit.unit in ("u0", "u1") and unit.state is UnitState.UNDER_WAY:
+                held.setdefault((unit.unit, unit.route), unit.progress)
+                assert unit.progress == held[unit.unit, unit.route]
+    assert held
+    assert run.run().state is MissionState.COMPLETE
+
+
+def test_a_shape_that_does_not_fit_ends_the_mission_with_the_reason(rig: type[Rig], starts: Starts) -> None:
+    whole = rig(Mission(), {}).knowledge
+    small = RouteFinder(whole.lanes.body, RouteParams(), (-1.1, 1.1, -1.0, 1.0))
+    run = rig(Mission(shape=build_pattern("cross", 5)), starts(0, 5), replace(whole, finder=small))
+    status = run.run(20.0)
+    assert status.state is MissionState.INCOMPLETE
+    assert "do not fit" in status.reason
+    with pytest.raises(SceneError, match="takes nobody"):
+        rig(Mission(shape=Shape.from_tree({"a": "root", "b": "a.front"})), {})

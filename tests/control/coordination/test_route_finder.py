@@ -1,0 +1,75 @@
+"""Routes for tasks: they end where they should, clear of what stands, out of ports and into them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from msrr_control.coordination.dispatcher import Knowledge
+from msrr_control.coordination.route_finder import Standing
+from msrr_control.coordination.track import GAP_M
+from msrr_scenes.geometry.se2 import SE2, wrap_angle
+from msrr_scenes.messages import ObstacleEstimate
+from msrr_scenes.messages.coordination import LegKind
+
+Starts = Callable[[int, int], dict[str, SE2]]
+
+
+def test_routes_end_where_they_should_and_keep_clear_of_what_stands(
+    knowledge: Knowledge, starts: Starts
+) -> None:
+    finder, body = knowledge.finder, knowledge.lanes.body
+    found = 0
+    for seed in range(8):
+        units = list(starts(seed, 5).items())
+        standing = [Standing(name, X, False) for name, X in units[1:]]
+        goal = SE2(0.2, 0.1, 0.8 * seed)
+        if any(math.hypot(s.X_WB.x - goal.x, s.X_WB.y - goal.y) < 0.4 for s in standing):
+            continue
+        track = finder.find(units[0][1], goal, standing)
+        if track is None:
+            continue
+        found += 1
+        np.testing.assert_allclose(track.poses[0], units[0][1].as_array())
+        assert math.hypot(track.end.x - goal.x, track.end.y - goal.y) < 0.01
+        assert abs(wrap_angle(track.end.yaw - goal.yaw)) < 1e-3
+        for other in standing:
+            gaps = body.near(track.poses, other.X_WB.as_array(), GAP_M)
+            assert not gaps.any()
+    assert found >= 3
+
+
+def test_a_unit_docks_and_leaves_beside_neighbours(knowledge: Knowledge) -> None:
+    finder, body = knowledge.finder, knowledge.lanes.body
+    hub = SE2(0.4, 0.0, 0.3)
+    standing = [Standing("hub", hub, True), Standing("left", body.docked(hub, "left"), True)]
+    place = body.docked(hub, "rear")
+    track = finder.find(SE2(-1.2, 0.8, -2.0), place, standing, dock=True, enters="hub")
+    assert track is not None
+    assert track.legs[-1].kind is LegKind.DOCK
+    assert math.hypot(track.end.x - place.x, track.end.y - place.y) < 1e-3
+    assert abs(track.length - track.dock_start - finder.spec.handover_m) < 1e-6
+    there = SE2(-1.0, -0.6, 0.0)
+    back = finder.find(place, there, standing, leaves="hub")
+    assert back is not None
+    assert back.legs[0].kind is LegKind.BACK
+    assert math.hypot(back.end.x - there.x, back.end.y - there.y) < 0.01
+    only_out = finder.find(place, None, standing, leaves="hub")
+    assert only_out is not None
+    assert [leg.kind for leg in only_out.legs] == [LegKind.BACK]
+
+
+def test_an_obstacle_is_driven_around(knowledge: Knowledge) -> None:
+    post = ObstacleEstimate("post", 0, SE2(0.0, 0.0), np.eye(3) * 1e-6, 0.08)
+    start, goal = SE2(-1.3, 0.0, 0.0), SE2(1.0, 0.0, 0.0)
+    track = knowledge.finder.find(start, goal, [], (post,))
+    assert track is not None
+    distance = np.hypot(track.poses[:, 0], track.poses[:, 1])
+    assert float(distance.min()) > 0.08 + knowledge.lanes.body.half_width + 0.02
+
+
+def test_where_there_is_no_way_there_is_no_track(knowledge: Knowledge) -> None:
+    wall = [Standing(f"w{k}", SE2(0.0, -1.5 + 0.25 * k), False) for k in range(13)]
+    assert knowledge.finder.find(SE2(-1.0, 0.0, 0.0), SE2(1.0, 0.0, 0.0), wall) is None

@@ -1,0 +1,110 @@
+"""Tasks: a plan as a graph, what can be granted when, and what falls with what."""
+
+from __future__ import annotations
+
+import pytest
+
+from msrr_control.coordination.task_list import TaskList
+from msrr_control.coordination.tasks import Task, TaskKind, TaskState, plan_tasks
+from msrr_scenes.errors import SceneError
+from msrr_scenes.specs.mission import AssembledPair, MoveStep, RadioSpec, UndockStep
+from msrr_scenes.specs.plan import DockStep
+
+
+def _dock(name: str, parent: str | None, *behind: str) -> Task:
+    return Task(name, TaskKind.DOCK, parent=parent, port="rear", behind=behind)
+
+
+def test_a_plan_keeps_its_graph_and_the_order_of_every_unit() -> None:
+    steps = [
+        DockStep(unit="a", to="b.rear", name="first", after=("last",)),
+        UndockStep(undock="c", after=()),
+        MoveStep(move="c", name="last"),  # after the step before it
+        DockStep(unit="a", to="d.left", after=()),
+    ]
+    tasks = plan_tasks(steps)
+    assert [task.name for task in tasks] == ["c2", "last", "first", "a4"]
+    by_name = {task.name: task for task in tasks}
+    assert by_name["last"].after == ("c2",)
+    assert by_name["a4"].after == ("first",)
+    assert by_name["first"].parent_unit == "b"
+    assert by_name["c2"].kind is TaskKind.UNDOCK
+
+
+@pytest.mark.parametrize(
+    ("steps", "reason"),
+    [
+        ([MoveStep(move="a", after=("x",))], "comes after 'x'"),
+        ([MoveStep(move="a", name="x", after=("y",)), MoveStep(move="b", name="y", after=("x",))], "ring"),
+        ([MoveStep(move="a", name="x"), MoveStep(move="b", name="x")], "two steps"),
+    ],
+)
+def test_a_plan_that_cannot_be_followed_is_refused(steps: list[MoveStep], reason: str) -> None:
+    with pytest.raises(SceneError, match=reason):
+        plan_tasks(steps)
+
+
+def test_only_what_goes_before_holds_a_task_back() -> None:
+    tasks = TaskList([_dock("a", None), _dock("b", "a", "a"), Task("c", TaskKind.MOVE, after=("b",))])
+    assert [task.name for task in tasks.ready()] == ["a"]
+    tasks.grant("a")
+    assert [task.name for task in tasks.ready()] == ["b"]
+    tasks.grant("b")
+    assert tasks.ready() == []  # c comes after b, not only behind it
+    tasks.finish("b")
+    assert [task.name for task in tasks.ready()] == ["c"]
+    assert not tasks.ended
+
+
+def test_what_depends_on_a_lost_task_is_lost_with_it_and_nothing_else() -> None:
+    tasks = TaskList(
+        [_dock("a", None), _dock("b", "a", "a"), _dock("c", "b", "b"), _dock("d", "a", "a", "c")]
+    )
+    tasks.give_up("b", "no way")
+    assert tasks.names(TaskState.GIVEN_UP) == ("b", "c")
+    assert tasks.reasons == {"b": "no way", "c": "needs b"}
+    tasks.grant("a")
+    # d only let c go first: with c given up nothing holds it back.
+    assert [task.name for task in tasks.ready()] == ["d"]
+
+
+def test_a_task_is_open_for_others_until_too_many_have_failed() -> None:
+    tasks = TaskList([_dock("a", None), Task("named", TaskKind.MOVE, unit="u")])
+    for _ in range(2):
+        tasks.grant("a")
+        tasks.fail("a", "seized")
+        assert tasks.state("a") is TaskState.OPEN
+    tasks.grant("a")
+    tasks.fail("a", "seized")
+    assert tasks.state("a") is TaskState.GIVEN_UP
+    tasks.grant("named")
+    tasks.fail("named", "seized")  # nobody else may do it
+    assert tasks.state("named") is TaskState.GIVEN_UP
+    assert tasks.ended
+
+
+def test_a_granted_task_whose_base_is_open_again_has_lost_it() -> None:
+    tasks = TaskList([_dock("a", None), _dock("b", "a", "a"), _dock("c", "a", "b")])
+    for name in ("a", "b", "c"):
+        tasks.grant(name)
+    assert tasks.lost_base("c") is None
+    tasks.reopen("a")
+    assert tasks.lost_base("b") == "a"
+    assert tasks.lost_base("c") == "a"
+    tasks.reopen("c")
+    assert [task.name for task in tasks.ready()] == ["a"]  # b has lost its base: nothing goes behind it
+    for name in ("a", "c"):
+        tasks.grant(name)
+    tasks.reopen("b")
+    assert tasks.lost_base("c") == "b"
+    assert tasks.lost_base("a") is None
+
+
+def test_pairs_and_radio_as_a_scene_writes_them() -> None:
+    pair = AssembledPair.model_validate("a.front-b.rear")
+    assert (pair.active, pair.passive) == ("a.front", "b.rear")
+    for wrong in ("a.front", "a.front-a.rear", "a.front-b"):
+        with pytest.raises(ValueError, match=r"expected|itself|pattern"):
+            AssembledPair.model_validate(wrong)
+    with pytest.raises(ValueError, match="until_s"):
+        RadioSpec.model_validate({"silences": [{"from_s": 3.0, "until_s": 2.0}]})

@@ -1,0 +1,133 @@
+"""Tracks: the axle trails the controlled point, and two units that obey `needed` never meet."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from msrr_control.coordination.dispatcher import Knowledge
+from msrr_control.coordination.route_finder import Standing
+from msrr_control.coordination.track import (
+    GAP_M,
+    PORT_GAP_M,
+    SPACING_M,
+    Track,
+    TrackBuilder,
+    first_contact,
+    needed,
+    standing,
+    track_of,
+)
+from msrr_control.path_following.path import Path
+from msrr_scenes.geometry.se2 import SE2, wrap_angle
+from msrr_scenes.messages.coordination import LegKind
+
+OFFSET = 0.1
+
+
+def _tip(X: SE2) -> np.ndarray:
+    return X.act([OFFSET, 0.0])
+
+
+def _example() -> Track:
+    builder = TrackBuilder(SE2(0.2, -0.1, 0.5), OFFSET)
+    builder.back(0.3)
+    builder.turn_to(2.0)
+    X = builder.pose
+    builder.follow(Path(np.array([X.x, X.y, 2.0]), np.array([1.5, 0.0]), np.array([0.8, 0.4])))
+    builder.turn_to(0.0)
+    builder.dock(builder.pose @ SE2(0.7, 0.0, 0.0), 0.7)
+    return builder.track()
+
+
+def test_the_legs_alone_give_the_track_again() -> None:
+    track = _example()
+    again = track_of(track.legs, SE2(*track.poses[0]), OFFSET)
+    np.testing.assert_allclose(again.s, track.s, atol=1e-9)
+    np.testing.assert_allclose(again.poses, track.poses, atol=1e-9)
+    np.testing.assert_array_equal(again.at_port, track.at_port)
+
+
+def test_arc_length_is_that_of_the_controlled_point() -> None:
+    track = _example()
+    assert float(np.diff(track.s).max()) < 1.4 * SPACING_M
+    assert (np.diff(track.s) > 0.0).all()
+    tips = np.array([_tip(SE2(*pose)) for pose in track.poses])
+    way = float(np.linalg.norm(np.diff(tips, axis=0), axis=1).sum())
+    assert track.length == pytest.approx(way, rel=0.01)
+
+
+def test_the_unit_never_slips_sideways_and_its_point_stays_on_the_path() -> None:
+    path = Path(np.array([0.0, 0.0, 0.3]), np.array([2.0, -1.0, 0.0]), np.array([0.6, 0.9, 0.5]))
+    builder = TrackBuilder(SE2(0.0, 0.0, 0.3), OFFSET)
+    builder.follow(path)
+    track = builder.track()
+    for a, b in zip(track.poses, track.poses[1:], strict=False):
+        moved = SE2(*a).inverse() @ SE2(*b)
+        assert abs(moved.y - 0.5 * moved.x * moved.yaw) < 2e-4
+        assert moved.x > -1e-6
+    for s, pose in zip(track.s, track.poses, strict=True):
+        beside = 0.5 * 2.0 * OFFSET**2 + 1e-3 if s < 0.2 else 1e-9  # it begins where the path has bent off
+        np.testing.assert_allclose(_tip(SE2(*pose)), path.at(s + OFFSET).point, atol=beside)
+
+
+def test_a_dock_leg_ends_in_the_port() -> None:
+    X_WE = SE2(0.4, 0.2, -1.0)
+    builder = TrackBuilder(X_WE @ SE2(-0.7, 0.0, 0.05), OFFSET)
+    builder.dock(X_WE, 0.7)
+    end = builder.track().end
+    assert math.hypot(end.x - X_WE.x, end.y - X_WE.y) < 1e-4
+    assert abs(wrap_angle(end.yaw - X_WE.yaw)) < 1e-4
+    assert builder.track().legs[-1].kind is LegKind.DOCK
+
+
+def test_two_units_that_obey_never_come_too_near(knowledge: Knowledge) -> None:
+    """Law: wherever both may be at once, and wherever the earlier one still goes, their bodies are apart."""
+    rng, finder, body = np.random.default_rng(5), knowledge.finder, knowledge.lanes.body
+    crossed = 0
+    for _ in range(12):
+        starts = [SE2(*rng.uniform([-1.6, -1.1, -3.0], [1.6, 1.1, 3.0])) for _ in range(2)]
+        ends = [SE2(*rng.uniform([-1.4, -0.9, -3.0], [1.4, 0.9, 3.0])) for _ in range(2)]
+        others = [Standing("other", starts[1], False)], [Standing("first", ends[0], False)]
+        if math.hypot(starts[0].x - starts[1].x, starts[0].y - starts[1].y) < 0.4:
+            continue
+        tracks = [finder.find(starts[k], ends[k], others[k]) for k in range(2)]
+        if tracks[0] is None or tracks[1] is None:
+            continue
+        earlier, later = tracks[0], tracks[1]
+        until = needed(earlier, later, body)
+        assert (np.diff(np.nan_to_num(until, neginf=-9.0)) >= 0.0).all()
+        crossed += bool((until > 0.0).any())
+        for s in rng.uniform(0.0, earlier.length, 12):
+            allowed = until <= s
+            ahead = earlier.poses[earlier.s >= s]
+            assert not body.near(ahead[:, None], later.poses[allowed][None], GAP_M).any()
+            # Just as needed, no more: the first sample that is not allowed would come too near.
+            if not allowed.all():
+                behind = earlier.poses[np.searchsorted(earlier.s, s) - 1 :]
+                refused = later.poses[: int(allowed.sum()) + 1][-1:]
+                assert body.near(behind[:, None], refused[None], GAP_M).any()
+    assert crossed >= 3
+
+
+def test_a_body_on_a_track_is_found_where_it_stands(knowledge: Knowledge) -> None:
+    builder = TrackBuilder(SE2(-1.0, 0.0, 0.0), OFFSET)
+    builder.follow(Path(np.array([-1.0, 0.0, 0.0]), np.zeros(1), np.array([2.0])))
+    track, body = builder.track(), knowledge.lanes.body
+    found = first_contact(track, [("far", SE2(0.0, 1.0), False), ("near", SE2(0.5, 0.1, 0.3), False)], body)
+    assert found is not None
+    assert found[1] == "near"
+    gap = body.gap(track.at(found[0] - 2.0 * SPACING_M), SE2(0.5, 0.1, 0.3))
+    assert gap >= GAP_M > PORT_GAP_M
+    assert first_contact(track, [("far", SE2(0.0, 1.0), False)], body) is None
+
+
+def test_a_seen_pose_is_found_on_its_track_and_nowhere_else() -> None:
+    track = _example()
+    for s in (0.1, 0.5, 1.0, track.length - 0.1):
+        seen = track.seen_progress(track.at(s), 0.0, track.length, 0.06)
+        assert seen == pytest.approx(s, abs=SPACING_M)
+        assert track.seen_progress(track.at(s) @ SE2(0.0, 0.2, 0.0), s - 0.05, s + 0.05, 0.06) is None
+    assert standing(SE2(1.0, 2.0, 0.3)).at(5.0) == SE2(1.0, 2.0, 0.3)
