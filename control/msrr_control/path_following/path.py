@@ -91,6 +91,10 @@ class Path:
         """Indices of the paths, one array for each of their leading axes."""
         return np.indices(self.start.shape[:-1])
 
+    def until(self, s: float) -> Path:
+        """Return the path up to arc length ``s`` [m], a single path that ends there or where it ended."""
+        return Path(self.start, self.curvature, np.clip(s - self._knots[:-1], 0.0, self.lengths))
+
     def sample(self, spacing: float) -> tuple[Array, Array]:
         """Return arc lengths and points every ``spacing`` [m] or less, both ends included, of a single path.
 

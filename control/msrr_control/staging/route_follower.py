@@ -81,14 +81,23 @@ class RouteFollower(Generic[State]):
     def _start_law(self, X_WU: SE2, twist: Twist, s: float) -> None:
         self._state = self._law.start(X_WU.as_array(), np.array([twist.v, twist.w]), s)
 
-    def step(self, arena: ArenaMap, s: float, dt: float) -> Twist:
-        """Return the command of the law; the wall is the one that stands at ``s`` [m]."""
+    def step(self, arena: ArenaMap, s: float, dt: float, limit: float = math.inf) -> Twist:
+        """Return the command of the law.
+
+        Args:
+            arena: What is known.
+            s: Arc length at which the wall stands [m].
+            dt: Time since the last step [s].
+            limit: Arc length at which the unit has to come to rest, if it is less than that of the path [m].
+        """
         if self._state is None:
             raise RuntimeError("a step along a route on which the law was not started")
         monitor = self._monitored()
         pose = arena.X_WU.as_array()
         wall, self._avoiding = monitor.wall(arena, offset_point(pose, self._setup.offset), s)
         path, obstacles = monitor.route.path, as_obstacles(arena)
+        if limit < float(path.length):
+            path = path.until(max(limit, self.s))
         command, self._state = self._law.step(self._state, path, pose, wall, obstacles, dt)
         v, w = command.tolist()
         return Twist(v, w)

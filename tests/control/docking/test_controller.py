@@ -99,7 +99,7 @@ def test_an_unknown_name_is_answered_with_the_nearest(facts: DockSetup) -> None:
 @pytest.mark.parametrize(
     ("params", "message"),
     [
-        ({"feedback": {"k_n_per_s": -1.0}}, r"feedback\.k_n_per_s: .*greater than 0"),
+        ({"feedback": {"k_n_per_s": -1.0}}, r"feedback\.k_n_per_s: .*greater than or equal to 0.001"),
         ({"feedbak": {}}, r"feedbak.*did you mean 'feedback'"),
         ({"feedback": {"alpah": 0.3}}, r"feedback\.alpah.*did you mean 'alpha'"),
         ({"windup": {"k_mps": 1.0, "gamma_m": 0.1}}, "limit cycle"),

@@ -1,0 +1,233 @@
+"""The long-distance phase of a unit that a base station leads: it drives granted routes, as far as it may."""
+
+from __future__ import annotations
+
+import math
+from typing import Generic
+
+from msrr_control.coordination.authority import MovementAuthority
+from msrr_control.path_following.law import PathFollowingLaw, State
+from msrr_control.planning.free_space import Disc
+from msrr_control.planning.route import ArenaMap
+from msrr_control.planning.route_planner import RoutePlanner
+from msrr_control.sequence.observation import GiveUp, Observation
+from msrr_control.sequence.states import STILL
+from msrr_control.staging.parameters import RouteFollowingParams
+from msrr_control.staging.route_follower import RouteFollower
+from msrr_control.staging.setup import AssemblySetup
+from msrr_scenes.geometry.se2 import SE2, wrap_angle
+from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
+from msrr_scenes.messages.coordination import Authority, LegKind
+
+#: Speed below which a unit stands still [m/s], [rad/s].
+_STILL_MPS, _STILL_RADPS = 0.02, 0.05
+
+#: Heading error at which a turn on the spot ends [rad].
+_ALIGNED_RAD = math.radians(2.0)
+
+
+class GuidedAssembler(Generic[State]):
+    """Drives the legs of granted routes one after the other; an ``Assembler`` of the phase machine.
+
+    It stops where its authority ends, and gives the unit to the close-range phase at the beginning of the
+    dock leg, which is granted whole or not at all.
+
+    Attributes:
+        authority: The newest authority.
+        progress: What the unit did at the last instant; None before the first.
+        path: Path that is followed or was followed last; None before the first.
+        covered: Arc length of the route that the unit has covered [m].
+    """
+
+    def __init__(
+        self,
+        params: RouteFollowingParams,
+        setup: AssemblySetup,
+        law: PathFollowingLaw[State],
+        reaction_s: float,
+    ) -> None:
+        """Begin without an authority.
+
+        Args:
+            params: Parameters of routes and patience.
+            setup: Facts of the docking step.
+            law: Drives along the paths.
+            reaction_s: Longest time from an exposure to the effect of what is decided on it [s].
+        """
+        self.params, self._setup, self._watch = params, setup, params.watch
+        planner = RoutePlanner(
+            params.route, params.walls, params.pace, setup.box, setup.offset, setup.half_width
+        )
+        self._follower = RouteFollower(law, planner, params, setup)
+        self.authority = MovementAuthority(setup.limits, reaction_s)
+        self.progress: AssemblyProgress | None = None
+        self.path: AssemblyPath | None = None
+        self.covered = 0.0
+        self._leg: int | None = None  # leg that is being driven
+        self._previous_ns: int | None = None
+        self._unseen_ns: int | None = None
+        self._dt = 1.0 / setup.rate_hz
+        self._stage, self._reason = "localise", "waits for an authority"
+
+    def receive(self, authority: Authority) -> None:
+        """Take in an authority; one of another route replaces the route."""
+        if self.authority.receive(authority):
+            self._leg, self.covered = None, 0.0
+            self._follower.drop_route()
+
+    def reset(self, reason: str) -> None:
+        """Begin again where the unit stands, which is in its dock leg."""
+        self._reason = reason
+
+    def step(self, observation: Observation) -> Twist | GiveUp | None:
+        """Return the command, None at the beginning of the dock leg, or why the unit gives up."""
+        now = observation.now_ns
+        if self._previous_ns is not None and now > self._previous_ns:
+            self._dt = seconds(now - self._previous_ns)
+        self._previous_ns = now
+        decision = self._decide(observation)
+        self._report(observation)
+        return decision
+
+    def _decide(self, observation: Observation) -> Twist | GiveUp | None:
+        estimate, now = observation.arena, observation.now_ns
+        if estimate is None or seconds(now - estimate.last_seen_ns) > self._watch.stale_s:
+            return self._wait_to_be_seen(now)
+        if self._unseen_ns is not None:
+            self._unseen_ns = None
+            if self._follower.started:
+                self._follower.restart(estimate.own.X_WB, observation.twist, now)
+        arena = self._map(estimate)
+        legs = self.authority.legs
+        for _ in range(len(legs) + 1):  # a leg with nothing left is passed in the same instant
+            if self._leg is None and not self._begin_next(arena, now):
+                return STILL
+            assert self._leg is not None
+            kind = legs[self._leg].kind
+            limit = self.authority.limit(now, self.covered, abs(observation.twist.v))
+            if kind is LegKind.DOCK:
+                self._stage = "settle"
+                return None if limit >= legs[self._leg].end - 1e-9 and self._rests(observation) else STILL
+            act = {LegKind.TURN: self._turn, LegKind.BACK: self._back, LegKind.PATH: self._drive}[kind]
+            twist = act(observation, arena, limit)
+            if twist is not None:
+                return twist
+            self.covered = legs[self._leg].end
+            if self._leg + 1 == len(legs):
+                self._stage, self._reason = "settle", "at the end of the route"
+                return STILL
+            self._begin(self._leg + 1, arena, now)
+        return STILL
+
+    def _begin_next(self, arena: ArenaMap, now: int) -> bool:
+        """Begin the route if there is one; return whether there is."""
+        if not self.authority.legs:
+            self._stage, self._reason = "plan", "waits for an authority"
+            return False
+        self._begin(0, arena, now)
+        return True
+
+    def _begin(self, index: int, arena: ArenaMap, now: int) -> None:
+        self._leg = index
+        self._follower.drop_route()
+        leg = self.authority.legs[index]
+        self._reason = f"leg {index + 1} of {len(self.authority.legs)}: {leg.kind.value}"
+        if leg.kind is not LegKind.PATH:
+            return
+        route = self.authority.route_of(index, 0.0)
+        self._follower.set_route(route, arena)
+        _, points = route.path.sample(0.05)
+        number = 1 if self.path is None else self.path.number + 1
+        sampled = tuple((float(x), float(y)) for x, y in points)
+        self.path = AssemblyPath(now, number, "granted", sampled, self._reason)
+
+    # The legs: each returns a command, or None at its end.
+
+    def _turn(self, observation: Observation, arena: ArenaMap, limit: float) -> Twist | None:
+        """Turn on the spot; the arc length counts the way of the controlled point."""
+        assert self._leg is not None
+        leg, begin = self.authority.legs[self._leg], self._start_of(self._leg)
+        self._stage = "turn"
+        error = wrap_angle(leg.start[2] + leg.turn - arena.X_WU.yaw)
+        left = self._setup.offset * abs(error)
+        self.covered = max(self.covered, min(leg.end - left, leg.end))
+        if abs(error) < _ALIGNED_RAD and abs(observation.twist.w) < _STILL_RADPS:
+            return None
+        allowed = max(limit - max(self.covered, begin), 0.0) / self._setup.offset
+        speed = min(
+            self.params.turn_per_s * min(abs(error), allowed), 0.7 * self._setup.limits.w_max_radps, 1.0
+        )
+        return Twist(0.0, math.copysign(speed, error))
+
+    def _back(self, observation: Observation, arena: ArenaMap, limit: float) -> Twist | None:
+        """Drive straight backwards."""
+        assert self._leg is not None
+        leg, begin = self.authority.legs[self._leg], self._start_of(self._leg)
+        self._stage = "drive"
+        X = SE2(*leg.start).inverse() @ arena.X_WU
+        self.covered = max(self.covered, min(begin - X.x, leg.end))
+        rest = min(leg.end, limit) - self.covered
+        if leg.end - self.covered < 0.01 and abs(observation.twist.v) < _STILL_MPS:
+            return None
+        v = min(self._setup.limits.v_close_mps, self.authority.speed(observation.now_ns, self.covered, 0.0))
+        return Twist(-v if rest > 0.003 else 0.0, -2.0 * X.yaw + 4.0 * X.y)
+
+    def _drive(self, observation: Observation, arena: ArenaMap, limit: float) -> Twist | None:
+        """Follow the path of the leg, and come to rest where the authority or the path ends."""
+        assert self._leg is not None
+        follower, now = self._follower, observation.now_ns
+        leg, begin = self.authority.legs[self._leg], self._start_of(self._leg)
+        offset = self._setup.offset
+        self._stage = "drive"
+        if limit <= begin and not follower.started:
+            return STILL
+        if not follower.started:
+            follower.start(arena.X_WU, observation.twist, now)
+        allowed = limit - begin + offset
+        twist = follower.step(arena, follower.s, self._dt, limit=allowed)
+        lag = math.dist(follower.tip(arena.X_WU), follower.route.path.at(follower.s).point.tolist())
+        self.covered = max(self.covered, min(begin + follower.s - offset - lag, leg.end))
+        remaining = float(follower.route.path.length) - follower.s
+        if remaining > 2e-3:
+            return twist
+        self._stage = "settle"
+        near = follower.distance_to_end(arena.X_WU) < 0.5 * self._watch.there_m
+        if (near and self._rests(observation)) or self._stalled(now, remaining):
+            return None
+        return twist
+
+    # What the legs share.
+
+    def _stalled(self, now: int, remaining: float) -> bool:
+        return self._follower.time_without_progress(self._follower.s, now) > self._watch.settle_s
+
+    def _start_of(self, index: int) -> float:
+        return self.authority.legs[index - 1].end if index else 0.0
+
+    def _rests(self, observation: Observation) -> bool:
+        return abs(observation.twist.v) < _STILL_MPS and abs(observation.twist.w) < _STILL_RADPS
+
+    def _wait_to_be_seen(self, now: int) -> Twist | GiveUp:
+        if self._unseen_ns is None:
+            self._unseen_ns = now
+        waited = seconds(now - self._unseen_ns)
+        if waited > self._watch.lost_s:
+            return GiveUp(FailureReason.NOT_LOCALISED, f"not localised for {waited:.1f} s")
+        return STILL
+
+    def _map(self, estimate: ArenaEstimate) -> ArenaMap:
+        radius = self._setup.unit_radius
+        units = tuple(
+            Disc(unit.name, unit.X_WB.x, unit.X_WB.y, radius[unit.name])
+            for unit in (estimate.target, *estimate.others)
+        )
+        return ArenaMap(estimate.own.X_WB, estimate.target.X_WB @ self._setup.X_TD, units, estimate.obstacles)
+
+    def _report(self, observation: Observation) -> None:
+        if observation.arena is None:
+            self.progress = None
+            return
+        number = 0 if self.path is None else self.path.number
+        self.progress = self._follower.progress(
+            observation.arena.own.X_WB, observation.now_ns, self._stage, number, self._reason
+        )

@@ -1,0 +1,285 @@
+"""Units led by a coordinator: the law drives granted routes, with the drive's limits and noise."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from msrr_control.coordination import Body, Coordinator, Knowledge, Mission, RouteParams, Shape
+from msrr_control.coordination.track import track_of
+from msrr_control.kinematics.unicycle import advance_pose, drive
+from msrr_control.path_following.c1 import C1PathFollowingLaw
+from msrr_control.sequence.observation import GiveUp, Observation
+from msrr_control.staging.guided_assembler import GuidedAssembler
+from msrr_control.staging.parameters import AssemblyParams
+from msrr_control.staging.setup import AssemblySetup
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
+from msrr_scenes.messages import ArenaEstimate, FailureReason, GlobalPose, Twist
+from msrr_scenes.messages.coordination import Authority, LegKind, MissionState, UnitMode, UnitReport
+from msrr_scenes.specs.bodies import ArenaSpec
+from msrr_scenes.specs.mission import ShapeSpec
+from msrr_scenes.specs.vehicle import LimitsSpec
+
+DT_NS = 20_000_000
+BOX = (-2.0, 2.0, -1.5, 1.5)
+LIMITS = LimitsSpec.model_validate({})
+GEOMETRY = read_unit(find_urdf("unit.urdf"))
+PARAMS = AssemblyParams()
+#: A control period and the lag of the drive.
+REACTION_S = 0.02 + 1.0 / LIMITS.kappa_per_s
+DOCK_MPS, LOCK_S = 0.11, 2.0
+
+
+def setup_of(unit: str, others: tuple[str, ...]) -> AssemblySetup:
+    body = Body.of(GEOMETRY)
+    return AssemblySetup(
+        unit=unit,
+        target=others[0],
+        offset=body.offset,
+        half_width=body.half_width,
+        X_TD=GEOMETRY.dock_frame("rear"),
+        unit_radius=dict.fromkeys((unit, *others), body.radius),
+        obstacle_radius={},
+        arena=ArenaSpec(),
+        in_view=None,
+        limits=LIMITS,
+        rate_hz=50.0,
+    )
+
+
+@dataclass
+class Unit:
+    """A unit with the drive of eq. 3; the close-range phase is a straight way at constant speed."""
+
+    name: str
+    X_WU: SE2
+    assembler: GuidedAssembler[object]
+    twist: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    docked_to: str | None = None
+    docking_s: float | None = None
+    most_over: float = -math.inf
+    most_off: float = 0.0
+    gave_up: GiveUp | None = None
+
+    def step(self, now_ns: int, arena: ArenaEstimate | None) -> None:
+        newest = self.assembler.authority.newest
+        if self.docked_to is not None:
+            return
+        if self.docking_s is not None:
+            self._dock(newest)
+            return
+        decision = self.assembler.step(Observation(now_ns, twist=Twist(*self.twist.tolist()), arena=arena))
+        if isinstance(decision, GiveUp):
+            self.gave_up, decision = decision, Twist()
+        if decision is None:
+            self.docking_s, self.twist = 0.0, np.zeros(2)
+            return
+        self.twist, mean = drive(self.twist, np.array([decision.v, decision.w]), LIMITS, 1e-9 * DT_NS)
+        moved = 1e-9 * DT_NS * mean
+        self.X_WU = SE2(*advance_pose(self.X_WU.as_array(), moved[0], moved[1]).tolist())
+
+    def _dock(self, newest: Authority | None) -> None:
+        assert newest is not None
+        assert self.docking_s is not None
+        self.docking_s += 1e-9 * DT_NS
+        leg = newest.legs[-1]
+        way = min(DOCK_MPS * self.docking_s, leg.end - newest.legs[-2].end)
+        start = SE2(*leg.start)
+        self.X_WU = start @ SE2(way, 0.0, 0.0)
+        if DOCK_MPS * self.docking_s > leg.end - newest.legs[-2].end + DOCK_MPS * LOCK_S:
+            self.docked_to = newest.to
+
+    def report(self, now_ns: int) -> UnitReport:
+        newest = self.assembler.authority.newest
+        covered = self.assembler.covered
+        if newest is not None and self.docking_s is not None:
+            covered = min(
+                self.assembler.authority.dock_start + DOCK_MPS * self.docking_s, newest.legs[-1].end
+            )
+        rests = bool(np.abs(self.twist).max() < 0.02) and self.docking_s is None
+        mode = UnitMode.STANDING if rests else UnitMode.DRIVING
+        if self.docking_s is not None:
+            mode = UnitMode.DOCKING if self.docked_to is None else UnitMode.DOCKED
+        seq, route = (newest.seq, newest.route) if newest else (0, 0)
+        return UnitReport(self.name, now_ns, seq, route, covered, mode, self.docked_to)
+
+
+class Fleet:
+    """A mission of units that the coordinator hears and sees, with noise on what is seen."""
+
+    def __init__(self, starts: dict[str, SE2], mission: Mission, seed: int = 0) -> None:
+        self.body = Body.of(GEOMETRY)
+        params = RouteParams(PARAMS.route, PARAMS.walls, PARAMS.pace)
+        self.coordinator = Coordinator(mission, starts, Knowledge.of(GEOMETRY, params, BOX))
+        self.units = {
+            name: self._unit(name, X, tuple(n for n in starts if n != name)) for name, X in starts.items()
+        }
+        self.rng = np.random.default_rng(seed)
+        self.now_ns = 0
+        self.least_gap = math.inf
+        self.granted: dict[tuple[str, int], Authority] = {}
+
+    def _unit(self, name: str, X: SE2, others: tuple[str, ...]) -> Unit:
+        setup = setup_of(name, others)
+        law = C1PathFollowingLaw(PARAMS, LIMITS, setup.offset)
+        return Unit(name, X, GuidedAssembler(PARAMS, setup, law, REACTION_S))
+
+    def seen(self, unit: Unit) -> GlobalPose:
+        n = self.rng.standard_normal(3)
+        X = unit.X_WU
+        noisy = SE2(X.x + 5e-4 * n[0], X.y + 5e-4 * n[1], X.yaw + 2e-3 * n[2])
+        return GlobalPose(unit.name, self.now_ns, noisy, 1e-6 * np.eye(3))
+
+    def step(self) -> None:
+        self.now_ns += DT_NS
+        seen = {name: self.seen(unit) for name, unit in self.units.items()}
+        for name, unit in self.units.items():
+            others = tuple(pose for other, pose in seen.items() if other != name)
+            unit.step(
+                self.now_ns, ArenaEstimate(self.now_ns, seen[name], others[0], others[1:], (), self.now_ns)
+            )
+        if self.now_ns % 200_000_000 == 0:
+            for unit in self.units.values():
+                self.coordinator.receive(unit.report(self.now_ns), self.now_ns)
+        if self.now_ns % 100_000_000 == 0:
+            self.coordinator.observe(list(seen.values()), self.now_ns)
+            self._judge()
+        for message in self.coordinator.step(self.now_ns):
+            self.granted[message.unit, message.route] = message
+            self.units[message.unit].assembler.receive(message)
+
+    def _judge(self) -> None:
+        for a, b in itertools.combinations(self.units.values(), 2):
+            partners = [u.assembler.authority.newest for u in (a, b) if u.docking_s is not None]
+            if any(p is not None and (p.to or "").partition(".")[0] in (a.name, b.name) for p in partners):
+                continue
+            gap = float(self.body.gaps(a.X_WU.as_array(), b.X_WU.as_array()))
+            self.least_gap = min(self.least_gap, gap)
+        for unit in self.units.values():
+            newest = unit.assembler.authority.newest
+            if newest is not None and unit.docking_s is None and unit.docked_to is None:
+                limit = self.granted[unit.name, newest.route].limit
+                unit.most_over = max(unit.most_over, unit.assembler.covered - max(limit, 0.0))
+
+    def run(self, seconds: float) -> MissionState:
+        while self.now_ns < 1e9 * seconds:
+            self.step()
+            if self.coordinator.status(self.now_ns).state is not MissionState.RUNNING:
+                break
+        return self.coordinator.status(self.now_ns).state
+
+
+STARTS = {
+    "a": SE2(-1.5, -0.9, 0.4),
+    "b": SE2(0.2, -0.1, -0.3),
+    "c": SE2(-1.4, 0.8, -1.0),
+    "d": SE2(1.4, 1.0, 2.5),
+}
+
+
+@pytest.mark.parametrize("pattern", ["cross", "line"])
+def test_a_shape_is_built_by_the_law_on_granted_ground(pattern: str) -> None:
+    """Nobody touches, nobody passes the limit by more than a few millimetres, and everybody arrives."""
+    fleet = Fleet(STARTS, Mission(shape=Shape.of(ShapeSpec.model_validate({pattern: 4}))))
+    assert fleet.run(150.0) is MissionState.COMPLETE, fleet.coordinator.status(fleet.now_ns).reason
+    assert fleet.least_gap > 0.015
+    assert max(unit.most_over for unit in fleet.units.values()) < 0.01
+    assert sum(unit.docked_to is not None for unit in fleet.units.values()) == 3
+
+
+@pytest.fixture
+def granted() -> tuple[Unit, Authority]:
+    """A unit with the authority for a route: turn, path, dock."""
+    fleet = Fleet(STARTS, Mission(shape=Shape.of(ShapeSpec(line=4))))
+    while True:
+        fleet.step()
+        for (name, _), message in fleet.granted.items():
+            kinds = [leg.kind for leg in message.legs]
+            if kinds[:1] == [LegKind.TURN] and kinds[-1] is LegKind.DOCK and message.legs[-2].end > 0.8:
+                unit = fleet._unit(name, STARTS[name], tuple(n for n in STARTS if n != name))
+                return unit, message
+        assert fleet.now_ns < 60e9
+
+
+def arena_of(unit: Unit, now_ns: int) -> ArenaEstimate:
+    own = GlobalPose(unit.name, now_ns, unit.X_WU, 1e-6 * np.eye(3))
+    far = GlobalPose(next(n for n in STARTS if n != unit.name), now_ns, SE2(9.0, 9.0, 0.0), 1e-6 * np.eye(3))
+    return ArenaEstimate(now_ns, own, far, (), (), now_ns)
+
+
+def follow(
+    unit: Unit, message: Authority, limit: float, seconds: float, now_ns: int, renew: bool = True
+) -> int:
+    """Let the unit drive with an authority up to ``limit`` that is renewed at 5 Hz; return the time."""
+    end_ns, seq = now_ns + round(1e9 * seconds), message.seq + now_ns
+    first = True
+    while now_ns < end_ns and unit.docking_s is None:
+        if (renew and now_ns % 200_000_000 == 0) or first:
+            seq += 1
+            unit.assembler.receive(replace(message, seq=seq, limit=limit, expires_ns=now_ns + 3_000_000_000))
+            first = False
+        now_ns += DT_NS
+        unit.step(now_ns, arena_of(unit, now_ns))
+    return now_ns
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+def test_the_unit_rests_where_its_authority_ends_and_goes_on(
+    granted: tuple[Unit, Authority], share: float
+) -> None:
+    unit, message = granted
+    track = track_of(message.legs, unit.X_WU, Body.of(GEOMETRY).offset)
+    limit = share * message.legs[-2].end
+    now_ns = follow(unit, message, limit, 25.0, 0)
+    assert np.abs(unit.twist).max() < 0.01
+    wanted = track.at(limit)
+    assert math.hypot(unit.X_WU.x - wanted.x, unit.X_WU.y - wanted.y) < 0.03
+    assert limit - 0.03 < unit.assembler.covered < limit + 0.005
+    follow(unit, message, message.legs[-1].end, 25.0, now_ns)
+    assert unit.docking_s is not None, unit.assembler._reason
+    end = SE2(*message.legs[-1].start)
+    assert math.hypot(unit.X_WU.x - end.x, unit.X_WU.y - end.y) < 0.05
+
+
+def test_the_dock_leg_is_entered_whole_or_not_at_all(granted: tuple[Unit, Authority]) -> None:
+    unit, message = granted
+    follow(unit, message, message.legs[-1].end - 0.05, 40.0, 0)
+    assert unit.docking_s is None
+    assert unit.assembler.covered == pytest.approx(message.legs[-2].end, abs=0.01)
+
+
+def test_an_authority_that_is_not_renewed_brakes_the_unit(granted: tuple[Unit, Authority]) -> None:
+    """It expires after three seconds; the unit stands within its braking distance, and goes on when heard."""
+    unit, message = granted
+    end = message.legs[-1].end
+    now_ns = follow(unit, message, end, 3.0, 0, renew=False)
+    before, speed = unit.assembler.covered, float(abs(unit.twist[0]))
+    now_ns = follow_silent(unit, 5.0, now_ns)
+    assert np.abs(unit.twist).max() < 0.01
+    assert (
+        unit.assembler.covered - before < unit.assembler.authority.stopping_distance(max(speed, 0.25)) + 0.03
+    )
+    follow(unit, message, end, 40.0, now_ns)
+    assert unit.docking_s is not None
+
+
+def follow_silent(unit: Unit, seconds: float, now_ns: int) -> int:
+    for _ in range(round(1e9 * seconds / DT_NS)):
+        now_ns += DT_NS
+        unit.step(now_ns, arena_of(unit, now_ns))
+    return now_ns
+
+
+def test_a_unit_that_is_not_seen_stands_and_gives_up(granted: tuple[Unit, Authority]) -> None:
+    unit, message = granted
+    unit.assembler.receive(message)
+    for k in range(1, 600):
+        unit.step(k * DT_NS, None)
+        assert not unit.twist.any()
+    assert unit.gave_up is not None
+    assert unit.gave_up.failure is FailureReason.NOT_LOCALISED
