@@ -78,7 +78,8 @@ def test_one_command_by_hand() -> None:
     Along y: lambda = 0, e = -0.01, u = 0.01 + 0.03 = 0.04. The unit looks along x: v = u_x and w = u_y / l.
     Then turned by a quarter to the left with its tip at the same place: v = u_y and w = -u_x / l.
     """
-    spring = SpringGains(windup=AuxiliaryGains(k_mps=1e-3, gamma_m=0.02))  # it hardly decays in a step
+    still = AuxiliaryGains.model_construct(k_mps=1e-9, gamma_m=0.02, clamp=1.5)  # without a decay in a step
+    spring = SpringGains.model_construct(**{**dict(SpringGains()), "windup": still})
     gains = TrackingGains(k_l_per_s=1.0, windup=AuxiliaryGains(k_mps=0.05, gamma_m=0.1), spring=spring)
     lam, offset = math.log(2.0), 0.2
     state = TrackingState(np.array([lam, 0.0]), np.array([-lam, 0.0]), np.zeros(2))
