@@ -58,8 +58,7 @@ class BarrierLaw:
     time when the command reaches the drive: the line of sight is moved forward from its exposure by the
     measured twists since then, and through the latency of the link by the commands under way. Either motion
     is taken as one arc, which is right for tenths of a second. Tracking takes the pose as the estimator gives
-    it. The law is not in the paper; it needs no force, no filter and no
-    quadratic program.
+    it. The law is not in the paper; it needs no force, no filter and no quadratic program.
     """
 
     def __init__(self, params: BarrierParams, setup: DockSetup) -> None:

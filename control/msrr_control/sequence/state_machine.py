@@ -39,8 +39,7 @@ class State(NamedTuple):
 
 #: What the unit does in each phase and what may come next, in the order of a docking without failures. Any
 #: failure leads to a retreat, from there to the next attempt: at the hand-over, or with the long-distance
-#: phase
-#: if the hand-over itself had failed. Undocking leads from DONE to RETREAT and back.
+#: phase if the hand-over itself had failed. Undocking leads from DONE to RETREAT and back.
 STATES = {
     Phase.ASSEMBLE: State(states.assemble, leads_to=(Phase.HAND_OVER, Phase.FAILED)),
     Phase.HAND_OVER: State(states.hand_over, leads_to=(Phase.DOCK, Phase.RETREAT, Phase.FAILED)),
