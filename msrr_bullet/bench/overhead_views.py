@@ -118,7 +118,7 @@ def _drive(
     """Yield exposures while the docking unit drives an arc."""
     poses = {**placement.units, **placement.obstacles}
     motion = SE2(_STEP_M, 0.0, _TURN * float(rng.uniform(-1.0, 1.0)))
-    localizer = model.localizer(corner_sigma_px=0.2)
+    localizer = model.localizer()
     for number in range(exposures):
         world.place(model.own, poses[model.own], (0.0, 0.0))
         exposure = camera.expose(number * NS_PER_S // 10)

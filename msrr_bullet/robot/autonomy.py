@@ -34,6 +34,7 @@ from msrr_scenes.messages import (
     Detections,
     Exposure,
     Fetch,
+    GlobalPose,
     LockFeedback,
     LosObservation,
     Phase,
@@ -148,7 +149,9 @@ class Autonomy:
         """Return whether the robot uses the frames of ``camera`` now; other cameras need not expose."""
         if camera == self._onboard:
             return self._phases.phase is not Phase.ASSEMBLE
-        return self._phases.phase in _OVERHEAD_PHASES or self._check_is_due()
+        if self._overhead is not None and self._phases.phase is Phase.DOCK:
+            return self._overhead.sees_driving or self._check_is_due()
+        return self._phases.phase in _OVERHEAD_PHASES
 
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
         """Read windows of an exposure and return the detections, which are used only when received."""
@@ -157,16 +160,16 @@ class Autonomy:
         if self._overhead is None:
             return None
         if self._phases.phase is Phase.DOCK and self.arena is not None:
+            if not self._check_is_due():
+                return self._overhead.detect_driving(exposure, fetch)
             self._checked_ns = exposure.stamp_ns
             return self._overhead.detect_near(exposure, self.arena.own.X_WB @ _CHECK_CENTRE, fetch)
+        self._checked_ns = exposure.stamp_ns
         return self._overhead.detect(exposure, fetch)
 
     def _check_is_due(self) -> bool:
         """Return whether the overhead camera has to check what the onboard camera does not see."""
-        if self._phases.phase is not Phase.DOCK or self._overhead is None or self.arena is None:
-            return False
-        newest_ns = max(self._checked_ns, self._overhead.newest_ns or 0)
-        return self._now_ns - newest_ns >= _CHECK_PERIOD_NS
+        return self.arena is not None and self._now_ns - self._checked_ns >= _CHECK_PERIOD_NS
 
     def receive(self, message: SensorMessage) -> None:
         """Process a message that arrives now."""
@@ -186,6 +189,8 @@ class Autonomy:
                 self._switches = message
             case LockFeedback():
                 self._lock = message
+            case GlobalPose():  # parametric perception measures every body at once
+                self._checked_ns = max(self._checked_ns, message.stamp_ns)
         if self._overhead is not None:
             self._overhead.receive(message)
 

@@ -27,6 +27,9 @@ _SEARCH_CONTRAST = 90
 #: Largest distance of a tag from where it was expected that the next window still follows [px].
 _LARGEST_OFFSET_PX = 40.0
 
+#: Largest motion of the corners of a tag whose body stands [px].
+_STILL_PX = 0.5
+
 _EXACT = np.zeros((4, 2))
 
 
@@ -41,8 +44,9 @@ class OverheadVision:
     It reads of an exposure:
 
     1. Windows around the tags that the predictions expect in view: that of the docking unit in every
-       exposure, those of bodies that were where they were expected ``settle_after`` times in a row only in
-       every ``standing_every``-th. A tag that is not found is read for once more in a wider window.
+       exposure, those of bodies that had not moved from where they were expected ``settle_after`` times in
+       a row only in every ``standing_every``-th. A tag that is not found is read for once more in a wider
+       window.
     2. A part of the frame, searched for unknown bodies, so that within ``search_period_s`` the whole frame is
        searched once.
     3. The full frame, at most every ``missing_period_s``, when the docking unit or its target is unknown or
@@ -66,7 +70,7 @@ class OverheadVision:
         search_parts: int = 1,
         missing_period_s: float = 0.3,
         standing_every: int = 4,
-        settle_after: int = 5,
+        settle_after: int = 6,
         retry_widen: float = 2.5,
         widest_px: int = 320,
         stray_px: float = 24.0,
@@ -100,7 +104,7 @@ class OverheadVision:
         if min(search_period_s, missing_period_s) <= 0.0:
             raise SceneError("overhead vision: search_period_s and missing_period_s must be positive")
         self.model = model
-        self._localizer = model.localizer(corner_sigma_px=1.0)
+        self._localizer = model.localizer()
         self._detector = detector
         self._search_detector = search_detector or default_search_detector()
         self._policy = policy
@@ -123,6 +127,7 @@ class OverheadVision:
         self._offsets: dict[int, Array] = {}  # tag -> mean offset of its corners from the prediction [px]
         self._strays: dict[int, Array] = {}  # tag -> corners of a tag that was not expected there [px]
         self._settled: dict[int, int] = {}  # tag -> number of sightings in a row where it was expected
+        self._places: dict[int, Array] = {}  # tag -> corners since when it has not moved [px]
 
     def restart_search(self) -> None:
         """Search again from the next exposure on, whenever the last search was."""
@@ -150,20 +155,27 @@ class OverheadVision:
         self._remember(reader, due, predictions)
         return reader.detections(exposure)
 
-    def detect_near(self, exposure: Exposure, middle_W: Array, half_m: float, fetch: Fetch) -> Detections:
-        """Read only the tags of bodies near one place, without searching for the units of the step.
+    def detect_near(
+        self,
+        exposure: Exposure,
+        middle_W: Array,
+        half_m: float,
+        predictions: Mapping[str, GlobalPose],
+        fetch: Fetch,
+    ) -> Detections:
+        """Read only the tags of bodies near one place and of some others, without a search for units.
 
-        It costs the pixels of that place and leaves the state of the other reads as it was.
+        It costs the pixels of that place and of the others and leaves the state of other reads as it was.
 
         Args:
             exposure: Exposure to read.
             middle_W: Middle of the place on the floor, shape (2,) [m].
             half_m: Half the edge of the square that is read [m].
+            predictions: Poses at the time of the exposure of the other bodies to read.
             fetch: Function that returns the pixels of a window of this exposure.
 
         Returns:
-            The tags found: those of the bodies at that place, and those of the units of the step where they
-            show in the same windows.
+            The tags found, also of units of the step where they show in the same windows.
         """
         reader = FrameReader(fetch)
         window = fitting_window(self.model.square(middle_W, half_m), self.model.camera.frame)
@@ -171,7 +183,24 @@ class OverheadVision:
             wanted = self.model.tags.keys() - set(self._essential)
             hints = reader.search(window, self._search_detector)
             self._read(reader, [ExpectedTag(i, px, _EXACT) for i, px in hints.items() if i in wanted])
+        self._read_expected(reader, predictions)
         return reader.detections(exposure, self.model.tags)
+
+    def detect_expected(
+        self, exposure: Exposure, predictions: Mapping[str, GlobalPose], fetch: Fetch
+    ) -> Detections:
+        """Read only the tags of bodies whose poses at the time of the exposure are predicted.
+
+        It costs their windows and leaves the state of other reads as it was; see :meth:`detect_near`.
+        """
+        reader = FrameReader(fetch)
+        self._read_expected(reader, predictions)
+        return reader.detections(exposure, self.model.tags)
+
+    def _read_expected(self, reader: FrameReader, predictions: Mapping[str, GlobalPose]) -> None:
+        expected = self._expected(predictions)
+        for widen in (1.0, self._retry_widen):
+            self._read(reader, [e for i, e in expected.items() if i not in reader.found], widen)
 
     def _is_due(self, tag_id: int, frame: int) -> bool:
         if tag_id == self.model.tag_of[self.model.own] or self._settled.get(tag_id, 0) < self._settle_after:
@@ -243,7 +272,9 @@ class OverheadVision:
         for tag_id in reader.found.keys() & self.model.tags.keys():
             corners = reader.found[tag_id].corners
             tag = self.model.tags[tag_id]
-            sightings = self._settled.get(tag_id, 0)
+            moved = float(np.abs(corners - self._places.get(tag_id, corners)).max()) > _STILL_PX
+            self._places[tag_id] = corners if moved else self._places.get(tag_id, corners)
+            sightings = 0 if moved else self._settled.get(tag_id, 0)
             self._settled[tag_id] = sightings + 1 if tag_id in due else max(sightings, 1)
             prediction = predictions.get(tag.name)
             offset = None

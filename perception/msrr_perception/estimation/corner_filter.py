@@ -48,7 +48,6 @@ _RANGES = {
     "horizon_s": (0.001, 10.0),
     "start_inflation": (1.0, 1e4),
     "slip": (1e-6, 1.0),
-    "contact_zone_m": (-math.inf, 1.0),  # minus infinity where there is no contact
 }
 
 
@@ -87,7 +86,7 @@ class CornerEkf:
         horizon_s: float = 1.0,
         start_inflation: float = 2.0,
         slip: float = DEFAULT_NOISE.slip,
-        contact_zone_m: float = DEFAULT_NOISE.contact_zone,
+        motion: MotionNoise | None = None,
     ) -> None:
         """Create an estimator that knows nothing yet.
 
@@ -102,7 +101,8 @@ class CornerEkf:
             horizon_s: Largest delay of a measurement that still counts [s].
             start_inflation: Factor on the first pose's covariance.
             slip: ``slip`` of :class:`msrr_perception.estimation.motion.MotionNoise`.
-            contact_zone_m: ``contact_zone`` of :class:`msrr_perception.estimation.motion.MotionNoise` [m].
+            motion: Random motion that the encoders do not measure, with a tilt of ``tilt_sigma_deg``; None
+                takes that of a unit near a port with ``slip``.
 
         Raises:
             SceneError: A parameter is out of its range.
@@ -110,13 +110,15 @@ class CornerEkf:
         wrong = out_of_range(_RANGES, locals())
         if wrong is not None:
             raise SceneError(f"corner_ekf: {wrong}")
+        if motion is not None and not isinstance(motion, MotionNoise):
+            raise SceneError("corner_ekf: motion is for programs; a scene gives slip")
         self.target = target
         self.delay_compensation = delay_compensation
         self._noise = CornerNoise(corner_sigma_px, math.radians(tilt_sigma_deg))
         self._motion = DriveMotion(
             target,
             odometry,
-            MotionNoise(slip=slip, contact_zone=contact_zone_m, tilt_sigma=math.radians(tilt_sigma_deg)),
+            replace(motion or MotionNoise(slip=slip), tilt_sigma=self._noise.tilt_sigma),
         )
         self._tag_gate = float(chi2.ppf(gate_probability, 8))
         self._pose_gate = float(chi2.ppf(gate_probability, 3))

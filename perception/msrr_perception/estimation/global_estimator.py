@@ -1,8 +1,8 @@
 """Poses of all bodies in the world, from overhead detections and the docking unit's own wheels.
 
-The docking unit moves and is tracked by the filter that also tracks it at close range, with the world in the
-place of the dock frame; all other bodies stand still until they are measured elsewhere. The camera's pose is
-known, so that no two bodies' errors are correlated and each has a filter of its own.
+The docking unit is tracked by the filter that also tracks it at close range, with the world in the place of
+the dock frame, because its wheels tell how it moves; every other body has a track of its own. The camera's
+pose is known, so that no two bodies' errors are correlated.
 """
 
 from __future__ import annotations
@@ -14,14 +14,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from msrr_perception.estimation.body_filter import StationaryBody, StationaryNoise
+from msrr_perception.estimation.body_track import BodyTrack, Motion, Place, SeenPose, TrackNoise
 from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.estimation.motion import MotionNoise
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
-from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
-    NS_PER_S,
     ArenaEstimate,
     Detections,
     Exposure,
@@ -30,9 +29,12 @@ from msrr_scenes.messages import (
     PoseEstimate,
     PoseMeasurement,
     WheelOdometry,
-    seconds,
 )
 from msrr_scenes.specs.sensors import OdometrySpec
+
+#: Motion of the docking unit that its encoders do not measure, far from any port. The world takes the place
+#: of frame D: there is no face at x = 0 and so no contact zone.
+_OWN_MOTION = MotionNoise(slip=3e-4, sideways=2e-4, contact_zone=-math.inf, drift=1e-5, turn_drift=1e-4)
 
 
 class GlobalEstimator:
@@ -51,11 +53,9 @@ class GlobalEstimator:
         model: OverheadModel,
         odometry: OdometrySpec,
         delay_compensation: bool = True,
-        corner_sigma_px: float = 0.08,
-        tilt_sigma_deg: float = 0.05,
         gate_probability: float = 0.9999,
         reset_after: int = 5,
-        moved_after: int = 3,
+        restart_after: int = 3,
         horizon_s: float = 1.0,
     ) -> None:
         """Create an estimator that knows nothing yet.
@@ -64,50 +64,41 @@ class GlobalEstimator:
             model: Overhead camera and catalogue of tags.
             odometry: Data sheet of the docking unit's encoders.
             delay_compensation: Whether the docking unit's pose is moved from the last exposure up to now.
-            corner_sigma_px: Standard deviation of each corner coordinate, from frame to frame [px].
-            tilt_sigma_deg: Standard deviation of every unit's pitch and roll, which shift its top tag [deg].
             gate_probability: Share of good measurements that pass the gate.
             reset_after: Number of rejected measurements of the docking unit in a row after which its filter
                 starts anew.
-            moved_after: Number of rejected measurements of another body in a row after which its filter
+            restart_after: Number of rejected measurements of another body in a row after which its track
                 starts anew.
             horizon_s: Largest delay of a measurement that still counts [s].
 
         Raises:
             SceneError: A parameter is out of its range.
         """
-        if tilt_sigma_deg < 0.0 or moved_after < 1:
-            raise SceneError("global estimator: tilt_sigma_deg must not be negative, moved_after at least 1")
+        if restart_after < 1:
+            raise SceneError("global estimator: restart_after must be at least 1")
         self.model = model
         self.delay_compensation = delay_compensation
-        self._localizer = model.localizer(corner_sigma_px)
-        self._tilt = math.radians(tilt_sigma_deg)
-        # Frame D of this filter is the world, where there is no face at x = 0 and so no contact zone.
+        self._localizer = model.localizer()
         self._own = CornerEkf(
             model.target_model,
             odometry,
             delay_compensation=delay_compensation,
-            corner_sigma_px=corner_sigma_px,
             gate_probability=gate_probability,
             reset_after=reset_after,
             horizon_s=horizon_s,
-            contact_zone_m=-math.inf,
+            motion=_OWN_MOTION,
         )
-        self._stationary_noise = StationaryNoise(
-            gate=float(chi2.ppf(gate_probability, 3)), moved_after=moved_after
+        self._noise = TrackNoise(
+            model.limits, gate=float(chi2.ppf(gate_probability, 3)), restart_after=restart_after
         )
-        # The covariance that a stationary body gains per second, computed once.
-        certain = StationaryBody("", 0, SE2(), np.zeros((3, 3)), 0)
-        self._drift = certain.propagate(NS_PER_S, self._stationary_noise).covariance
-        self._bodies: dict[str, StationaryBody] = {}
-        self._located = False  # whether the docking unit has been seen, so that its pose is known
-        self._tilt_covariance: dict[str, Array] = {}
+        self.reset()
 
     def reset(self) -> None:
         """Forget every pose, but not the encoder readings."""
         self._own.reset()
-        self._bodies = {}
-        self._located = False
+        self._tracks: dict[str, BodyTrack] = {}
+        self._own_place: Place | None = None
+        self._located = False  # whether the docking unit has been seen, so that its pose is known
 
     def add_odometry(self, reading: WheelOdometry) -> None:
         """Add an encoder reading; those of other units change nothing."""
@@ -118,25 +109,32 @@ class GlobalEstimator:
         """Add the tags of one overhead exposure; those of other cameras change nothing."""
         if detections.exposure.camera == OVERHEAD:
             for pose in self._localizer.locate(detections):
-                self.add_pose(replace(pose, covariance=pose.covariance + self.model.noise))
+                lasting = self._localizer.lasting_share[pose.name] * pose.covariance
+                self._add(SeenPose(replace(pose, covariance=pose.covariance + self.model.noise), lasting))
 
     def add_pose(self, pose: GlobalPose) -> None:
-        """Add a measured pose, from a detection or from parametric perception."""
+        """Add a measured pose whose errors are drawn anew each time, as those of parametric perception."""
+        self._add(SeenPose(pose, np.zeros((3, 3))))
+
+    def _add(self, seen: SeenPose) -> None:
+        pose = seen.pose
         if pose.name == self.model.own:
             exposure = Exposure(OVERHEAD, 0, pose.stamp_ns)
-            covariance = pose.covariance + self._systematic(pose.name)
-            self._own.add_pose(PoseMeasurement(exposure, pose.X_WB, covariance, (None, None)))
+            self._own.add_pose(PoseMeasurement(exposure, pose.X_WB, pose.covariance, (None, None)))
+            self._own_place = self._own_place.after(seen) if self._own_place else Place(seen)
             return
-        known = self._bodies.get(pose.name)
-        self._bodies[pose.name] = (
-            known.update(pose, self._stationary_noise) if known else StationaryBody.from_measurement(pose)
-        )
+        track = self._tracks.get(pose.name)
+        self._tracks[pose.name] = track.after(seen, self._noise) if track else BodyTrack.at_rest(seen)
+
+    def driving(self) -> frozenset[str]:
+        """Return the bodies other than the docking unit that were seen to drive and not yet to stand."""
+        return frozenset(name for name, t in self._tracks.items() if t.motion is Motion.DRIVES)
 
     def predict(self, stamp_ns: int) -> Mapping[str, GlobalPose]:
         """Return the pose of every known body at an instant, for planning windows."""
         own = self._own.predict(stamp_ns)
         found = {} if own is None else {self.model.own: self._own_pose(own)}
-        return found | {name: self._pose(body, stamp_ns) for name, body in self._bodies.items()}
+        return found | {name: track.pose(stamp_ns, self._noise) for name, track in self._tracks.items()}
 
     def estimate(self, now_ns: int, by_sight: PoseEstimate | None = None) -> ArenaEstimate | None:
         """Return the estimate for control; None until the docking unit and its target have been seen.
@@ -146,14 +144,14 @@ class GlobalEstimator:
             by_sight: Pose of the unit in the dock frame by its own camera, which then replaces the docking
                 unit's pose by the overhead camera; None to use the overhead camera.
         """
-        if self.model.target not in self._bodies:
+        if self.model.target not in self._tracks:
             return None
         # The filter is not evaluated when its estimate is not used; it continues from its last state.
         above = None if by_sight is not None and self._located else self._own.estimate(now_ns)
         self._located = self._located or above is not None
         if not self._located:
             return None
-        poses = {name: self._pose(body, now_ns) for name, body in self._bodies.items()}
+        poses = {name: track.pose(now_ns, self._noise) for name, track in self._tracks.items()}
         target = poses[self.model.target]
         if by_sight is not None:
             own = composed_pose(self.model.own, target, self.model.X_TD, by_sight)
@@ -171,7 +169,11 @@ class GlobalEstimator:
             ),
             obstacles=tuple(
                 ObstacleEstimate(
-                    name, self._bodies[name].last_seen_ns, poses[name].X_WB, poses[name].covariance, radius
+                    name,
+                    self._tracks[name].seen.pose.stamp_ns,
+                    poses[name].X_WB,
+                    poses[name].covariance,
+                    radius,
                 )
                 for name, radius in self.model.obstacle_radius.items()
                 if name in poses
@@ -180,23 +182,10 @@ class GlobalEstimator:
         )
 
     def _own_pose(self, own: PoseEstimate) -> GlobalPose:
-        covariance = own.covariance + self._systematic(self.model.own)
+        place, covariance = self._own_place, own.covariance
+        if place is not None and place.times >= self._noise.stands_after:
+            covariance = covariance + place.first.lasting
         return GlobalPose(self.model.own, own.stamp_ns, own.X_DU, covariance)
-
-    def _pose(self, body: StationaryBody, stamp_ns: int) -> GlobalPose:
-        age_s = seconds(max(stamp_ns - body.stamp_ns, 0))
-        covariance = body.covariance + self._drift * age_s + self._systematic(body.name)
-        return GlobalPose(body.name, max(stamp_ns, body.stamp_ns), body.X_WB, covariance)
-
-    def _systematic(self, name: str) -> Array:
-        """Return the covariance (3, 3) of the error that all images share: the tag's shift by the tilt."""
-        known = self._tilt_covariance.get(name)
-        if known is None:
-            shift = 0.0
-            if name in self.model.units and name in self.model.tag_of:
-                shift = self._tilt * self.model.tags[self.model.tag_of[name]].height
-            known = self._tilt_covariance[name] = np.diag([shift**2, shift**2, 0.0])
-        return known
 
 
 def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstimate) -> GlobalPose:

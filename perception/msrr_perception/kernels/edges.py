@@ -30,7 +30,10 @@ SETTLED_PX = 0.01
 SECTIONS = 16
 END_SHARE = 0.12
 
-#: Half-length of a cross section in modules (bits) of the tag, its bounds in pixels, and its samples.
+#: Modules (bits) along the edge of the black square of a tag.
+TAG_MODULES = 8.0
+
+#: Half-length of a cross section in modules of the tag, its bounds in pixels, and its samples.
 #: Interpolation spreads a sharp edge over 2 px. Sections much shorter than that make the shift depend on
 #: where the edge lies between two pixels, an error that all corners on one edge have in common; those of
 #: tiny tags therefore reach beyond the middle of the borders.
@@ -46,7 +49,7 @@ LEAST_CONTRAST = 8.0
 
 #: Distance of the cross sections as a share of the edge, and their sum of squared places about its middle.
 _STEP = (1.0 - 2.0 * END_SHARE) / (SECTIONS - 1)
-_SQUARES = _STEP * _STEP * SECTIONS * (SECTIONS * SECTIONS - 1) / 12.0
+SQUARES = _STEP * _STEP * SECTIONS * (SECTIONS * SECTIONS - 1) / 12.0
 
 
 def refine_corners(pixels: Pixels, corners: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -128,7 +131,7 @@ def fit_edge(pixels: Pixels, square: Array, e: int, a: Array, b: Array) -> bool:
     across = 0.5 * (across_e + across_f)
     if across < 0.0:
         nx, ny, across = -nx, -ny, -across
-    reach = min(max(REACH_MODULES * across / 8.0, LEAST_REACH_PX), GREATEST_REACH_PX)
+    reach = min(max(REACH_MODULES * across / TAG_MODULES, LEAST_REACH_PX), GREATEST_REACH_PX)
     for i in range(2):  # the ends of the outermost sections bound all samples
         s = END_SHARE if i == 0 else 1.0 - END_SHARE
         foot_x, foot_y = x0 + s * along_x, y0 + s * along_y
@@ -168,7 +171,7 @@ def fit_edge(pixels: Pixels, square: Array, e: int, a: Array, b: Array) -> bool:
     # outer end. A straight line is fitted through these distances.
     scale = 2.0 * reach / (contrast * (SAMPLES - 1))
     level = reach * (1.0 + 2.0 * black / contrast) - scale * mean / SECTIONS
-    slope = -scale * moment / _SQUARES
+    slope = -scale * moment / SQUARES
     at_a, at_b = level - 0.5 * slope, level + 0.5 * slope
     a[e, 0], a[e, 1] = x0 + at_a * nx, y0 + at_a * ny
     b[e, 0], b[e, 1] = x0 + along_x + at_b * nx, y0 + along_y + at_b * ny

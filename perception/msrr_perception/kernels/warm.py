@@ -12,6 +12,7 @@ from msrr_perception.kernels.drive import Drive, propagate
 from msrr_perception.kernels.edges import refine_corners
 from msrr_perception.kernels.fit import fit, gate_distances
 from msrr_perception.kernels.project import Optics, predict_tags, tag_extent
+from msrr_perception.kernels.track import coast, fuse
 
 _log = logging.getLogger(__name__)
 
@@ -35,4 +36,6 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     gate_distances(optics, square, pixels.ravel(), 1.0, state, np.eye(7))
     fit(optics, square, pixels.ravel(), 1.0, state, state, np.eye(7), 2, 1e-3)
     propagate(state, np.eye(7), np.zeros((1, 3)), Drive(*[1.0] * 12))
+    coast(np.zeros(5), np.eye(5), 0.1, 1.0, 1.0, 1.0)
+    fuse(np.zeros(5), np.eye(5), np.zeros(3), np.eye(3))
     refine_corners(np.zeros((16, 16), np.uint8), 4.0 + 2.0 * (pixels[None] - 2.0))

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from msrr_perception.pose.corner_errors import CornerErrors, corners_by_sections
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera
@@ -96,7 +97,7 @@ class GlobalLocalizer:
         camera: PinholeCamera,
         X_WC: SE3,
         tags: Mapping[int, FlatTag],
-        corner_sigma_px: float = 0.2,
+        errors: CornerErrors,
         misfit_px: float = 2.0,
     ) -> None:
         """Create a localizer.
@@ -105,15 +106,25 @@ class GlobalLocalizer:
             camera: Intrinsics of the overhead camera.
             X_WC: Pose of the camera, by calibration.
             tags: Tag id -> the body that carries the tag, and the tag's corners on it.
-            corner_sigma_px: Standard deviation of each corner coordinate [px].
+            errors: Errors of the corners.
             misfit_px: Root mean square distance of the corners from the fitted tag above which a detection
                 is rejected: it is not this tag at this height [px].
         """
         self.camera = camera
         self.X_WC = X_WC
         self.tags = MappingProxyType(dict(tags))
-        self._sigma = corner_sigma_px
         self._misfit = misfit_px
+        self._covariance_B = {}
+        lasting_share = {}
+        for tag in self.tags.values():
+            edge_m = float(np.linalg.norm(tag.corners_B[1] - tag.corners_B[0]))
+            edge_px = camera.focal * edge_m / (float(X_WC.p[2]) - tag.height)
+            lasting = errors.lasting_px(edge_px) ** 2
+            variance = errors.frame_px(edge_px) ** 2 + lasting
+            self._covariance_B[tag.name] = variance * self._by_sections(tag)
+            lasting_share[tag.name] = lasting / variance
+        #: Body -> share of the covariance of its error that stays the same while the body stands.
+        self.lasting_share: Mapping[str, float] = MappingProxyType(lasting_share)
 
     def locate(self, detections: Detections) -> tuple[GlobalPose, ...]:
         """Return the pose of every known body among the detections, in the order of the tags."""
@@ -130,19 +141,30 @@ class GlobalLocalizer:
         return self.camera.project(self.X_WC.inverse().act(p_W))
 
     def _locate(self, seen: TagDetection, tag: FlatTag, stamp_ns: int) -> GlobalPose | None:
-        points, by_pixel = rays_to_plane(self.camera, self.X_WC, seen.corners, tag.height)
+        points, _ = rays_to_plane(self.camera, self.X_WC, seen.corners, tag.height)
         X_WB = fit_se2(tag.corners_B[:, :2], points)
         misfit = self.pixels(tag, X_WB) - seen.corners
         if float((misfit**2).sum(axis=1).mean()) > self._misfit**2:
             return None
+        c, s = math.cos(X_WB.yaw), math.sin(X_WB.yaw)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        covariance = turn @ self._covariance_B[tag.name] @ turn.T
+        return GlobalPose(tag.name, stamp_ns, X_WB, 0.5 * (covariance + covariance.T))
+
+    def _by_sections(self, tag: FlatTag) -> Array:
+        """Return the covariance (3, 3) of (x, y, yaw) in B by that of a cross section [m, rad by px].
+
+        It is that of a body below the camera, which looks down on level tags: so it is the same everywhere.
+        """
+        X_WB = SE2(float(self.X_WC.p[0]), float(self.X_WC.p[1]), 0.0)
+        corners = self.pixels(tag, X_WB)
+        _, by_pixel = rays_to_plane(self.camera, self.X_WC, corners, tag.height)
+        moved = (by_pixel @ corners_by_sections(corners).reshape(4, 2, 8)).reshape(8, 8)
         # Both sides are linear near the solution: the pose's covariance follows from the corners'.
         A = pose_jacobian(X_WB, tag.corners_B[:, :2])
-        normal = np.linalg.inv(A.T @ A)
-        spread = np.zeros((8, 8))
-        for i, J in enumerate(by_pixel):
-            spread[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = self._sigma**2 * (J @ J.T)
-        covariance = normal @ A.T @ spread @ A @ normal
-        return GlobalPose(tag.name, stamp_ns, X_WB, 0.5 * (covariance + covariance.T))
+        gain = np.linalg.solve(A.T @ A, A.T @ moved)
+        covariance: Array = gain @ gain.T
+        return covariance
 
 
 def fit_se2(points_B: Array, points_A: Array) -> SE2:

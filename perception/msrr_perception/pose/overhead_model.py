@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from msrr_perception.pose.corner_errors import CornerErrors
 from msrr_perception.pose.global_pose import FlatTag, GlobalLocalizer, flat_tags, overhead_pose
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
@@ -19,6 +20,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 #: Name of the overhead camera in exposures.
 OVERHEAD = "overhead"
@@ -41,6 +43,8 @@ class OverheadModel:
         target: Name of the unit that is docked to.
         X_TD: Dock frame of the target port in the target unit's frame.
         target_model: Calibration of the docking unit's drive.
+        corner_errors: Errors of the corners of tags, by data sheet of the camera.
+        limits: Limits of the drive of all units, by data sheet.
         noise: Covariance, shape (3, 3) [m, rad], of global localisation beyond the camera's noise, by data
             sheet.
     """
@@ -54,6 +58,8 @@ class OverheadModel:
     target: str
     X_TD: SE2
     target_model: TargetModel
+    corner_errors: CornerErrors
+    limits: LimitsSpec
     noise: Array
 
     @classmethod
@@ -85,6 +91,8 @@ class OverheadModel:
             target=step.target_unit,
             X_TD=scene.geometry(step.target_unit).dock_frame(step.target_port),
             target_model=TargetModel.from_scene(scene, step),
+            corner_errors=CornerErrors.from_spec(spec),
+            limits=scene.limits,
             noise=np.diag([errors.noise_m**2, errors.noise_m**2, yaw**2]),
         )
 
@@ -117,6 +125,6 @@ class OverheadModel:
         corners[:, :2] += middle_W
         return Window.around(self.camera.project(self.X_WC.inverse().act(corners)), 0.0)
 
-    def localizer(self, corner_sigma_px: float) -> GlobalLocalizer:
+    def localizer(self) -> GlobalLocalizer:
         """Return the localizer for this camera's detections."""
-        return GlobalLocalizer(self.camera, self.X_WC, self.tags, corner_sigma_px)
+        return GlobalLocalizer(self.camera, self.X_WC, self.tags, self.corner_errors)

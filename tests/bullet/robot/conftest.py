@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
@@ -41,15 +42,25 @@ POST: Mapping[str, Any] = {
 }
 
 
-def _scene(overhead: Mapping[str, Any], obstacles: Mapping[str, Any], plant: str, start: SE2) -> Scene:
-    pose = {"x_m": start.x, "y_m": start.y, "yaw_deg": 57.29577951308232 * start.yaw}
+def _scene(
+    overhead: Mapping[str, Any],
+    obstacles: Mapping[str, Any],
+    plant: str,
+    start: SE2,
+    target: SE2,
+    others: Mapping[str, SE2],
+) -> Scene:
+    def pose(X: SE2) -> dict[str, float]:
+        return {"x_m": X.x, "y_m": X.y, "yaw_deg": 57.29577951308232 * X.yaw}
+
     return Scene.model_validate(
         {
             "name": "arena",
             "plant": plant,
             "units": {
-                "a": {"number": 0, "pose": pose},
-                "b": {"number": 1, "pose": {"x_m": 1.1, "yaw_deg": 20}},
+                "a": {"number": 0, "pose": pose(start)},
+                "b": {"number": 1, "pose": pose(target)},
+                **{name: {"number": 2 + i, "pose": pose(X)} for i, (name, X) in enumerate(others.items())},
             },
             "obstacles": obstacles,
             "cameras": {"overhead": {"samples": 1, **overhead}},
@@ -64,6 +75,7 @@ class Arena:
 
     Attributes:
         law: Returns the command of unit a, given the time [s] and the estimate.
+        drivers: Other unit -> its command, given the time [s].
         looks: Detections of all exposures, in order.
     """
 
@@ -75,6 +87,7 @@ class Arena:
     encoders: WheelEncoders
     error: LocalisationError
     law: Callable[[float, ArenaEstimate | None], Twist] = lambda t, known: Twist()
+    drivers: Mapping[str, Callable[[float], Twist]] = field(default_factory=dict)
     looks: list[Detections] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -106,6 +119,8 @@ class Arena:
                 self.estimator.add_detections(arrived)
             if self._control.due(now_ns):
                 self.plant.command("a", self.law(self.now_s, self.known))
+                for name, drive in self.drivers.items():
+                    self.plant.command(name, drive(self.now_s))
                 watch()
             self.plant.step()
 
@@ -128,6 +143,8 @@ def open_arena() -> Iterator[OpenArena]:
             overhead: Mapping[str, Any] | None = None,
             obstacles: Mapping[str, Any] | None = None,
             start: SE2 | None = None,
+            target: SE2 | None = None,
+            others: Mapping[str, SE2] | None = None,
             **vision: Any,
         ) -> Arena:
             scene = _scene(
@@ -135,6 +152,8 @@ def open_arena() -> Iterator[OpenArena]:
                 {"post": POST} if obstacles is None else obstacles,
                 plant,
                 start or SE2(-1.0, -0.5),
+                target or SE2(1.1, 0.0, math.radians(20.0)),
+                others or {},
             )
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
             placement = draw_placement(scene, lambda name: stream(seed, name))

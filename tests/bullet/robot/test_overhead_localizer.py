@@ -149,7 +149,7 @@ def test_detection_near_a_place_finds_what_is_near_and_changes_no_later_detectio
     exposure = checked.looks[-1].exposure
     detected = {}
     for name, middle in {"near": SE2(0.3, 0.4), "far": SE2(-0.6, 0.3), "outside": SE2(9.0, 9.0)}.items():
-        look = checked.vision.detect_near(exposure, middle.translation, NEAR_HALF_M, checked.camera.fetch)
+        look = checked.vision.detect_near(exposure, middle.translation, NEAR_HALF_M, {}, checked.camera.fetch)
         detected[name] = [t.tag_id for t in look.tags]
         assert sum(w.area for w in look.windows) < FULL / 6
     # No unit is near one of the places, and the post is near the first.
@@ -160,3 +160,33 @@ def test_detection_near_a_place_finds_what_is_near_and_changes_no_later_detectio
         assert one.windows == other.windows
         for tag, same in zip(one.tags, other.tags, strict=True):
             np.testing.assert_array_equal(tag.corners, same.corners)
+
+
+@pytest.mark.parametrize("twist", [Twist(0.1), Twist(0.0, 0.5)], ids=["ahead", "on the spot"])
+def test_a_parked_unit_is_read_in_every_fourth_frame_and_one_that_drives_in_each(
+    open_arena: Callable, twist: Twist
+) -> None:
+    arena = open_arena(others={"c": SE2(-0.2, -0.8, 0.4)})
+    arena.drivers = {"c": lambda t: twist if 1.85 <= t < 3.0 else Twist()}
+    arena.run(4.6)
+
+    def frames_with_c(start_s: float, end_s: float) -> list[bool]:
+        within = (look for look in arena.looks if start_s <= 1e-9 * look.exposure.stamp_ns < end_s)
+        return [20 in ids(look) for look in within if sum(w.area for w in look.windows) < FULL]
+
+    assert sum(frames_with_c(0.95, 1.85)) <= 3
+    assert all(frames_with_c(2.25, 3.0))
+    assert sum(frames_with_c(3.75, 4.55)) <= 3
+    off = error(arena.known.others[0], arena.plant.pose("c"))
+    assert np.abs(off[:2]).max() < 1e-4
+
+
+def test_only_the_bodies_that_are_predicted_are_read(open_arena: Callable) -> None:
+    arena = open_arena(others={"c": SE2(-0.2, -0.8, 0.4)})
+    arena.run(1.05)
+    exposure = arena.looks[-1].exposure
+    wanted = {"c": arena.estimator.predict(exposure.stamp_ns)["c"]}
+    look = arena.vision.detect_expected(exposure, wanted, arena.camera.fetch)
+    assert ids(look) == [20]
+    assert sum(w.area for w in look.windows) < 8_000
+    assert arena.vision.detect_expected(exposure, {}, arena.camera.fetch).windows == ()

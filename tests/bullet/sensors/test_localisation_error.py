@@ -35,7 +35,7 @@ def model() -> OverheadModel:
 
 def exact_detections(model: OverheadModel, frame: int, names: tuple[str, ...] = tuple(POSES)) -> Detections:
     """Exact detections at 10 Hz."""
-    locator = model.localizer(0.1)
+    locator = model.localizer()
     tags = [
         TagDetection(model.tag_of[n], locator.pixels(model.tags[model.tag_of[n]], POSES[n])) for n in names
     ]
@@ -44,7 +44,7 @@ def exact_detections(model: OverheadModel, frame: int, names: tuple[str, ...] = 
 
 def errors(model: OverheadModel, detections: Detections) -> dict[str, np.ndarray]:
     found = {}
-    for pose in model.localizer(0.1).locate(detections):
+    for pose in model.localizer().locate(detections):
         e = pose.X_WB.as_array() - POSES[pose.name].as_array()
         e[2] = math.remainder(e[2], 2.0 * math.pi)
         found[pose.name] = e

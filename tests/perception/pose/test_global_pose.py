@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 from msrr_perception.detection.detector import PupilDetector
+from msrr_perception.pose.corner_errors import CornerErrors, corners_by_sections
 from msrr_perception.pose.global_pose import GlobalLocalizer, fit_se2, flat_tags, overhead_pose, rays_to_plane
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
@@ -15,6 +16,8 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Detections, Exposure, Pixels, TagDetection
 from msrr_scenes.specs.scene import Scene
+
+ERRORS = CornerErrors(noise_grey=30.0, blur_px=2.5)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +37,7 @@ def overhead() -> Scene:
 def localizer(overhead: Scene) -> GlobalLocalizer:
     spec = overhead.cameras.overhead
     assert spec is not None
-    return GlobalLocalizer(spec.pinhole, overhead_pose(spec), flat_tags(overhead), corner_sigma_px=0.3)
+    return GlobalLocalizer(spec.pinhole, overhead_pose(spec), flat_tags(overhead), ERRORS)
 
 
 def _pixels(localizer: GlobalLocalizer, tag: int, X_WB: SE2) -> np.ndarray:
@@ -73,11 +76,14 @@ def test_exact_corners_give_exact_poses(localizer: GlobalLocalizer) -> None:
 
 
 def test_the_covariance_is_honest(localizer: GlobalLocalizer) -> None:
-    """300 poses with 0.3 px corners: summed NEES is chi-square with 900 degrees of freedom, odds 1e-6."""
+    """300 poses, edges off as stated: summed NEES is chi-square with 900 degrees of freedom, odds 1e-6."""
     rng, nees, n = np.random.default_rng(1), 0.0, 300
     for _ in range(n):
         X = SE2(*rng.uniform([-1.0, -0.9, -3.0], [1.4, 0.7, 3.0]))
-        seen = TagDetection(30, _pixels(localizer, 30, X) + rng.normal(0.0, 0.3, (4, 2)))
+        exact = _pixels(localizer, 30, X)
+        edge_px = float(np.linalg.norm(exact[1] - exact[0]))
+        errors = rng.normal(0.0, math.hypot(ERRORS.frame_px(edge_px), ERRORS.lasting_px(edge_px)), 8)
+        seen = TagDetection(30, exact + (corners_by_sections(exact) @ errors).reshape(4, 2))
         (found,) = localizer.locate(_detections(seen))
         e = found.X_WB.as_array() - X.as_array()
         e[2] = math.remainder(e[2], 2.0 * math.pi)
@@ -85,6 +91,8 @@ def test_the_covariance_is_honest(localizer: GlobalLocalizer) -> None:
         assert math.sqrt(found.covariance[0, 0]) < 0.002
     low, high = chi2.ppf([5e-7, 1 - 5e-7], 3 * n)
     assert low < nees < high
+    frame, lasting = ERRORS.frame_px(edge_px) ** 2, ERRORS.lasting_px(edge_px) ** 2
+    assert localizer.lasting_share["b"] == pytest.approx(lasting / (frame + lasting))
 
 
 def test_a_warped_picture_gives_the_pose(

@@ -1,0 +1,227 @@
+"""The track of a body that stands or drives: a Kalman filter of its pose and twist.
+
+It starts anew when the body was moved in a way that no drive explains.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from scipy.stats import chi2
+
+from msrr_perception.kernels.track import coast, fuse
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import GlobalPose, seconds
+from msrr_scenes.specs.vehicle import LimitsSpec
+
+#: Squared Mahalanobis distance (3 degrees of freedom) up to which two measurements show a body that stands.
+_SAME_PLACE = float(chi2.ppf(0.99, 3))
+
+
+@dataclass(frozen=True, slots=True)
+class TrackNoise:
+    """The assumed motion of a body, and the gate for its measurements.
+
+    Attributes:
+        limits: Limits of the drive of a unit, by data sheet.
+        gate: Squared Mahalanobis distance (3 degrees of freedom) beyond which a measurement is rejected.
+        usual: Usual accelerations as a share of the limits.
+        lasts_s: Time for which an acceleration lasts [s].
+        sideways: Motion across the wheels [m per square root of a metre driven].
+        drift: Random walk of the position of a body that stands [m per square root of a second].
+        turn_drift: Random walk of its yaw [rad per square root of a second].
+        unseen_after_s: Time without a measurement after which a body may be pushed unseen, and after which
+            one that drives is not expected to drive on [s].
+        unseen_drift: As ``drift``, for a body that is not seen.
+        unseen_turn_drift: As ``turn_drift``, for a body that is not seen.
+        restart_after: Number of rejected measurements in a row after which the track starts anew.
+        stands_after: Number of measurements in a row at one place after which a body stands.
+        creep: Speed at which a body would have left the place before it counts as standing [m/s].
+        turn_creep: As ``creep``, yaw rate [rad/s].
+    """
+
+    limits: LimitsSpec
+    gate: float = 21.1
+    usual: float = 0.2
+    lasts_s: float = 0.1
+    sideways: float = 2e-4
+    drift: float = 1e-5
+    turn_drift: float = 1e-4
+    unseen_after_s: float = 1.0
+    unseen_drift: float = 2e-4
+    unseen_turn_drift: float = 5e-4
+    restart_after: int = 3
+    stands_after: int = 4
+    creep: float = 0.02
+    turn_creep: float = 0.1
+
+
+class Motion(Enum):
+    """How a body is assumed to move until the next measurement."""
+
+    STANDS = "stands"
+    DRIVES = "drives"
+    MANOEUVRES = "manoeuvres"  # sets off, brakes or turns as hard as the limits of the drive allow
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenPose:
+    """A measured pose.
+
+    Attributes:
+        pose: Measured pose with the covariance of its whole error.
+        lasting: Part of the covariance, shape (3, 3), of the error that stays the same from measurement to
+            measurement while the body stands.
+    """
+
+    pose: GlobalPose
+    lasting: Array
+
+    def is_at_place_of(self, other: SeenPose) -> bool:
+        """Return whether both measurements are of one place, as far as their errors tell."""
+        apart = self.pose.X_WB.as_array() - other.pose.X_WB.as_array()
+        apart[2] = math.remainder(apart[2], 2.0 * math.pi)
+        S = self.pose.covariance + other.pose.covariance
+        return float(apart @ np.linalg.solve(S, apart)) <= _SAME_PLACE
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """The place at which a body was seen, and how often in a row.
+
+    Attributes:
+        first: First measurement there.
+        times: Number of measurements there in a row.
+    """
+
+    first: SeenPose
+    times: int = 1
+
+    def after(self, seen: SeenPose) -> Place:
+        """Return the place after the next measurement: the same, seen once more, or a new one."""
+        return Place(self.first, self.times + 1) if seen.is_at_place_of(self.first) else Place(seen)
+
+    def shows_standing(self, last: SeenPose, noise: TrackNoise) -> bool:
+        """Return whether a body that was seen here, last by ``last``, stands.
+
+        The less is known of where it is, the longer it takes until one that creeps would have left the place.
+        """
+        waited = seconds(last.pose.stamp_ns - self.first.pose.stamp_ns)
+        sigma = np.sqrt(2.0 * _SAME_PLACE * np.diag(last.pose.covariance))
+        left = waited * np.array([noise.creep, noise.creep, noise.turn_creep]) >= sigma
+        return self.times >= noise.stands_after and bool(left.all())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyTrack:
+    """The state of the filter of one body after its last measurement inside the gate.
+
+    Attributes:
+        state: ``(x, y, yaw, v, w)`` in W, shape (5,) [m, rad, m/s, rad/s].
+        covariance: Covariance of the state, shape (5, 5); without the lasting error while the body stands.
+        seen: Last measurement inside the gate.
+        motion: Whether the body stands or drives.
+        place: Place at which the body was seen last; told only while it drives.
+        sightings: Number of measurements inside the gate.
+        rejected: Number of measurements in a row outside the gate.
+    """
+
+    state: Array
+    covariance: Array
+    seen: SeenPose
+    motion: Motion
+    place: Place
+    sightings: int = 1
+    rejected: int = 0
+
+    @classmethod
+    def at_rest(cls, seen: SeenPose) -> BodyTrack:
+        """Return the track of a body that stands where it was measured."""
+        P = np.zeros((5, 5))
+        P[:3, :3] = seen.pose.covariance
+        return cls(_state(seen), P, seen, Motion.STANDS, Place(seen))
+
+    @classmethod
+    def at_any_speed(cls, seen: SeenPose, limits: LimitsSpec) -> BodyTrack:
+        """Return the track of a body of which one measurement is known and nothing of its motion."""
+        P = np.diag([0.0, 0.0, 0.0, (0.5 * limits.v_max_mps) ** 2, (0.5 * limits.w_max_radps) ** 2])
+        P[:3, :3] = seen.pose.covariance
+        return cls(_state(seen), P, seen, Motion.DRIVES, Place(seen))
+
+    def pose(self, stamp_ns: int, noise: TrackNoise) -> GlobalPose:
+        """Return the pose at an instant; before the last measurement it is that of the measurement."""
+        mean, P = self._predicted(stamp_ns, noise, self.motion)
+        covariance = P[:3, :3]
+        if self.motion is Motion.STANDS:
+            covariance = covariance + self.seen.lasting
+        stamp_ns = max(stamp_ns, self.seen.pose.stamp_ns)
+        return GlobalPose(self.seen.pose.name, stamp_ns, SE2(*mean[:3].tolist()), covariance)
+
+    def after(self, seen: SeenPose, noise: TrackNoise) -> BodyTrack:
+        """Return the track after another measurement.
+
+        One that is older than the last counts only if the body stands where it stood then.
+        """
+        fused = self._fused(seen, noise, self.motion)
+        if seen.pose.stamp_ns < self.seen.pose.stamp_ns:
+            if fused is None or self.motion is not Motion.STANDS:
+                return self
+            return replace(fused, seen=self.seen)
+        if fused is None:
+            fused = self._fused(seen, noise, Motion.MANOEUVRES)
+        if fused is None:
+            # The second of two first measurements is as good as the first.
+            known = self.sightings >= noise.restart_after
+            if self.rejected + 1 >= (noise.restart_after if known else 1):
+                return BodyTrack.at_any_speed(seen, noise.limits)
+            return replace(self, rejected=self.rejected + 1)
+        if fused.motion is Motion.DRIVES and fused.place.shows_standing(seen, noise):
+            return replace(BodyTrack.at_rest(seen), sightings=fused.sightings)
+        return fused
+
+    def _fused(self, seen: SeenPose, noise: TrackNoise, motion: Motion) -> BodyTrack | None:
+        """Return the track after a measurement that fits a motion; None if it does not."""
+        mean, P = self._predicted(seen.pose.stamp_ns, noise, motion)
+        mean, P, distance = fuse(mean, P, seen.pose.X_WB.as_array(), seen.pose.covariance)
+        if distance > noise.gate:
+            return None
+        stands = motion is Motion.STANDS
+        place = self.place if stands else self.place.after(seen)
+        return BodyTrack(mean, P, seen, Motion.STANDS if stands else Motion.DRIVES, place, self.sightings + 1)
+
+    def _predicted(self, stamp_ns: int, noise: TrackNoise, motion: Motion) -> tuple[Array, Array]:
+        """Return mean and covariance of the state at an instant, if the body moves so until then."""
+        dt = max(seconds(stamp_ns - self.seen.pose.stamp_ns), 0.0)
+        unseen = max(dt - noise.unseen_after_s, 0.0)
+        if motion is Motion.STANDS:
+            way = noise.drift**2 * dt + noise.unseen_drift**2 * unseen
+            P = self.covariance.copy()
+            P[0, 0] += way
+            P[1, 1] += way
+            P[2, 2] += noise.turn_drift**2 * dt + noise.unseen_turn_drift**2 * unseen
+            return self.state, P
+        share = noise.usual if motion is Motion.DRIVES else 1.0
+        drive = (
+            noise.lasts_s * (share * noise.limits.a_max_mps2) ** 2,
+            noise.lasts_s * (share * noise.limits.dw_max_radps2) ** 2,
+            noise.sideways**2,
+        )
+        P = self.covariance
+        if self.motion is Motion.STANDS:  # what stayed the same while it stood is an error as it drives off
+            P = P.copy()
+            P[:3, :3] += self.seen.lasting
+        mean, P = coast(self.state, P, dt - unseen, *drive)
+        if unseen > 0.0:  # it may have stopped as well as driven on
+            P[3, 3] += mean[3] ** 2
+            P[4, 4] += mean[4] ** 2
+            mean[3:] = 0.0
+            mean, P = coast(mean, P, unseen, *drive)
+        return mean, P
+
+
+def _state(seen: SeenPose) -> Array:
+    return np.append(seen.pose.X_WB.as_array(), [0.0, 0.0])

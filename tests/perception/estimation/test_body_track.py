@@ -1,0 +1,297 @@
+"""The track of a body: standing, driving, starting, stopping, turning, moved by hand, unseen, seen late.
+
+Bodies are exact arcs; measurements have an error that is drawn per frame and one that stays while the body
+stands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from msrr_perception.estimation.body_track import BodyTrack, Motion, SeenPose, TrackNoise
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import GlobalPose, Twist
+from msrr_scenes.specs.vehicle import LimitsSpec
+
+LIMITS = LimitsSpec.model_validate({})
+NOISE = TrackNoise(LIMITS)
+STEP_S, FRAME_STEPS = 0.01, 10
+NS = 1_000_000_000
+#: Standard deviations of (x, y, yaw): per frame, and while the body stands.
+FRAME, LASTING = np.array([1e-5, 1e-5, 3e-4]), np.array([1.2e-5, 1.2e-5, 3e-4])
+R = np.diag(FRAME**2 + LASTING**2)
+
+
+def seen(stamp_ns: int, X_WB: SE2, error: np.ndarray | None = None) -> SeenPose:
+    x, y, yaw = X_WB.as_array() + (np.zeros(3) if error is None else error)
+    return SeenPose(GlobalPose("c", stamp_ns, SE2(x, y, yaw), R), np.diag(LASTING**2))
+
+
+@dataclass
+class Scene:
+    """A body that follows its twist, slips by ``slip`` [m per square root of a metre] and is measured."""
+
+    seed: int = 0
+    X_WB: SE2 = field(default_factory=lambda: SE2(0.3, -0.4, 3.0))
+    twist: Callable[[float], Twist] = lambda t: Twist()
+    slip: float = 0.0
+    track: BodyTrack | None = None
+    step: int = 0
+
+    def __post_init__(self) -> None:
+        self.rng = np.random.default_rng(self.seed)
+        self._place: SE2 | None = None
+
+    @property
+    def now_ns(self) -> int:
+        return round(self.step * STEP_S * NS)
+
+    def measured(self) -> SeenPose:
+        if self._place != self.X_WB:
+            self._place, self._lasting = self.X_WB, LASTING * self.rng.normal(size=3)
+        return seen(self.now_ns, self.X_WB, self._lasting + FRAME * self.rng.normal(size=3))
+
+    def run(self, until_s: float, blind: bool = False, watch: Callable[[], None] = lambda: None) -> BodyTrack:
+        """Drive, and measure every frame unless the camera is blind; watch after every step."""
+        while self.step < round(until_s / STEP_S):
+            if self.step % FRAME_STEPS == 0 and not blind:
+                now = self.measured()
+                self.track = self.track.after(now, NOISE) if self.track else BodyTrack.at_rest(now)
+            watch()
+            u = self.twist(self.step * STEP_S)
+            aside = self.slip * math.sqrt(abs(u.v) * STEP_S) * self.rng.normal()
+            self.X_WB = self.X_WB @ SE2.exp(u.v * STEP_S, aside, u.w * STEP_S)
+            self.step += 1
+        assert self.track is not None
+        return self.track
+
+    def error(self) -> np.ndarray:
+        assert self.track is not None
+        return pose_error(self.track.pose(self.now_ns, NOISE).X_WB, self.X_WB)
+
+    def nees(self) -> float:
+        assert self.track is not None
+        e = self.error()
+        return float(e @ np.linalg.solve(self.track.pose(self.now_ns, NOISE).covariance, e))
+
+
+def pose_error(X: SE2, true: SE2) -> np.ndarray:
+    e = X.as_array() - true.as_array()
+    e[2] = math.remainder(e[2], 2.0 * math.pi)
+    return e
+
+
+def drives_after(start_s: float, v: float, w: float) -> Callable[[float], Twist]:
+    """A drive that reaches its twist as fast as the limits allow."""
+
+    def twist(t: float) -> Twist:
+        dt = max(t - start_s, 0.0)
+        reached_v, reached_w = LIMITS.a_max_mps2 * dt, LIMITS.dw_max_radps2 * dt
+        return Twist(math.copysign(min(abs(v), reached_v), v), math.copysign(min(abs(w), reached_w), w))
+
+    return twist
+
+
+def test_a_parked_body_is_known_as_well_as_its_lasting_error_allows() -> None:
+    """60 bodies seen for 3 s: the summed NEES is chi-square with 180 degrees of freedom, odds 1e-4."""
+    scenes = [Scene(seed) for seed in range(60)]
+    for scene in scenes:
+        track = scene.run(3.0)
+        assert track.motion is Motion.STANDS
+        sigma = np.sqrt(np.diag(track.pose(scene.now_ns, NOISE).covariance))
+        assert (sigma > LASTING).all()
+        assert (sigma < 1.4 * LASTING).all()
+    low, high = chi2.ppf([5e-5, 1 - 5e-5], 180)
+    assert low < sum(scene.nees() for scene in scenes) < high
+
+
+def test_a_body_that_drives_as_assumed_is_known_as_well_as_stated() -> None:
+    """100 bodies that accelerate and slip at random as strongly as assumed, 0.01 .. 0.16 s after a frame.
+
+    The drives are independent: the summed NEES is chi-square with 300 degrees of freedom, odds 1e-4.
+    """
+    total, n = 0.0, 100
+    growth = math.sqrt(NOISE.lasts_s * STEP_S) * NOISE.usual
+    for seed in range(n):
+        rng = np.random.default_rng(1000 + seed)
+        v, w = (
+            np.cumsum(rng.normal(0.0, growth * limit, 400))
+            for limit in (LIMITS.a_max_mps2, LIMITS.dw_max_radps2)
+        )
+        scene = Scene(
+            seed,
+            twist=lambda t, v=v, w=w: Twist(0.2 + v[round(t / STEP_S)], w[round(t / STEP_S)]),
+            slip=NOISE.sideways,
+        )
+        scene.run(1.91)
+        scene.run(1.9 + STEP_S * rng.integers(1, 17), blind=True)
+        total += scene.nees()
+    low, high = chi2.ppf([5e-5, 1 - 5e-5], 3 * n)
+    assert low < total < high
+
+
+@pytest.mark.parametrize(
+    ("v", "w"), [(0.4, 0.0), (-0.2, 0.0), (0.25, 1.0), (0.0, 1.5), (0.0, -0.3), (0.02, 0.0)]
+)
+def test_a_start_is_followed_from_the_first_frame_that_shows_it(v: float, w: float) -> None:
+    """As hard as the limits allow, straight, on an arc or on the spot: no measurement is rejected."""
+    scene = Scene(twist=drives_after(1.03, v, w))
+    assert scene.run(1.05).motion is Motion.STANDS
+    while scene.now_ns < 2.6 * NS:
+        track = scene.run(1e-9 * scene.now_ns + STEP_S)
+        assert track.rejected == 0
+        if scene.now_ns >= 1.21 * NS:
+            assert track.motion is Motion.DRIVES
+        if scene.now_ns >= 2.3 * NS:  # constant twist
+            assert np.abs(scene.error()[:2]).max() < 5e-4
+            assert abs(scene.error()[2]) < 0.01
+    np.testing.assert_allclose(track.state[3:], [v, w], atol=0.02)
+
+
+@pytest.mark.parametrize(("v", "w"), [(0.3, 0.4), (0.0, 1.2)])
+def test_a_stop_is_noticed_and_the_body_is_known_to_hundredths_of_a_millimetre_again(
+    v: float, w: float
+) -> None:
+    """It brakes from 2 s on, as hard as the limits allow."""
+    stops_s = 2.0 + max(v / LIMITS.a_max_mps2, w / LIMITS.dw_max_radps2)
+
+    def braking(t: float) -> Twist:
+        dt = max(t - 2.0, 0.0)
+        return Twist(max(v - LIMITS.a_max_mps2 * dt, 0.0), max(w - LIMITS.dw_max_radps2 * dt, 0.0))
+
+    scene = Scene(twist=braking)
+    assert scene.run(stops_s).motion is Motion.DRIVES
+    track = scene.run(stops_s + 0.5)
+    assert track.motion is Motion.STANDS
+    track = scene.run(4.0)
+    assert track.rejected == 0
+    later = track.pose(scene.now_ns + NS // 2, NOISE)
+    assert np.abs(pose_error(later.X_WB, scene.X_WB)[:2]).max() < 6e-5
+    assert math.sqrt(later.covariance[0, 0]) < 3e-5
+
+
+def test_slow_creeping_is_no_standing() -> None:
+    """At 2 mm/s a body that were taken to stand would soon be off by many standard deviations."""
+    scene = Scene(twist=lambda t: Twist(0.002))
+    scene.run(2.0)
+    squares: list[float] = []
+    scene.run(8.0, watch=lambda: squares.append(scene.nees()))
+    assert np.mean(squares) < 6.0
+
+
+def test_creeping_is_no_standing_where_measurements_are_coarse() -> None:
+    """At 6 cm/s and 5 mm, three measurements in a row lie at one place as often as not."""
+    rng, P = np.random.default_rng(6), np.diag([0.005, 0.005, math.radians(1.0)]) ** 2
+    track, errors = None, []
+    for i in range(200):
+        X_WB = SE2(0.006 * i, 0.0, 0.0)
+        noisy = X_WB @ SE2(*rng.normal(size=3) * np.sqrt(np.diag(P)))
+        coarse = SeenPose(GlobalPose("c", i * NS // 10, noisy, P), np.zeros((3, 3)))
+        track = track.after(coarse, NOISE) if track else BodyTrack.at_rest(coarse)
+        errors.append(pose_error(track.pose(i * NS // 10, NOISE).X_WB, X_WB))
+        if i > 10:
+            assert track.motion is Motion.DRIVES
+    assert np.sqrt(np.mean(np.square(errors[10:]), axis=0))[:2].max() < 0.005
+
+
+@pytest.mark.parametrize("drives", [False, True])
+def test_what_no_motion_explains_is_rejected_twice_and_believed_the_third_time(drives: bool) -> None:
+    """The body is moved 5 cm to its side."""
+    scene = Scene(twist=lambda t: Twist(0.2 if drives else 0.0))
+    track = scene.run(2.05)
+    before = track.state
+    scene.X_WB = scene.X_WB @ SE2(0.0, 0.05, 0.0)
+    for rejected in (1, 2):
+        track = scene.run(2.05 + 0.1 * rejected)
+        assert track.rejected == rejected
+        np.testing.assert_array_equal(track.state, before)
+    assert scene.run(2.35).rejected == 0
+    scene.run(2.85)
+    assert np.abs(scene.error()[:2]).max() < 5e-4
+    assert scene.track is not None
+    assert scene.track.motion is (Motion.DRIVES if drives else Motion.STANDS)
+
+
+@pytest.mark.parametrize("drives", [False, True])
+def test_one_wrong_measurement_changes_nothing(drives: bool) -> None:
+    scene = Scene(twist=lambda t: Twist(0.2 if drives else 0.0))
+    track = scene.run(2.05)
+    wrong = track.after(seen(2_100_000_000, SE2(-1.0, 0.7, 0.0)), NOISE)
+    assert (wrong.rejected, wrong.seen) == (1, track.seen)
+    assert wrong.pose(3 * NS, NOISE).X_WB == track.pose(3 * NS, NOISE).X_WB
+    right = wrong.after(seen(2_200_000_000, SE2(*track.pose(2_200_000_000, NOISE).X_WB.as_array())), NOISE)
+    assert right.rejected == 0
+
+
+def test_a_gap_is_bridged_with_the_last_twist_but_not_for_ever() -> None:
+    """On an arc: after 0.5 s the body is where its twist leads, within a covariance that has grown.
+
+    Unseen for 4 s it may have stopped or driven on: the error of either is within two standard deviations.
+    """
+    scene = Scene(twist=lambda t: Twist(0.25, 0.3))
+    track = scene.run(2.05)
+    for gap_s in (0.2, 0.5):
+        scene.run(2.0 + gap_s, blind=True)
+        sigma = np.sqrt(np.diag(track.pose(scene.now_ns, NOISE).covariance))
+        assert np.abs(scene.error()[:2]).max() < 0.01
+        assert scene.nees() < 3.0
+    assert sigma[:2].max() > 0.003
+    track, stopped = scene.run(3.05), scene.X_WB
+    assert track.rejected == 0
+    scene.run(7.0, blind=True)
+    lost = track.pose(scene.now_ns, NOISE)
+    reach = 2.0 * math.sqrt(float(np.linalg.eigvalsh(lost.covariance[:2, :2]).max()))
+    for X in (stopped, scene.X_WB):
+        assert math.hypot(X.x - lost.X_WB.x, X.y - lost.X_WB.y) < reach
+
+
+def test_a_body_that_drives_when_it_is_first_seen_is_known_after_three_frames() -> None:
+    scene = Scene(twist=lambda t: Twist(0.35, 0.5))
+    track = scene.run(0.25)
+    assert track.motion is Motion.DRIVES
+    assert np.abs(scene.error()[:2]).max() < 0.01
+    np.testing.assert_allclose(track.state[3:], [0.35, 0.5], atol=0.1)
+
+
+def test_measurements_of_a_body_that_stands_are_averaged_in_any_order() -> None:
+    """Without drift n measurements leave R / n and their mean, also across the seam of the angle."""
+    still = TrackNoise(LIMITS, drift=0.0, turn_drift=0.0, unseen_drift=0.0, unseen_turn_drift=0.0)
+    here = SE2(1.0, -0.5, 3.1415)
+    errors = np.random.default_rng(8).multivariate_normal(np.zeros(3), R, 20)
+    measurements = [seen(i * NS // 10, here, e) for i, e in enumerate(errors)]
+    for order in (range(20), [0, *(1 + np.random.default_rng(2).permutation(19))]):
+        track = BodyTrack.at_rest(measurements[0])
+        for i in order[1:]:
+            track = track.after(measurements[i], still)
+        np.testing.assert_allclose(track.covariance[:3, :3], R / 20, rtol=1e-9)
+        pose = track.pose(0, still)
+        np.testing.assert_allclose(pose_error(pose.X_WB, here), errors.mean(axis=0), atol=1e-12)
+        np.testing.assert_allclose(pose.covariance, R / 20 + np.diag(LASTING**2), rtol=1e-9)
+        assert pose.stamp_ns == track.seen.pose.stamp_ns == 19 * NS // 10
+
+
+def test_what_arrives_late_is_no_sign_of_motion_and_does_not_disturb_a_drive() -> None:
+    scene = Scene(twist=drives_after(1.0, 0.3, 0.0))
+    late = scene.measured()
+    driving = scene.run(2.05)
+    assert driving.after(late, NOISE) is driving
+    stands = BodyTrack.at_rest(seen(2 * NS, SE2(0.5, 0.0, 0.0)))
+    assert stands.after(late, NOISE) is stands
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_body_unseen_gets_uncertain_by_the_root_of_the_time(axis: int) -> None:
+    track = BodyTrack.at_rest(seen(0, SE2()))
+    at_once = track.pose(0, NOISE).covariance[axis, axis]
+    slow = (NOISE.drift, NOISE.drift, NOISE.turn_drift)[axis] ** 2
+    fast = (NOISE.unseen_drift, NOISE.unseen_drift, NOISE.unseen_turn_drift)[axis] ** 2
+    for wait_s in (0.5, 1.0, 9.0):
+        grown = track.pose(round(wait_s * NS), NOISE).covariance[axis, axis] - at_once
+        expected = slow * wait_s + fast * max(wait_s - NOISE.unseen_after_s, 0.0)
+        assert grown == pytest.approx(expected, rel=1e-6)
