@@ -81,6 +81,14 @@ def plot(
         Path | None,
         typer.Option(metavar="FILE", help="PNG, PDF or SVG file to write.", show_default=f"RUN/{PLOT_NAME}"),
     ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="UNIT",
+            help="Unit whose steps are shown.",
+            show_default="all, or the first of several that are under way at once",
+        ),
+    ] = None,
 ) -> None:
     """Plot a run over time: errors, speeds, clearance and line of sight, with belief and truth."""
     _load_simulator_silently()
@@ -91,7 +99,7 @@ def plot(
     file = out if out is not None else _run_folder(run) / PLOT_NAME
     with status_line(open_console(), f"{run}: drawing"), unpacked_log(run) as log:
         headline = f"{read_verdict(log) or 'broken off'}, seed {log.header.seed}"
-        write_plot(file, log.header.scene, read_snapshots(log), headline)
+        write_plot(file, log.header.scene, read_snapshots(log), headline, unit)
     typer.echo(str(file))
 
 

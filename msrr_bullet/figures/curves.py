@@ -260,6 +260,7 @@ def draw_stack(
     lowest.set_xlabel("time [s]")
 
 
-def set_title(figure: Figure, scene: Scene, headline: str) -> None:
-    """Write the name of the scene and a headline, such as the outcome, above a figure."""
-    figure.suptitle(f"{scene.name}{f': {headline}' if headline else ''}", fontsize=13, fontweight="bold")
+def set_title(figure: Figure, scene: Scene, headline: str, unit: str | None = None) -> None:
+    """Write the scene's name, a headline, such as the outcome, and the unit of the curves above a figure."""
+    text = ", ".join(filter(None, (headline, f"curves of unit {unit}" if unit else "")))
+    figure.suptitle(f"{scene.name}{f': {text}' if text else ''}", fontsize=13, fontweight="bold")

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from msrr_bullet.figures import curves
 from msrr_bullet.timeline.series import TrialSeries
-from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.timeline.snapshot import Snapshot, of_unit, unit_of_curves
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.scene import Scene
 
@@ -27,7 +27,9 @@ _METADATA: dict[str, dict[str, str | None]] = {
 }
 
 
-def write_plot(path: Path, scene: Scene, snapshots: Sequence[Snapshot], headline: str = "") -> Path:
+def write_plot(
+    path: Path, scene: Scene, snapshots: Sequence[Snapshot], headline: str = "", unit: str | None = None
+) -> Path:
     """Write a plot of the time series of a run, and return the path of the file.
 
     The left column shows where the unit is, truth and belief: distance from the path if it followed one, gap,
@@ -39,13 +41,15 @@ def write_plot(path: Path, scene: Scene, snapshots: Sequence[Snapshot], headline
         scene: Scene of the run.
         snapshots: Snapshots in order of time, at any rate.
         headline: Text after the name of the scene, such as the outcome.
+        unit: Unit whose steps are shown; None shows all, or if several are under way at once, the first unit.
 
     Raises:
-        MsrrError: There is no snapshot, or the suffix names no such format.
+        MsrrError: There is no snapshot, the suffix names no such format, or the unit has no step.
     """
     if path.suffix.lower() not in _METADATA:
         raise MsrrError(f"{path}: no format for plots; end the name with {' or '.join(_METADATA)}")
-    series = TrialSeries.of(scene, snapshots)
+    shown = unit_of_curves(snapshots, unit)
+    series = TrialSeries.of(scene, of_unit(snapshots, shown))
     left: list[Callable[[Axes], None]] = [
         lambda axes: curves.gap(axes, series),
         lambda axes: curves.lateral(axes, series),
@@ -64,7 +68,7 @@ def write_plot(path: Path, scene: Scene, snapshots: Sequence[Snapshot], headline
     columns = figure.add_gridspec(1, 2)
     curves.draw_stack(figure, columns[0], series, left)
     curves.draw_stack(figure, columns[1], series, right)
-    curves.set_title(figure, scene, headline)
+    curves.set_title(figure, scene, headline, shown)
     with rc_context({"svg.hashsalt": "msrr"}):
         figure.savefig(path, metadata=_METADATA[path.suffix.lower()])
     return path

@@ -16,7 +16,7 @@ from msrr_bullet.figures.top_view import draw_top_view, extent
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.palette import DETECTION, css
 from msrr_bullet.timeline.series import TrialSeries
-from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.timeline.snapshot import Snapshot, of_unit, unit_of_curves
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import seconds
 from msrr_scenes.specs.scene import Scene
@@ -50,7 +50,8 @@ def write_picture(
     """
     if not snapshots:
         raise MsrrError(f"{path}: a trial without a single snapshot gives no picture")
-    series = TrialSeries.of(scene, snapshots)
+    shown = unit_of_curves(snapshots)
+    series = TrialSeries.of(scene, of_unit(snapshots, shown))
     rows_of_curves: list[Callable[[Axes], None]] = [
         lambda axes: curves.lateral(axes, series),
         lambda axes: curves.yaw(axes, series),
@@ -77,7 +78,7 @@ def write_picture(
     from_above = figure.add_subplot(left)
     draw_top_view(from_above, scene, snapshots)
     curves.draw_stack(figure, right, series, rows_of_curves)
-    curves.set_title(figure, scene, headline)
+    curves.set_title(figure, scene, headline, shown)
     # Axes of equal aspect are laid out as if they filled their cell, and then shrink inside it. Laid out with
     # their aspect, those that nearly fill it run over the edge of the picture.
     from_above.set_aspect("auto")

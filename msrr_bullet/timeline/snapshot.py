@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from msrr_bullet.collision.clearance import Clearance
+from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     ArenaEstimate,
@@ -178,6 +179,33 @@ def step_histories(
         for step in snapshot.steps:
             histories.setdefault(step.step, []).append((snapshot, step))
     return histories
+
+
+def unit_of_curves(snapshots: Iterable[Snapshot], unit: str | None = None) -> str | None:
+    """Return the unit to which curves over time have to be confined.
+
+    Args:
+        snapshots: Instants of a trial.
+        unit: The unit that is asked for; None for the first one if several are under way at the same time,
+            and for all (None) if not: then their curves follow one another.
+
+    Raises:
+        MsrrError: The unit has no step.
+    """
+    snapshots = list(snapshots)
+    units = list(dict.fromkeys(step.step.unit for snapshot in snapshots for step in snapshot.steps))
+    if unit is not None:
+        if unit not in units:
+            raise MsrrError(f"unit {unit!r} has no step in this run; units with one: {', '.join(units)}")
+        return unit
+    return units[0] if any(len(snapshot.steps) > 1 for snapshot in snapshots) else None
+
+
+def of_unit(snapshots: Iterable[Snapshot], unit: str | None) -> tuple[Snapshot, ...]:
+    """Return the instants of the steps of one unit, with these steps alone; all instants for None."""
+    if unit is None:
+        return tuple(snapshots)
+    return tuple(of for of in (snapshot.of_unit(unit) for snapshot in snapshots) if of.steps)
 
 
 def planned_paths(snapshots: Iterable[Snapshot]) -> list[AssemblyPath]:

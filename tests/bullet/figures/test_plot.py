@@ -11,6 +11,7 @@ from msrr_bullet.cli.exit_codes import BAD_INPUT
 from msrr_bullet.figures.plot import write_plot
 from msrr_bullet.timeline import palette
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.specs.plan import DockStep
 
 
 def test_the_plot_shows_belief_on_truth_and_the_clearance(
@@ -49,3 +50,15 @@ def test_what_cannot_be_plotted_is_refused(short_log, tmp_path, short_run, capsy
     assert run(["plot", str(short_run), "--out", str(tmp_path / "plot.docx")]) == BAD_INPUT
     assert ".png" in capsys.readouterr().err
     assert run(["plot", str(tmp_path)]) == BAD_INPUT
+
+
+def test_units_under_way_at_once_have_curves_of_their_own(short_log, short_snapshots, tmp_path):
+    """Two units at once: without a choice the first is shown, and a unit that has no step is refused."""
+    scene = short_log.header.scene
+    other = replace(short_snapshots[0].steps[0], step=DockStep(unit="b", to="a.rear"))
+    both = [replace(s, steps=(*s.steps, other)) for s in short_snapshots[::10]]
+    first = write_plot(tmp_path / "first.png", scene, both).read_bytes()
+    assert first == write_plot(tmp_path / "a.png", scene, both, unit="a").read_bytes()
+    assert first != write_plot(tmp_path / "b.png", scene, both, unit="b").read_bytes()
+    with pytest.raises(MsrrError, match="unit 'c' has no step in this run; units with one: a, b"):
+        write_plot(tmp_path / "c.png", scene, both, unit="c")
