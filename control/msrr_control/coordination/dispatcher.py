@@ -15,14 +15,12 @@ from msrr_control.coordination.precedence import Lanes
 from msrr_control.coordination.route_finder import RouteFinder, RouteParams
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.tasks import Task, TaskKind, TaskState
+from msrr_control.coordination.waiting_places import WAITING_ROOM_M, waiting_places
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import UnitState
-
-#: Distance of a waiting place from lanes, tracks and other units [m], and the grid of such places [m].
-_WAITING_ROOM_M, _WAITING_GRID_M = 0.36, 0.25
 
 #: Number of other units that are tried when the assigned one finds no route, and of waiting places.
 _SWAPS, _WAITING_PLACES = 2, 4
@@ -270,9 +268,11 @@ class Dispatcher:
 
     def _evade(self, unit: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
         """Send a unit to a waiting place; return whether it goes."""
-        places = self._waiting_places(unit, tasks)
+        open_poses = [X for X in (self.pose_of(task, tasks) for task in tasks.open) if X is not None]
+        others = [u for u in self._units.values() if u.name != unit.name and u.X_WU is not None]
+        places = waiting_places(self._know.lanes, self._know.finder.box, open_poses, others, self.obstacles)
         distance = np.hypot(places[:, 0] - unit.pose.x, places[:, 1] - unit.pose.y)
-        nearest = [k for k in np.argsort(distance, kind="stable").tolist() if distance[k] > _WAITING_ROOM_M]
+        nearest = [k for k in np.argsort(distance, kind="stable").tolist() if distance[k] > WAITING_ROOM_M]
         for k in nearest[:_WAITING_PLACES]:
             x, y = places[k].tolist()
             yaw = math.atan2(y - unit.pose.y, x - unit.pose.x)
@@ -281,30 +281,6 @@ class Dispatcher:
                 unit.reason = "makes way"
                 return True
         return False
-
-    def _waiting_places(self, unit: UnitRecord, tasks: TaskList) -> Array:
-        """Return points where a unit is in nobody's way, shape (N, 2) [m]."""
-        x0, x1, y0, y1 = self._know.finder.box
-        edge = self._know.lanes.spec.border_m + self._know.lanes.body.offset
-        xs = np.arange(x0 + edge, x1 - edge + 1e-9, _WAITING_GRID_M)
-        ys = np.arange(y0 + edge, y1 - edge + 1e-9, _WAITING_GRID_M)
-        points = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
-        keep: list[Array] = []
-        for task in tasks.open:
-            X_WE = self.pose_of(task, tasks)
-            if X_WE is not None:
-                back = np.linspace(0.0, self._know.lanes.length, 8)
-                keep.append(X_WE.act(np.stack([-back, np.zeros_like(back)], axis=-1)))
-        for other in self._units.values():
-            if other.name != unit.name and other.X_WU is not None:
-                keep.append(other.pose.translation[None])
-                if other.under_way and other.track is not None:
-                    keep.append(other.track.poses[:, :2])
-        keep += [o.X_WB.translation[None] for o in self.obstacles]
-        taken = np.concatenate(keep) if keep else np.zeros((0, 2))
-        apart = np.hypot(*np.moveaxis(points[:, None] - taken[None], -1, 0)).min(axis=1, initial=math.inf)
-        free: Array = points[apart > _WAITING_ROOM_M]
-        return free
 
 
 def _on(other: UnitRecord, unit: UnitRecord) -> bool:

@@ -7,7 +7,6 @@ from typing import Generic
 
 from msrr_control.coordination.authority import MovementAuthority
 from msrr_control.path_following.law import PathFollowingLaw, State
-from msrr_control.planning.free_space import Disc
 from msrr_control.planning.route import ArenaMap
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.sequence.observation import GiveUp, Observation
@@ -16,7 +15,7 @@ from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
-from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
+from msrr_scenes.messages import AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
 from msrr_scenes.messages.coordination import Authority, LegKind
 
 #: Speed below which a unit stands still [m/s], [rad/s].
@@ -97,7 +96,7 @@ class GuidedAssembler(Generic[State]):
             self._unseen_ns = None
             if self._follower.started:
                 self._follower.restart(estimate.own.X_WB, observation.twist, now)
-        arena = self._map(estimate)
+        arena = self._setup.map_of(estimate)
         legs = self.authority.legs
         for _ in range(len(legs) + 1):  # a leg with nothing left is passed in the same instant
             if self._leg is None and not self._begin_next(arena, now):
@@ -214,14 +213,6 @@ class GuidedAssembler(Generic[State]):
         if waited > self._watch.lost_s:
             return GiveUp(FailureReason.NOT_LOCALISED, f"not localised for {waited:.1f} s")
         return STILL
-
-    def _map(self, estimate: ArenaEstimate) -> ArenaMap:
-        radius = self._setup.unit_radius
-        units = tuple(
-            Disc(unit.name, unit.X_WB.x, unit.X_WB.y, radius[unit.name])
-            for unit in (estimate.target, *estimate.others)
-        )
-        return ArenaMap(estimate.own.X_WB, estimate.target.X_WB @ self._setup.X_TD, units, estimate.obstacles)
 
     def _report(self, observation: Observation) -> None:
         if observation.arena is None:

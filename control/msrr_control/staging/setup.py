@@ -8,8 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from msrr_control.planning.free_space import Disc
+from msrr_control.planning.route import ArenaMap
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import ArenaEstimate
 from msrr_scenes.specs import ArenaSpec, Scene
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -75,6 +78,14 @@ class AssemblySetup:
             return x0, x1, y0, y1
         u0, u1, v0, v1 = self.in_view
         return max(x0, u0), min(x1, u1), max(y0, v0), min(y1, v1)
+
+    def map_of(self, estimate: ArenaEstimate) -> ArenaMap:
+        """Return the map in which routes are planned and driven."""
+        units = tuple(
+            Disc(unit.name, unit.X_WB.x, unit.X_WB.y, self.unit_radius[unit.name])
+            for unit in (estimate.target, *estimate.others)
+        )
+        return ArenaMap(estimate.own.X_WB, estimate.target.X_WB @ self.X_TD, units, estimate.obstacles)
 
     def check(self, cruise_mps: float, widest_obstacle_m: float, border_m: float) -> None:
         """Refuse facts that cannot work wherever units and obstacles stand.

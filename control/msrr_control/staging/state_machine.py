@@ -23,7 +23,6 @@ from enum import Enum
 from typing import Generic, NamedTuple
 
 from msrr_control.path_following.law import PathFollowingLaw, State
-from msrr_control.planning.free_space import Disc
 from msrr_control.planning.route import ArenaMap
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.sequence.observation import GiveUp, Observation
@@ -32,7 +31,7 @@ from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import wrap_angle
-from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
+from msrr_scenes.messages import AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
 
 #: Speeds below which the unit stands still [m/s], [rad/s], and the longest wait for it [s].
 _STILL_MPS, _STILL_RADPS, _BRAKE_S = 0.02, 0.08, 1.5
@@ -128,7 +127,7 @@ class LongDistanceAssembler(Generic[State]):
             self._unseen_ns = None
             if self._follower.started:
                 self._follower.restart(estimate.own.X_WB, observation.twist, now)
-        arena = self._map(estimate)
+        arena = self._setup.map_of(estimate)
         for _ in range(2 * len(AssemblyState)):  # a state with nothing to do is passed in the same instant
             if self._since_ns is None:
                 self._since_ns = now
@@ -278,15 +277,6 @@ class LongDistanceAssembler(Generic[State]):
 
     def _time_in_state(self, now: int) -> float:
         return 0.0 if self._since_ns is None else seconds(now - self._since_ns)
-
-    def _map(self, estimate: ArenaEstimate) -> ArenaMap:
-        """Return the map in which routes are planned."""
-        radius = self._setup.unit_radius
-        units = tuple(
-            Disc(unit.name, unit.X_WB.x, unit.X_WB.y, radius[unit.name])
-            for unit in (estimate.target, *estimate.others)
-        )
-        return ArenaMap(estimate.own.X_WB, estimate.target.X_WB @ self._setup.X_TD, units, estimate.obstacles)
 
     def _report(self, observation: Observation) -> None:
         if observation.arena is None:

@@ -36,7 +36,6 @@ from msrr_scenes.specs.sensors import OdometrySpec
 
 _Measurement = Detections | PoseMeasurement
 
-
 #: Ranges of the parameters. Ten pixels are most of a tag's cell, a unit that is tilted by 30 deg has fallen,
 #: a gate that passes half of all good tags or all of any starves or believes anything, an older measurement
 #: than ten seconds is of another approach, and slip of a metre on a metre is no drive.

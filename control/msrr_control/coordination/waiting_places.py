@@ -1,0 +1,55 @@
+"""Places where a unit waits in nobody's way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.precedence import Lanes
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import ObstacleEstimate
+
+#: Distance of a waiting place from lanes, tracks and other units [m], and the grid of such places [m].
+WAITING_ROOM_M, _GRID_M = 0.36, 0.25
+
+
+def waiting_places(
+    lanes: Lanes,
+    box: tuple[float, float, float, float],
+    docked: Iterable[SE2],
+    others: Iterable[UnitRecord],
+    obstacles: Iterable[ObstacleEstimate],
+) -> Array:
+    """Return the points of a grid that are far enough from whatever is in use.
+
+    Args:
+        lanes: Lanes of the units.
+        box: Where units may be and are seen: x low, x high, y low, y high [m].
+        docked: Poses of the axle at the ends of the open tasks, whose lanes stay free.
+        others: The other units that have been seen.
+        obstacles: Obstacles that have been seen.
+
+    Returns:
+        Points, shape (N, 2) [m].
+    """
+    x0, x1, y0, y1 = box
+    edge = lanes.spec.border_m + lanes.body.offset
+    xs = np.arange(x0 + edge, x1 - edge + 1e-9, _GRID_M)
+    ys = np.arange(y0 + edge, y1 - edge + 1e-9, _GRID_M)
+    points = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+    back = np.linspace(0.0, lanes.length, 8)
+    lane = np.stack([-back, np.zeros_like(back)], axis=-1)
+    keep: list[Array] = [X_WE.act(lane) for X_WE in docked]
+    for other in others:
+        keep.append(other.pose.translation[None])
+        if other.under_way and other.track is not None:
+            keep.append(other.track.poses[:, :2])
+    keep += [obstacle.X_WB.translation[None] for obstacle in obstacles]
+    taken = np.concatenate(keep) if keep else np.zeros((0, 2))
+    apart = np.hypot(*np.moveaxis(points[:, None] - taken[None], -1, 0)).min(axis=1, initial=math.inf)
+    free: Array = points[apart > WAITING_ROOM_M]
+    return free
