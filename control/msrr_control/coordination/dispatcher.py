@@ -82,7 +82,6 @@ class Dispatcher:
         self._order = 0
         self.obstacles: tuple[ObstacleEstimate, ...] = ()
         self.wanted: dict[str, str] = {}
-        self.planned = 0
         self.waits_for_tracks = False  # whether somebody got no route because another one passes by
 
     def dispatch(self, tasks: TaskList, now_ns: int) -> bool:
@@ -213,7 +212,6 @@ class Dispatcher:
         if not clear_of_tracks(unit.pose, unit, others, self._know.lanes.body):
             self.waits_for_tracks = True
             return False
-        self.planned += 1
         leaves = None if unit.holder is None else unit.holder[0]
         track = self._know.finder.find(
             unit.pose,
