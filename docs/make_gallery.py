@@ -143,7 +143,7 @@ def chapter(scene: Scene) -> str:
     if scene.name.startswith(TUNED_PREFIX):
         return TUNED
     spec = scene.cameras.overhead
-    far = [s for s in scene.plan if scene.units[s.unit].pose.frame == "world"]
+    far = [s for s in scene.docks if scene.units[s.unit].pose.frame == "world"]
     if spec is not None and far:
         return FAR
     return NEAR if verdict(scene.name)["outcome"] == Outcome.DOCKED.value else WRONG

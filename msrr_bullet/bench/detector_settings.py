@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -89,8 +89,15 @@ def onboard_candidates(target: TargetModel) -> dict[str, Candidate[PoseEstimate]
     return candidates
 
 
-def overhead_candidates(model: OverheadModel) -> dict[str, Candidate[Mapping[str, GlobalPose]]]:
-    """Return the candidates for the overhead camera, by label."""
+def overhead_candidates(
+    model: OverheadModel, units: Sequence[str]
+) -> dict[str, Candidate[Mapping[str, GlobalPose]]]:
+    """Return the candidates for the overhead camera, by label.
+
+    Args:
+        model: Overhead camera and catalogue of tags.
+        units: Units that matter, the driving one first.
+    """
     frame = model.camera.frame
 
     def windows(
@@ -100,7 +107,7 @@ def overhead_candidates(model: OverheadModel) -> dict[str, Candidate[Mapping[str
         period_s: float = 1.0,
     ) -> Candidate[Mapping[str, GlobalPose]]:
         recording = RecordingDetector(detector or PupilDetector())
-        vision = OverheadVision(model, recording, searcher, policy, search_period_s=period_s)
+        vision = OverheadVision(model, units, recording, searcher, policy, search_period_s=period_s)
         return Candidate(vision, recording)
 
     return {

@@ -65,7 +65,7 @@ def measure_onboard(
     """
     with facing_units(SE2(-0.8, 0.0, 0.0)) as (scene, world):
         spec = with_sensor(scene.cameras.onboard, noise_grey, blur_px)
-        target = TargetModel.from_scene(scene, scene.plan[0])
+        target = TargetModel.from_scene(scene, scene.docks[0])
         rng = stream(seed, "bench/detection/onboard")
         poses = _poses(scene, views, distances_m, rng)
         exposures = _exposures(scene, world, target, spec, poses, seed, rng)
@@ -87,7 +87,7 @@ def _exposures(
     seed: int,
     rng: np.random.Generator,
 ) -> Iterator[LabelledExposure[PoseEstimate]]:
-    step = scene.plan[0]
+    step = scene.docks[0]
     X_WD = world.pose(step.target_unit) @ scene.geometry(step.target_unit).dock_frame(step.target_port)
     renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
     X_WC = SE3()
@@ -118,7 +118,7 @@ def _exposures(
 
 def _poses(scene: Scene, views: int, distances_m: Sequence[float], rng: np.random.Generator) -> Iterator[SE2]:
     """Draw poses X_DU with the target inside the outer cone, from the nearest stratum to the farthest."""
-    step = scene.plan[0]
+    step = scene.docks[0]
     geometry = scene.geometry(step.unit)
     for near, far in pairwise(distances_m):
         missing = views

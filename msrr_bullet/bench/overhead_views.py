@@ -31,8 +31,8 @@ from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 
-#: Name of the scene.
-_SCENE = "two_obstacles"
+#: Name of the scene, and its docking unit and target.
+_SCENE, _UNITS = "two_obstacles", ("a", "b")
 
 #: Exposures of one arrangement; the search for new bodies reads one in ten.
 EXPOSURES = 20
@@ -63,7 +63,7 @@ def measure_overhead(
     """
     scene, spec, model = _load()
     views = _views(scene, model, with_sensor(spec, noise_grey, blur_px), arrangements, exposures, seed)
-    return evaluate(overhead_candidates(model), views, stream(seed, "bench/detection/order"))
+    return evaluate(overhead_candidates(model, _UNITS), views, stream(seed, "bench/detection/order"))
 
 
 def module_sizes() -> tuple[float, float]:
@@ -82,7 +82,7 @@ def _load() -> tuple[Scene, CameraSpec, OverheadModel]:
     spec = scene.cameras.overhead
     if spec is None:
         raise SceneError(f"{_SCENE}: has no overhead camera")
-    return scene, spec, OverheadModel.from_scene(scene, scene.plan[0])
+    return scene, spec, OverheadModel.from_scene(scene, _UNITS)
 
 
 def _views(
@@ -120,7 +120,7 @@ def _drive(
     motion = SE2(_STEP_M, 0.0, _TURN * float(rng.uniform(-1.0, 1.0)))
     localizer = model.localizer()
     for number in range(exposures):
-        world.place(model.own, poses[model.own], (0.0, 0.0))
+        world.place(_UNITS[0], poses[_UNITS[0]], (0.0, 0.0))
         exposure = camera.expose(number * NS_PER_S // 10)
         assert exposure is not None, "this camera loses no frames"
         top = {i: localizer.pixels(tag, poses[tag.name]) for i, tag in model.tags.items()}
@@ -133,7 +133,7 @@ def _drive(
             pose_errors=partial(_pose_errors, localizer, dict(poses)),
             first=number == 0,
         )
-        poses[model.own] = poses[model.own] @ motion
+        poses[_UNITS[0]] = poses[_UNITS[0]] @ motion
 
 
 def _upright(scene: Scene, model: OverheadModel, poses: Mapping[str, SE2]) -> dict[int, Array]:

@@ -209,7 +209,7 @@ def measure_poses(distance_m: float, frames: int, seed: int) -> tuple[RangeRow, 
         for _ in range(frames)
     ]
     with facing_units(starts[0]) as (scene, world):
-        target = TargetModel.from_scene(scene, scene.plan[0])
+        target = TargetModel.from_scene(scene, scene.docks[0])
         spec = scene.cameras.onboard
         sensor = ImageNoise(stream_key(seed, "bench/range/noise"), spec.blur_px, spec.noise_grey)
         X_WD = world.pose("b") @ scene.geometry("b").dock_frame("rear")

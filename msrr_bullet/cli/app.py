@@ -18,6 +18,7 @@ from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, report_error
 from msrr_bullet.cli.options import Overrides, parse_overrides
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.loading.load import load_scene, scene_hash, shipped_scenes
+from msrr_scenes.specs.scene import Scene
 
 app = typer.Typer(
     name="msrr",
@@ -101,10 +102,16 @@ def check(
         except MsrrError as error:
             code = report_error(str(error), BAD_INPUT)
             continue
-        steps = ", then ".join(f"{step.unit}.{step.port} to {step.to}" for step in loaded.plan)
         bodies = f"{len(loaded.units)} units, {len(loaded.obstacles)} obstacles"
-        typer.echo(f"{file}: ok ({bodies}; {steps}; {scene_hash(loaded)})")
+        typer.echo(f"{file}: ok ({bodies}; {_task(loaded)}; {scene_hash(loaded)})")
     raise typer.Exit(code)
+
+
+def _task(scene: Scene) -> str:
+    """Return in words what a scene asks for."""
+    if scene.shape is not None:
+        return f"shape {scene.shape}"
+    return ", then ".join(str(step) for step in scene.plan)
 
 
 app.command()(bench_commands.bench)

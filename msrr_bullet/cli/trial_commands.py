@@ -75,7 +75,7 @@ def dock(
         with status_line(console, f"{loaded.name}: building the world") as show:
 
             def show_progress(progress: Progress) -> None:
-                show(_progress_line(loaded, progress))
+                show(_progress_line(progress))
 
             result = run_trial(
                 loaded, seed, out=folder, viewer=viewer, observer=show_progress, wall_limit_s=wall_limit
@@ -116,13 +116,12 @@ def _report(console: Console, result: TrialResult, folder: Path) -> None:
         typer.echo(f"Made from an earlier run in this folder: {', '.join(older)}")
 
 
-def _progress_line(scene: Scene, progress: Progress) -> str:
-    step = scene.plan[progress.step]
+def _progress_line(progress: Progress) -> str:
     position = ""
     if progress.believed is not None:
         position = f", believed to be {-1000.0 * progress.believed.x:.0f} mm from the target"
     return (
-        f"{step.unit} to {step.to}: {progress.time_s:6.2f} s, attempt {progress.attempt}, "
+        f"{progress.step.unit} to {progress.step.to}: {progress.time_s:6.2f} s, attempt {progress.attempt}, "
         f"{progress.phase.value.replace('_', ' ')}{position}"
     )
 

@@ -34,7 +34,8 @@ from msrr_scenes.messages import (
 
 
 def _situation_rows(record: LogRecord, m: ArenaEstimate) -> Iterator[Row]:
-    bodies: list[tuple[str, GlobalPose | ObstacleEstimate]] = [("own", m.own), ("target", m.target)]
+    bodies: list[tuple[str, GlobalPose | ObstacleEstimate]] = [("own", m.own)]
+    bodies += [("target", m.target)] if m.target is not None else []
     bodies += [("other", body) for body in m.others] + [("obstacle", body) for body in m.obstacles]
     for role, body in bodies:
         radius = body.radius if isinstance(body, ObstacleEstimate) else None

@@ -49,7 +49,7 @@ class DrawingContext:
     @cached_property
     def targets(self) -> Mapping[DockStep, TargetModel]:
         """Model that the docking unit has of its target, for each step of the plan."""
-        return {step: TargetModel.from_scene(self.scene, step) for step in self.scene.plan}
+        return {step: TargetModel.from_scene(self.scene, step) for step in self.scene.docks}
 
 
 @dataclass(frozen=True, eq=False)

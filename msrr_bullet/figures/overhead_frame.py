@@ -96,7 +96,8 @@ def _draw_belief(
         _draw_outline(canvas, perspective, context, snapshot.step.unit, snapshot.estimate, BELIEF, 1)
     if snapshot.situation is None:
         return
-    for other in (snapshot.situation.target, *snapshot.situation.others):
+    target = () if snapshot.situation.target is None else (snapshot.situation.target,)
+    for other in (*target, *snapshot.situation.others):
         _draw_outline(canvas, perspective, context, other.name, other.X_WB, BELIEF, 1)
     avoiding = snapshot.assembly.avoiding if snapshot.assembly else None
     for obstacle in snapshot.situation.obstacles:

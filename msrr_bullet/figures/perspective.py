@@ -130,7 +130,7 @@ class Solids:
 def scene_solids(scene: Scene) -> dict[str, Solids]:
     """Return the solids of every body of a scene by name, without covered tags."""
     hidden = {fault.unit for fault in scene.faults if isinstance(fault, MarkerHidden)}
-    docking = {step.unit for step in scene.plan}
+    docking = {step.unit for step in scene.docks}
     solids = {}
     for index, unit in enumerate(scene.units):
         geometry, colour = scene.geometry(unit), unit_colour(index, unit in docking)

@@ -27,7 +27,7 @@ _AFTER_FAILURE = (Phase.RETREAT, Phase.ASSEMBLE, Phase.HAND_OVER, Phase.FAILED)
 
 def draw_top_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot], title: bool = True) -> None:
     """Draw a trial from above. The limits of the axes are those of :func:`extent`."""
-    docking = {step.unit for step in scene.plan}
+    docking = {step.unit for step in scene.docks}
     last = snapshots[-1]
     for name, X in last.obstacles.items():
         _draw_body(axes, obstacle_parts(scene.obstacles[name]), X, OBSTACLE, 1.0)

@@ -14,7 +14,7 @@ import json
 import math
 import types
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
 from functools import cache
 from typing import Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -160,9 +160,11 @@ def _dataclass_codec(kind: type) -> Codec[Any]:
     parts = [(f.name, codec(hints[f.name])) for f in fields(kind)]
     encoders = [(name, part.encode) for name, part in parts]
     decoders = [(name, part.decode) for name, part in parts]
+    added = {f.name for f in fields(kind) if f.default is not MISSING}
     return Codec(
         lambda value: {name: encode(getattr(value, name)) for name, encode in encoders},
-        lambda value: kind(**{name: decode(value[name]) for name, decode in decoders}),
+        # A field with a default may be missing: older versions did not know it.
+        lambda value: kind(**{n: decode(value[n]) for n, decode in decoders if n in value or n not in added}),
         {
             "title": f"msrr.{log_name(kind)}",
             "type": "object",

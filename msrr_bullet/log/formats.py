@@ -17,6 +17,7 @@ from msrr_bullet.log.records import (
     ClearanceRecord,
     Event,
     FrameLinks,
+    RadioReceipt,
     StartPoses,
     StepStart,
     TruePose,
@@ -43,6 +44,7 @@ from msrr_scenes.messages import (
     SeatSwitches,
     WheelOdometry,
 )
+from msrr_scenes.messages.coordination import Authority, MissionStatus, UnitReport
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +143,7 @@ _FORMATS: dict[type, Format] = {
         *map(_plain, (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, Detections, Exposure)),
         *map(_plain, (Localisation, LosObservation, ArenaEstimate, Action, AssemblyProgress, AssemblyPath)),
         *map(_plain, (Belief, CollisionMonitorState, ClearanceRecord, StepStart, StartPoses)),
+        *map(_plain, (Authority, UnitReport, MissionStatus, RadioReceipt)),
         _well_known(PoseEstimate, "foxglove.PoseInFrame", _estimate_to_foxglove),
         _well_known(GlobalPose, "foxglove.PoseInFrame", _body_to_foxglove),
         _well_known(ObstacleEstimate, "foxglove.PoseInFrame", _body_to_foxglove),

@@ -146,5 +146,5 @@ def scene_frames(scene: Scene) -> FrameLinks:
 
 def step_frames(scene: Scene, start: StepStart) -> FrameLinks:
     """Return the dock frame in which the estimates of a step are given: ``<unit>/target``."""
-    step = scene.plan[start.index]
+    step = start.step(scene)
     return FrameLinks(start.stamp_ns, (FrameLink(step.to, target_frame(start.unit), SE3()),))

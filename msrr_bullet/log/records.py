@@ -13,6 +13,8 @@ from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Exposure, Pixels
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,17 +28,44 @@ class CameraWindow:
 
 @dataclass(frozen=True, slots=True)
 class StepStart:
-    """Start of a step of the plan, with a new :class:`~msrr_bullet.robot.autonomy.Autonomy` on the unit.
+    """Start of a step.
+
+    A unit on its own begins every step with a new :class:`~msrr_bullet.robot.autonomy.Autonomy`.
 
     Attributes:
         stamp_ns: Time.
-        index: Index of the step in the scene's plan.
-        unit: Name of the unit that docks.
+        index: Index of the step: in the scene's plan, or among those that a base station has begun.
+        unit: Name of the unit that docks or undocks.
+        port: Its active port; empty in logs of older versions.
+        to: Port that it docks to or leaves, ``<unit>.<port>``; empty in logs of older versions.
     """
 
     stamp_ns: int
     index: int
     unit: str
+    port: str = ""
+    to: str = ""
+
+    def step(self, scene: Scene) -> DockStep:
+        """Return the step: that of the scene's plan, or one of a base station."""
+        if scene.coordinated:
+            return DockStep(unit=self.unit, port=self.port, to=self.to)
+        return scene.docks[self.index]
+
+
+@dataclass(frozen=True, slots=True)
+class RadioReceipt:
+    """Arrival of a message over the radio.
+
+    Attributes:
+        stamp_ns: Time of arrival.
+        unit: Unit to which an authority is sent, or that reports.
+        number: Number of the authority, or time of the report.
+    """
+
+    stamp_ns: int
+    unit: str
+    number: int
 
 
 @dataclass(frozen=True, slots=True)

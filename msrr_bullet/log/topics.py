@@ -18,6 +18,7 @@ FRAMES = "/frames"
 STEPS = "/plan/step"
 CLEARANCE = "/truth/clearance"
 STARTS = "/truth/start"
+MISSION = "/coordination/mission"
 
 _SENSORS: dict[type, str] = {
     WheelOdometry: "/sensors/{}/odometry",
@@ -56,3 +57,8 @@ situation = "/perception/{}/situation".format
 action, belief = "/control/{}/action".format, "/control/{}/belief".format
 monitor = "/control/{}/collision_monitor".format
 assembly, path = "/control/{}/assembly".format, "/control/{}/path".format
+
+#: Topics of the radio, as functions of the name of a unit: what the base station sends to it, what it
+#: reports, and the arrival of either.
+authority, authority_received = "/radio/{}/authority".format, "/radio/{}/authority_received".format
+report, report_received = "/radio/{}/report".format, "/radio/{}/report_received".format

@@ -3,44 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Generic, TypeVar
 
+from msrr_bullet.base_station.base_station import BASE_STATION, BaseStation
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
-from msrr_bullet.log.records import Event, Level, StepStart
-from msrr_bullet.robot.interface import ObservableRobot
+from msrr_bullet.log.records import Event, Level, RadioReceipt
+from msrr_bullet.robot.interface import CameraReader, LedRobot, ObservableRobot
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.messages import Action, AssemblyPath, Detections, Exposure, Fetch, Pixels, SensorMessage
+from msrr_scenes.messages import (
+    Action,
+    AssemblyPath,
+    Detections,
+    Exposure,
+    Fetch,
+    GlobalPose,
+    Pixels,
+    SensorMessage,
+)
+from msrr_scenes.messages.coordination import Authority, UnitReport
+
+Reader = TypeVar("Reader", bound=CameraReader)
+R = TypeVar("R", bound=ObservableRobot)
 
 
-class RecordedRobot:
-    """A robot whose inputs, actions and estimates are recorded."""
+class RecordedReader(Generic[Reader]):
+    """A program that reads cameras, whose exposures and windows are recorded.
 
-    def __init__(
-        self, robot: ObservableRobot, unit: str, recorder: Recorder, index: int, now_ns: Callable[[], int]
-    ) -> None:
-        """Record the start of a step of the plan.
+    Attributes:
+        program: The program.
+    """
 
-        Args:
-            robot: The robot of the step.
-            unit: Name of the docking unit.
-            recorder: Gets the messages.
-            index: Index of the step in the plan.
-            now_ns: Returns the simulated time [ns].
-        """
-        self._robot = robot
-        self._unit = unit
-        self._recorder = recorder
-        self._now_ns = now_ns
-        self._path: AssemblyPath | None = None
-        recorder.write(topics.STEPS, now_ns(), StepStart(now_ns(), index, unit))
+    def __init__(self, program: Reader, recorder: Recorder, now_ns: Callable[[], int]) -> None:
+        """Bind a program to a recorder; ``now_ns`` returns the simulated time [ns]."""
+        self.program, self._recorder, self._now_ns = program, recorder, now_ns
 
     def uses_camera(self, camera: str) -> bool:
-        """Return whether the robot uses the frames of ``camera`` now."""
-        return self._robot.uses_camera(camera)
+        """Return whether the program uses the frames of ``camera`` now."""
+        return self.program.uses_camera(camera)
 
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
-        """Record an exposure and the windows that the robot fetches from it."""
+        """Record an exposure and the windows that the program fetches from it."""
         self._recorder.write(topics.exposure(exposure.camera), exposure.stamp_ns, exposure)
 
         def fetch_and_record(window: Window) -> Pixels:
@@ -53,29 +57,89 @@ class RecordedRobot:
             self._recorder.window(exposure, window, pixels)
             return pixels
 
-        return self._robot.expose(exposure, fetch_and_record)
+        return self.program.expose(exposure, fetch_and_record)
+
+
+class RecordedRobot(RecordedReader[R]):
+    """A robot whose inputs, actions and estimates are recorded."""
+
+    def __init__(self, robot: R, unit: str, recorder: Recorder, now_ns: Callable[[], int]) -> None:
+        """Bind the robot of a unit to a recorder.
+
+        Args:
+            robot: The robot.
+            unit: Name of the unit.
+            recorder: Gets the messages.
+            now_ns: Returns the simulated time [ns].
+        """
+        super().__init__(robot, recorder, now_ns)
+        self._unit = unit
+        self._path: AssemblyPath | None = None
 
     def receive(self, message: SensorMessage) -> None:
         """Record a message as it arrives."""
         self._recorder.write(topics.sensor(self._unit, message), self._now_ns(), message)
-        self._robot.receive(message)
+        self.program.receive(message)
 
     def step(self, now_ns: int) -> Action:
         """Record the action of one control instant, and the estimates on which it is based."""
-        action = self._robot.step(now_ns)
+        robot = self.program
+        action = robot.step(now_ns)
         self._recorder.write(topics.action(self._unit), now_ns, action)
-        if (estimate := self._robot.estimate) is not None:
+        if (estimate := robot.estimate) is not None:
             self._recorder.write(topics.estimate(self._unit), now_ns, estimate)
-        if (los := self._robot.los) is not None:
+        if (los := robot.los) is not None:
             self._recorder.write(topics.los(self._unit), now_ns, los)
-        if (arena := self._robot.arena) is not None:
+        if (arena := robot.arena) is not None:
             self._recorder.write(topics.situation(self._unit), now_ns, arena)
-        if (monitor := self._robot.monitor) is not None:
+        if (monitor := robot.monitor) is not None:
             self._recorder.write(topics.monitor(self._unit), now_ns, monitor)
-        if (assembly := self._robot.assembly) is not None:
+        if (assembly := robot.assembly) is not None:
             self._recorder.write(topics.assembly(self._unit), now_ns, assembly)
-        if (path := self._robot.path) is not None and path is not self._path:
+        if (path := robot.path) is not None and path is not self._path:
             self._recorder.write(topics.path(self._unit), now_ns, path)
             self._path = path
-        self._recorder.write(topics.belief(self._unit), now_ns, self._robot.belief)
+        self._recorder.write(topics.belief(self._unit), now_ns, robot.belief)
         return action
+
+
+class RecordedLedRobot(RecordedRobot[LedRobot]):
+    """A robot that a base station leads, with what it hears and reports."""
+
+    def authorise(self, authority: Authority) -> None:
+        """Record that an authority has arrived."""
+        now_ns = self._now_ns()
+        receipt = RadioReceipt(now_ns, self._unit, authority.seq)
+        self._recorder.write(topics.authority_received(self._unit), now_ns, receipt)
+        self.program.authorise(authority)
+
+    def report(self, now_ns: int) -> UnitReport:
+        """Record what the robot reports."""
+        report = self.program.report(now_ns)
+        self._recorder.write(topics.report(self._unit), now_ns, report)
+        return report
+
+
+class RecordedBaseStation(RecordedReader[BaseStation]):
+    """A base station whose inputs and outputs are recorded."""
+
+    def receive(self, message: Detections | GlobalPose) -> None:
+        """Record a message of the overhead camera as it arrives, at the base station and at all units."""
+        now_ns = self._now_ns()
+        self._recorder.write(topics.sensor(BASE_STATION, message), now_ns, message)
+        self.program.receive(message, now_ns)
+
+    def hear(self, report: UnitReport) -> None:
+        """Record that a report has arrived."""
+        now_ns = self._now_ns()
+        receipt = RadioReceipt(now_ns, report.unit, report.stamp_ns)
+        self._recorder.write(topics.report_received(report.unit), now_ns, receipt)
+        self.program.receive(report, now_ns)
+
+    def step(self, now_ns: int) -> list[Authority]:
+        """Record how the mission stands, and the authorities that are sent."""
+        authorities = self.program.step(now_ns)
+        self._recorder.write(topics.MISSION, now_ns, self.program.status)
+        for authority in authorities:
+            self._recorder.write(topics.authority(authority.unit), now_ns, authority)
+        return authorities

@@ -196,13 +196,13 @@ class Replayer:
 
     def _start(self, record: LogRecord) -> None:
         start: StepStart = record.message
-        if not 0 <= start.index < len(self._scene.plan):
+        if not 0 <= start.index < len(self._scene.docks):
             raise ReplayError(f"{self._log.path}: step {start.index} is not in the plan of the scene")
         before = self._robots.pop(start.unit, None)
         if before is not None:
             self._report_unlogged_estimates(record, before)
         self._counts["steps"] += 1
-        self._robots[start.unit] = _ReplayedRobot(self._factory(self._scene, self._scene.plan[start.index]))
+        self._robots[start.unit] = _ReplayedRobot(self._factory(self._scene, start.step(self._scene)))
 
     def _note_camera_failure(self, event: Event) -> None:
         """Note that the trial's renderer failed at the next window, which the robot will ask for again."""

@@ -50,7 +50,7 @@ def bullet_figure6(seed: int, replaced: dict[str, str] | None = None) -> Figure6
             "control.delay_compensation": "false",
         }
         scene = load_scene(scene_name, overrides)
-        recorder = SeriesRecorder(scene.plan[-1].unit)
+        recorder = SeriesRecorder(scene.docks[-1].unit)
         contact = Trial(scene, seed, recorder=recorder).run().steps[-1].attempts[0].contact
         first = [i for i in recorder.instants if i.action.attempt == recorder.instants[0].action.attempt]
         approach = DockingSeries.of(first, scene, contact.time_s if contact is not None else None)

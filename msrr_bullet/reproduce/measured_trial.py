@@ -47,7 +47,7 @@ def record_trial(
     # A process that only starts trials elsewhere does not load the simulator.
     from msrr_bullet.trial.trial import Trial
 
-    step = scene.plan[-1]
+    step = scene.docks[-1]
     recorder = SeriesRecorder(step.unit)
     result = Trial(scene, seed, recorder=recorder).run()
     offset = scene.geometry(step.unit).control_offset(step.port)
@@ -62,7 +62,7 @@ def record_trial(
 def _last_contact(scene: Scene, result: TrialResult) -> Contact | None:
     """Return the first pin contact in the last step of the plan; None without one, or if it never began."""
     last = result.steps[-1]
-    return last.contact if last.index == len(scene.plan) - 1 else None
+    return last.contact if last.index == len(scene.docks) - 1 else None
 
 
 def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:

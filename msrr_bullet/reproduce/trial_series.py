@@ -100,7 +100,7 @@ class DockingSeries:
             scene: Scene of the trial.
             until_s: Time of the first contact of the pins [s]; None without one.
         """
-        step = scene.plan[-1]
+        step = scene.docks[-1]
         approaches = [i for i in instants if i.action.phase is Phase.DOCK]
         approaches = [i for i in approaches if {step.unit, step.target_unit} <= set(i.true)]
         if not approaches:

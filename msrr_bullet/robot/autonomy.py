@@ -6,15 +6,19 @@ imports nothing of the simulator, and a replay runs it again from a log.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
-from msrr_bullet.robot.overhead_localizer import OverheadLocalizer
+from msrr_bullet.robot.overhead_localizer import OverheadLocalizer, OverheadReader
+from msrr_bullet.robot.wheel_speed import WheelSpeed
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
 from msrr_control.sequence.observation import Assembler, Observation
 from msrr_control.sequence.state_machine import PhaseMachine
+from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_control.staging.registry import build_assembler
 from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.detection.detector import DETECTORS, Detector
@@ -42,12 +46,10 @@ from msrr_scenes.messages import (
     PoseMeasurement,
     SeatSwitches,
     SensorMessage,
-    Twist,
     WheelOdometry,
-    seconds,
 )
 from msrr_scenes.registry import build
-from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.plan import DockStep, comes_after
 from msrr_scenes.specs.scene import Scene
 
 #: Period with which the onboard camera searches the full frame [frames].
@@ -67,10 +69,17 @@ _CHECK_PERIOD_NS = NS_PER_S
 _CHECK_CENTRE = SE2(0.2, 0.0, 0.0)
 
 
+def other_docks(scene: Scene, step: DockStep) -> list[DockStep]:
+    """Return the docks of a plan that are closed or may close during a step: all but later ones."""
+    return [other for other in scene.docks if other != step and not comes_after(scene.plan, other, step)]
+
+
 class Autonomy:
     """One docking unit during one step of the plan.
 
-    From the scene it takes geometry, calibration, data sheets and the plan, never the poses of bodies.
+    From the scene it takes geometry, calibration, data sheets and the plan, never the poses of bodies. On its
+    own it reads the pictures of the overhead camera itself; led by a base station it gets what the base
+    station reads, and the docks that others have made.
 
     Attributes:
         estimate: Pose estimate on which the last decision was based.
@@ -78,13 +87,23 @@ class Autonomy:
         arena: Estimate of all bodies in the arena on which the last decision was based.
     """
 
-    def __init__(self, scene: Scene, step: DockStep, profiler: Profiler | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        step: DockStep,
+        profiler: Profiler | None = None,
+        *,
+        guided: GuidedAssembler[Any] | None = None,
+        docked: bool = False,
+    ) -> None:
         """Set up the robot for one step.
 
         Args:
             scene: Geometry, data sheets and parameters.
-            step: The step of the plan.
+            step: The step.
             profiler: Measures the time of the collision monitor.
+            guided: Long-distance phase of a unit that a base station leads; None for a unit on its own.
+            docked: Whether the unit is docked already, and is to undock.
 
         Raises:
             UnknownNameError: The scene names an unknown detector, estimator or controller.
@@ -105,20 +124,22 @@ class Autonomy:
         self._los_estimator = LosEstimator(target)
         setup = DockSetup.of(scene, step)
         self._overhead: OverheadLocalizer | None = None
-        self._assembler: Assembler | None = None
+        self._reader: OverheadReader | None = None
+        self._assembler: Assembler | None = guided
         self._monitor: CollisionMonitor | None = None
-        if scene.cameras.overhead is not None:
-            self._overhead = OverheadLocalizer(scene, step, detector)
+        if guided is not None:
+            self._overhead = OverheadLocalizer(scene, step.unit, target, step)
+            self._monitor = CollisionMonitor(scene, step.unit, step)
+        elif scene.cameras.overhead is not None:
+            self._overhead = self._reader = OverheadReader(scene, step, target, detector)
             self._assembler = build_assembler(scene.control.assembly, AssemblySetup.of(scene, step))
-            self._monitor = CollisionMonitor(scene, step)
+            self._monitor = CollisionMonitor(scene, step.unit, step, other_docks(scene, step))
         controller = build_controller(scene.control.docking, setup)
-        self._phases = PhaseMachine(scene.docking, setup, controller, self._assembler)
+        self._phases = PhaseMachine(scene.docking, setup, controller, self._assembler, docked=docked)
         self._profiler = profiler or NullProfiler()
         self._unit = step.unit
         self._onboard = target.camera_name
-        self._wheel_radius, self._track = target.wheel_radius, target.track
-        self._readings: tuple[WheelOdometry, WheelOdometry] | None = None
-        self._last_reading: WheelOdometry | None = None
+        self._speed = WheelSpeed(target.wheel_radius, target.track)
         self._switches: SeatSwitches | None = None
         self._lock: LockFeedback | None = None
         self._now_ns = 0
@@ -145,27 +166,50 @@ class Autonomy:
         """Path that the long-distance phase follows or followed last."""
         return None if self._assembler is None else self._assembler.path
 
+    @property
+    def phase(self) -> Phase:
+        """Phase in which the last decision ended."""
+        return self._phases.phase
+
+    def expect(self, joints: Iterable[DockStep]) -> None:
+        """Expect the units of these docks beside the target."""
+        if self._monitor is not None:
+            self._monitor.expect(joints)
+
+    def undock(self, retreat_m: float) -> None:
+        """Open the lock and back out of the port, from the next decision on.
+
+        Args:
+            retreat_m: Distance between the faces at which to stop [m].
+
+        Raises:
+            MsrrError: The unit has not docked, or it has undocked already.
+        """
+        self._phases.undock(retreat_m)
+        for part in (self._estimator, self._los_estimator, self._vision):
+            part.reset()  # much time may have passed since the unit docked
+
     def uses_camera(self, camera: str) -> bool:
         """Return whether the robot uses the frames of ``camera`` now; other cameras need not expose."""
         if camera == self._onboard:
             return self._phases.phase is not Phase.ASSEMBLE
-        if self._overhead is not None and self._phases.phase is Phase.DOCK:
-            return self._overhead.sees_driving or self._check_is_due()
+        if self._reader is not None and self._phases.phase is Phase.DOCK:
+            return self._reader.sees_driving or self._check_is_due()
         return self._phases.phase in _OVERHEAD_PHASES
 
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
         """Read windows of an exposure and return the detections, which are used only when received."""
         if exposure.camera == self._onboard:
             return self._vision.detect(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
-        if self._overhead is None:
+        if self._reader is None:
             return None
         if self._phases.phase is Phase.DOCK and self.arena is not None:
             if not self._check_is_due():
-                return self._overhead.detect_driving(exposure, fetch)
+                return self._reader.detect_driving(exposure, fetch)
             self._checked_ns = exposure.stamp_ns
-            return self._overhead.detect_near(exposure, self.arena.own.X_WB @ _CHECK_CENTRE, fetch)
+            return self._reader.detect_near(exposure, self.arena.own.X_WB @ _CHECK_CENTRE, fetch)
         self._checked_ns = exposure.stamp_ns
-        return self._overhead.detect(exposure, fetch)
+        return self._reader.detect(exposure, fetch)
 
     def _check_is_due(self) -> bool:
         """Return whether the overhead camera has to check what the onboard camera does not see."""
@@ -176,9 +220,7 @@ class Autonomy:
         match message:
             case WheelOdometry():
                 self._estimator.add_odometry(message)
-                if self._last_reading is not None:
-                    self._readings = (self._last_reading, message)
-                self._last_reading = message
+                self._speed.add(message)
             case Detections() if message.exposure.camera == self._onboard:
                 self._estimator.add_detections(message)
                 self._los_estimator.add_detections(message)
@@ -210,7 +252,7 @@ class Autonomy:
                 los=self.los,
                 switches=self._switches,
                 lock=self._lock,
-                twist=self._twist(),
+                twist=self._speed.twist,
                 arena=self.arena,
                 overhead_exposed_ns=self._overhead.newest_ns if self._overhead else None,
                 monitor=self.monitor,
@@ -220,8 +262,8 @@ class Autonomy:
             # Estimates by the onboard camera from another place are of no use for the next docking phase.
             for part in (self._estimator, self._los_estimator, self._vision):
                 part.reset()
-        if self._overhead is not None and action.phase is Phase.RETREAT and before is not Phase.RETREAT:
-            self._overhead.restart_search()  # an obstacle may have appeared behind the unit
+        if self._reader is not None and action.phase is Phase.RETREAT and before is not Phase.RETREAT:
+            self._reader.restart_search()  # an obstacle may have appeared behind the unit
         return self._limit_by_clearance(action)
 
     def _limit_by_clearance(self, action: Action) -> Action:
@@ -233,13 +275,3 @@ class Autonomy:
             decision = self._monitor.limit(action.twist, self.arena, action.stamp_ns, docking)
         self.monitor = decision.message(self._unit, action.stamp_ns)
         return action if decision.twist is action.twist else replace(action, twist=decision.twist)
-
-    def _twist(self) -> Twist:
-        """Return the velocity measured by the last two encoder readings."""
-        if self._readings is None:
-            return Twist()
-        before, after = self._readings
-        dt = seconds(after.stamp_ns - before.stamp_ns)
-        left = self._wheel_radius * (after.left - before.left) / dt
-        right = self._wheel_radius * (after.right - before.right) / dt
-        return Twist(0.5 * (left + right), (right - left) / self._track)

@@ -7,7 +7,7 @@ know, and it subtracts the uncertainty of the estimates from every clearance.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from msrr_bullet.collision.clearance import Clearance
@@ -16,7 +16,7 @@ from msrr_bullet.collision.locked_group import NEIGHBOUR_MARGIN_M, neighbour_lim
 from msrr_bullet.robot.stopping_trajectory import LocalMap, StoppingTrajectory
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, CollisionMonitorState, MonitorState, Twist
-from msrr_scenes.specs.plan import DockStep, comes_after
+from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 #: Loss of clearance along a trajectory that still counts as none [m]: no more than rounding, because a small
@@ -55,7 +55,7 @@ class MonitorDecision:
 
 
 class CollisionMonitor:
-    """Limits the commands of one docking unit during one step of the plan.
+    """Limits the commands of one unit.
 
     It predicts the trajectory of a unit that brakes as soon as the next command could arrive
     (:class:`~msrr_bullet.robot.stopping_trajectory.StoppingTrajectory`). The smallest clearance along the
@@ -71,19 +71,32 @@ class CollisionMonitor:
     less a margin.
     """
 
-    def __init__(self, scene: Scene, step: DockStep) -> None:
-        """Take shapes, limits, latencies and the plan from the scene; the poses of bodies are not used."""
+    def __init__(
+        self, scene: Scene, unit: str, step: DockStep | None = None, joints: Iterable[DockStep] = ()
+    ) -> None:
+        """Take shapes, limits and latencies from the scene; the poses of bodies are not used.
+
+        Args:
+            scene: The scene.
+            unit: Name of the unit.
+            step: The step in which it docks or leaves its port; None without a target.
+            joints: The other docks that are closed or may close meanwhile.
+        """
+        self._scene, self._step = scene, step
         self._spec = scene.control.guard
-        self._own = step.unit
-        self._target = step.target_unit
+        self._own = unit
         self._model = ClearanceModel.from_scene(scene)
         self._reaches = {unit: scene.geometry(unit).circumradius for unit in scene.units}
         self._reaches |= {name: spec.radius_m for name, spec in scene.obstacles.items()}
         self._trajectory = StoppingTrajectory(scene)
-        # Units of other steps may have docked to the same body or be about to, unless they come later.
-        plan = scene.plan
-        earlier = [other for other in plan if other != step and not comes_after(plan, other, step)]
-        limits = neighbour_limits(scene, self._model, earlier, step)
+        self._close_neighbours: Mapping[str, float] = {}
+        self.expect(joints)
+
+    def expect(self, joints: Iterable[DockStep]) -> None:
+        """Expect the units of these docks beside the target; those of earlier calls no more."""
+        if self._step is None:
+            return
+        limits = neighbour_limits(self._scene, self._model, joints, self._step)
         self._close_neighbours = {n: limit for n, limit in limits.items() if limit < self._spec.stop_m}
 
     def limit(
@@ -109,7 +122,8 @@ class CollisionMonitor:
             return MonitorDecision(twist, None, MonitorState.FREE, math.inf)
         X_WU = self._trajectory.present_pose(arena.own, now_ns)
         close = self._close_neighbours if docking else {}
-        ignored = {self._own, *close, *((self._target,) if docking else ())}
+        target = (self._step.target_unit,) if docking and self._step is not None else ()
+        ignored = {self._own, *close, *target}
         free = self._map(arena, self._reaches.keys() - ignored)
         decision = self._decide_on(twist, free, X_WU, self._spec.slow_m, self._spec.stop_m)
         if not close:

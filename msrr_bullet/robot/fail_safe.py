@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Generic, TypeVar
 
-from msrr_bullet.robot.interface import ObservableRobot
+from msrr_bullet.robot.interface import LedRobot, ObservableRobot
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.messages import (
     Action,
@@ -23,9 +24,13 @@ from msrr_scenes.messages import (
     SensorMessage,
     Twist,
 )
+from msrr_scenes.messages.coordination import Authority, UnitMode, UnitReport
+from msrr_scenes.specs.plan import DockStep
+
+R = TypeVar("R", bound=ObservableRobot)
 
 
-class FailSafeRobot:
+class FailSafeRobot(Generic[R]):
     """Runs a robot until its program fails. From then on it commands a standstill and knows nothing.
 
     What the robot estimates is read once after each decision, so that a trial and its replay, which look at
@@ -42,10 +47,10 @@ class FailSafeRobot:
         belief: Belief of the robot about the outcome of the step.
     """
 
-    def __init__(self, build: Callable[[], ObservableRobot]) -> None:
+    def __init__(self, build: Callable[[], R]) -> None:
         """Build the robot; one that cannot be built for a failure of its program stands still."""
         self._action = Action(0, Phase.ASSEMBLE, attempt=1)
-        self._robot: ObservableRobot | None = None
+        self._robot: R | None = None
         self.failure: ProgramFailedError | None = None
         self.estimate: PoseEstimate | None = None
         self.los: LosObservation | None = None
@@ -92,7 +97,7 @@ class FailSafeRobot:
         self._action = replace(self._action, stamp_ns=now_ns, twist=Twist(), reason=str(self.failure))
         return self._action
 
-    def _decide(self, robot: ObservableRobot, now_ns: int) -> Action:
+    def _decide(self, robot: R, now_ns: int) -> Action:
         action = robot.step(now_ns)
         self.assembly, self.path = robot.assembly, robot.path  # these may fail as well
         self.estimate, self.los, self.arena = robot.estimate, robot.los, robot.arena
@@ -104,3 +109,41 @@ class FailSafeRobot:
         self.failure, self._robot = error, None
         self.estimate = self.los = self.arena = self.monitor = self.assembly = self.path = None
         self.belief = Belief(reason=str(error))
+
+
+class FailSafeLedRobot(FailSafeRobot[LedRobot]):
+    """Runs a robot that a base station leads until its program fails, which it then reports."""
+
+    def __init__(self, unit: str, build: Callable[[], LedRobot]) -> None:
+        """Build the robot of a unit; one that cannot be built for a failure of its program stands still."""
+        self._unit = unit
+        self.route = 0
+        self.dock_step: DockStep | None = None
+        self.leaving = False
+        super().__init__(build)
+
+    @property
+    def active(self) -> bool:
+        """Whether the robot has something to do; one whose program has failed has to come to rest."""
+        return self._robot is None or self._robot.active
+
+    def authorise(self, authority: Authority) -> None:
+        """Pass an authority on."""
+        if self._robot is None:
+            return
+        try:
+            self._robot.authorise(authority)
+        except ProgramFailedError as error:
+            self._stop(error)
+
+    def report(self, now_ns: int) -> UnitReport:
+        """Return the report of the robot, or once its program has failed, that it has."""
+        if self._robot is not None:
+            return self._robot.report(now_ns)
+        reason = str(self.failure)
+        return UnitReport(self._unit, now_ns, 0, self.route, 0.0, UnitMode.FAILED, None, reason=reason)
+
+    def _decide(self, robot: LedRobot, now_ns: int) -> Action:
+        action = super()._decide(robot, now_ns)
+        self.route, self.dock_step, self.leaving = robot.route, robot.dock_step, robot.leaving
+        return action

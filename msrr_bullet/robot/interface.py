@@ -18,21 +18,27 @@ from msrr_scenes.messages import (
     PoseEstimate,
     SensorMessage,
 )
+from msrr_scenes.messages.coordination import Authority, UnitReport
+from msrr_scenes.specs.plan import DockStep
 
 
-class Robot(Protocol):
-    """One docking unit during one step of the plan."""
+class CameraReader(Protocol):
+    """A program that reads the pictures of cameras."""
 
     def uses_camera(self, camera: str) -> bool:
-        """Return whether the robot uses the frames of ``camera`` in its present phase."""
+        """Return whether the program uses the frames of ``camera`` now."""
         ...
 
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
         """Read windows of an exposure through ``fetch`` and return what was detected in them.
 
-        The robot knows the detections only once it receives them, after the latency of the camera.
+        The program knows the detections only once it receives them, after the latency of the camera.
         """
         ...
+
+
+class Robot(CameraReader, Protocol):
+    """The software of one unit."""
 
     def receive(self, message: SensorMessage) -> None:
         """Process a sensor message that arrives now."""
@@ -79,4 +85,36 @@ class ObservableRobot(Robot, Protocol):
     @property
     def belief(self) -> Belief:
         """Belief of the robot about the outcome of the step."""
+        ...
+
+
+class LedRobot(ObservableRobot, Protocol):
+    """A robot that a base station leads, such as :class:`msrr_bullet.robot.guided_unit.GuidedUnit`."""
+
+    @property
+    def active(self) -> bool:
+        """Whether the robot has something to do; else it is on standby and needs no sensors."""
+        ...
+
+    @property
+    def route(self) -> int:
+        """Number of the route that the robot drives or drove last."""
+        ...
+
+    @property
+    def dock_step(self) -> DockStep | None:
+        """Docking or undocking of the present route; None without one."""
+        ...
+
+    @property
+    def leaving(self) -> bool:
+        """Whether the robot is on its way out of a port."""
+        ...
+
+    def authorise(self, authority: Authority) -> None:
+        """Process an authority that arrives now."""
+        ...
+
+    def report(self, now_ns: int) -> UnitReport:
+        """Return what is told to the base station."""
         ...

@@ -1,4 +1,4 @@
-"""Localisation of all bodies in the arena with the overhead camera, on board of a docking unit."""
+"""Localisation of all bodies in the arena with the overhead camera, on board of a unit."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from msrr_perception.detection.detector import Detector
 from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_perception.estimation.global_estimator import GlobalEstimator
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     ArenaEstimate,
@@ -26,46 +27,36 @@ NEAR_HALF_M = 0.5
 
 
 class OverheadLocalizer:
-    """Vision and estimator of the overhead camera during one step of the plan.
+    """Estimator of what the overhead camera sees, for one unit.
 
     Attributes:
         newest_ns: Exposure time of the newest measurement that has arrived; None before the first.
     """
 
-    def __init__(self, scene: Scene, step: DockStep, detector: Detector) -> None:
+    def __init__(self, scene: Scene, unit: str, drive: TargetModel, step: DockStep | None = None) -> None:
         """Set up for a scene that has an overhead camera.
+
+        Args:
+            scene: Calibration, data sheets and tags.
+            unit: Name of the unit.
+            drive: Calibration of its drive.
+            step: The step in which it docks; None for a unit that drives without a target.
 
         Raises:
             SceneError: The scene has no overhead camera, or a unit of the step has no tag for it.
         """
-        model = OverheadModel.from_scene(scene, step)
-        self._vision = OverheadVision(model, detector)
+        needed = (unit,) if step is None else (unit, step.target_unit)
+        self._model = model = OverheadModel.from_scene(scene, needed)
         self._estimator = GlobalEstimator(
-            model, scene.odometry, delay_compensation=scene.control.delay_compensation
+            model,
+            unit,
+            drive,
+            scene.odometry,
+            target=None if step is None else step.target_unit,
+            X_TD=None if step is None else scene.geometry(step.target_unit).dock_frame(step.target_port),
+            delay_compensation=scene.control.delay_compensation,
         )
         self.newest_ns: int | None = None
-
-    def detect(self, exposure: Exposure, fetch: Fetch) -> Detections:
-        """Detect all known bodies in an exposure, and new ones when a search is due."""
-        return self._vision.detect(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
-
-    def detect_near(self, exposure: Exposure, place: SE2, fetch: Fetch) -> Detections:
-        """Detect the bodies in a square of the floor around ``place``, in W, and those that drive."""
-        driving = self._predict_driving(exposure.stamp_ns)
-        return self._vision.detect_near(exposure, place.translation, NEAR_HALF_M, driving, fetch)
-
-    def detect_driving(self, exposure: Exposure, fetch: Fetch) -> Detections:
-        """Detect the bodies that drive."""
-        return self._vision.detect_expected(exposure, self._predict_driving(exposure.stamp_ns), fetch)
-
-    @property
-    def sees_driving(self) -> bool:
-        """Whether a body other than the docking unit was seen to drive and not yet to stand."""
-        return bool(self._estimator.driving())
-
-    def _predict_driving(self, stamp_ns: int) -> dict[str, GlobalPose]:
-        driving = self._estimator.driving()
-        return {n: pose for n, pose in self._estimator.predict(stamp_ns).items() if n in driving}
 
     def receive(self, message: SensorMessage) -> None:
         """Process a sensor message; one that says nothing about the arena changes nothing."""
@@ -86,12 +77,8 @@ class OverheadLocalizer:
                 return
         self.newest_ns = stamp_ns if self.newest_ns is None else max(self.newest_ns, stamp_ns)
 
-    def restart_search(self) -> None:
-        """Search the next exposure for new bodies, however recent the last search was."""
-        self._vision.restart_search()
-
     def estimate(self, now_ns: int, own: PoseEstimate | None) -> ArenaEstimate | None:
-        """Return the estimated poses of all bodies; None before unit and target are known.
+        """Return the estimated poses of all bodies; None before the unit and its target are known.
 
         Args:
             now_ns: Time of the estimate.
@@ -99,3 +86,43 @@ class OverheadLocalizer:
                 overhead camera; None to use the latter.
         """
         return self._estimator.estimate(now_ns, own)
+
+
+class OverheadReader(OverheadLocalizer):
+    """A localizer that reads the pictures of the overhead camera itself, for a unit on its own."""
+
+    def __init__(self, scene: Scene, step: DockStep, drive: TargetModel, detector: Detector) -> None:
+        """Set up for one step of the plan.
+
+        Raises:
+            SceneError: The scene has no overhead camera, or a unit of the step has no tag for it.
+        """
+        super().__init__(scene, step.unit, drive, step)
+        self._vision = OverheadVision(self._model, (step.unit, step.target_unit), detector)
+
+    def detect(self, exposure: Exposure, fetch: Fetch) -> Detections:
+        """Detect all known bodies in an exposure, and new ones when a search is due."""
+        predictions = self._estimator.predict(exposure.stamp_ns)
+        return self._vision.detect(exposure, predictions, fetch)
+
+    def detect_near(self, exposure: Exposure, place: SE2, fetch: Fetch) -> Detections:
+        """Detect the bodies in a square of the floor around ``place``, in W, and those that drive."""
+        driving = self._predict_driving(exposure.stamp_ns)
+        return self._vision.detect_near(exposure, place.translation, NEAR_HALF_M, driving, fetch)
+
+    def detect_driving(self, exposure: Exposure, fetch: Fetch) -> Detections:
+        """Detect the bodies that drive."""
+        return self._vision.detect_expected(exposure, self._predict_driving(exposure.stamp_ns), fetch)
+
+    @property
+    def sees_driving(self) -> bool:
+        """Whether a body other than the docking unit was seen to drive and not yet to stand."""
+        return bool(self._estimator.driving())
+
+    def _predict_driving(self, stamp_ns: int) -> dict[str, GlobalPose]:
+        driving = self._estimator.driving()
+        return {n: pose for n, pose in self._estimator.predict(stamp_ns).items() if n in driving}
+
+    def restart_search(self) -> None:
+        """Search the next exposure for new bodies, however recent the last search was."""
+        self._vision.restart_search()

@@ -56,8 +56,8 @@ class LocalMap:
         self._own = arena.own.name
         self._reaches = reaches
         self.reach = reaches[self._own]
-        others: list[GlobalPose | ObstacleEstimate] = [arena.target, *arena.others, *arena.obstacles]
-        bodies = [b for b in others if b.name in names]
+        others: list[GlobalPose | ObstacleEstimate | None] = [arena.target, *arena.others, *arena.obstacles]
+        bodies = [b for b in others if b is not None and b.name in names]
         self._poses = {b.name: b.X_WB for b in bodies}
         own_variance = _variance(arena.own.covariance, self.reach)
         variances = (_variance(b.covariance, reaches[b.name]) for b in bodies)

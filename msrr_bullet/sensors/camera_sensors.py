@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from msrr_bullet.profiler import Profiler
-from msrr_bullet.robot.interface import Robot
+from msrr_bullet.robot.interface import CameraReader
 from msrr_bullet.sensors.camera import Camera
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Localisation, Pixels, SensorMessage
@@ -26,13 +26,13 @@ class CameraSensor(Protocol):
         """Data sheet of the camera: optics, frame rate, latency, noise."""
         ...
 
-    def capture(self, now_ns: int, robot: Robot) -> tuple[SensorMessage, ...]:
+    def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
         """Expose one frame and return the measurements; none when the frame was lost or shows no tag."""
         ...
 
 
 class RenderedCameraSensor:
-    """A rendered camera, whose pixels the robot reads."""
+    """A rendered camera, whose pixels a program reads."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class RenderedCameraSensor:
         profiler: Profiler,
         error_model: Callable[[Detections], Detections] | None = None,
     ) -> None:
-        """Let the robot read the frames of a camera.
+        """Let a program read the frames of a camera.
 
         Args:
             camera: The rendered camera.
@@ -61,13 +61,13 @@ class RenderedCameraSensor:
         """Data sheet of the camera."""
         return self.camera.spec
 
-    def capture(self, now_ns: int, robot: Robot) -> tuple[SensorMessage, ...]:
-        """Expose one frame, from which the robot fetches windows, and return the detections of the robot."""
+    def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
+        """Expose one frame, from which the reader fetches windows, and return its detections."""
         exposure = self.camera.expose(now_ns)
         if exposure is None:
             return ()
         with self._profiler("perception"):
-            detections = robot.expose(exposure, self._fetch)
+            detections = reader.expose(exposure, self._fetch)
         if detections is None:
             return ()
         return (detections,) if self._error_model is None else (Localisation(self._error_model(detections)),)

@@ -14,6 +14,7 @@ from msrr_bullet.sensors.command_link import CommandLink
 from msrr_bullet.sensors.frame_dropout import FrameDropout
 from msrr_bullet.sensors.localisation_error import LocalisationError
 from msrr_bullet.sensors.parametric_cameras import ParametricOnboardCamera, ParametricOverheadCamera
+from msrr_bullet.sensors.radio import Radio
 from msrr_bullet.sensors.wheel_encoders import WheelEncoders
 from msrr_bullet.simulation.simulation import Simulation, camera_pose
 from msrr_perception.pose.global_pose import overhead_pose
@@ -24,6 +25,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
 from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.mission import RadioSpec
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.sensors import CameraSpec
 
@@ -36,6 +38,7 @@ class Devices:
     Attributes:
         encoders: Wheel encoders by unit.
         links: Command links by unit.
+        radio: Radio between the base station and the units; None without a base station.
     """
 
     def __init__(self, simulation: Simulation, seed: int) -> None:
@@ -50,24 +53,37 @@ class Devices:
         self.links = {
             unit: CommandLink(scene.link, stream(seed, f"unit/{unit}/link")) for unit in scene.units
         }
+        spec = scene.radio or RadioSpec()
+        self.radio = Radio(spec, tuple(scene.units), seed) if scene.coordinated else None
         self._cameras: dict[str, Camera] = {}
         self._dropouts: dict[str, FrameDropout] = {}
         self._generators: dict[str, np.random.Generator] = {}
         self._localisation: LocalisationError | None = None
 
     def cameras(self, step: DockStep, X_DU: Callable[[], SE2], profiler: Profiler) -> list[CameraSensor]:
-        """Return the cameras of a step of the plan: overhead, if the scene has one, and onboard.
+        """Return the cameras of a unit on its own: overhead, if the scene has one, and onboard.
 
         Args:
             step: The step of the plan.
             X_DU: Returns the true pose of the docking unit in the dock frame.
             profiler: Measures the time of rendering and of perception.
         """
-        parametric = self._simulation.scene.perception == "parametric"
-        onboard = self._parametric_onboard(step, X_DU) if parametric else self._onboard(step, profiler)
+        onboard = self.onboard(step, X_DU, profiler)
         if self._simulation.scene.cameras.overhead is None:
             return [onboard]
-        return [self._parametric_overhead() if parametric else self._overhead(step, profiler), onboard]
+        return [self.overhead(profiler, step), onboard]
+
+    def onboard(self, step: DockStep, X_DU: Callable[[], SE2], profiler: Profiler) -> CameraSensor:
+        """Return the onboard camera of the unit of a step; see :meth:`cameras`."""
+        if self._simulation.scene.perception == "parametric":
+            return self._parametric_onboard(step, X_DU)
+        return self._onboard(step, profiler)
+
+    def overhead(self, profiler: Profiler, step: DockStep | None = None) -> CameraSensor:
+        """Return the overhead camera: that of a base station, or of a unit on its own in a step."""
+        if self._simulation.scene.perception == "parametric":
+            return self._parametric_overhead()
+        return self._overhead(step, profiler)
 
     def _onboard(self, step: DockStep, profiler: Profiler) -> CameraSensor:
         scene, plant, unit = self._simulation.scene, self._simulation.plant, step.unit
@@ -75,17 +91,17 @@ class Devices:
         camera = self._camera(f"{unit}/onboard", scene.cameras.onboard, lambda: plant.pose3(unit) @ X_UC)
         return RenderedCameraSensor(camera, profiler)
 
-    def _overhead(self, step: DockStep, profiler: Profiler) -> CameraSensor:
+    def _overhead(self, step: DockStep | None, profiler: Profiler) -> CameraSensor:
         scene = self._simulation.scene
         spec = scene.cameras.overhead
         assert spec is not None, "the scene has an overhead camera"
         X_WC = overhead_pose(spec)
         camera = self._camera(OVERHEAD, spec, lambda: X_WC)
-        if spec.localisation == type(spec.localisation)():
+        if step is None or spec.localisation == type(spec.localisation)():
             return RenderedCameraSensor(camera, profiler)
         error = self._localisation = self._localisation or LocalisationError(spec.localisation, self._seed)
-        model = OverheadModel.from_scene(scene, step)
-        return RenderedCameraSensor(camera, profiler, lambda detections: error.apply(detections, model))
+        model, own = OverheadModel.from_scene(scene, (step.unit, step.target_unit)), step.unit
+        return RenderedCameraSensor(camera, profiler, lambda detections: error.apply(detections, model, own))
 
     def _parametric_onboard(self, step: DockStep, X_DU: Callable[[], SE2]) -> CameraSensor:
         name, spec = f"{step.unit}/onboard", self._simulation.scene.cameras.onboard

@@ -35,16 +35,17 @@ class LocalisationError:
         self._drift = np.zeros(3)
         self._stamp_ns: int | None = None
 
-    def apply(self, detections: Detections, model: OverheadModel) -> Detections:
+    def apply(self, detections: Detections, model: OverheadModel, own: str) -> Detections:
         """Return detections of the overhead camera with moved tags, and without those that drop out.
 
         Exposures have to come in order of time. Tags that belong to no body are not changed.
 
         Args:
             detections: Tags that were detected in one exposure.
-            model: Camera, tags and bodies; only the docking unit has bias and drift.
+            model: Camera, tags and bodies.
+            own: Docking unit, which alone has bias and drift.
         """
-        errors, dropped_tags = self._draw(detections.exposure.stamp_ns, model)
+        errors, dropped_tags = self._draw(detections.exposure.stamp_ns, model, own)
         tags = tuple(
             _moved(model, tag, errors[tag.tag_id]) if tag.tag_id in errors else tag
             for tag in detections.tags
@@ -52,7 +53,7 @@ class LocalisationError:
         )
         return replace(detections, tags=tags)
 
-    def _draw(self, stamp_ns: int, model: OverheadModel) -> tuple[dict[int, Array], frozenset[int]]:
+    def _draw(self, stamp_ns: int, model: OverheadModel, own: str) -> tuple[dict[int, Array], frozenset[int]]:
         """Return the errors (x, y, yaw) in W [m, rad] by tag, each shape (3,), and the tags that drop out."""
         spec = self._spec
         tags = tuple(sorted(model.tags))
@@ -67,8 +68,7 @@ class LocalisationError:
         bias = np.array([spec.bias_x_m, spec.bias_y_m, math.radians(spec.bias_yaw_deg)])
         sigma = np.array([spec.noise_m, spec.noise_m, math.radians(spec.noise_yaw_deg)])
         errors = dict(zip(tags, sigma * noise, strict=True))
-        own = model.tag_of[model.own]
-        errors[own] = errors[own] + bias + self._drift
+        errors[model.tag_of[own]] = errors[model.tag_of[own]] + bias + self._drift
         dropped = uniform < spec.dropout
         return errors, frozenset(tag for tag, drop in zip(tags, dropped, strict=True) if drop)
 

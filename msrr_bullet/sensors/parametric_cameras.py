@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from msrr_bullet.robot.interface import Robot
+from msrr_bullet.robot.interface import CameraReader
 from msrr_bullet.sensors.frame_dropout import FrameDropout
 from msrr_bullet.simulation.simulation import camera_pose
 from msrr_perception.pose.overhead_model import OVERHEAD
@@ -60,7 +60,7 @@ class ParametricOnboardCamera:
         self._sigma_pose = (errors.sigma_xy_m, errors.sigma_xy_m, math.radians(errors.sigma_yaw_deg))
         self._covariance = np.diag([max(sigma, MIN_SIGMA) ** 2 for sigma in self._sigma_pose])
 
-    def capture(self, now_ns: int, robot: Robot) -> tuple[SensorMessage, ...]:
+    def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
         """Draw one measurement; none when the frame was lost or neither edge of the target is in view."""
         frame, lost = self._dropout.next_frame(now_ns)
         noise = self._rng.standard_normal(5).tolist()  # as many for every frame, whatever is seen
@@ -121,7 +121,7 @@ class ParametricOverheadCamera:
         self._sigma = np.array([xy, xy, yaw])
         self._covariance = np.diag(np.maximum(self._sigma, MIN_SIGMA) ** 2)
 
-    def capture(self, now_ns: int, robot: Robot) -> tuple[SensorMessage, ...]:
+    def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
         """Draw one measurement of every body; none when the frame was lost."""
         _, lost = self._dropout.next_frame(now_ns)
         # Errors are drawn for all bodies of the scene, so that the errors do not depend on who has appeared.

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from msrr_bullet.plant.plant import Plant
 from msrr_bullet.profiler import Profiler
-from msrr_bullet.robot.interface import Robot
+from msrr_bullet.robot.interface import CameraReader, Robot
 from msrr_bullet.sensors.camera_sensors import CameraSensor
 from msrr_bullet.sensors.schedule import Delayed, Periodic, duration_ns
 from msrr_bullet.sensors.wheel_encoders import WheelEncoders
@@ -26,25 +26,26 @@ from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 
-class _MountedCamera:
+class MountedCamera:
     """A camera together with its frame timer and its latency queue."""
 
     def __init__(self, sensor: CameraSensor, now_ns: int) -> None:
+        """Start now; the first frame is due at once."""
         self.sensor = sensor
         self._frames = Periodic(sensor.spec.rate_hz, now_ns)
         self._latency_ns = duration_ns(sensor.spec.latency_ms * 1e-3)
         self._queue: Delayed[SensorMessage] = Delayed()
 
-    def tick(self, now_ns: int, robot: Robot) -> list[SensorMessage]:
-        """Capture a frame if one is due and the robot uses it; return the messages that have arrived."""
-        if self._frames.due(now_ns) and robot.uses_camera(self.sensor.name):
-            for message in self.sensor.capture(now_ns, robot):
+    def tick(self, now_ns: int, reader: CameraReader) -> list[SensorMessage]:
+        """Capture a frame if one is due and the reader uses it; return the messages that have arrived."""
+        if self._frames.due(now_ns) and reader.uses_camera(self.sensor.name):
+            for message in self.sensor.capture(now_ns, reader):
                 self._queue.send(now_ns + self._latency_ns, message)
         return self._queue.arrived(now_ns)
 
 
 class SensorSuite:
-    """All sensors of one docking unit.
+    """All sensors of one unit.
 
     Attributes:
         ever_detected: Whether any measurement of the target has arrived.
@@ -53,34 +54,37 @@ class SensorSuite:
     def __init__(
         self,
         scene: Scene,
-        step: DockStep,
+        unit: str,
+        step: DockStep | None,
         plant: Plant,
         encoders: WheelEncoders,
         cameras: Sequence[CameraSensor],
         profiler: Profiler,
     ) -> None:
-        """Start all sensors of ``step.unit`` now.
+        """Start all sensors of a unit now.
 
         Args:
             scene: Rates, faults and the tags of the target.
-            step: The step of the plan.
+            unit: Name of the unit.
+            step: The step in which it docks or undocks; None without a target.
             plant: Source of the true wheel angles, switches and lock positions.
             encoders: Wheel encoders of the unit.
             cameras: Cameras that the unit can read.
             profiler: Measures the time of the odometry and of perception.
         """
         now_ns = plant.now_ns()
-        self._unit = step.unit
+        self._unit = unit
         self._plant = plant
         self._encoders = encoders
         self._encoder_timer = Periodic(scene.odometry.rate_hz, now_ns)
-        self._cameras = [_MountedCamera(camera, now_ns) for camera in cameras]
-        self._onboard = f"{step.unit}/onboard"
-        self._target_tags = frozenset(scene.tag_ids(step.target_unit).values())
+        self._cameras = [MountedCamera(camera, now_ns) for camera in cameras]
+        self._onboard = f"{unit}/onboard"
+        target = None if step is None else step.target_unit
+        self._target_tags = frozenset(() if target is None else scene.tag_ids(target).values())
         self._profiler = profiler
         self._stuck_at: bool | None = None
         for fault in scene.faults:
-            if isinstance(fault, SeatSwitchStuck) and fault.unit == step.target_unit:
+            if isinstance(fault, SeatSwitchStuck) and fault.unit == target:
                 self._stuck_at = fault.value == "closed"
         self._last_switches: tuple[bool, bool] | None = None
         self._last_lock_position: LockPosition | None = None

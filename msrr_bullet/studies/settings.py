@@ -83,7 +83,7 @@ class Setting:
     def dock_setup(self) -> DockSetup:
         """Return the facts of the shipped unit's docking step, under these limits."""
         scene = self.scene
-        return DockSetup.of(scene, scene.plan[0])
+        return DockSetup.of(scene, scene.docks[0])
 
     @property
     def half_fov(self) -> float:

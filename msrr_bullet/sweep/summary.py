@@ -150,7 +150,7 @@ def summarise(
         redraws=sum(r.start_redraws for r in trials),
         steps=tuple(
             _summarise_step(planned, [step for step in steps if step.index == index])
-            for index, planned in enumerate(scene.plan)
+            for index, planned in enumerate(scene.docks)
         ),
         reused=reused,
         failures=tuple(sorted(failures, key=lambda f: f.seed)),

@@ -82,7 +82,7 @@ class _SnapshotReader:
             self.finish_instant()
             self._paths.pop(message.unit, None)
             self._steps.pop(message.unit, None)
-            self._steps[message.unit] = self._scene.plan[message.index]
+            self._steps[message.unit] = message.step(self._scene)
         elif isinstance(message, ClearanceRecord):
             self._clearance = message
         else:

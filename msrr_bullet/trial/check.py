@@ -6,8 +6,10 @@ from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.recorder import NullRecorder
 from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.render import RENDERERS, RenderContext, build_renderer
-from msrr_bullet.trial.docking_step import DockingStep
+from msrr_bullet.trial.coordinated_mission import CoordinatedMission
 from msrr_bullet.trial.environment import open_environment
+from msrr_bullet.trial.mission import begin_planned
+from msrr_bullet.trial.telemetry import Telemetry
 from msrr_control.staging.feasibility import check_assembly, check_time
 from msrr_control.staging.registry import ASSEMBLERS
 from msrr_scenes.errors import MsrrError, ProgramFailedError, SceneError
@@ -42,16 +44,20 @@ def check_trial(scene: Scene) -> None:
 def _check(scene: Scene) -> None:
     check_scene(scene)
     resolve("assembler", scene.control.assembly.name, ASSEMBLERS)
-    check_assembly(scene)
-    check_time(scene)
+    if not scene.coordinated:
+        check_assembly(scene)
+        check_time(scene)
     LogHeader.of(scene, 0, {})
     cameras = [scene.cameras.onboard, *([scene.cameras.overhead] if scene.cameras.overhead else [])]
     for camera in cameras:
         resolve("renderer", camera.renderer.name, RENDERERS)
+    telemetry = Telemetry(NullRecorder())
     placement = draw_placement(scene, lambda name: stream(0, name))
     with open_environment(scene, 0, placement) as environment:
-        for index in in_order(scene.plan):
-            step = DockingStep(environment, index, NullRecorder(), NullProfiler())
+        if scene.coordinated:
+            CoordinatedMission(environment, telemetry, NullProfiler())
+        for index in () if scene.coordinated else in_order(scene.docks):
+            step = begin_planned(environment, index, telemetry, NullProfiler())
             if step.robot.failure is not None:
                 raise step.robot.failure
             environment.locked.add(step.step)

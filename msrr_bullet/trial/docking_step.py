@@ -1,28 +1,30 @@
-"""One step of the plan: the sensors, the robot and the judge of one unit that docks."""
+"""One step: a unit docks or undocks, its judge watches, and what comes of it is kept."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
-from msrr_bullet.log.records import Event, Level
-from msrr_bullet.profiler import Profiler
-from msrr_bullet.replay.recorded_robot import RecordedRobot
-from msrr_bullet.robot.autonomy import Autonomy
+from msrr_bullet.log.records import Event, Level, StepStart
 from msrr_bullet.robot.fail_safe import FailSafeRobot
 from msrr_bullet.sensors.schedule import Periodic, duration_ns
-from msrr_bullet.sensors.sensor_suite import SensorSuite
 from msrr_bullet.timeline.path_following_series import Instant, PathFollowingSeries
 from msrr_bullet.trial.environment import Environment
 from msrr_bullet.trial.judge import Judge
-from msrr_bullet.trial.result import AssemblyFigures, AttemptRecord, Belief, PlanarPose, Seating, StepResult
-from msrr_scenes.messages import Action, Conviction, LockPosition, Phase, Twist, seconds
+from msrr_bullet.trial.result import AssemblyFigures, AttemptRecord, PlanarPose, Seating, StepResult
+from msrr_bullet.trial.result import Belief as BeliefName
+from msrr_bullet.trial.unit_runner import UnitRunner
+from msrr_scenes.messages import Action, Belief, Conviction, LockPosition, Phase, Twist, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.faults import PortPlugged
+from msrr_scenes.specs.plan import DockStep
 
 _FINISHED = frozenset({Phase.DONE, Phase.FAILED})
 
-_BELIEFS: dict[Conviction, Belief] = {
+_BELIEFS: dict[Conviction, BeliefName] = {
     Conviction.DOCKED: "docked",
+    Conviction.UNDOCKED: "undocked",
     Conviction.GAVE_UP: "gave_up",
 }
 
@@ -35,38 +37,53 @@ STOP_TIME_S = 1.5
 
 
 class DockingStep:
-    """One step of the plan: one unit docks to another one.
+    """One step: one unit docks to another one, or undocks from it.
 
-    The mission owns the time. Until the step has ended it calls :meth:`sense`, :meth:`decide` and
-    :meth:`actuate` before every tick of the physics and :meth:`observe` after it.
+    The mission owns the time and lets the robot decide. It calls :meth:`follow` after every decision and
+    :meth:`observe` after every tick of the physics, until the step has ended.
 
     Attributes:
-        index: Index of the step in the plan.
+        index: Index of the step: in the plan, or among those that a base station has begun.
         step: The step.
+        undocks: Whether the unit undocks.
         judge: Judge of the step.
         robot: The robot of the unit.
-        action: Last decision of the robot.
+        runner: Lets the robot sense and act.
         outcome: Outcome; None while the step is under way.
     """
 
-    def __init__(self, environment: Environment, index: int, recorder: Recorder, profiler: Profiler) -> None:
-        """Begin step ``index`` of the scene's plan now."""
+    def __init__(
+        self,
+        environment: Environment,
+        index: int,
+        step: DockStep,
+        robot: FailSafeRobot[Any],
+        runner: UnitRunner,
+        recorder: Recorder,
+        *,
+        undocks: bool = False,
+    ) -> None:
+        """Begin a step now.
+
+        Args:
+            environment: Plant, shapes and locks.
+            index: Index of the step.
+            step: The step; when the unit undocks, the one in which it docked.
+            robot: The robot of the unit.
+            runner: Lets the robot sense and act.
+            recorder: Gets the messages.
+            undocks: Whether the unit undocks.
+        """
         simulation = environment.simulation
         scene, plant = simulation.scene, simulation.plant
-        self._scene, self._plant = scene, plant
-        self._recorder, self._profiler = recorder, profiler
-        self.index = index
-        self.step = step = scene.plan[index]
-        plant.begin_dock(step)
+        self._scene, self._plant, self._recorder = scene, plant, recorder
+        self.index, self.step, self.robot, self.runner, self.undocks = index, step, robot, runner, undocks
+        if not undocks:
+            plant.begin_dock(step)
         self._set_plug(attempt=1)
         self.judge = Judge(simulation, environment.clearance, environment.locked, step)
-        self.robot = FailSafeRobot(lambda: Autonomy(scene, step, profiler))
-        self._recorded = RecordedRobot(self.robot, step.unit, recorder, index, plant.now_ns)
-        devices = environment.devices
-        cameras = devices.cameras(step, self.judge.X_DU, profiler)
-        self._sensors = SensorSuite(scene, step, plant, devices.encoders[step.unit], cameras, profiler)
-        self._link = devices.links[step.unit]
-        self._started_ns = plant.now_ns()
+        now_ns = self._started_ns = plant.now_ns()
+        recorder.write(topics.STEPS, now_ns, StepStart(now_ns, index, step.unit, step.port, step.to))
         self._attempts: list[AttemptRecord] = []
         self._assembly_instants: list[Instant] = []
         self._deadline_ns = duration_ns(scene.time_limit_s)
@@ -75,31 +92,22 @@ class DockingStep:
         self._seating: Seating | None = None
         self._closed = self._engaged = False
         self._pull_test_passed: bool | None = None
-        self.action = Action(plant.now_ns(), Phase.ASSEMBLE, attempt=1)
+        self._belief = Belief()
         self.outcome: Outcome | None = None
 
-    def sense(self, now_ns: int) -> None:
-        """Make the measurements that are due and deliver the messages that have arrived."""
-        self._sensors.tick(now_ns, self._recorded)
+    @property
+    def action(self) -> Action:
+        """Last decision of the robot."""
+        return self.runner.action
 
-    def decide(self, now_ns: int) -> None:
-        """Let the robot decide at a control instant."""
-        last = self.action
-        with self._profiler("control"):
-            self.action = action = self._recorded.step(now_ns)
-        self._link.send(action)
+    def follow(self, last: Action) -> None:
+        """Take note of a decision of the robot; ``last`` is the one before."""
+        action = self.action
         if action.attempt != last.attempt:
             self._attempts.append(self._record(last, action.reason))
             self._set_plug(action.attempt)
         self.judge.decide(action)
         self._collect_assembly(action)
-
-    def actuate(self, now_ns: int) -> None:
-        """Command drive and lock as the newest action says that has arrived over the link."""
-        action = self._link.arrived(now_ns)
-        if action is not None:
-            self._plant.command(self.step.unit, action.twist)
-            self._plant.set_lock(self.step.unit, action.lock)
 
     def observe(self, now_ns: int) -> None:
         """Let the judge observe pins and seat after a tick of the physics."""
@@ -120,7 +128,8 @@ class DockingStep:
             self._end_as_believed()
         elif self.action.phase is Phase.FAILED:
             reason = self.robot.belief.setback
-            self.end(self.judge.verdict_gave_up(reason, self._sensors.ever_detected))
+            gave_up = self.judge.verdict_gave_up(reason, self.runner.ever_detected)
+            self.end(Outcome.STUCK if self.undocks else gave_up)
         elif timed_out:
             self.end(Outcome.TIMEOUT)
         return self.outcome is not None
@@ -133,10 +142,15 @@ class DockingStep:
         self._closed = plant.lock_position(unit) is LockPosition.CLOSED
         self._engaged = plant.lock_engaged(unit)
         plant.command(unit, Twist())
+        self._belief = self.robot.belief
         self.outcome = outcome
 
     def _end_as_believed(self) -> None:
-        """End a step of which the robot believes that it has docked."""
+        """End a step of which the robot believes that it has docked, or undocked."""
+        if self.undocks:
+            parted = self.judge.parted() and not self._plant.lock_engaged(self.step.unit)
+            self.end(Outcome.UNDOCKED if parted else Outcome.STUCK)
+            return
         self.end(Outcome.DOCKED)
         self.outcome = self.judge.verdict_docked(self._seating, self._engaged, pull_passed=True)
 
@@ -160,15 +174,16 @@ class DockingStep:
         deadline_ns = min(plant.now_ns() + duration_ns(_WATCH_S), self._deadline_ns)
         while plant.now_ns() < deadline_ns:
             now_ns = plant.now_ns()
-            self.sense(now_ns)
+            self.runner.sense(now_ns)
             if control.due(now_ns):
-                self._recorded.step(now_ns)
+                self.runner.decide(now_ns)
             plant.step()
+        self._belief = self.robot.belief
 
     def result(self) -> StepResult:
         """Return the result of a step that has ended."""
         assert self.outcome is not None, "the step has ended"
-        belief = self.robot.belief
+        belief = self._belief
         return StepResult(
             index=self.index,
             unit=self.step.unit,
@@ -176,7 +191,7 @@ class DockingStep:
             target=self.step.to,
             outcome=self.outcome,
             belief=_BELIEFS.get(belief.conviction, "undecided"),
-            belief_reason=belief.reason or self.action.reason,
+            belief_reason=belief.reason or self._attempts[-1].reason,
             started_s=seconds(self._started_ns),
             attempts=tuple(self._attempts),
             seating=self._seating,

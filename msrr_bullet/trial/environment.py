@@ -37,6 +37,14 @@ class LockedPairs:
         group.update(*(pair for pair in self.pairs if pair & group))
         self.pairs.update(frozenset(pair) for pair in combinations(sorted(group), 2))
 
+    def remove(self, unit: str) -> None:
+        """Remove the pair that is held by the lock of a unit, which is about to open it."""
+        steps = [step for step in self.steps if step.unit != unit]
+        self.steps.clear()
+        self.pairs.clear()
+        for step in steps:
+            self.add(step)
+
     def opened(self, plant: Plant) -> DockStep | None:
         """Return the first step whose lock no longer holds; None while all hold."""
         return next((step for step in self.steps if not plant.lock_engaged(step.unit)), None)

@@ -110,7 +110,7 @@ class Judge:
         self._X_DT = SE3.from_se2(self.X_TD).inverse()
         self.pair: Pair = frozenset({step.unit, step.target_unit})
         self._neighbour_limits: Mapping[Pair, float] = {}
-        self._known_locks = -1
+        self._known_locks: list[DockStep] = []
         self._attempt = 0
         self._close = False
         self.docking = False
@@ -205,17 +205,18 @@ class Judge:
         close = action.phase in _DOCKING
         self.docking = close or self._close
         self.port = self.port_pose()
-        self._close = close or (self._close and not self._parted())
+        self._close = close or (self._close and not self.parted())
 
     def neighbour_limits(self) -> Mapping[Pair, float]:
         """Return how near the unit may come to the units that are locked to its target while it docks [m]."""
-        if len(self._locked.steps) != self._known_locks:
-            self._known_locks = len(self._locked.steps)
+        if self._locked.steps != self._known_locks:
+            self._known_locks = list(self._locked.steps)
             limits = neighbour_limits(self._scene, self._clearance, self._locked.steps, self.step)
             self._neighbour_limits = {frozenset({self.step.unit, n}): limit for n, limit in limits.items()}
         return self._neighbour_limits
 
-    def _parted(self) -> bool:
+    def parted(self) -> bool:
+        """Return whether the pair is clear of each other."""
         unit, target = self.step.unit, self.step.target_unit
         others = {target: self._plant.pose(target)}
         clearance = self._clearance.nearest(unit, self._plant.pose(unit), others)

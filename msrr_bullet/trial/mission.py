@@ -1,42 +1,50 @@
-"""The mission of a trial: which steps of the plan are under way, and the loop over all of them."""
+"""The loop of a trial over physics, sensors, robots and judges, and the mission of units on their own."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from msrr_bullet.profiler import Profiler
+from msrr_bullet.replay.recorded_robot import RecordedRobot
+from msrr_bullet.robot.autonomy import Autonomy
+from msrr_bullet.robot.fail_safe import FailSafeRobot
 from msrr_bullet.sensors.schedule import Periodic, duration_ns
 from msrr_bullet.trial.arena_judge import ArenaJudge, Safety
 from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.environment import Environment
 from msrr_bullet.trial.result import StepResult
 from msrr_bullet.trial.telemetry import Telemetry
+from msrr_bullet.trial.unit_runner import UnitRunner
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import predecessors
 
 
-class Mission:
-    """Carries out the plan of a scene.
+class Mission(ABC):
+    """A loop in which units sense and act, then the physics advances by one tick.
 
-    A step begins when the steps that it comes after have docked, so that several may be under way at once.
-    All of them sense and act, then the physics advances by one tick. A step that does not dock keeps those
-    after it from beginning and does not disturb the others; what endangers bodies ends the mission.
+    Attributes:
+        outcome: Outcome that is not that of a step: what endangered bodies, or what became of the mission as
+            a whole; None while there is none.
+        ended_ns: Time at which the mission ended, before the locks are pulled.
     """
 
     def __init__(self, environment: Environment, telemetry: Telemetry, profiler: Profiler) -> None:
         """Prepare the mission of the environment's scene."""
         simulation = environment.simulation
         self._environment, self._telemetry, self._profiler = environment, telemetry, profiler
-        self._plant = simulation.plant
-        self._after = predecessors(simulation.scene.plan)
-        self._deadline_ns = duration_ns(simulation.scene.time_limit_s)
-        self._control = Periodic(simulation.scene.control.rate_hz, self._plant.now_ns())
-        self._judge = ArenaJudge(simulation, environment.clearance, environment.locked)
-        self._begun: dict[int, DockingStep] = {}
+        self._scene, self._plant = simulation.scene, simulation.plant
+        self._deadline_ns = duration_ns(self._scene.time_limit_s)
+        self._control = Periodic(self._scene.control.rate_hz, self._plant.now_ns())
+        self._arena = ArenaJudge(simulation, environment.clearance, environment.locked)
+        self._begun: list[DockingStep] = []
         self._active: list[DockingStep] = []
+        self._over = False
+        self.outcome: Outcome | None = None
+        self.ended_ns = 0
 
     def run(self, check_clock: Callable[[], None] = lambda: None) -> tuple[StepResult, ...]:
-        """Run until no step is under way and none may begin; return the results of all that began.
+        """Run until nothing is under way and nothing may begin; return the results of all steps that began.
 
         The locks are pulled at the end, when no unit can be disturbed by it.
 
@@ -44,50 +52,51 @@ class Mission:
             check_clock: Called at every tick; it raises when the trial takes too long on the wall clock.
         """
         plant, profiler = self._plant, self._profiler
-        self._begin_steps()
-        while self._active:
+        while not self._over:
             now_ns = plant.now_ns()
             check_clock()
-            for step in self._active:
-                step.sense(now_ns)
+            self._sense(now_ns)
             # However slow the control is, the last instant is that at which the time is up.
             if self._control.due(now_ns) or now_ns >= self._deadline_ns:
                 self._decide(now_ns)
-                if not self._active:
+                if self._over:
                     break
-            for step in self._active:
-                step.actuate(now_ns)
+            self._actuate(now_ns)
             with profiler("physics"):
                 plant.step()
             with profiler("judge"):
                 for step in self._active:
                     step.observe(plant.now_ns())
-        self._test_locks()
-        return tuple(self._begun[index].result() for index in sorted(self._begun))
+        self.ended_ns = plant.now_ns()
+        for step in self._begun:
+            if step.outcome is Outcome.DOCKED and step.step in self._environment.locked.steps:
+                step.test_lock(self._control)
+                self._telemetry.verdict(plant.now_ns(), step)
+        return tuple(step.result() for step in sorted(self._begun, key=lambda step: step.index))
 
-    def _begin_steps(self) -> None:
-        """Begin every step that comes after docked steps alone."""
-        for index, after in enumerate(self._after):
-            ready = all(i in self._begun and self._begun[i].outcome is Outcome.DOCKED for i in after)
-            if ready and index not in self._begun:
-                step = DockingStep(self._environment, index, self._telemetry.recorder, self._profiler)
-                self._begun[index] = step
-                self._active.append(step)
+    @abstractmethod
+    def _sense(self, now_ns: int) -> None:
+        """Make the measurements that are due and deliver the messages that have arrived."""
 
+    @abstractmethod
     def _decide(self, now_ns: int) -> None:
-        """Let all robots decide, judge the instant, and end and begin steps."""
-        for step in self._active:
-            step.decide(now_ns)
+        """Let robots decide, judge the instant, and end and begin steps."""
+
+    @abstractmethod
+    def _actuate(self, now_ns: int) -> None:
+        """Command drives and locks."""
+
+    def _judge(self, now_ns: int) -> list[DockingStep] | None:
+        """Judge and report an instant; return the steps that have ended, None if the whole mission has."""
         with self._profiler("clearance"):
-            safety = self._judge.check(step.judge for step in self._active)
+            safety = self._arena.check(step.judge for step in self._active)
         for step in self._active:
             if safety.nearest is not None:
                 step.note_clearance(safety.nearest.distance)
-        with self._profiler("log"):
-            self._telemetry.report(self._environment, now_ns, self._active, safety.nearest)
+        self._note(now_ns, safety)
         if safety.outcome is not None:
             self._abort(safety, safety.outcome)
-            return
+            return None
         ended = [step for step in self._active if step.end_if_over(now_ns)]
         for step in ended:
             self._active.remove(step)
@@ -95,25 +104,77 @@ class Mission:
                 self._environment.locked.add(step.step)
             else:
                 self._telemetry.verdict(now_ns, step)
-        if ended:
-            self._begin_steps()
+        return ended
+
+    def _note(self, now_ns: int, safety: Safety) -> None:
+        """Report an instant."""
+        with self._profiler("log"):
+            self._telemetry.report(self._environment, now_ns, self._active, safety.nearest)
 
     def _abort(self, safety: Safety, outcome: Outcome) -> None:
         """End all steps; those whose units are to blame get the outcome."""
         active, self._active = self._active, []
+        self.outcome, self._over = outcome, True
         for step in active:
             step.end(outcome if step.step.unit in safety.units else Outcome.ABORTED)
-        for step in self._begun.values():
+        for step in self._begun:
             if outcome is Outcome.LOCK_FAILED and step.step.unit in safety.units:
                 step.outcome = outcome
-        if not any(step.outcome is outcome for step in self._begun.values()):
+        if active and not any(step.outcome is outcome for step in self._begun):
             active[0].outcome = outcome  # no unit under way is to blame: the first one stands for the trial
-        for step in self._begun.values():
+        for step in self._begun:
             if step.outcome is not Outcome.DOCKED:
                 self._telemetry.verdict(self._plant.now_ns(), step)
 
-    def _test_locks(self) -> None:
-        for step in self._begun.values():
-            if step.outcome is Outcome.DOCKED:
-                step.test_lock(self._control)
-                self._telemetry.verdict(self._plant.now_ns(), step)
+
+class PlannedMission(Mission):
+    """Carries out the plan of a scene by units on their own.
+
+    A step begins when the steps that it comes after have docked, so that several may be under way at once. A
+    step that does not dock keeps those after it from beginning and does not disturb the others; what
+    endangers bodies ends the mission.
+    """
+
+    def __init__(self, environment: Environment, telemetry: Telemetry, profiler: Profiler) -> None:
+        """Begin the first steps of the plan of the environment's scene."""
+        super().__init__(environment, telemetry, profiler)
+        self._after = predecessors(self._scene.docks)
+        self._begin_steps()
+
+    def _begin_steps(self) -> None:
+        """Begin every step that comes after docked steps alone."""
+        outcomes = {step.index: step.outcome for step in self._begun}
+        for index, after in enumerate(self._after):
+            if index not in outcomes and all(outcomes.get(i) is Outcome.DOCKED for i in after):
+                step = begin_planned(self._environment, index, self._telemetry, self._profiler)
+                self._begun.append(step)
+                self._active.append(step)
+
+    def _sense(self, now_ns: int) -> None:
+        for step in self._active:
+            step.runner.sense(now_ns)
+
+    def _decide(self, now_ns: int) -> None:
+        for step in self._active:
+            step.follow(step.runner.decide(now_ns))
+        if self._judge(now_ns):
+            self._begin_steps()
+        self._over = not self._active
+
+    def _actuate(self, now_ns: int) -> None:
+        for step in self._active:
+            step.runner.actuate(now_ns)
+
+
+def begin_planned(
+    environment: Environment, index: int, telemetry: Telemetry, profiler: Profiler
+) -> DockingStep:
+    """Begin a step of the plan with a new robot that is on its own."""
+    simulation, recorder = environment.simulation, telemetry.recorder
+    scene, step = simulation.scene, simulation.scene.docks[index]
+    robot = FailSafeRobot(lambda: Autonomy(scene, step, profiler))
+    recorded = RecordedRobot(robot, step.unit, recorder, simulation.plant.now_ns)
+    runner = UnitRunner(environment, step.unit, recorded, profiler)
+    begun = DockingStep(environment, index, step, robot, runner, recorder)
+    runner.start(step, environment.devices.cameras(step, begun.judge.X_DU, profiler))
+    return begun

@@ -18,7 +18,7 @@ from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import Perception, Plant
 
 #: Belief of the robot about a step when it ended.
-Belief = Literal["docked", "gave_up", "undecided"]
+Belief = Literal["docked", "undocked", "gave_up", "undecided"]
 
 Distance = Annotated[float, Field(ge=0.0)]
 
@@ -191,6 +191,11 @@ class StepResult(_Record):
         return self.outcome is Outcome.DOCKED
 
     @property
+    def succeeded(self) -> bool:
+        """Whether the unit has docked, or undocked where that was the task."""
+        return self.outcome in (Outcome.DOCKED, Outcome.UNDOCKED)
+
+    @property
     def phase(self) -> Phase:
         """Phase at the end."""
         return self.attempts[-1].phase
@@ -206,12 +211,41 @@ class StepResult(_Record):
         return self.attempts[-1].ended_s
 
 
+class MissionFigures(_Record):
+    """The figures of a mission that a base station led.
+
+    Attributes:
+        reason: Why the mission ended.
+        makespan_s: Time of the last lock [s]; None if nobody docked.
+        way_m: Way that each unit has driven [m].
+        parallel_share: Share of the time with any motion in which two units or more moved.
+        messages_sent: Number of messages sent over the radio.
+        messages_lost: Number of messages lost.
+        replans: Number of routes that were planned because an earlier one could not be driven to its end.
+        done: Names of the tasks that are done.
+        given_up: Names of the tasks that were given up.
+        clearances_m: Smallest clearance [m] of each pair ``<body>-<body>`` that was the nearest one at some
+            instant.
+    """
+
+    reason: str
+    makespan_s: Distance | None
+    way_m: dict[str, Distance]
+    parallel_share: Annotated[float, Field(ge=0.0, le=1.0)]
+    messages_sent: int
+    messages_lost: int
+    replans: int
+    done: tuple[str, ...]
+    given_up: tuple[str, ...]
+    clearances_m: dict[str, float]
+
+
 def decisive_step(steps: Sequence[StepResult]) -> StepResult:
-    """Return the first step to end without docking; the last one of the plan if all have docked.
+    """Return the first step to end without success; the last one if all have succeeded.
 
     A step that was aborted decides nothing, for it ended because of another one.
     """
-    failed = [step for step in steps if not step.docked]
+    failed = [step for step in steps if not step.succeeded]
     decisive = [step for step in failed if step.outcome is not Outcome.ABORTED] or failed
     return min(decisive, key=lambda step: step.ended_s, default=steps[-1])
 
@@ -230,7 +264,9 @@ class TrialResult(_Record):
         outcome: Verdict of the judge on the whole plan.
         duration_s: Simulated time [s].
         start_redraws: Number of start poses discarded because the target was outside the outer cone.
-        steps: Result of every step that began, in the order of the plan.
+        steps: Result of every step that began, in the order of the plan, or in which a base station began
+            them.
+        mission: Figures of the mission; None without a base station.
     """
 
     scene: str
@@ -242,12 +278,13 @@ class TrialResult(_Record):
     outcome: Outcome
     duration_s: Distance
     start_redraws: int = Field(default=0, ge=0)
-    steps: tuple[StepResult, ...] = Field(min_length=1)
+    steps: tuple[StepResult, ...]
+    mission: MissionFigures | None = None
 
     @property
     def docked(self) -> bool:
-        """Whether all steps of the plan docked."""
-        return self.outcome is Outcome.DOCKED
+        """Whether all was done: every step of the plan docked, or the mission is complete."""
+        return self.outcome in (Outcome.DOCKED, Outcome.COMPLETE)
 
     @property
     def decisive_step(self) -> StepResult:

@@ -17,6 +17,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, Phase, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import Placement
+from msrr_scenes.specs.plan import DockStep
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +28,7 @@ class Progress:
         time_s: Simulated time [s].
         phase: Phase of the robot.
         attempt: Number of the attempt, from 1.
-        step: Index of the step in the plan, from 0.
+        step: The step.
         believed: Estimate X_DU; None without an estimate.
         true: True X_DU; None before the first step.
         reason: Reason for entering the phase.
@@ -36,7 +37,7 @@ class Progress:
     time_s: float
     phase: Phase
     attempt: int
-    step: int = 0
+    step: DockStep
     believed: SE2 | None = None
     true: SE2 | None = None
     reason: str = ""
@@ -143,7 +144,7 @@ def _progress(step: DockingStep) -> Progress:
         seconds(action.stamp_ns),
         action.phase,
         action.attempt,
-        step.index,
+        step.step,
         _believed(step),
         step.judge.X_DU(),
         action.reason,

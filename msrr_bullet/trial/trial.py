@@ -7,12 +7,15 @@ from collections.abc import Callable
 from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_bullet.timeline.snapshot import Viewer
+from msrr_bullet.trial.coordinated_mission import CoordinatedMission
 from msrr_bullet.trial.environment import open_environment
-from msrr_bullet.trial.mission import Mission
+from msrr_bullet.trial.mission import PlannedMission
 from msrr_bullet.trial.result import StepResult, TrialResult, decisive_step
 from msrr_bullet.trial.telemetry import Progress, Telemetry
 from msrr_bullet.wall_limit import wall_limit
 from msrr_scenes.loading.load import scene_hash
+from msrr_scenes.messages import seconds
+from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import draw_placement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
@@ -61,21 +64,36 @@ class Trial:
     def _run(self, check_clock: Callable[[], None]) -> TrialResult:
         placement = draw_placement(self.scene, lambda name: stream(self.seed, name))
         self._telemetry.begin(placement)
+        mission_class = CoordinatedMission if self.scene.coordinated else PlannedMission
         with open_environment(self.scene, self.seed, placement) as environment:
-            steps = Mission(environment, self._telemetry, self._profiler).run(check_clock)
-            result = self._result(steps, placement.redraws)
+            mission = mission_class(environment, self._telemetry, self._profiler)
+            steps = mission.run(check_clock)
+            result = self._result(mission, steps, placement.redraws)
             self._telemetry.end(environment.simulation.plant.now_ns(), result.outcome)
         return result
 
-    def _result(self, steps: tuple[StepResult, ...], redraws: int) -> TrialResult:
+    def _result(
+        self, mission: PlannedMission | CoordinatedMission, steps: tuple[StepResult, ...], redraws: int
+    ) -> TrialResult:
         return TrialResult(
             scene=self.scene.name,
             scene_hash=scene_hash(self.scene),
             seed=self.seed,
             plant=self.scene.plant,
             perception=self.scene.perception,
-            outcome=decisive_step(steps).outcome,
-            duration_s=max(step.ended_s for step in steps),
+            outcome=_verdict(mission, steps),
+            duration_s=seconds(mission.ended_ns),
             start_redraws=redraws,
             steps=steps,
+            mission=mission.figures() if isinstance(mission, CoordinatedMission) else None,
         )
+
+
+def _verdict(mission: PlannedMission | CoordinatedMission, steps: tuple[StepResult, ...]) -> Outcome:
+    """Return the verdict on a trial: a mission is complete only if no step contradicts it."""
+    if isinstance(mission, PlannedMission) or mission.outcome is None:
+        return decisive_step(steps).outcome
+    wrong = (Outcome.PROGRAM_FAILED, Outcome.FALSE_DOCK, Outcome.LOCK_FAILED)
+    if mission.outcome in (Outcome.COMPLETE, Outcome.INCOMPLETE):
+        return next((step.outcome for step in steps if step.outcome in wrong), mission.outcome)
+    return mission.outcome

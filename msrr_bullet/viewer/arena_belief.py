@@ -81,6 +81,7 @@ def plan_commands(node: str, points: Sequence[tuple[float, float]]) -> Iterator[
 def _other_bodies(snapshot: Snapshot) -> Iterator[GlobalPose | ObstacleEstimate]:
     """Yield the estimates of all bodies except the unit itself."""
     if snapshot.situation is not None:
-        yield snapshot.situation.target
+        if snapshot.situation.target is not None:
+            yield snapshot.situation.target
         yield from snapshot.situation.others
         yield from snapshot.situation.obstacles

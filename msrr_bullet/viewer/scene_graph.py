@@ -66,7 +66,7 @@ class SceneGraph:
         """Read the shapes of the scene. Nothing is drawn yet."""
         self._scene = scene
         self._geometries = {name: scene.geometry(name) for name in scene.units}
-        self._docking = tuple(dict.fromkeys(step.unit for step in scene.plan))
+        self._docking = tuple(dict.fromkeys(step.unit for step in scene.docks))
         self._belief = ArenaBelief(scene)
 
     def build(self) -> Iterator[Command]:

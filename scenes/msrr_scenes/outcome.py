@@ -12,6 +12,10 @@ class Outcome(Enum):
     truth can differ.
     """
 
+    COMPLETE = "complete"  # the base station says that the mission is complete, and nothing contradicts it
+    INCOMPLETE = "incomplete"  # the base station has given up a part of the mission, and says why
+    UNDOCKED = "undocked"  # the lock is open and the unit is clear of the port
+    STUCK = "stuck"  # the unit was to undock and is not clear of the port, or its lock is not open
     DOCKED = "docked"  # seated, locked, the lock held the pull, and the robot says so
     JAMMED = "jammed"  # the pins stopped at the port, too far off its axis to enter
     NOT_SEATED = "not_seated"  # the pins are in line with the holes and did not reach their bottom

@@ -13,6 +13,9 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 
+#: Port by which units dock to others.
+ACTIVE_PORT = "front"
+
 #: Distance below which two corners of an outline count as one [m].
 _SAME_CORNER_M = 1e-6
 
@@ -37,7 +40,7 @@ class Body:
         points = geometry.footprint
         apart = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
         frames = {port: geometry.dock_frame(port) for port in geometry.passive_ports}
-        return cls(points[apart > _SAME_CORNER_M], frames, geometry.control_offset("front"))
+        return cls(points[apart > _SAME_CORNER_M], frames, geometry.control_offset(ACTIVE_PORT))
 
     @cached_property
     def radius(self) -> float:

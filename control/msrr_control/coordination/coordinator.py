@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.coordination.dispatcher import Dispatcher, Knowledge
 from msrr_control.coordination.ledger import Interlock, UnitRecord
 from msrr_control.coordination.mission import Mission, Patience
@@ -293,4 +294,11 @@ class Coordinator:
             legs=unit.track.legs,
             to=None if unit.enters is None else ".".join(unit.enters),
             unlock=unit.unlocks,
+            joints=tuple(
+                (f"{other.name}.{ACTIVE_PORT}", ".".join(port))
+                for other in self._units.values()
+                if other.name != unit.name
+                for port in dict.fromkeys((other.holder, other.enters if other.under_way else None))
+                if port is not None
+            ),
         )

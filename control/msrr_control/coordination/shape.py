@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
-from msrr_control.coordination.bodies import Body
+from msrr_control.coordination.bodies import ACTIVE_PORT, Body
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.specs.mission import Pattern, ShapeSpec
@@ -102,7 +102,7 @@ class Shape:
             port = f"{place.parent}.{place.port}"
             if place.port not in body.dock_frames:
                 passive = ", ".join(body.dock_frames)
-                active = " is the active port and" if place.port == "front" else ""
+                active = " is the active port and" if place.port == ACTIVE_PORT else ""
                 return f"{place.name}: {port}{active} takes nobody; passive ports: {passive}"
             other = taken.setdefault((place.parent, place.port), place.name)
             if other != place.name:

@@ -11,8 +11,7 @@ from msrr_control.coordination.precedence import topological_order
 from msrr_control.coordination.shape import Shape
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.specs.mission import MoveStep, UndockStep
-from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.plan import DockStep, PlanStep, UndockStep
 
 
 class TaskKind(Enum):
@@ -98,10 +97,7 @@ def shape_tasks(
     return tasks
 
 
-Step = DockStep | UndockStep | MoveStep
-
-
-def plan_tasks(steps: Sequence[Step]) -> list[Task]:
+def plan_tasks(steps: Sequence[PlanStep]) -> list[Task]:
     """Return the tasks of an explicit plan, in an order in which they can be granted.
 
     A step without ``after`` comes after the one before it in the plan.
@@ -110,11 +106,11 @@ def plan_tasks(steps: Sequence[Step]) -> list[Task]:
     Raises:
         SceneError: A step comes after one that does not exist, or a ring of steps waits for itself.
     """
-    names = [step.name or f"{_unit(step)}{k + 1}" for k, step in enumerate(steps)]
+    names = [step.label for step in steps]
     previous: dict[str, str] = {}
     tasks: dict[str, Task] = {}
     for k, (step, name) in enumerate(zip(steps, names, strict=True)):
-        unit = _unit(step)
+        unit = step.unit
         named = tuple(names[max(k - 1, 0) : k]) if step.after is None else step.after
         for earlier in named:
             if earlier not in names:
@@ -140,9 +136,3 @@ def plan_tasks(steps: Sequence[Step]) -> list[Task]:
     if isinstance(order, CycleError):
         raise SceneError(f"steps wait for each other in a ring: {', '.join(order.args[1])}")
     return [tasks[name] for name in order]
-
-
-def _unit(step: Step) -> str:
-    if isinstance(step, UndockStep):
-        return step.undock
-    return step.move if isinstance(step, MoveStep) else step.unit

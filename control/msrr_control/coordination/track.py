@@ -24,7 +24,7 @@ _STEP_M = 0.01
 _MERGE_M = 0.2
 
 #: Gap that moving bodies keep from others; near a port, where both are to be near, it is the smaller one [m].
-GAP_M = 0.05
+GAP_M = 0.09
 PORT_GAP_M = 0.02
 
 

@@ -64,6 +64,7 @@ class PhaseMachine:
         controller: Controller,
         assembler: Assembler | None = None,
         tuning: PhaseTuning | None = None,
+        docked: bool = False,
     ) -> None:
         """Begin before the first attempt.
 
@@ -73,10 +74,11 @@ class PhaseMachine:
             controller: Drives from the hand-over to the port.
             assembler: Long-distance phase; None if the unit starts in front of the port.
             tuning: Figures of the mechanism and the sensors.
+            docked: Whether the unit is docked already, and is to undock.
         """
         tuning = tuning if tuning is not None else PhaseTuning()
         self._context = DockingContext(spec, setup, controller, assembler, tuning, 1.0 / setup.rate_hz)
-        self._phase, self._reason = Phase.ASSEMBLE, "start"
+        self._phase, self._reason = (Phase.DONE if docked else Phase.ASSEMBLE), "start"
         self._entered = False
 
     @property
@@ -99,8 +101,11 @@ class PhaseMachine:
         """Whether the docking step is over: done or failed."""
         return self._phase in (Phase.DONE, Phase.FAILED)
 
-    def undock(self) -> None:
+    def undock(self, retreat_m: float | None = None) -> None:
         """Open the lock and back out, from the next step on.
+
+        Args:
+            retreat_m: Distance between the faces at which to stop [m]; None takes that of a retreat.
 
         Raises:
             MsrrError: The unit has not docked, or it has undocked already.
@@ -108,6 +113,8 @@ class PhaseMachine:
         # A unit whose belief was lost while it was docked may still hang in its lock.
         if self._phase is not Phase.DONE or self._context.undocking:
             raise MsrrError(f"cannot undock in phase {self._phase.value!r}: the unit is not docked")
+        if retreat_m is not None:
+            self._context.spec = self._context.spec.model_copy(update={"retreat_m": retreat_m})
         self._context.belief, self._context.undocking = Belief(), True
         self._phase, self._reason, self._entered = Phase.RETREAT, "undock", False
 

@@ -34,12 +34,13 @@ def check_assembly(scene: Scene) -> None:
     close_range = close_range_steps(scene)
     placed = nominal_units(scene)
     moved: set[str] = set()
-    for i, step in enumerate(scene.plan):
+    for i, step in enumerate(scene.docks):
         setup = AssemblySetup.of(scene, step)
         if close_range.get(step.unit) is not step:
             setup.check(params.pace.cruise_mps, params.widest_obstacle_m, params.route.border_m)
             if step.target_unit not in moved:
-                end = params.route.handover(placed[step.target_unit] @ setup.X_TD)
+                X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
+                end = params.route.handover(placed[step.target_unit] @ X_TD)
                 bodies = _standing_bodies(scene, step, setup, placed, moved)
                 _check_end(scene, f"plan.{i}", step, setup, end, bodies)
         moved.add(step.unit)
@@ -56,16 +57,16 @@ def check_time(scene: Scene) -> None:
         SceneError: The least times of the steps that follow one another add up to more than the limit.
         ProgramFailedError: A controller of a user's own fails while it is built.
     """
-    if len(scene.plan) == 1:
+    if len(scene.docks) == 1:
         return
     params = route_params(scene.control.assembly)
     close_range = close_range_steps(scene)
     placed = nominal_units(scene)
-    after = predecessors(scene.plan)
+    after = predecessors(scene.docks)
     times: list[float] = []
-    ends: list[float] = [0.0] * len(scene.plan)
-    for index in in_order(scene.plan):
-        step = scene.plan[index]
+    ends: list[float] = [0.0] * len(scene.docks)
+    for index in in_order(scene.docks):
+        step = scene.docks[index]
         setup = DockSetup.of(scene, step)
         promised = promised_speed(build_controller(scene.control.docking, setup))
         approach = promised or scene.limits.v_max_mps

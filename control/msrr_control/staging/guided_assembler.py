@@ -14,7 +14,7 @@ from msrr_control.sequence.states import STILL
 from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
-from msrr_scenes.geometry.se2 import SE2, wrap_angle
+from msrr_scenes.geometry.se2 import wrap_angle
 from msrr_scenes.messages import AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
 from msrr_scenes.messages.coordination import Authority, LegKind
 
@@ -29,10 +29,12 @@ class GuidedAssembler(Generic[State]):
     """Drives the legs of granted routes one after the other; an ``Assembler`` of the phase machine.
 
     It stops where its authority ends, and gives the unit to the close-range phase at the beginning of the
-    dock leg, which is granted whole or not at all.
+    dock leg, which is granted whole or not at all. A leg backwards out of a port is not its matter: it begins
+    after it.
 
     Attributes:
         authority: The newest authority.
+        finished: Whether the unit stands at the end of a route that ends in the open.
         progress: What the unit did at the last instant; None before the first.
         path: Path that is followed or was followed last; None before the first.
         covered: Arc length of the route that the unit has covered [m].
@@ -62,6 +64,7 @@ class GuidedAssembler(Generic[State]):
         self.progress: AssemblyProgress | None = None
         self.path: AssemblyPath | None = None
         self.covered = 0.0
+        self.finished = False
         self._leg: int | None = None  # leg that is being driven
         self._previous_ns: int | None = None
         self._unseen_ns: int | None = None
@@ -71,7 +74,7 @@ class GuidedAssembler(Generic[State]):
     def receive(self, authority: Authority) -> None:
         """Take in an authority; one of another route replaces the route."""
         if self.authority.receive(authority):
-            self._leg, self.covered = None, 0.0
+            self._leg, self.covered, self.finished = None, 0.0, False
             self._follower.drop_route()
 
     def reset(self, reason: str) -> None:
@@ -107,13 +110,13 @@ class GuidedAssembler(Generic[State]):
             if kind is LegKind.DOCK:
                 self._stage = "settle"
                 return None if limit >= legs[self._leg].end - 1e-9 and self._rests(observation) else STILL
-            act = {LegKind.TURN: self._turn, LegKind.BACK: self._back, LegKind.PATH: self._drive}[kind]
+            act = {LegKind.TURN: self._turn, LegKind.PATH: self._drive}[kind]
             twist = act(observation, arena, limit)
             if twist is not None:
                 return twist
             self.covered = legs[self._leg].end
             if self._leg + 1 == len(legs):
-                self._stage, self._reason = "settle", "at the end of the route"
+                self._stage, self._reason, self.finished = "settle", "at the end of the route", True
                 return STILL
             self._begin(self._leg + 1, arena, now)
         return STILL
@@ -123,7 +126,13 @@ class GuidedAssembler(Generic[State]):
         if not self.authority.legs:
             self._stage, self._reason = "plan", "waits for an authority"
             return False
-        self._begin(0, arena, now)
+        legs = self.authority.legs
+        first = 1 if legs[0].kind is LegKind.BACK else 0
+        if first == len(legs):
+            self._stage, self._reason, self.finished = "settle", "at the end of the route", True
+            return False
+        self.covered = self._start_of(first)
+        self._begin(first, arena, now)
         return True
 
     def _begin(self, index: int, arena: ArenaMap, now: int) -> None:
@@ -157,19 +166,6 @@ class GuidedAssembler(Generic[State]):
             self.params.turn_per_s * min(abs(error), allowed), 0.7 * self._setup.limits.w_max_radps, 1.0
         )
         return Twist(0.0, math.copysign(speed, error))
-
-    def _back(self, observation: Observation, arena: ArenaMap, limit: float) -> Twist | None:
-        """Drive straight backwards."""
-        assert self._leg is not None
-        leg, begin = self.authority.legs[self._leg], self._start_of(self._leg)
-        self._stage = "drive"
-        X = SE2(*leg.start).inverse() @ arena.X_WU
-        self.covered = max(self.covered, min(begin - X.x, leg.end))
-        rest = min(leg.end, limit) - self.covered
-        if leg.end - self.covered < 0.01 and abs(observation.twist.v) < _STILL_MPS:
-            return None
-        v = min(self._setup.limits.v_close_mps, self.authority.speed(observation.now_ns, self.covered, 0.0))
-        return Twist(-v if rest > 0.003 else 0.0, -2.0 * X.yaw + 4.0 * X.y)
 
     def _drive(self, observation: Observation, arena: ArenaMap, limit: float) -> Twist | None:
         """Follow the path of the leg, and come to rest where the authority or the path ends."""

@@ -11,6 +11,7 @@ from msrr_control.parameters import read_params
 from msrr_control.path_following.c1 import C1PathFollowingLaw
 from msrr_control.path_following.c2 import C2PathFollowingLaw
 from msrr_control.sequence.observation import Assembler, GiveUp
+from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_control.staging.parameters import AssemblyParams, C2AssemblyParams, RouteFollowingParams
 from msrr_control.staging.setup import AssemblySetup
 from msrr_control.staging.state_machine import LongDistanceAssembler
@@ -31,6 +32,30 @@ def c2(setup: AssemblySetup, **params: Any) -> Assembler:
     """Build the long-distance phase of C2, our reading of the paper's comparison."""
     checked = read_params("assembler 'c2'", C2AssemblyParams, params)
     return LongDistanceAssembler(checked, setup, C2PathFollowingLaw(checked, setup.limits, setup.offset))
+
+
+def build_guided(choice: Choice, setup: AssemblySetup, reaction_s: float) -> GuidedAssembler[Any]:
+    """Build the long-distance phase of a unit that a base station leads.
+
+    Args:
+        choice: Name and parameters of the law, as a scene gives them.
+        setup: Fixed facts of the way.
+        reaction_s: Longest time from a state to the effect on the wheels of what is decided on it [s].
+
+    Raises:
+        SceneError: The parameters are wrong, or the law is none of those that a base station can lead.
+    """
+    if choice.name == "c1":
+        c1_params = read_params("assembler 'c1'", AssemblyParams, choice.params)
+        c1_law = C1PathFollowingLaw(c1_params, setup.limits, setup.offset)
+        return GuidedAssembler(c1_params, setup, c1_law, reaction_s)
+    if choice.name == "c2":
+        c2_params = read_params("assembler 'c2'", C2AssemblyParams, choice.params)
+        c2_law = C2PathFollowingLaw(c2_params, setup.limits, setup.offset)
+        return GuidedAssembler(c2_params, setup, c2_law, reaction_s)
+    raise SceneError(
+        f"control.assembly: units that a base station leads drive by 'c1' or 'c2', found {choice.name!r}"
+    )
 
 
 def route_params(choice: Choice) -> RouteFollowingParams | None:

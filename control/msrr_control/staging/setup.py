@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,14 +23,14 @@ Bounds = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class AssemblySetup:
-    """The fixed facts of one docking step, from the units' geometry, the scene and the plan.
+    """The fixed facts of one way, from the units' geometry, the scene and the plan.
 
     Attributes:
-        unit: Name of the docking unit.
-        target: Name of the unit it docks to.
+        unit: Name of the unit that drives.
+        target: Name of the unit it docks to; None if it drives without a target.
         offset: l, distance of the active port's face ahead of the axle [m].
         half_width: Half the width of the docking unit [m].
-        X_TD: Dock frame of the target port in the target's frame U.
+        X_TD: Dock frame of the target port in the target's frame U; None without a target.
         unit_radius: Radius of the circle about every unit's footprint, by name [m].
         obstacle_radius: Radius of the circle about every obstacle's footprint, by name [m].
         arena: Bounds of the arena.
@@ -41,10 +41,10 @@ class AssemblySetup:
     """
 
     unit: str
-    target: str
+    target: str | None
     offset: float
     half_width: float
-    X_TD: SE2
+    X_TD: SE2 | None
     unit_radius: Mapping[str, float]
     obstacle_radius: Mapping[str, float]
     arena: ArenaSpec
@@ -55,17 +55,23 @@ class AssemblySetup:
     @classmethod
     def of(cls, scene: Scene, step: DockStep) -> AssemblySetup:
         """Read the facts of a step of the plan from the scene and the units' URDFs."""
-        geometry = scene.geometry(step.unit)
+        X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
+        return replace(cls.without_target(scene, step.unit, step.port), target=step.target_unit, X_TD=X_TD)
+
+    @classmethod
+    def without_target(cls, scene: Scene, unit: str, port: str) -> AssemblySetup:
+        """Read the facts of a unit that drives without a target; ``port`` is its active port."""
+        geometry = scene.geometry(unit)
         return cls(
-            unit=step.unit,
-            target=step.target_unit,
-            offset=geometry.control_offset(step.port),
+            unit=unit,
+            target=None,
+            offset=geometry.control_offset(port),
             half_width=float(np.abs(geometry.footprint[:, 1]).max()),
-            X_TD=scene.geometry(step.target_unit).dock_frame(step.target_port),
+            X_TD=None,
             unit_radius={u: _radius(scene, u) for u in scene.units},
             obstacle_radius={name: o.radius_m for name, o in scene.obstacles.items()},
             arena=scene.arena,
-            in_view=_bounds_in_view(scene, step.unit),
+            in_view=_bounds_in_view(scene, unit),
             limits=scene.limits,
             rate_hz=scene.control.rate_hz,
         )
@@ -80,12 +86,15 @@ class AssemblySetup:
         return max(x0, u0), min(x1, u1), max(y0, v0), min(y1, v1)
 
     def map_of(self, estimate: ArenaEstimate) -> ArenaMap:
-        """Return the map in which routes are planned and driven."""
+        """Return the map in which routes are planned and driven; without a target it leads nowhere."""
+        target, X_WU = estimate.target, estimate.own.X_WB
         units = tuple(
             Disc(unit.name, unit.X_WB.x, unit.X_WB.y, self.unit_radius[unit.name])
-            for unit in (estimate.target, *estimate.others)
+            for unit in (target, *estimate.others)
+            if unit is not None
         )
-        return ArenaMap(estimate.own.X_WB, estimate.target.X_WB @ self.X_TD, units, estimate.obstacles)
+        X_WD = X_WU if target is None or self.X_TD is None else target.X_WB @ self.X_TD
+        return ArenaMap(X_WU, X_WD, units, estimate.obstacles)
 
     def check(self, cruise_mps: float, widest_obstacle_m: float, border_m: float) -> None:
         """Refuse facts that cannot work wherever units and obstacles stand.

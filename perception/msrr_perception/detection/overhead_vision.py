@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -43,13 +43,13 @@ class OverheadVision:
 
     It reads of an exposure:
 
-    1. Windows around the tags that the predictions expect in view: that of the docking unit in every
+    1. Windows around the tags that the predictions expect in view: those of units that may drive in every
        exposure, those of bodies that had not moved from where they were expected ``settle_after`` times in
        a row only in every ``standing_every``-th. A tag that is not found is read for once more in a wider
        window.
     2. A part of the frame, searched for unknown bodies, so that within ``search_period_s`` the whole frame is
        searched once.
-    3. The full frame, at most every ``missing_period_s``, when the docking unit or its target is unknown or
+    3. The full frame, at most every ``missing_period_s``, when one of the units that matter is unknown or
        missing.
 
     The search only says where to read: a tag that it finds is read again by the detector in a window of its
@@ -63,6 +63,7 @@ class OverheadVision:
     def __init__(
         self,
         model: OverheadModel,
+        units: Sequence[str],
         detector: Detector,
         search_detector: Detector | None = None,
         policy: WindowPolicy = OVERHEAD_POLICY,
@@ -79,6 +80,7 @@ class OverheadVision:
 
         Args:
             model: Overhead camera and catalogue of tags.
+            units: Units that matter, at least one: a docking unit and its target, or all.
             detector: Detector that reads tags from windows.
             search_detector: Detector that finds tags in large parts of the frame; None takes
                 :func:`default_search_detector`.
@@ -86,7 +88,7 @@ class OverheadVision:
             search_period_s: Time within which the whole frame is searched once [s].
             search_parts: Number of parts, searched in turn, that the frame is cut into. They overlap, so one
                 part costs the fewest pixels, and many spread them most evenly.
-            missing_period_s: Shortest time between two full frames while a unit of the step is missing [s].
+            missing_period_s: Shortest time between two full frames while a unit that matters is missing [s].
             standing_every: Period with which bodies that stand still are read [frames].
             settle_after: Number of sightings in a row after which a body counts as standing still.
             retry_widen: Factor on a window's margins when it is read a second time.
@@ -116,7 +118,8 @@ class OverheadVision:
         self._retry_widen = retry_widen
         self._widest = widest_px
         self._stray_px = stray_px
-        self._essential = [model.tag_of[unit] for unit in (model.own, model.target)]
+        self._units = tuple(units)
+        self._essential = [model.tag_of[unit] for unit in self._units]
         self.reset()
 
     def reset(self) -> None:
@@ -133,20 +136,28 @@ class OverheadVision:
         """Search again from the next exposure on, whenever the last search was."""
         self._last_part_ns = self._last_frame_ns = None
 
-    def detect(self, exposure: Exposure, predictions: Mapping[str, GlobalPose], fetch: Fetch) -> Detections:
+    def detect(
+        self,
+        exposure: Exposure,
+        predictions: Mapping[str, GlobalPose],
+        fetch: Fetch,
+        driving: Collection[str] | None = None,
+    ) -> Detections:
         """Read the tags of one exposure.
 
         Args:
             exposure: Exposure to read.
             predictions: Poses at the time of the exposure, by body; bodies that are missing are unknown.
             fetch: Function that returns the pixels of a window of this exposure.
+            driving: Units that may drive, which are read in every exposure; None: the first that matters.
 
         Returns:
             Every tag read, by ascending id, and all windows in the order in which they were fetched.
         """
         reader = FrameReader(fetch)
         expected = self._expected(predictions)
-        due = {i: e for i, e in expected.items() if self._is_due(i, exposure.frame)}
+        driving = self._units[:1] if driving is None else driving
+        due = {i: e for i, e in expected.items() if self._is_due(i, exposure.frame, driving)}
         sigma = np.full((4, 2), self._stray_px / self._policy.sigmas)
         strays = [ExpectedTag(i, pixels, sigma) for i, pixels in self._strays.items()]
         self._read(reader, [*due.values(), *strays])
@@ -175,10 +186,11 @@ class OverheadVision:
             fetch: Function that returns the pixels of a window of this exposure.
 
         Returns:
-            The tags found, also of units of the step where they show in the same windows.
+            The tags found, also of the units that matter where they show in the same windows.
         """
         reader = FrameReader(fetch)
-        window = fitting_window(self.model.square(middle_W, half_m), self.model.camera.frame)
+        square = self.model.square(middle_W, half_m, self._units[0])
+        window = fitting_window(square, self.model.camera.frame)
         if window is not None:
             wanted = self.model.tags.keys() - set(self._essential)
             hints = reader.search(window, self._search_detector)
@@ -202,8 +214,8 @@ class OverheadVision:
         for widen in (1.0, self._retry_widen):
             self._read(reader, [e for i, e in expected.items() if i not in reader.found], widen)
 
-    def _is_due(self, tag_id: int, frame: int) -> bool:
-        if tag_id == self.model.tag_of[self.model.own] or self._settled.get(tag_id, 0) < self._settle_after:
+    def _is_due(self, tag_id: int, frame: int, driving: Collection[str]) -> bool:
+        if self.model.tags[tag_id].name in driving or self._settled.get(tag_id, 0) < self._settle_after:
             return True
         return (frame + tag_id) % self._standing_every == 0
 

@@ -9,23 +9,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
 
-from msrr_perception.estimation.body_track import BodyTrack, Motion, Place, SeenPose, TrackNoise
+from msrr_perception.estimation.arena_tracker import ArenaTracker
+from msrr_perception.estimation.body_track import Place, SeenPose
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.motion import MotionNoise
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
-from msrr_scenes.errors import SceneError
+from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     ArenaEstimate,
     Detections,
     Exposure,
     GlobalPose,
-    ObstacleEstimate,
     PoseEstimate,
     PoseMeasurement,
     WheelOdometry,
@@ -38,20 +36,26 @@ _OWN_MOTION = MotionNoise(slip=3e-4, sideways=2e-4, contact_zone=-math.inf, drif
 
 
 class GlobalEstimator:
-    """Estimates the poses of the docking unit, its target, other units and obstacles in W.
+    """Estimates the poses of a unit that drives, its target, other units and obstacles in W.
 
     A measurement takes effect at the time of its exposure, however late it arrives. Between exposures the
-    wheels move the docking unit, and its covariance grows with the distance driven.
+    wheels move the unit, and its covariance grows with the distance driven.
 
     Attributes:
-        model: Overhead camera and catalogue of tags.
+        unit: Name of the unit whose wheels are known.
+        target: Name of the unit that it docks to; None without a target.
         delay_compensation: Whether :meth:`estimate` returns the pose of now or that of the last exposure.
     """
 
     def __init__(
         self,
         model: OverheadModel,
+        unit: str,
+        drive: TargetModel,
         odometry: OdometrySpec,
+        *,
+        target: str | None = None,
+        X_TD: SE2 | None = None,
         delay_compensation: bool = True,
         gate_probability: float = 0.9999,
         reset_after: int = 5,
@@ -62,11 +66,15 @@ class GlobalEstimator:
 
         Args:
             model: Overhead camera and catalogue of tags.
-            odometry: Data sheet of the docking unit's encoders.
-            delay_compensation: Whether the docking unit's pose is moved from the last exposure up to now.
+            unit: Name of the unit.
+            drive: Calibration of its drive.
+            odometry: Data sheet of its encoders.
+            target: Name of the unit that it docks to; None without a target.
+            X_TD: Dock frame of the target port in the frame of that unit.
+            delay_compensation: Whether the unit's pose is moved from the last exposure up to now.
             gate_probability: Share of good measurements that pass the gate.
-            reset_after: Number of rejected measurements of the docking unit in a row after which its filter
-                starts anew.
+            reset_after: Number of rejected measurements of the unit in a row after which its filter starts
+                anew.
             restart_after: Number of rejected measurements of another body in a row after which its track
                 starts anew.
             horizon_s: Largest delay of a measurement that still counts [s].
@@ -74,13 +82,11 @@ class GlobalEstimator:
         Raises:
             SceneError: A parameter is out of its range.
         """
-        if restart_after < 1:
-            raise SceneError("global estimator: restart_after must be at least 1")
-        self.model = model
+        self.unit, self.target, self._X_TD = unit, target, X_TD
         self.delay_compensation = delay_compensation
-        self._localizer = model.localizer()
+        self._units = model.units
         self._own = CornerEkf(
-            model.target_model,
+            drive,
             odometry,
             delay_compensation=delay_compensation,
             gate_probability=gate_probability,
@@ -88,29 +94,25 @@ class GlobalEstimator:
             horizon_s=horizon_s,
             motion=_OWN_MOTION,
         )
-        self._noise = TrackNoise(
-            model.limits, gate=float(chi2.ppf(gate_probability, 3)), restart_after=restart_after
-        )
+        self._others = ArenaTracker(model, gate_probability, restart_after)
         self.reset()
 
     def reset(self) -> None:
         """Forget every pose, but not the encoder readings."""
         self._own.reset()
-        self._tracks: dict[str, BodyTrack] = {}
+        self._others.reset()
         self._own_place: Place | None = None
-        self._located = False  # whether the docking unit has been seen, so that its pose is known
+        self._located = False  # whether the unit has been seen, so that its pose is known
 
     def add_odometry(self, reading: WheelOdometry) -> None:
         """Add an encoder reading; those of other units change nothing."""
-        if reading.unit == self.model.own:
+        if reading.unit == self.unit:
             self._own.add_odometry(reading)
 
     def add_detections(self, detections: Detections) -> None:
         """Add the tags of one overhead exposure; those of other cameras change nothing."""
-        if detections.exposure.camera == OVERHEAD:
-            for pose in self._localizer.locate(detections):
-                lasting = self._localizer.lasting_share[pose.name] * pose.covariance
-                self._add(SeenPose(replace(pose, covariance=pose.covariance + self.model.noise), lasting))
+        for seen in self._others.located(detections):
+            self._add(seen)
 
     def add_pose(self, pose: GlobalPose) -> None:
         """Add a measured pose whose errors are drawn anew each time, as those of parametric perception."""
@@ -118,43 +120,42 @@ class GlobalEstimator:
 
     def _add(self, seen: SeenPose) -> None:
         pose = seen.pose
-        if pose.name == self.model.own:
-            exposure = Exposure(OVERHEAD, 0, pose.stamp_ns)
-            self._own.add_pose(PoseMeasurement(exposure, pose.X_WB, pose.covariance, (None, None)))
-            self._own_place = self._own_place.after(seen) if self._own_place else Place(seen)
+        if pose.name != self.unit:
+            self._others.add(seen)
             return
-        track = self._tracks.get(pose.name)
-        self._tracks[pose.name] = track.after(seen, self._noise) if track else BodyTrack.at_rest(seen)
+        exposure = Exposure(OVERHEAD, 0, pose.stamp_ns)
+        self._own.add_pose(PoseMeasurement(exposure, pose.X_WB, pose.covariance, (None, None)))
+        self._own_place = self._own_place.after(seen) if self._own_place else Place(seen)
 
     def driving(self) -> frozenset[str]:
-        """Return the bodies other than the docking unit that were seen to drive and not yet to stand."""
-        return frozenset(name for name, t in self._tracks.items() if t.motion is Motion.DRIVES)
+        """Return the bodies other than the unit that were seen to drive and not yet to stand."""
+        return self._others.driving()
 
     def predict(self, stamp_ns: int) -> Mapping[str, GlobalPose]:
         """Return the pose of every known body at an instant, for planning windows."""
         own = self._own.predict(stamp_ns)
-        found = {} if own is None else {self.model.own: self._own_pose(own)}
-        return found | {name: track.pose(stamp_ns, self._noise) for name, track in self._tracks.items()}
+        found = {} if own is None else {self.unit: self._own_pose(own)}
+        return found | self._others.poses(stamp_ns)
 
     def estimate(self, now_ns: int, by_sight: PoseEstimate | None = None) -> ArenaEstimate | None:
-        """Return the estimate for control; None until the docking unit and its target have been seen.
+        """Return the estimate for control; None until the unit and its target, if any, have been seen.
 
         Args:
             now_ns: Current time.
-            by_sight: Pose of the unit in the dock frame by its own camera, which then replaces the docking
-                unit's pose by the overhead camera; None to use the overhead camera.
+            by_sight: Pose of the unit in the dock frame by its own camera, which then replaces its pose by
+                the overhead camera; None to use the overhead camera.
         """
-        if self.model.target not in self._tracks:
+        if self.target is not None and not self._others.knows(self.target):
             return None
         # The filter is not evaluated when its estimate is not used; it continues from its last state.
         above = None if by_sight is not None and self._located else self._own.estimate(now_ns)
         self._located = self._located or above is not None
         if not self._located:
             return None
-        poses = {name: track.pose(now_ns, self._noise) for name, track in self._tracks.items()}
-        target = poses[self.model.target]
-        if by_sight is not None:
-            own = composed_pose(self.model.own, target, self.model.X_TD, by_sight)
+        poses = self._others.poses(now_ns)
+        target = None if self.target is None else poses[self.target]
+        if by_sight is not None and target is not None and self._X_TD is not None:
+            own = composed_pose(self.unit, target, self._X_TD, by_sight)
             last_seen_ns = by_sight.last_seen_ns
         elif above is not None:
             own, last_seen_ns = self._own_pose(above), above.last_seen_ns
@@ -164,28 +165,16 @@ class GlobalEstimator:
             stamp_ns=own.stamp_ns,
             own=own,
             target=target,
-            others=tuple(
-                poses[unit] for unit in self.model.units if unit in poses and unit != self.model.target
-            ),
-            obstacles=tuple(
-                ObstacleEstimate(
-                    name,
-                    self._tracks[name].seen.pose.stamp_ns,
-                    poses[name].X_WB,
-                    poses[name].covariance,
-                    radius,
-                )
-                for name, radius in self.model.obstacle_radius.items()
-                if name in poses
-            ),
+            others=tuple(poses[name] for name in self._units if name in poses and name != self.target),
+            obstacles=self._others.obstacles(poses),
             last_seen_ns=last_seen_ns,
         )
 
     def _own_pose(self, own: PoseEstimate) -> GlobalPose:
         place, covariance = self._own_place, own.covariance
-        if place is not None and place.times >= self._noise.stands_after:
+        if place is not None and place.times >= self._others.noise.stands_after:
             covariance = covariance + place.first.lasting
-        return GlobalPose(self.model.own, own.stamp_ns, own.X_DU, covariance)
+        return GlobalPose(self.unit, own.stamp_ns, own.X_DU, covariance)
 
 
 def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstimate) -> GlobalPose:
@@ -211,11 +200,11 @@ def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstima
     return GlobalPose(name, by_sight.stamp_ns, X_WU, covariance)
 
 
-def pose_in_dock_frame(arena: ArenaEstimate, X_TD: SE2) -> SE2:
+def pose_in_dock_frame(arena: ArenaEstimate, X_TD: SE2) -> SE2 | None:
     """Return the pose X_DU of the docking unit in the dock frame D of the target port.
 
     Args:
-        arena: Estimated poses of both units in the world.
-        X_TD: Dock frame D in the frame of the target unit, as in :attr:`OverheadModel.X_TD`.
+        arena: Estimated poses of the units in the world; None is returned if it knows of no target.
+        X_TD: Dock frame D in the frame of the target unit.
     """
-    return (arena.target.X_WB @ X_TD).inverse() @ arena.own.X_WB
+    return None if arena.target is None else (arena.target.X_WB @ X_TD).inverse() @ arena.own.X_WB

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -12,13 +12,10 @@ import numpy as np
 
 from msrr_perception.pose.corner_errors import CornerErrors
 from msrr_perception.pose.global_pose import FlatTag, GlobalLocalizer, flat_tags, overhead_pose
-from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
-from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -28,7 +25,7 @@ OVERHEAD = "overhead"
 
 @dataclass(frozen=True, eq=False)
 class OverheadModel:
-    """Calibration of the overhead camera and the catalogue of tags, for one step of the plan.
+    """Calibration of the overhead camera and the catalogue of tags.
 
     It holds where a tag is on its body, and never where a body stands.
 
@@ -39,10 +36,6 @@ class OverheadModel:
         obstacle_radius: Obstacle -> radius of the circle about its footprint [m]; also of those that appear
             later.
         units: Names of all units.
-        own: Name of the docking unit.
-        target: Name of the unit that is docked to.
-        X_TD: Dock frame of the target port in the target unit's frame.
-        target_model: Calibration of the docking unit's drive.
         corner_errors: Errors of the corners of tags, by data sheet of the camera.
         limits: Limits of the drive of all units, by data sheet.
         noise: Covariance, shape (3, 3) [m, rad], of global localisation beyond the camera's noise, by data
@@ -54,27 +47,27 @@ class OverheadModel:
     tags: Mapping[int, FlatTag]
     obstacle_radius: Mapping[str, float]
     units: tuple[str, ...]
-    own: str
-    target: str
-    X_TD: SE2
-    target_model: TargetModel
     corner_errors: CornerErrors
     limits: LimitsSpec
     noise: Array
 
     @classmethod
-    def from_scene(cls, scene: Scene, step: DockStep) -> OverheadModel:
+    def from_scene(cls, scene: Scene, needed: Iterable[str]) -> OverheadModel:
         """Build from calibration and data sheets; no pose of a body is read.
 
+        Args:
+            scene: The scene.
+            needed: Units that the camera has to find.
+
         Raises:
-            SceneError: The scene has no overhead camera, or a unit of the step has no tag on top.
+            SceneError: The scene has no overhead camera, or a unit that it has to find has no tag on top.
         """
         spec = scene.cameras.overhead
         if spec is None:
             raise SceneError("cameras.overhead: this scene has no overhead camera")
         tags = flat_tags(scene)
         seen = {tag.name for tag in tags.values()}
-        for unit in (step.unit, step.target_unit):
+        for unit in needed:
             if unit not in seen:
                 raise SceneError(f"units.{unit}: the overhead camera cannot find it, its URDF has no tag_top")
         errors = spec.localisation
@@ -87,10 +80,6 @@ class OverheadModel:
                 {name: o.radius_m for name, o in scene.obstacles.items() if name in seen}
             ),
             units=tuple(scene.units),
-            own=step.unit,
-            target=step.target_unit,
-            X_TD=scene.geometry(step.target_unit).dock_frame(step.target_port),
-            target_model=TargetModel.from_scene(scene, step),
             corner_errors=CornerErrors.from_spec(spec),
             limits=scene.limits,
             noise=np.diag([errors.noise_m**2, errors.noise_m**2, yaw**2]),
@@ -113,14 +102,15 @@ class OverheadModel:
             for tag in self.tags.values()
         )
 
-    def square(self, middle_W: Array, half_m: float) -> Window:
-        """Return the window, inside the frame or not, of a square at the height of the docking unit's tag.
+    def square(self, middle_W: Array, half_m: float, unit: str) -> Window:
+        """Return the window, inside the frame or not, of a square at the height of a unit's tag.
 
         Args:
             middle_W: Middle of the square, shape (2,) [m].
             half_m: Half the edge of the square [m].
+            unit: Name of the unit.
         """
-        height = self.tags[self.tag_of[self.own]].height
+        height = self.tags[self.tag_of[unit]].height
         corners = np.array([[x, y, height] for x in (-half_m, half_m) for y in (-half_m, half_m)])
         corners[:, :2] += middle_W
         return Window.around(self.camera.project(self.X_WC.inverse().act(corners)), 0.0)

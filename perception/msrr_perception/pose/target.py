@@ -57,7 +57,7 @@ class TargetModel:
         X_UC: Optical frame of that camera in U, by calibration.
         corners_D: Tag id -> corners in D, shape (4, 3) [m], of every tag of the target unit.
         port_tags: Ids of the tags of the target port.
-        edges: Left and right edge of the LOS target (left: +y in D).
+        edges: Left and right edge of the LOS target (left: +y in D); none without a target.
         wheel_radius: Wheel radius of the docking unit, by calibration [m].
         track: Distance between the wheels of the docking unit, by calibration [m].
         front: Distance of the docking port's face ahead of U [m].
@@ -68,7 +68,7 @@ class TargetModel:
     X_UC: SE3
     corners_D: Mapping[int, Array]
     port_tags: tuple[int, ...]
-    edges: tuple[TagEdge, TagEdge]
+    edges: tuple[TagEdge, ...]
     wheel_radius: float
     track: float
     front: float
@@ -102,6 +102,28 @@ class TargetModel:
             wheel_radius=own.wheel_radius,
             track=own.track,
             front=own.port(step.port).x,
+        )
+
+    @classmethod
+    def without_target(cls, scene: Scene, unit: str, port: str) -> TargetModel:
+        """Build the calibration of a unit that has no target: of its camera and its drive.
+
+        Args:
+            scene: The scene.
+            unit: Name of the unit.
+            port: Its active port.
+        """
+        own = scene.geometry(unit)
+        return cls(
+            camera_name=f"{unit}/onboard",
+            camera=scene.cameras.onboard.pinhole,
+            X_UC=optical_pose(own.frame("camera")),
+            corners_D=MappingProxyType({}),
+            port_tags=(),
+            edges=(),
+            wheel_radius=own.wheel_radius,
+            track=own.track,
+            front=own.port(port).x,
         )
 
     @cached_property

@@ -51,8 +51,8 @@ def _spread(scene: Scene, *names: str) -> str:
 def _too_near(scene: Scene, covered: Mapping[str, Array]) -> Iterator[Problem]:
     # Bodies have moved by the time a late obstacle appears, so only the trial can check it.
     late = {name for name, body in scene.obstacles.items() if body.appears_at_s > 0.0}
-    first = scene.plan[0]
-    docking = {first.unit, first.target_unit} if first.unit in close_range_steps(scene) else set()
+    close_range = close_range_steps(scene)
+    docking = next(({s.unit, s.target_unit} for s in scene.docks[:1] if s.unit in close_range), set[str]())
     boxes = {name: (points.min(axis=0), points.max(axis=0)) for name, points in covered.items()}
     for a, b in itertools.combinations([name for name in covered if name not in late], 2):
         free = {a, b} == docking or {a, b} <= scene.obstacles.keys()  # the judge does not measure these
@@ -107,7 +107,7 @@ def _outside(scene: Scene, covered: Mapping[str, Array]) -> Iterator[Problem]:
 def _too_wide(scene: Scene) -> Iterator[Problem]:
     # At contact the edges have to lie inside the inner bound, or the correction keeps the unit off the port.
     los = scene.los
-    for i, step in enumerate(scene.plan):
+    for i, step in enumerate(scene.docks):
         geometry = scene.geometry(step.unit)
         reach = geometry.control_offset(step.port) - float(geometry.frame("camera").p[0])
         if los.angle_at_contact(reach) >= los.inner:

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from msrr_scenes.errors import GeometryError, SceneError, UnknownNameError
 from msrr_scenes.loading.geometry_checks import geometry_problems
-from msrr_scenes.loading.plan_checks import fault_problems, plan_problems
+from msrr_scenes.loading.plan_checks import fault_problems, mission_problems, plan_problems
 from msrr_scenes.loading.problems import Problem, dotted
 from msrr_scenes.loading.reference_checks import port_problems, reference_problems, value_problems
 from msrr_scenes.loading.validation_errors import explain
@@ -134,7 +134,12 @@ def _contradictions(scene: Scene) -> list[Problem]:
     Later checks need what earlier ones establish (a unit has to exist before its port can), so the list
     ends with the first stage that finds something.
     """
-    problems = [*reference_problems(scene), *value_problems(scene), *fault_problems(scene)]
+    problems = [
+        *reference_problems(scene),
+        *value_problems(scene),
+        *fault_problems(scene),
+        *mission_problems(scene),
+    ]
     if problems:
         return problems
     for unit in scene.units:

@@ -14,7 +14,7 @@ from msrr_scenes.specs.scene import Scene
 def plan_problems(scene: Scene) -> list[Problem]:
     """Return steps that can never begin: by their order, or by what the steps before them have locked."""
     disorder = list(_order_problems(scene))
-    if disorder:
+    if disorder or scene.coordinated:
         return disorder
     return [
         *_moving_targets(scene),
@@ -22,6 +22,30 @@ def plan_problems(scene: Scene) -> list[Problem]:
         *_busy_ports(scene),
         *_locked_already(scene),
     ]
+
+
+def mission_problems(scene: Scene) -> list[Problem]:
+    """Return what is missing for a mission, or contradicts it."""
+    problems = []
+    if scene.shape is None and not scene.plan:
+        problems.append(Problem(("plan",), "expected at least 1 entry, or a shape"))
+    if scene.shape is not None and scene.plan:
+        problems.append(Problem(("plan",), "a scene has a plan or a shape, not both; remove one of them"))
+    if not scene.coordinated:
+        return problems
+    overhead = scene.cameras.overhead
+    if overhead is None:
+        text = "a base station leads the units of this scene by it, so it cannot be null"
+        problems.append(Problem(("cameras", "overhead"), text))
+    elif overhead.localisation != type(overhead.localisation)():
+        text = "these errors are those of one docking unit; a base station leads several, so leave them out"
+        problems.append(Problem(("cameras", "overhead", "localisation"), text))
+    for k, silence in enumerate(scene.radio.silences if scene.radio is not None else ()):
+        for name in silence.units:
+            if name not in scene.units:
+                text = f"no unit named {name!r}{nearest(name, scene.units)} Units: {', '.join(scene.units)}"
+                problems.append(Problem(("radio", "silences", k, "units"), text))
+    return problems
 
 
 def _order_problems(scene: Scene) -> Iterator[Problem]:
@@ -42,9 +66,9 @@ def _order_problems(scene: Scene) -> Iterator[Problem]:
 
 def _moving_targets(scene: Scene) -> Iterator[Problem]:
     """Yield steps whose unit or target may be moved by another step at the same time."""
-    before = [ancestors(scene.plan, i) for i in range(len(scene.plan))]
-    for i, step in enumerate(scene.plan):
-        for j, other in enumerate(scene.plan):
+    before = [ancestors(scene.docks, i) for i in range(len(scene.docks))]
+    for i, step in enumerate(scene.docks):
+        for j, other in enumerate(scene.docks):
             at_once = i != j and i not in before[j] and j not in before[i]
             if at_once and other.unit in (step.unit, step.target_unit):
                 text = f"{other.unit!r} may move at the same time; put this step and {other.label!r} in order"
@@ -53,7 +77,7 @@ def _moving_targets(scene: Scene) -> Iterator[Problem]:
 
 def _busy_units(scene: Scene) -> Iterator[Problem]:
     first: dict[tuple[str, str], int] = {}
-    for i, step in enumerate(scene.plan):
+    for i, step in enumerate(scene.docks):
         earlier = first.setdefault((step.unit, step.port), i)
         if earlier != i:
             text = (
@@ -65,22 +89,22 @@ def _busy_units(scene: Scene) -> Iterator[Problem]:
 
 def _busy_ports(scene: Scene) -> Iterator[Problem]:
     first: dict[str, int] = {}
-    for i, step in enumerate(scene.plan):
+    for i, step in enumerate(scene.docks):
         earlier = first.setdefault(step.to, i)
-        if earlier != i and scene.plan[earlier].unit != step.unit:
-            taken = f"{scene.plan[earlier].unit!r} docks to {step.to} in plan step {earlier}"
+        if earlier != i and scene.docks[earlier].unit != step.unit:
+            taken = f"{scene.docks[earlier].unit!r} docks to {step.to} in plan step {earlier}"
             text = f"the port is taken: {taken}; name another port"
             yield Problem(("plan", i, "to"), text)
 
 
 def _locked_already(scene: Scene) -> Iterator[Problem]:
     group = {unit: {unit} for unit in scene.units}
-    order = in_order(scene.plan)
+    order = in_order(scene.docks)
     for n, i in enumerate(order):
-        step = scene.plan[i]
+        step = scene.docks[i]
         own, other = group[step.unit], group[step.target_unit]
         if own is other and (step.unit, step.port) not in {
-            (scene.plan[j].unit, scene.plan[j].port) for j in order[:n]
+            (scene.docks[j].unit, scene.docks[j].port) for j in order[:n]
         }:
             text = f"{step.unit!r} and {step.target_unit!r} are locked together by then; remove the step"
             yield Problem(("plan", i, "to"), text)

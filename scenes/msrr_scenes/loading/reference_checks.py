@@ -10,6 +10,7 @@ from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.placement.placement import split_frame
 from msrr_scenes.specs.bodies import LAST_TAG
 from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
+from msrr_scenes.specs.plan import DockStep, PlanStep, UndockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
 
@@ -20,6 +21,11 @@ def poses(scene: Scene) -> Iterator[tuple[KeyPath, str, PoseSpec]]:
         yield ("units", name, "pose"), name, unit.pose
     for name, obstacle in scene.obstacles.items():
         yield ("obstacles", name, "pose"), name, obstacle.pose
+
+
+def step_key(step: PlanStep) -> str:
+    """Return the key under which a step of the plan names its unit."""
+    return "unit" if isinstance(step, DockStep) else "undock" if isinstance(step, UndockStep) else "move"
 
 
 def camera_names(scene: Scene) -> list[str]:
@@ -38,7 +44,9 @@ def reference_problems(scene: Scene) -> list[Problem]:
             problems.append(Problem(path, text))
 
     for i, step in enumerate(scene.plan):
-        known(("plan", i, "unit"), step.unit)
+        known(("plan", i, step_key(step)), step.unit)
+        if not isinstance(step, DockStep):
+            continue
         known(("plan", i, "to"), step.target_unit)
         if step.unit == step.target_unit:
             problems.append(
@@ -139,6 +147,8 @@ def port_problems(scene: Scene) -> list[Problem]:
             problems.append(Problem(path, text))
 
     for i, step in enumerate(scene.plan):
+        if not isinstance(step, DockStep):
+            continue
         geometry = scene.geometry(step.unit)
         if has(("plan", i, "port"), step.unit, step.port) and step.port in geometry.passive_ports:
             active = [p for p in geometry.ports if p not in geometry.passive_ports]

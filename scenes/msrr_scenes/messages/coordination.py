@@ -57,6 +57,8 @@ class Authority:
         legs: The legs of the route.
         to: Port ``<unit>.<port>`` at which the route ends, None if it ends in the open.
         unlock: Whether the unit is to open its lock before it moves.
+        joints: Active and passive port of each two other units that are locked together, as they have
+            reported, or will be at the ends of their routes.
     """
 
     unit: str
@@ -68,6 +70,7 @@ class Authority:
     legs: tuple[RouteLeg, ...]
     to: str | None
     unlock: bool
+    joints: tuple[tuple[str, str], ...] = ()
 
 
 class UnitMode(Enum):

@@ -80,7 +80,7 @@ class ArenaEstimate:
     Attributes:
         stamp_ns: Time of ``own`` (of the last exposure when delay compensation is off).
         own: Pose of the docking unit.
-        target: Pose of the unit that is docked to.
+        target: Pose of the unit that is docked to; None for a unit that drives without a target.
         others: Poses of the remaining units that have been seen.
         obstacles: All obstacles that have been seen.
         last_seen_ns: Exposure time of the last detection of the docking unit.
@@ -88,7 +88,7 @@ class ArenaEstimate:
 
     stamp_ns: int
     own: GlobalPose
-    target: GlobalPose
+    target: GlobalPose | None
     others: tuple[GlobalPose, ...]
     obstacles: tuple[ObstacleEstimate, ...]
     last_seen_ns: int

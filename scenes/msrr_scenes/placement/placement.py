@@ -74,8 +74,10 @@ def close_range_steps(scene: Scene) -> dict[str, DockStep]:
     could guide it there. A unit whose target is moved by an earlier step is not one of them.
     """
     steps: dict[str, DockStep] = {}
+    if scene.coordinated:  # a base station guides every unit to its port
+        return steps
     moved: set[str] = set()
-    for step in scene.plan:
+    for step in scene.docks:
         start = scene.units[step.unit].pose
         if (
             step.unit not in moved

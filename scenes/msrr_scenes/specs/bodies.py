@@ -10,6 +10,9 @@ from msrr_scenes.specs.spec import Coordinate, FileName, PoseSpec, Size, Spec, T
 
 TAGS_PER_UNIT = 10
 
+#: Number of units for which the tag family has ids.
+MAX_UNITS = 50
+
 #: Highest id of the AprilTag family 36h11, which has 587 members.
 LAST_TAG = 586
 

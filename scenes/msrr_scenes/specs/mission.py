@@ -1,4 +1,4 @@
-"""Specifications of missions of many units: shapes, steps that are ordered as a graph, and the radio."""
+"""Specifications of missions of many units: the shape to build, what is assembled at the start, the radio."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from msrr_scenes.specs.scene import MAX_UNITS
-from msrr_scenes.specs.spec import Latency, Name, PortName, PoseSpec, Probability, Rate, Spec, Time
+from msrr_scenes.specs.bodies import MAX_UNITS
+from msrr_scenes.specs.spec import Latency, Name, PortName, Probability, Rate, Spec, Time
 
 #: Number of units of a shape, up to that of a scene.
 Count = Annotated[int, Field(ge=1, le=MAX_UNITS)]
@@ -46,6 +46,10 @@ class ShapeSpec(Spec):
             raise ValueError("named needs a tree: the places of a pattern have no units' names")
         return self
 
+    def __str__(self) -> str:
+        """Return the shape in words."""
+        return f"tree of {len(self.tree or {})}" if self.pattern is None else "{} of {}".format(*self.pattern)
+
     @property
     def pattern(self) -> tuple[Pattern, int] | None:
         """The pattern and its number of units; None for a tree."""
@@ -55,30 +59,6 @@ class ShapeSpec(Spec):
             if count is not None:
                 return pattern, count
         return None
-
-
-class _Ordered(Spec):
-    name: Name | None = None
-    """Name of the step, by which others refer to it; by default ``<unit><number of the step>``."""
-    after: Annotated[tuple[Name, ...], Field(max_length=MAX_UNITS)] | None = None
-    """Names of the steps that have to be done before this one begins; by default the step before it in the
-    plan."""
-
-
-class UndockStep(_Ordered):
-    """A step in which a unit opens its lock and backs out of the port."""
-
-    undock: Name
-    """Unit that undocks."""
-
-
-class MoveStep(_Ordered):
-    """A step in which a unit drives to a pose."""
-
-    move: Name
-    """Unit that drives."""
-    pose: PoseSpec = PoseSpec()
-    """Pose of the axle where the unit is to stand, in the world frame."""
 
 
 class AssembledPair(Spec):

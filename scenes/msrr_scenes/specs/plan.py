@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
+from msrr_scenes.specs.bodies import MAX_UNITS
 from msrr_scenes.specs.spec import (
     Choice,
     Distance,
@@ -15,6 +16,7 @@ from msrr_scenes.specs.spec import (
     Length,
     Name,
     PortName,
+    PoseSpec,
     Rate,
     Spec,
     Speed,
@@ -29,6 +31,10 @@ Perception = Literal["images", "parametric"]
 ConeAngle = Annotated[float, between(0.1, 89.0)]
 
 
+#: Names of earlier steps; None stands for the step before.
+After = Annotated[tuple[Name, ...], Field(max_length=MAX_UNITS)] | None
+
+
 class DockStep(Spec):
     """One step of the plan: a unit docks to a port of another one."""
 
@@ -40,7 +46,7 @@ class DockStep(Spec):
     """Port that is docked to, written ``<unit>.<port>``."""
     name: Name | None = None
     """Name of the step, for ``after``; by default that of the unit."""
-    after: Annotated[tuple[Name, ...], Field(max_length=50)] | None = None
+    after: After = None
     """Names of the steps that have to be done before this one begins; by default the step before it in the
     plan. Steps that do not come after one another are carried out at the same time."""
 
@@ -48,6 +54,10 @@ class DockStep(Spec):
     def label(self) -> str:
         """Name by which other steps refer to this one."""
         return self.name or self.unit
+
+    def __str__(self) -> str:
+        """Return the step in words."""
+        return f"{self.unit}.{self.port} to {self.to}"
 
     @property
     def target_unit(self) -> str:
@@ -60,7 +70,75 @@ class DockStep(Spec):
         return self.to.partition(".")[2]
 
 
-def predecessors(plan: Sequence[DockStep]) -> tuple[tuple[int, ...], ...]:
+class UndockStep(Spec):
+    """A step in which a unit opens its lock and backs out of the port."""
+
+    undock: Name
+    """Unit that undocks."""
+    name: Name | None = None
+    """Name of the step, for ``after``; by default that of the unit."""
+    after: After = None
+    """Names of the steps that have to be done before this one begins; by default the step before it in the
+    plan."""
+
+    def __str__(self) -> str:
+        """Return the step in words."""
+        return f"{self.undock} undocks"
+
+    @property
+    def unit(self) -> str:
+        """Unit that undocks."""
+        return self.undock
+
+    @property
+    def label(self) -> str:
+        """Name by which other steps refer to this one."""
+        return self.name or self.undock
+
+
+class MoveStep(Spec):
+    """A step in which a unit drives to a pose."""
+
+    move: Name
+    """Unit that drives."""
+    pose: PoseSpec = PoseSpec()
+    """Pose of the axle where the unit is to stand, in the world frame."""
+    name: Name | None = None
+    """Name of the step, for ``after``; by default that of the unit."""
+    after: After = None
+    """Names of the steps that have to be done before this one begins; by default the step before it in the
+    plan."""
+
+    def __str__(self) -> str:
+        """Return the step in words."""
+        return f"{self.move} drives to ({self.pose.x_m:g}, {self.pose.y_m:g})"
+
+    @property
+    def unit(self) -> str:
+        """Unit that drives."""
+        return self.move
+
+    @property
+    def label(self) -> str:
+        """Name by which other steps refer to this one."""
+        return self.name or self.move
+
+
+def _kind(step: Any) -> str:
+    """Return the kind of a step as written: by the key that only steps of that kind have."""
+    keys = step if isinstance(step, dict) else type(step).model_fields
+    return next((kind for kind in ("undock", "move") if kind in keys), "dock")
+
+
+PlanStep = Annotated[
+    Annotated[DockStep, Tag("dock")]
+    | Annotated[UndockStep, Tag("undock")]
+    | Annotated[MoveStep, Tag("move")],
+    Discriminator(_kind),
+]
+
+
+def predecessors(plan: Sequence[PlanStep]) -> tuple[tuple[int, ...], ...]:
     """Return for every step the indices of the steps that it comes directly after.
 
     Names that no step has are left out, and a name that several steps have means all of them; the checks of a
@@ -75,7 +153,7 @@ def predecessors(plan: Sequence[DockStep]) -> tuple[tuple[int, ...], ...]:
     return tuple(found)
 
 
-def ancestors(plan: Sequence[DockStep], index: int) -> tuple[int, ...]:
+def ancestors(plan: Sequence[PlanStep], index: int) -> tuple[int, ...]:
     """Return the indices of all steps that are done before a step begins, in order."""
     before, pending = set[int](), [index]
     direct = predecessors(plan)
@@ -86,12 +164,12 @@ def ancestors(plan: Sequence[DockStep], index: int) -> tuple[int, ...]:
     return tuple(sorted(before))
 
 
-def in_order(plan: Sequence[DockStep]) -> list[int]:
+def in_order(plan: Sequence[PlanStep]) -> list[int]:
     """Return the indices of all steps, each after those that it comes after, else as in the plan."""
     return sorted(range(len(plan)), key=lambda index: (len(ancestors(plan, index)), index))
 
 
-def comes_after(plan: Sequence[DockStep], step: DockStep, earlier: DockStep) -> bool:
+def comes_after(plan: Sequence[PlanStep], step: PlanStep, earlier: PlanStep) -> bool:
     """Return whether a step of the plan begins only when another one is done."""
     return earlier in plan and plan.index(earlier) in ancestors(plan, plan.index(step))
 

@@ -8,15 +8,22 @@ from typing import Annotated
 from pydantic import Field
 
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
-from msrr_scenes.specs.bodies import TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
+from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
 from msrr_scenes.specs.faults import Fault
-from msrr_scenes.specs.plan import ControlSpec, DockingSpec, DockStep, JudgeSpec, LosSpec, Perception, Plant
+from msrr_scenes.specs.mission import AssembledPair, RadioSpec, ShapeSpec
+from msrr_scenes.specs.plan import (
+    ControlSpec,
+    DockingSpec,
+    DockStep,
+    JudgeSpec,
+    LosSpec,
+    Perception,
+    PlanStep,
+    Plant,
+)
 from msrr_scenes.specs.sensors import CamerasSpec, OdometrySpec, ParametricSpec
 from msrr_scenes.specs.spec import Duration, Name, Spec, Text, between
 from msrr_scenes.specs.vehicle import LimitsSpec, LinkSpec, LockSpec, WheelMotorSpec
-
-#: Number of units for which the tag family has ids.
-MAX_UNITS = 50
 
 
 class Scene(Spec):
@@ -68,12 +75,32 @@ class Scene(Spec):
     """Attempts, times and distances of the phase machine."""
     judge: JudgeSpec = JudgeSpec()
     """Criteria of the judge."""
-    plan: tuple[DockStep, ...] = Field(min_length=1, max_length=MAX_UNITS)
-    """Docking steps in the order in which they are carried out."""
+    plan: tuple[PlanStep, ...] = Field(default=(), max_length=MAX_UNITS)
+    """Steps in the order in which they are carried out; empty where a shape is given."""
+    shape: ShapeSpec | None = None
+    """Shape that the units are to build, wherever it fits; a base station leads them."""
+    assembled: tuple[AssembledPair, ...] = Field(default=(), max_length=MAX_UNITS)
+    """Units that are locked together when the trial begins; a base station leads them."""
+    radio: RadioSpec | None = None
+    """Radio between the units and a base station that leads them; without a shape, undock or move steps, and
+    without this key, every unit is on its own."""
+    one_by_one: bool = False
+    """Whether a base station lets only one unit move at a time, for comparison."""
     faults: tuple[Fault, ...] = Field(default=(), max_length=100)
     """Deliberate faults."""
     source: Path | None = Field(default=None, exclude=True)
     """File that the scene was read from; set by the program."""
+
+    @property
+    def docks(self) -> tuple[DockStep, ...]:
+        """The steps of the plan in which a unit docks."""
+        return tuple(step for step in self.plan if isinstance(step, DockStep))
+
+    @property
+    def coordinated(self) -> bool:
+        """Whether a base station leads the units."""
+        others = any(not isinstance(step, DockStep) for step in self.plan)
+        return self.radio is not None or self.shape is not None or bool(self.assembled) or others
 
     def geometry(self, unit: str) -> UnitGeometry:
         """Return the geometry of a unit, read from its URDF."""

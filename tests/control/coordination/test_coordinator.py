@@ -20,8 +20,8 @@ from msrr_control.coordination.tasks import plan_tasks
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.coordination import LegKind, MissionState, UnitState
-from msrr_scenes.specs.mission import MoveStep, Pattern, RadioSpec, UndockStep
-from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.mission import Pattern, RadioSpec
+from msrr_scenes.specs.plan import DockStep, MoveStep, UndockStep
 from msrr_scenes.specs.spec import PoseSpec
 
 Rig = Any

@@ -7,8 +7,8 @@ import pytest
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.tasks import Task, TaskKind, TaskState, plan_tasks
 from msrr_scenes.errors import SceneError
-from msrr_scenes.specs.mission import AssembledPair, MoveStep, RadioSpec, UndockStep
-from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.mission import AssembledPair, RadioSpec
+from msrr_scenes.specs.plan import DockStep, MoveStep, UndockStep
 
 
 def _dock(name: str, parent: str | None, *behind: str) -> Task:

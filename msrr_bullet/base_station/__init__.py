@@ -1,0 +1,1 @@
+"""The software of the base station that leads many units. It never imports the simulator."""

@@ -1,0 +1,132 @@
+"""The base station: it reads the overhead camera once for all, and leads the units over the radio."""
+
+from __future__ import annotations
+
+from msrr_bullet.profiler import NullProfiler, Profiler
+from msrr_control.coordination.bodies import ACTIVE_PORT
+from msrr_control.coordination.coordinator import Coordinator
+from msrr_control.coordination.dispatcher import Knowledge
+from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.route_finder import RouteParams
+from msrr_control.coordination.shape import Shape
+from msrr_control.coordination.tasks import plan_tasks
+from msrr_control.staging.registry import route_params
+from msrr_control.staging.setup import AssemblySetup
+from msrr_perception.detection.detector import DETECTORS, Detector
+from msrr_perception.detection.overhead_vision import OverheadVision
+from msrr_perception.estimation.arena_tracker import ArenaTracker
+from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_scenes.errors import SceneError
+from msrr_scenes.messages import Detections, Exposure, Fetch, GlobalPose
+from msrr_scenes.messages.coordination import Authority, MissionState, MissionStatus, UnitReport, UnitState
+from msrr_scenes.registry import build
+from msrr_scenes.specs.scene import Scene
+
+#: Name of the base station in logs.
+BASE_STATION = "base_station"
+
+
+class BaseStation:
+    """Leads all units of a scene through its mission.
+
+    From the scene it takes geometry, calibration, data sheets and the mission, never the poses of bodies.
+
+    Attributes:
+        status: How the mission stood at the last step.
+    """
+
+    def __init__(self, scene: Scene, profiler: Profiler | None = None) -> None:
+        """Begin before anything was seen or heard.
+
+        Args:
+            scene: A scene with a mission.
+            profiler: Measures the time of the coordination.
+
+        Raises:
+            SceneError: The mission cannot be carried out, or the scene has no overhead camera.
+        """
+        units = tuple(scene.units)
+        model = OverheadModel.from_scene(scene, units)
+        detector: Detector = build("detector", scene.control.detector, DETECTORS)
+        self._vision = OverheadVision(model, units, detector)
+        self._tracker = ArenaTracker(model)
+        self._coordinator = Coordinator(mission_of(scene), units, knowledge_of(scene))
+        self._units = units
+        self._profiler = profiler or NullProfiler()
+        self._observed: dict[str, int] = {}  # time of the newest measurement that was passed on, by unit
+        self.status: MissionStatus = self._coordinator.status(0)
+
+    def uses_camera(self, camera: str) -> bool:
+        """Return whether the base station reads the pictures of a camera now."""
+        return camera == OVERHEAD and self.status.state is MissionState.RUNNING
+
+    def expose(self, exposure: Exposure, fetch: Fetch) -> Detections:
+        """Read windows of an exposure and return the detections, which are used only when received."""
+        driving = {u.unit for u in self.status.units if u.state is UnitState.UNDER_WAY}
+        return self._vision.detect(exposure, self._tracker.poses(exposure.stamp_ns), fetch, driving)
+
+    def receive(self, message: Detections | GlobalPose | UnitReport, now_ns: int) -> None:
+        """Process a message that arrives now."""
+        match message:
+            case Detections():
+                self._tracker.add_detections(message)
+            case GlobalPose():
+                self._tracker.add_pose(message)
+            case UnitReport():
+                self._coordinator.receive(message, now_ns)
+
+    def step(self, now_ns: int) -> list[Authority]:
+        """Advance the mission and return the authorities to send, none between two due times."""
+        with self._profiler("coordination"):
+            self._observe(now_ns)
+            authorities = self._coordinator.step(now_ns)
+            self.status = self._coordinator.status(now_ns)
+        return authorities
+
+    def _observe(self, now_ns: int) -> None:
+        """Pass on what was seen since the last step."""
+        seen = [
+            self._tracker.latest(unit)
+            for unit in self._units
+            if self._tracker.knows(unit) and self._tracker.seen_ns(unit) > self._observed.get(unit, -1)
+        ]
+        self._observed |= {pose.name: pose.stamp_ns for pose in seen}
+        obstacles = self._tracker.obstacles(self._tracker.poses(now_ns))
+        self._coordinator.observe(seen, now_ns, obstacles)
+
+
+def mission_of(scene: Scene) -> Mission:
+    """Return what a scene asks of its base station.
+
+    Raises:
+        SceneError: The shape or the plan contradicts itself.
+    """
+    return Mission(
+        shape=None if scene.shape is None else Shape.of(scene.shape),
+        named=scene.shape is not None and scene.shape.named,
+        tasks=tuple(plan_tasks(scene.plan)),
+        one_by_one=scene.one_by_one,
+        holders={pair.active.partition(".")[0]: pair.passive for pair in scene.assembled},
+    )
+
+
+def knowledge_of(scene: Scene) -> Knowledge:
+    """Return what a base station works with: geometry, parameters of routes, and the ground that is seen.
+
+    Raises:
+        SceneError: The units are not all alike, or the law of the long-distance phase has no routes.
+    """
+    params = route_params(scene.control.assembly)
+    if params is None:
+        raise SceneError(
+            "control.assembly: units that a base station leads drive by 'c1' or 'c2', found "
+            f"{scene.control.assembly.name!r}"
+        )
+    names = list(scene.units)
+    first = scene.geometry(names[0])
+    for name in names[1:]:
+        if scene.units[name].urdf != scene.units[names[0]].urdf:
+            raise SceneError(f"units.{name}.urdf: a base station leads units of one kind; see {names[0]!r}")
+    box = AssemblySetup.without_target(scene, names[0], ACTIVE_PORT).box
+    routes = RouteParams(params.route, params.walls, params.pace)
+    return Knowledge.of(first, routes, box, scene.docking.retreat_m + 0.05)

@@ -1,0 +1,285 @@
+"""The software of a unit that a base station leads, for a whole mission."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from msrr_bullet.profiler import Profiler
+from msrr_bullet.robot.autonomy import Autonomy
+from msrr_bullet.robot.route_program import RouteProgram
+from msrr_control.coordination.bodies import ACTIVE_PORT
+from msrr_control.staging.guided_assembler import GuidedAssembler
+from msrr_control.staging.registry import build_guided
+from msrr_control.staging.setup import AssemblySetup
+from msrr_perception.pose.overhead_model import OVERHEAD
+from msrr_scenes.messages import (
+    Action,
+    ArenaEstimate,
+    AssemblyPath,
+    AssemblyProgress,
+    Belief,
+    CollisionMonitorState,
+    Conviction,
+    Detections,
+    Exposure,
+    Fetch,
+    LosObservation,
+    Phase,
+    PoseEstimate,
+    SensorMessage,
+)
+from msrr_scenes.messages.coordination import Authority, LegKind, UnitMode, UnitReport
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
+
+_FINISHED = frozenset({Phase.DONE, Phase.FAILED})
+
+#: Speed below which a unit reports that it stands [m/s], [rad/s].
+_STANDS_MPS, _STANDS_RADPS = 0.01, 0.03
+
+
+class GuidedUnit:
+    """Drives the routes that are granted to a unit, docks and undocks, and reports.
+
+    Every route has a program of its own. A route out of a port begins with the program that docked there,
+    which opens the lock and backs out. Between two routes the unit is on standby: it only listens and
+    reports.
+
+    Attributes:
+        route: Number of the route that the unit drives or drove last.
+        docked_to: Port ``<unit>.<port>`` into which the unit believes that it is locked; None if it is free.
+        dock_step: Docking or undocking of the present route; None without one.
+        leaving: Whether the unit is on its way out of a port.
+    """
+
+    def __init__(
+        self, scene: Scene, unit: str, docked_to: str | None = None, profiler: Profiler | None = None
+    ) -> None:
+        """Begin on standby.
+
+        Args:
+            scene: Geometry, data sheets and parameters.
+            unit: Name of the unit.
+            docked_to: Port into which it is locked at the start; None if it is free.
+            profiler: Measures the time of the collision monitor.
+        """
+        self._scene, self._unit, self._profiler = scene, unit, profiler
+        self._port = ACTIVE_PORT
+        latency_s = 1e-3 * scene.link.latency_ms
+        self._reaction_s = 1.0 / scene.control.rate_hz + latency_s + 1.0 / scene.limits.kappa_per_s
+        self._newest: Authority | None = None
+        self._program: Autonomy | RouteProgram | None = None
+        self._docking: Autonomy | None = None
+        self._guided: GuidedAssembler[Any] | None = None
+        self.leaving = False
+        self._covered = 0.0
+        self._action = Action(0, Phase.DONE, 1)
+        self.route = 0
+        self.docked_to = docked_to
+        self.dock_step: DockStep | None = None
+
+    # What is shown of the present program.
+
+    @property
+    def estimate(self) -> PoseEstimate | None:
+        """Estimate of the pose in the dock frame of the target."""
+        return None if self._docking is None else self._docking.estimate
+
+    @property
+    def los(self) -> LosObservation | None:
+        """Line of sight to the target."""
+        return None if self._docking is None else self._docking.los
+
+    @property
+    def arena(self) -> ArenaEstimate | None:
+        """Estimate of all bodies in the arena."""
+        return None if self._program is None else self._program.arena
+
+    @property
+    def monitor(self) -> CollisionMonitorState | None:
+        """Decision of the collision monitor on the last command."""
+        return None if self._program is None else self._program.monitor
+
+    @property
+    def assembly(self) -> AssemblyProgress | None:
+        """Progress along the route; None while the unit docks or undocks."""
+        far = self._program is not None and self._program.phase is Phase.ASSEMBLE
+        return self._guided.progress if far and self._guided is not None else None
+
+    @property
+    def path(self) -> AssemblyPath | None:
+        """Path of the route that is followed or was followed last."""
+        return None if self._guided is None else self._guided.path
+
+    @property
+    def belief(self) -> Belief:
+        """Belief about the docking or undocking of the present route."""
+        return Belief() if self._program is None else self._program.belief
+
+    @property
+    def active(self) -> bool:
+        """Whether the unit has something to do; else it is on standby and needs no sensors."""
+        under_way = self._program is not None and self._program.phase not in _FINISHED
+        return under_way or self.leaving or self._may_begin()
+
+    # Inputs.
+
+    def uses_camera(self, camera: str) -> bool:
+        """Return whether the unit reads the pictures of a camera now; never those of the overhead camera."""
+        return camera != OVERHEAD and self._docking is not None and self._docking.uses_camera(camera)
+
+    def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
+        """Read windows of an exposure and return the detections, which are used only when received."""
+        return None if self._docking is None else self._docking.expose(exposure, fetch)
+
+    def receive(self, message: SensorMessage) -> None:
+        """Process a sensor message that arrives now."""
+        if self._program is not None:
+            self._program.receive(message)
+
+    def authorise(self, authority: Authority) -> None:
+        """Process an authority that arrives now; one that is older than another has no effect."""
+        if self._newest is not None and authority.seq <= self._newest.seq:
+            return
+        before, self._newest = self._newest, authority
+        if authority.route != self.route:
+            return
+        if self._guided is not None:
+            self._guided.receive(authority)
+        if self._docking is not None and before is not None and before.joints != authority.joints:
+            self._docking.expect(_docks(authority))
+
+    # Decisions.
+
+    def step(self, now_ns: int) -> Action:
+        """Return the action of one control instant."""
+        if self._may_begin():
+            self._begin()
+        if self._program is None:
+            self._action = Action(now_ns, Phase.DONE, 1, lock=self.docked_to is not None, reason="on standby")
+            return self._action
+        action = self._action = self._program.step(now_ns)
+        self._note_progress()
+        if self.leaving and action.phase in _FINISHED:
+            self._end_leaving(action)
+        elif action.phase is Phase.DONE and self._program is self._docking and self._newest is not None:
+            self.docked_to = self._newest.to
+        return action
+
+    def report(self, now_ns: int) -> UnitReport:
+        """Return what is told to the base station."""
+        return UnitReport(
+            unit=self._unit,
+            stamp_ns=now_ns,
+            seq=0 if self._newest is None else self._newest.seq,
+            route=self.route,
+            progress=self._covered,
+            mode=self._mode(),
+            docked_to=self.docked_to,
+            reason=self._action.reason,
+        )
+
+    def _mode(self) -> UnitMode:
+        if self._program is not None and self._program.phase is Phase.FAILED:
+            return UnitMode.FAILED
+        if self.docked_to is not None:
+            return UnitMode.DOCKED
+        if self._program is None or self._program.phase is Phase.DONE:
+            return UnitMode.STANDING
+        if self._program.phase is not Phase.ASSEMBLE:
+            return UnitMode.DOCKING
+        stands = abs(self._action.twist.v) < _STANDS_MPS and abs(self._action.twist.w) < _STANDS_RADPS
+        return UnitMode.STANDING if stands else UnitMode.DRIVING
+
+    def _may_begin(self) -> bool:
+        """Return whether a route has been granted that the unit has not begun, and whose ground is free."""
+        newest = self._newest
+        if newest is None or newest.route == self.route or newest.limit < 0.0 or self.leaving:
+            return False
+        backwards = newest.legs[0].kind is LegKind.BACK
+        return not backwards or newest.limit >= newest.legs[0].end - 1e-9
+
+    def _begin(self) -> None:
+        """Begin the route of the newest authority."""
+        newest = self._newest
+        assert newest is not None
+        self.route, self._covered = newest.route, 0.0
+        self._guided, self._program, docked = None, None, self._docking
+        self._docking = None
+        if not newest.unlock:
+            self._drive()
+            return
+        if docked is None or docked.belief.conviction is not Conviction.DOCKED:
+            assert self.docked_to is not None
+            self.dock_step = self._step_to(self.docked_to)
+            guided = self._build_guided(AssemblySetup.of(self._scene, self.dock_step))
+            docked = Autonomy(self._scene, self.dock_step, self._profiler, guided=guided, docked=True)
+        self._program = self._docking = docked
+        docked.expect(_docks(newest))
+        docked.undock(newest.legs[0].end)
+        self.leaving = True
+
+    def _drive(self) -> None:
+        """Begin the part of the route that leads forwards."""
+        newest = self._newest
+        assert newest is not None
+        if newest.to is None:
+            self.dock_step = None
+            setup = AssemblySetup.without_target(self._scene, self._unit, self._port)
+            self._guided = self._build_guided(setup)
+            self._docking = None
+            self._program = RouteProgram(self._scene, self._unit, self._port, self._guided, self._profiler)
+            return
+        self.dock_step = self._step_to(newest.to)
+        self._guided = self._build_guided(AssemblySetup.of(self._scene, self.dock_step))
+        self._program = self._docking = Autonomy(
+            self._scene, self.dock_step, self._profiler, guided=self._guided
+        )
+        self._docking.expect(_docks(newest))
+
+    def _end_leaving(self, action: Action) -> None:
+        """Go on with the route once the unit has left its port."""
+        assert self._newest is not None
+        self.leaving = False
+        if action.phase is Phase.FAILED:
+            return
+        self.docked_to = None
+        self._covered = self._newest.legs[0].end
+        if len(self._newest.legs) > 1:
+            self._drive()
+
+    def _note_progress(self) -> None:
+        """Note how much of the route is covered, in the dock leg and backwards by the gap to the port."""
+        newest, program = self._newest, self._program
+        assert newest is not None
+        if self.leaving:
+            X = self.estimate
+            if X is not None and self.dock_step is not None:
+                gap = -(X.X_DU.x + self._scene.geometry(self._unit).control_offset(self._port))
+                self._covered = max(self._covered, min(gap, newest.legs[0].end))
+            return
+        covered = 0.0 if self._guided is None else self._guided.covered
+        if self._docking is not None and program is not None and program.phase is not Phase.ASSEMBLE:
+            covered = self._guided.authority.length if self._guided is not None else covered
+            if self._docking.estimate is not None and program.phase is not Phase.DONE:
+                offset = self._scene.geometry(self._unit).control_offset(self._port)
+                covered += min(self._docking.estimate.X_DU.x + offset, 0.0)
+        self._covered = max(self._covered, covered)
+
+    def _step_to(self, to: str) -> DockStep:
+        return DockStep(unit=self._unit, port=self._port, to=to)
+
+    def _build_guided(self, setup: AssemblySetup) -> GuidedAssembler[Any]:
+        guided = build_guided(self._scene.control.assembly, setup, self._reaction_s)
+        assert self._newest is not None
+        guided.receive(self._newest)
+        return guided
+
+
+def _docks(authority: Authority) -> list[DockStep]:
+    """Return the docks of others of which an authority tells."""
+    steps = []
+    for active, passive in authority.joints:
+        unit, _, port = active.partition(".")
+        steps.append(DockStep(unit=unit, port=port, to=passive))
+    return steps

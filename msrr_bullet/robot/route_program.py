@@ -1,0 +1,97 @@
+"""The program of a unit that drives a route into the open: by the overhead camera, without a target."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from msrr_bullet.profiler import NullProfiler, Profiler
+from msrr_bullet.robot.collision_monitor import CollisionMonitor
+from msrr_bullet.robot.overhead_localizer import OverheadLocalizer
+from msrr_bullet.robot.wheel_speed import WheelSpeed
+from msrr_control.sequence.observation import GiveUp, Observation
+from msrr_control.staging.guided_assembler import GuidedAssembler
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.messages import (
+    Action,
+    ArenaEstimate,
+    Belief,
+    CollisionMonitorState,
+    Conviction,
+    Phase,
+    SensorMessage,
+    Twist,
+    WheelOdometry,
+)
+from msrr_scenes.specs.scene import Scene
+
+
+class RouteProgram:
+    """Drives one granted route to its end.
+
+    Attributes:
+        phase: ``assemble`` on the way, ``done`` at its end, ``failed`` after giving up.
+        arena: Estimate of all bodies on which the last decision was based.
+        monitor: Decision of the collision monitor on the last command.
+        belief: What the unit says of its way.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        unit: str,
+        port: str,
+        guided: GuidedAssembler[Any],
+        profiler: Profiler | None = None,
+    ) -> None:
+        """Set up for one route.
+
+        Args:
+            scene: Geometry, data sheets and parameters.
+            unit: Name of the unit.
+            port: Its active port, whose face is the controlled point.
+            guided: Drives the route.
+            profiler: Measures the time of the collision monitor.
+        """
+        drive = TargetModel.without_target(scene, unit, port)
+        self._unit, self._guided = unit, guided
+        self._overhead = OverheadLocalizer(scene, unit, drive)
+        self._guard = CollisionMonitor(scene, unit)
+        self._speed = WheelSpeed(drive.wheel_radius, drive.track)
+        self._profiler = profiler or NullProfiler()
+        self.phase = Phase.ASSEMBLE
+        self.arena: ArenaEstimate | None = None
+        self.monitor: CollisionMonitorState | None = None
+        self.belief = Belief()
+
+    def receive(self, message: SensorMessage) -> None:
+        """Process a message that arrives now."""
+        if isinstance(message, WheelOdometry):
+            self._speed.add(message)
+        self._overhead.receive(message)
+
+    def step(self, now_ns: int) -> Action:
+        """Return the action of one control instant."""
+        self.arena = self._overhead.estimate(now_ns, None)
+        twist, reason = Twist(), self.belief.reason
+        if self.phase is Phase.ASSEMBLE:
+            observation = Observation(
+                now_ns,
+                twist=self._speed.twist,
+                arena=self.arena,
+                overhead_exposed_ns=self._overhead.newest_ns,
+                monitor=self.monitor,
+            )
+            decision = self._guided.step(observation)
+            if isinstance(decision, GiveUp):
+                self.phase, reason = Phase.FAILED, decision.reason
+                self.belief = Belief(Conviction.GAVE_UP, decision.failure, reason)
+            elif self._guided.finished:
+                self.phase, reason = Phase.DONE, "at the end of the route"
+            elif decision is not None:
+                twist = decision
+        with self._profiler("collision monitor"):
+            limited = self._guard.limit(twist, self.arena, now_ns)
+        self.monitor = limited.message(self._unit, now_ns)
+        action = Action(now_ns, self.phase, 1, twist, reason=reason)
+        return action if limited.twist is twist else replace(action, twist=limited.twist)

@@ -1,0 +1,191 @@
+"""The mission of units that a base station leads: messages over the radio, steps as routes begin."""
+
+from __future__ import annotations
+
+from msrr_bullet.base_station.base_station import BaseStation
+from msrr_bullet.log.records import Level
+from msrr_bullet.profiler import Profiler
+from msrr_bullet.replay.recorded_robot import RecordedBaseStation, RecordedLedRobot
+from msrr_bullet.robot.fail_safe import FailSafeLedRobot
+from msrr_bullet.robot.guided_unit import GuidedUnit
+from msrr_bullet.sensors.schedule import Periodic, duration_ns
+from msrr_bullet.sensors.sensor_suite import MountedCamera
+from msrr_bullet.trial.arena_judge import Safety
+from msrr_bullet.trial.docking_step import STOP_TIME_S, DockingStep
+from msrr_bullet.trial.environment import Environment
+from msrr_bullet.trial.mission import Mission
+from msrr_bullet.trial.mission_figures import MissionRecord
+from msrr_bullet.trial.result import MissionFigures
+from msrr_bullet.trial.telemetry import Telemetry
+from msrr_bullet.trial.unit_runner import UnitRunner
+from msrr_scenes.errors import ProgramFailedError
+from msrr_scenes.messages import NS_PER_S, Detections, GlobalPose
+from msrr_scenes.messages.coordination import Authority, MissionState, UnitReport
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.mission import RadioSpec
+
+#: Steps of the base station per second [Hz].
+_BASE_RATE_HZ = 10.0
+
+
+class _Member:
+    """A unit of the mission: its robot, what lets it act, and its present step."""
+
+    def __init__(self, environment: Environment, unit: str, telemetry: Telemetry, profiler: Profiler) -> None:
+        simulation = environment.simulation
+        scene = simulation.scene
+        self.robot = FailSafeLedRobot(unit, lambda: GuidedUnit(scene, unit, None, profiler))
+        self.recorded = RecordedLedRobot(self.robot, unit, telemetry.recorder, simulation.plant.now_ns)
+        self.runner = UnitRunner(environment, unit, self.recorded, profiler)
+        self.step: DockingStep | None = None
+        self.begun: tuple[int, bool] = (0, False)  # route and whether it was leaving a port
+        self._failed_ns: int | None = None
+
+    def has_come_to_rest(self, now_ns: int) -> bool:
+        """Return whether the program of the robot has failed, long enough ago for the unit to stand."""
+        if self.robot.failure is None:
+            return False
+        self._failed_ns = now_ns if self._failed_ns is None else self._failed_ns
+        return now_ns - self._failed_ns > duration_ns(STOP_TIME_S)
+
+
+class CoordinatedMission(Mission):
+    """Carries out the mission of a base station.
+
+    All robots last for the whole mission. A step begins when a robot begins a route that leads into a port or
+    out of one.
+    """
+
+    def __init__(self, environment: Environment, telemetry: Telemetry, profiler: Profiler) -> None:
+        """Begin the mission of the environment's scene."""
+        super().__init__(environment, telemetry, profiler)
+        scene, plant, devices = self._scene, self._plant, environment.devices
+        assert devices.radio is not None, "a scene with a base station has a radio"
+        self._radio = devices.radio
+        self._base = RecordedBaseStation(BaseStation(scene, profiler), telemetry.recorder, plant.now_ns)
+        self._camera = MountedCamera(devices.overhead(profiler), plant.now_ns())
+        self._members = {u: _Member(environment, u, telemetry, profiler) for u in scene.units}
+        self._base_timer = Periodic(_BASE_RATE_HZ, plant.now_ns())
+        rate_hz = (scene.radio or RadioSpec()).rate_hz
+        # The units share the radio: each has its own time in the period.
+        share_ns = round(NS_PER_S / rate_hz / len(scene.units))
+        self._reports = {u: Periodic(rate_hz, k * share_ns) for k, u in enumerate(scene.units)}
+        self.record = MissionRecord(tuple(scene.units))
+
+    def _sense(self, now_ns: int) -> None:
+        try:
+            self._run_base(now_ns)
+        except ProgramFailedError as error:
+            self._telemetry.event(now_ns, "base_station", str(error), Level.ERROR)
+            self._end(Outcome.PROGRAM_FAILED, str(error))
+            return
+        for unit, member in self._members.items():
+            for authority in self._radio.to_units[unit].arrived(now_ns):
+                assert isinstance(authority, Authority)
+                member.recorded.authorise(authority)
+            if self._reports[unit].due(now_ns):
+                self._radio.from_units[unit].send(member.recorded.report(now_ns), now_ns)
+            member.runner.sense(now_ns)
+
+    def _run_base(self, now_ns: int) -> None:
+        """Let the base station see, hear, decide and speak."""
+        for message in self._camera.tick(now_ns, self._base):
+            assert isinstance(message, (Detections, GlobalPose))
+            with self._profiler("perception"):
+                self._base.receive(message)
+                for member in self._members.values():
+                    if member.runner.running:
+                        member.robot.receive(message)
+        for link in self._radio.from_units.values():
+            for report in link.arrived(now_ns):
+                assert isinstance(report, UnitReport)
+                self._base.hear(report)
+        if self._base_timer.due(now_ns):
+            for authority in self._base.step(now_ns):
+                self._radio.to_units[authority.unit].send(authority, now_ns)
+
+    def _decide(self, now_ns: int) -> None:
+        if self._over:
+            return
+        for member in self._members.values():
+            if member.robot.active and not member.has_come_to_rest(now_ns):
+                self._decide_for(member, now_ns)
+            elif member.runner.running and member.step is None:
+                member.runner.stop()
+        ended = self._judge(now_ns)
+        if ended is None:
+            self.record.reason = "the judge ended the mission"
+            return
+        for step in ended:
+            member = self._members[step.step.unit]
+            member.step = None
+            self.record.ended(now_ns, step)
+        status = self._base.program.status
+        if now_ns >= self._deadline_ns:
+            self._end(Outcome.TIMEOUT, "the time is up")
+        elif status.state is not MissionState.RUNNING and not self._anybody_moves():
+            complete = status.state is MissionState.COMPLETE
+            self._end(Outcome.COMPLETE if complete else Outcome.INCOMPLETE, status.reason)
+
+    def _anybody_moves(self) -> bool:
+        return any(member.runner.running for member in self._members.values())
+
+    def _decide_for(self, member: _Member, now_ns: int) -> None:
+        """Let a robot decide, and begin the step that begins with its decision."""
+        runner, robot = member.runner, member.robot
+        if not runner.running:
+            runner.start(None, [])
+        last = runner.decide(now_ns)
+        if member.begun != (robot.route, robot.leaving):
+            if member.step is not None:
+                member.step.end(Outcome.ABORTED)
+                self._active.remove(member.step)
+            member.begun = (robot.route, robot.leaving)
+            self._begin_step(member)
+            last = runner.action
+        if member.step is not None:
+            member.step.follow(last)
+
+    def _begin_step(self, member: _Member) -> None:
+        """Begin the step of a route; a route into the open has none."""
+        environment, runner, robot = self._environment, member.runner, member.robot
+        member.step, dock = None, robot.dock_step
+        if dock is None:
+            runner.start(None, [])
+            return
+        if robot.leaving:
+            environment.locked.remove(dock.unit)
+        step = DockingStep(
+            environment,
+            len(self._begun),
+            dock,
+            robot,
+            runner,
+            self._telemetry.recorder,
+            undocks=robot.leaving,
+        )
+        runner.start(dock, [environment.devices.onboard(dock, step.judge.X_DU, self._profiler)])
+        member.step = step
+        self._begun.append(step)
+        self._active.append(step)
+
+    def _actuate(self, now_ns: int) -> None:
+        for member in self._members.values():
+            if member.runner.running:
+                member.runner.actuate(now_ns)
+
+    def _note(self, now_ns: int, safety: Safety) -> None:
+        super()._note(now_ns, safety)
+        self.record.note(now_ns, self._environment.simulation.poses(), safety.nearest)
+
+    def figures(self) -> MissionFigures:
+        """Return the figures of a mission that has ended."""
+        return self.record.figures(self._base.program.status, self._radio.sent, self._radio.lost)
+
+    def _end(self, outcome: Outcome, reason: str) -> None:
+        """End the mission and all steps that are under way."""
+        active, self._active = self._active, []
+        for step in active:
+            step.end(Outcome.TIMEOUT if outcome is Outcome.TIMEOUT else Outcome.ABORTED)
+        self.outcome, self._over = outcome, True
+        self.record.reason = reason

@@ -1,0 +1,107 @@
+"""Tracks of all bodies that the overhead camera sees, each for itself, by sight alone.
+
+The camera's pose is known, so that no two bodies' errors are correlated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from msrr_perception.estimation.body_track import BodyTrack, Motion, SeenPose, TrackNoise
+from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_scenes.errors import SceneError
+from msrr_scenes.messages import Detections, GlobalPose, ObstacleEstimate
+
+
+class ArenaTracker:
+    """Estimates where bodies are and how they move, from what the overhead camera measures.
+
+    Attributes:
+        model: Overhead camera and catalogue of tags.
+        noise: Assumed motion of the bodies, and the gate for measurements.
+    """
+
+    def __init__(
+        self, model: OverheadModel, gate_probability: float = 0.9999, restart_after: int = 3
+    ) -> None:
+        """Create a tracker that knows nothing yet.
+
+        Args:
+            model: Overhead camera and catalogue of tags.
+            gate_probability: Share of good measurements that pass the gate.
+            restart_after: Number of rejected measurements of a body in a row after which its track starts
+                anew.
+
+        Raises:
+            SceneError: A parameter is out of its range.
+        """
+        if restart_after < 1:
+            raise SceneError("arena tracker: restart_after must be at least 1")
+        self.model = model
+        gate = float(chi2.ppf(gate_probability, 3))
+        self.noise = TrackNoise(model.limits, gate=gate, restart_after=restart_after)
+        self._localizer = model.localizer()
+        self._tracks: dict[str, BodyTrack] = {}
+
+    def reset(self) -> None:
+        """Forget every body."""
+        self._tracks = {}
+
+    def located(self, detections: Detections) -> list[SeenPose]:
+        """Return the measured poses of all known bodies among the detections of the overhead camera."""
+        if detections.exposure.camera != OVERHEAD:
+            return []
+        return [
+            SeenPose(
+                replace(pose, covariance=pose.covariance + self.model.noise),
+                self._localizer.lasting_share[pose.name] * pose.covariance,
+            )
+            for pose in self._localizer.locate(detections)
+        ]
+
+    def add_detections(self, detections: Detections) -> None:
+        """Add the tags of one overhead exposure; those of other cameras change nothing."""
+        for seen in self.located(detections):
+            self.add(seen)
+
+    def add_pose(self, pose: GlobalPose) -> None:
+        """Add a measured pose whose errors are drawn anew each time, as those of parametric perception."""
+        self.add(SeenPose(pose, np.zeros((3, 3))))
+
+    def add(self, seen: SeenPose) -> None:
+        """Add a measured pose."""
+        track = self._tracks.get(seen.pose.name)
+        self._tracks[seen.pose.name] = track.after(seen, self.noise) if track else BodyTrack.at_rest(seen)
+
+    def knows(self, name: str) -> bool:
+        """Return whether a body has been seen."""
+        return name in self._tracks
+
+    def driving(self) -> frozenset[str]:
+        """Return the bodies that were seen to drive and not yet to stand."""
+        return frozenset(name for name, t in self._tracks.items() if t.motion is Motion.DRIVES)
+
+    def poses(self, stamp_ns: int) -> dict[str, GlobalPose]:
+        """Return the pose of every body that has been seen, at an instant."""
+        return {name: track.pose(stamp_ns, self.noise) for name, track in self._tracks.items()}
+
+    def seen_ns(self, name: str) -> int:
+        """Return the time of the exposure in which a body was seen last."""
+        return self._tracks[name].seen.pose.stamp_ns
+
+    def latest(self, name: str) -> GlobalPose:
+        """Return the pose of a body at the time of the exposure in which it was seen last."""
+        track = self._tracks[name]
+        return track.pose(track.seen.pose.stamp_ns, self.noise)
+
+    def obstacles(self, poses: Mapping[str, GlobalPose]) -> tuple[ObstacleEstimate, ...]:
+        """Return the obstacles among ``poses``, which :meth:`poses` has returned."""
+        return tuple(
+            ObstacleEstimate(name, self.seen_ns(name), poses[name].X_WB, poses[name].covariance, radius)
+            for name, radius in self.model.obstacle_radius.items()
+            if name in poses
+        )
