@@ -23,8 +23,10 @@ _STEP_M = 0.01
 #: Stretch on which the controlled point comes onto a path beside which it begins [m].
 _MERGE_M = 0.2
 
-#: Gap that moving bodies keep from others; near a port, where both are to be near, it is the smaller one [m].
-GAP_M = 0.09
+#: Gap that moving bodies keep from others [m]: on the way; in a leg into or out of a port, where a unit swings
+#: about its path by some centimetres; and between two at ports, where both are to be near.
+GAP_M = 0.05
+LANE_GAP_M = 0.09
 PORT_GAP_M = 0.02
 
 
@@ -232,7 +234,9 @@ def needed(earlier: Track, later: Track, body: Body) -> Array:
         Arc lengths on the earlier track, not descending, shape (N,) [m]; infinite where the earlier one never
         gets out of the way.
     """
-    gap = np.where(earlier.at_port[:, None] & later.at_port[None], PORT_GAP_M, GAP_M)
+    in_lane = (earlier.at_port & bool(earlier.legs))[:, None] | (later.at_port & bool(later.legs))[None]
+    both_at_port = earlier.at_port[:, None] & later.at_port[None]
+    gap = np.where(both_at_port, PORT_GAP_M, np.where(in_lane, LANE_GAP_M, GAP_M))
     near = body.near(earlier.poses[:, None], later.poses[None], gap)
     passed = np.append(earlier.s[1:], math.inf)
     last = len(earlier.s) - 1 - near[::-1].argmax(axis=0)

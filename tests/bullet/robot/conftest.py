@@ -27,6 +27,7 @@ from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_perception.estimation.global_estimator import GlobalEstimator
 from msrr_perception.pose.global_pose import overhead_pose
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, Detections, Twist
 from msrr_scenes.placement.placement import draw_placement
@@ -114,7 +115,9 @@ class Arena:
             if self._frames.due(now_ns) and (exposure := self.camera.expose(now_ns)):
                 detections = self.vision.detect(exposure, self.estimator.predict(now_ns), self.camera.fetch)
                 self.looks.append(detections)
-                self._queue.send(now_ns + self._latency_ns, self.error.apply(detections, self.vision.model))
+                self._queue.send(
+                    now_ns + self._latency_ns, self.error.apply(detections, self.vision.model, "a")
+                )
             for arrived in self._queue.arrived(now_ns):
                 self.estimator.add_detections(arrived)
             if self._control.due(now_ns):
@@ -161,13 +164,20 @@ def open_arena() -> Iterator[OpenArena]:
             spec = scene.cameras.overhead
             assert spec is not None
             renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
-            model = OverheadModel.from_scene(scene, scene.plan[0])
+            model = OverheadModel.from_scene(scene, ("a", "b"))
             return Arena(
                 scene,
                 BulletPlant(world) if plant == "bullet" else KinematicPlant(scene, placement, world),
                 Camera(OVERHEAD, spec, renderer, lambda: overhead_pose(spec), seed),
-                OverheadVision(model, PupilDetector(), **vision),
-                GlobalEstimator(model, scene.odometry),
+                OverheadVision(model, ("a", "b"), PupilDetector(), **vision),
+                GlobalEstimator(
+                    model,
+                    "a",
+                    TargetModel.from_scene(scene, scene.docks[0]),
+                    scene.odometry,
+                    target="b",
+                    X_TD=scene.geometry("b").dock_frame("rear"),
+                ),
                 WheelEncoders("a", scene.odometry, stream(seed, "unit/a/odometry")),
                 LocalisationError(spec.localisation, seed),
             )

@@ -75,7 +75,7 @@ def drive(
     ``law`` gets the pose of the obstacle in the frame of the unit.
     """
     plant = KinematicPlant(scene, Placement({"a": X_WA, "b": X_WB}, {"thing": X_WO}))
-    monitor, model = CollisionMonitor(scene, scene.plan[0]), ClearanceModel.from_scene(scene)
+    monitor, model = CollisionMonitor(scene, "a", scene.docks[0]), ClearanceModel.from_scene(scene)
     every = round(scene.physics_hz / 48.0)
     nearest, states = math.inf, []
     while plant.now_ns() < time_s * 1e9:
@@ -147,7 +147,7 @@ def test_a_command_that_leads_away_passes_however_near_the_unit_is() -> None:
     scene = arena()
     for gap in (0.001, 0.01, 0.03):
         X_WA = SE2(-0.06 - 0.118 - gap, 0.0, 0.0)
-        monitor = CollisionMonitor(scene, scene.plan[0])
+        monitor = CollisionMonitor(scene, "a", scene.docks[0])
         back = monitor.limit(Twist(-0.3, 0.2), known(0, X_WA, SE2()), 0)
         assert (back.state, back.twist) == (MonitorState.FREE, Twist(-0.3, 0.2))
         assert back.clearance is not None
@@ -164,7 +164,7 @@ def test_the_monitor_never_adds_to_a_command() -> None:
     for i in range(2000):
         command = Twist(*rng.uniform([-0.4, -1.5], [0.4, 1.5]))
         X_WA = SE2(*rng.uniform([-0.35, -0.35, -math.pi], [0.35, 0.35, math.pi]))
-        decision = CollisionMonitor(scene, scene.plan[0]).limit(command, known(i, X_WA, SE2()), i)
+        decision = CollisionMonitor(scene, "a", scene.docks[0]).limit(command, known(i, X_WA, SE2()), i)
         states.add(decision.state)
         v, w = decision.twist.v / command.v, decision.twist.w / command.w
         assert 0.0 <= v <= 1.0
@@ -180,9 +180,9 @@ def test_the_target_may_be_touched_while_docking_and_nothing_else() -> None:
     at_port = SE2(-0.1 - 0.118 - 0.01, 0.0, 0.0)
     push = Twist(0.1)
     for docking, state in ((False, MonitorState.STOP), (True, MonitorState.FREE)):
-        monitor = CollisionMonitor(scene, scene.plan[0])
+        monitor = CollisionMonitor(scene, "a", scene.docks[0])
         assert monitor.limit(push, known(0, at_port, SE2(0.0, 2.0), SE2()), 0, docking).state is state
-    monitor = CollisionMonitor(scene, scene.plan[0])
+    monitor = CollisionMonitor(scene, "a", scene.docks[0])
     ahead = SE2(at_port.x + 0.12 + 0.06 + 0.01, 0.0)
     assert monitor.limit(push, known(0, at_port, ahead), 0, docking=True).state is MonitorState.STOP
 
@@ -190,9 +190,9 @@ def test_the_target_may_be_touched_while_docking_and_nothing_else() -> None:
 def test_the_uncertainty_of_the_estimates_is_subtracted() -> None:
     scene = arena()
     X_WA = SE2(-0.06 - 0.118 - 0.08, 0.0, 0.0)
-    certain = CollisionMonitor(scene, scene.plan[0]).limit(Twist(0.15), known(0, X_WA, SE2()), 0)
+    certain = CollisionMonitor(scene, "a", scene.docks[0]).limit(Twist(0.15), known(0, X_WA, SE2()), 0)
     wide = np.diag([0.02**2, 0.02**2, 1e-6])
-    uncertain = CollisionMonitor(scene, scene.plan[0]).limit(
+    uncertain = CollisionMonitor(scene, "a", scene.docks[0]).limit(
         Twist(0.15), known(0, X_WA, SE2(), covariance=wide), 0
     )
     assert certain.state is MonitorState.FREE
@@ -203,7 +203,7 @@ def test_the_uncertainty_of_the_estimates_is_subtracted() -> None:
 
 def test_without_an_estimate_every_command_passes() -> None:
     scene = arena()
-    monitor = CollisionMonitor(scene, scene.plan[0])
+    monitor = CollisionMonitor(scene, "a", scene.docks[0])
     decision = monitor.limit(Twist(0.4, 1.0), None, 0)
     assert (decision.twist, decision.state, decision.clearance) == (Twist(0.4, 1.0), MonitorState.FREE, None)
     assert (
@@ -215,7 +215,7 @@ def test_without_an_estimate_every_command_passes() -> None:
 def test_an_estimate_of_the_past_is_extrapolated() -> None:
     """Without delay compensation the pose is 0.15 s old: at 0.4 m/s the unit is 6 cm farther."""
     scene = arena()
-    monitor = CollisionMonitor(scene, scene.plan[0])
+    monitor = CollisionMonitor(scene, "a", scene.docks[0])
     X_WO = SE2(2.0, 0.0)
     for i in range(100):  # until it is at full speed
         monitor.limit(Twist(0.4), known(i * 20_000_000, SE2(-3.0, 0.0), X_WO), i * 20_000_000)
@@ -256,7 +256,7 @@ def test_a_unit_that_sees_rendered_images_stops_in_front_of_a_post(
     X_start = SE2(X_W_POST.x, X_W_POST.y, course) @ SE2(-0.7, 0.05 * (seed - 2), 0.1)
     arena = open_arena(seed, plant="bullet", start=X_start)
     monitor, model = (
-        CollisionMonitor(arena.scene, arena.scene.plan[0]),
+        CollisionMonitor(arena.scene, "a", arena.scene.docks[0]),
         ClearanceModel.from_scene(arena.scene),
     )
     states, gaps = [], []

@@ -108,7 +108,7 @@ def test_the_monitor_subtracts_an_uncertain_heading_from_the_clearance(scene: Sc
     X_WA, command = SE2(-0.06 - 0.118 - 0.05, 0.0, 0.0), Twist(0.15)
     turn = np.diag([0.0, 0.0, math.radians(4.0) ** 2])
     certain, uncertain = (
-        CollisionMonitor(scene, scene.plan[0]).limit(command, _known(X_WA, P, NOTHING, NOTHING), 0)
+        CollisionMonitor(scene, "a", scene.docks[0]).limit(command, _known(X_WA, P, NOTHING, NOTHING), 0)
         for P in (NOTHING, turn)
     )
     assert certain.state is MonitorState.FREE

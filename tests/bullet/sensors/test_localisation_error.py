@@ -30,7 +30,7 @@ def model() -> OverheadModel:
             "plan": [{"unit": "a", "to": "b.rear"}],
         }
     )
-    return OverheadModel.from_scene(scene, scene.plan[0])
+    return OverheadModel.from_scene(scene, ("a", "b"))
 
 
 def exact_detections(model: OverheadModel, frame: int, names: tuple[str, ...] = tuple(POSES)) -> Detections:
@@ -55,7 +55,7 @@ def test_bias_moves_the_docking_unit_and_no_other_body(model: OverheadModel) -> 
     spec = LocalisationErrorSpec(bias_x_m=0.03, bias_y_m=-0.02, bias_yaw_deg=2.0)
     error = LocalisationError(spec, seed=1)
     for frame in range(3):
-        found = errors(model, error.apply(exact_detections(model, frame), model))
+        found = errors(model, error.apply(exact_detections(model, frame), model, "a"))
         np.testing.assert_allclose(found["a"], [0.03, -0.02, math.radians(2.0)], atol=1e-9)
         np.testing.assert_allclose(found["b"], 0.0, atol=1e-9)
         np.testing.assert_allclose(found["post"], 0.0, atol=1e-9)
@@ -63,7 +63,7 @@ def test_bias_moves_the_docking_unit_and_no_other_body(model: OverheadModel) -> 
 
 def test_without_errors_detections_are_not_changed(model: OverheadModel) -> None:
     before = exact_detections(model, 0)
-    after = LocalisationError(LocalisationErrorSpec(), seed=1).apply(before, model)
+    after = LocalisationError(LocalisationErrorSpec(), seed=1).apply(before, model, "a")
     assert all(x is y for x, y in zip(before.tags, after.tags, strict=True))
 
 
@@ -81,7 +81,7 @@ def test_image_noise_is_not_changed(model: OverheadModel) -> None:
         ),
     )
     moved, moved_shaken = (
-        LocalisationError(spec, seed=1).apply(d, model).tags[0].corners for d in (clean, shaken)
+        LocalisationError(spec, seed=1).apply(d, model, "a").tags[0].corners for d in (clean, shaken)
     )
     by_noise = np.linalg.norm(moved_shaken - moved, axis=1)
     np.testing.assert_allclose(by_noise, 0.2, rtol=0.05)
@@ -92,7 +92,7 @@ def test_noise_drift_and_dropout_have_the_sizes_given(model: OverheadModel) -> N
     n = 2000
     spec = LocalisationErrorSpec(noise_m=0.01, noise_yaw_deg=1.0, dropout=0.1)
     error = LocalisationError(spec, seed=2)
-    found = [errors(model, error.apply(exact_detections(model, frame), model)) for frame in range(n)]
+    found = [errors(model, error.apply(exact_detections(model, frame), model, "a")) for frame in range(n)]
     for name in POSES:
         drawn = np.array([f[name] for f in found if name in f])
         kept = len(drawn)
@@ -102,7 +102,7 @@ def test_noise_drift_and_dropout_have_the_sizes_given(model: OverheadModel) -> N
             assert low < float((drawn[:, i] ** 2).sum()) / sigma**2 < high
     walk = LocalisationError(LocalisationErrorSpec(drift_m=0.01, drift_yaw_deg=0.5), seed=3)
     path = np.array(
-        [errors(model, walk.apply(exact_detections(model, frame), model))["a"] for frame in range(n)]
+        [errors(model, walk.apply(exact_detections(model, frame), model, "a"))["a"] for frame in range(n)]
     )
     np.testing.assert_allclose(path[0], 0.0, atol=1e-9)
     steps = np.diff(path, axis=0)
@@ -115,18 +115,18 @@ def test_the_errors_do_not_depend_on_what_is_detected(model: OverheadModel) -> N
     spec = LocalisationErrorSpec(noise_m=0.01, drift_m=0.01)
     every, alone = (LocalisationError(spec, seed=4) for _ in range(2))
     for frame in range(5):
-        of_all = errors(model, every.apply(exact_detections(model, frame), model))
+        of_all = errors(model, every.apply(exact_detections(model, frame), model, "a"))
         of_one = errors(
-            model, alone.apply(exact_detections(model, frame, ("a",) if frame != 2 else ()), model)
+            model, alone.apply(exact_detections(model, frame, ("a",) if frame != 2 else ()), model, "a")
         )
         if frame != 2:
             np.testing.assert_array_equal(of_all["a"], of_one["a"])
-    other = LocalisationError(spec, seed=5).apply(exact_detections(model, 0), model)
+    other = LocalisationError(spec, seed=5).apply(exact_detections(model, 0), model, "a")
     assert not np.allclose(errors(model, other)["a"], of_all["a"])
 
 
 def test_tags_of_no_body_are_not_changed(model: OverheadModel) -> None:
     foreign = TagDetection(333, np.array([[10.0, 40.0], [40.0, 40.0], [40.0, 10.0], [10.0, 10.0]]))
     spec = LocalisationErrorSpec(bias_x_m=0.03, noise_m=0.01)
-    out = LocalisationError(spec, 1).apply(Detections(Exposure("overhead", 0, 0), (foreign,), ()), model)
+    out = LocalisationError(spec, 1).apply(Detections(Exposure("overhead", 0, 0), (foreign,), ()), model, "a")
     assert out.tags == (foreign,)

@@ -79,7 +79,7 @@ def suite(of: Scene) -> Iterator[tuple[Environment, SensorSuite]]:
         X_WD = plant.pose("b") @ of.geometry("b").dock_frame("rear")
         cameras = environment.devices.cameras(step, lambda: X_WD.inverse() @ plant.pose("a"), NullProfiler())
         encoders = environment.devices.encoders["a"]
-        yield environment, SensorSuite(of, step, plant, encoders, cameras, NullProfiler())
+        yield environment, SensorSuite(of, step.unit, step, plant, encoders, cameras, NullProfiler())
 
 
 def run(environment: Environment, sensors: SensorSuite, robot: Listener, time_s: float) -> None:

@@ -87,10 +87,9 @@ def test_json_holds_plain_values_and_every_fact_once() -> None:
     [
         {"duration_s": math.nan},
         {"duration_s": -1.0},
-        {"outcome": "undocked"},
+        {"outcome": "parked"},
         {"plant": "gazebo"},
         {"score": 1.0},
-        {"steps": ()},
     ],
 )
 def test_impossible_values_of_a_trial_are_refused(changes: dict[str, object]) -> None:
@@ -104,7 +103,7 @@ def test_impossible_values_of_a_trial_are_refused(changes: dict[str, object]) ->
         {"index": -1},
         {"attempts": ()},
         {"belief": "perhaps"},
-        {"outcome": "undocked"},
+        {"outcome": "parked"},
         {"started_s": math.inf},
         {"min_clearance_m": math.inf},
         {"score": 1.0},
@@ -123,8 +122,10 @@ def test_a_result_cannot_be_changed() -> None:
 
 
 @pytest.mark.parametrize("outcome", list(Outcome))
-def test_docked_is_a_single_outcome(outcome: Outcome) -> None:
-    assert result(outcome=outcome).docked is step(outcome=outcome).docked is (outcome is Outcome.DOCKED)
+def test_success_has_one_outcome_for_each_task(outcome: Outcome) -> None:
+    assert step(outcome=outcome).docked is (outcome is Outcome.DOCKED)
+    assert step(outcome=outcome).succeeded is (outcome in (Outcome.DOCKED, Outcome.UNDOCKED))
+    assert result(outcome=outcome).docked is (outcome in (Outcome.DOCKED, Outcome.COMPLETE))
 
 
 def test_the_decisive_step_is_the_first_that_did_not_dock() -> None:

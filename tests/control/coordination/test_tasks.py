@@ -18,17 +18,17 @@ def _dock(name: str, parent: str | None, *behind: str) -> Task:
 def test_a_plan_keeps_its_graph_and_the_order_of_every_unit() -> None:
     steps = [
         DockStep(unit="a", to="b.rear", name="first", after=("last",)),
-        UndockStep(undock="c", after=()),
+        UndockStep(undock="c", name="out", after=()),
         MoveStep(move="c", name="last"),  # after the step before it
         DockStep(unit="a", to="d.left", after=()),
     ]
     tasks = plan_tasks(steps)
-    assert [task.name for task in tasks] == ["c2", "last", "first", "a4"]
+    assert [task.name for task in tasks] == ["out", "last", "first", "a"]
     by_name = {task.name: task for task in tasks}
-    assert by_name["last"].after == ("c2",)
-    assert by_name["a4"].after == ("first",)
+    assert by_name["last"].after == ("out",)
+    assert by_name["a"].after == ("first",)
     assert by_name["first"].parent_unit == "b"
-    assert by_name["c2"].kind is TaskKind.UNDOCK
+    assert by_name["out"].kind is TaskKind.UNDOCK
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from msrr_scenes.specs.scene import Scene
 @pytest.mark.parametrize("parts", [1, 2, 3, 5, 8])
 def test_every_tag_lies_wholly_in_one_part_of_the_search(scene: Scene, parts: int) -> None:
     arena = Scene.model_validate({**scene.model_dump(), "cameras": {"overhead": {}}})
-    model = OverheadModel.from_scene(arena, arena.plan[0])
+    model = OverheadModel.from_scene(arena, ("a", "b"))
     windows = search_windows(model, parts)
     assert len(windows) == parts
     size = int(np.ceil(1.2 * model.largest_tag_px))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from scipy.stats import chi2
 from msrr_perception.estimation.global_estimator import GlobalEstimator
 from msrr_perception.pose.corner_errors import corners_by_sections
 from msrr_perception.pose.overhead_model import OverheadModel
+from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
@@ -51,7 +53,7 @@ def scene() -> Scene:
 
 @pytest.fixture(scope="module")
 def model(scene: Scene) -> OverheadModel:
-    return OverheadModel.from_scene(scene, scene.plan[0])
+    return OverheadModel.from_scene(scene, ("a", "b"))
 
 
 @dataclass
@@ -59,6 +61,7 @@ class Arena:
     """A unit that drives through an arena where all others stand."""
 
     model: OverheadModel
+    wheels: TargetModel
     estimator: GlobalEstimator
     seed: int
     X_WU: SE2 = field(default_factory=lambda: SE2(-1.2, -0.4, 0.3))
@@ -113,10 +116,10 @@ class Arena:
         while self.under_way and self.under_way[0][0] <= self.now_ns:
             self.estimator.add_detections(self.under_way.pop(0)[1])
         v, w = self.speed(1e-9 * self.now_ns)
-        track = self.model.target_model.track
+        track = self.wheels.track
         way = np.array([v - 0.5 * w * track, v + 0.5 * w * track]) * TICK_NS * 1e-9
         self.X_WU = self.X_WU @ SE2.exp(float(way.mean()), 0.0, float(way[1] - way[0]) / track)
-        self._wheels += way / (1.0 + self._scale) / self.model.target_model.wheel_radius
+        self._wheels += way / (1.0 + self._scale) / self.wheels.wheel_radius
         self.tick += 1
         self._wheel_message()
 
@@ -126,14 +129,28 @@ class Arena:
         return self.estimator.estimate(self.now_ns)
 
 
+def estimator_of(scene: Scene, model: OverheadModel, **options: Any) -> GlobalEstimator:
+    step = scene.docks[0]
+    return GlobalEstimator(
+        model,
+        step.unit,
+        TargetModel.from_scene(scene, step),
+        scene.odometry,
+        target=step.target_unit,
+        X_TD=scene.geometry(step.target_unit).dock_frame(step.target_port),
+        **options,
+    )
+
+
 Make = Callable[..., Arena]
 
 
 @pytest.fixture
 def make(scene: Scene, model: OverheadModel) -> Make:
     def build(seed: int = 0, delay_compensation: bool = True, **options: object) -> Arena:
-        estimator = GlobalEstimator(model, scene.odometry, delay_compensation=delay_compensation)
-        return Arena(model, estimator, seed, **options)  # type: ignore[arg-type]
+        estimator = estimator_of(scene, model, delay_compensation=delay_compensation)
+        drive = TargetModel.from_scene(scene, scene.docks[0])
+        return Arena(model, drive, estimator, seed, **options)  # type: ignore[arg-type]
 
     return build
 
@@ -322,7 +339,7 @@ def test_ready_made_poses_serve_as_well(make: Make) -> None:
 )
 def test_a_pose_by_sight_is_as_uncertain_as_both_cameras_make_it(
     make: Make,
-    model: OverheadModel,
+    scene: Scene,
     sigma_sight: tuple[float, float, float],
     sigma_target: tuple[float, float, float],
 ) -> None:
@@ -341,11 +358,11 @@ def test_a_pose_by_sight_is_as_uncertain_as_both_cameras_make_it(
     estimator.add_pose(GlobalPose("b", 0, X_WT, P_target))
     known = estimator.estimate(0, PoseEstimate(0, X_DU_seen, P_sight, 0))
     assert known is not None
-    rng = np.random.default_rng(12)
+    rng, X_TD = np.random.default_rng(12), scene.geometry("b").dock_frame("rear")
     targets = rng.multivariate_normal(X_WT.as_array(), known.target.covariance, 20_000)
     seen = rng.multivariate_normal(X_DU_seen.as_array(), P_sight, 20_000)
     errors = np.array(
-        [error(known.own, SE2(*t) @ model.X_TD @ SE2(*sight)) for t, sight in zip(targets, seen, strict=True)]
+        [error(known.own, SE2(*t) @ X_TD @ SE2(*sight)) for t, sight in zip(targets, seen, strict=True)]
     )
     white = np.linalg.solve(np.linalg.cholesky(known.own.covariance), errors.T)
     np.testing.assert_allclose(np.cov(white), np.eye(3), atol=0.05)
@@ -380,4 +397,4 @@ def test_other_cameras_and_other_wheels_change_nothing(make: Make) -> None:
 def test_parameters_out_of_range_are_refused(scene: Scene, model: OverheadModel) -> None:
     for wrong in ({"restart_after": 0}, {"gate_probability": 0.4}, {"reset_after": 0}):
         with pytest.raises(SceneError):
-            GlobalEstimator(model, scene.odometry, **wrong)  # type: ignore[arg-type]
+            estimator_of(scene, model, **wrong)
