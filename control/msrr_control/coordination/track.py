@@ -23,8 +23,8 @@ _STEP_M = 0.01
 #: Stretch on which the controlled point comes onto a path beside which it begins [m].
 _MERGE_M = 0.2
 
-#: Gap that moving bodies keep from others [m]: on the way; in a leg into or out of a port, where a unit swings
-#: about its path by some centimetres; and between two at ports, where both are to be near.
+#: Gap that moving bodies keep from others [m]: on the way; in a leg into or out of a port, where a unit
+#: swings about its path by some centimetres; and between two at ports, where both are to be near.
 GAP_M = 0.05
 LANE_GAP_M = 0.09
 PORT_GAP_M = 0.02
