@@ -18,9 +18,10 @@ from msrr_bullet.timeline.camera_views import docking_views
 from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.trial.check import check_trial
-from msrr_bullet.trial.result import TrialResult, package_versions
+from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial
+from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError, ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure, Pixels

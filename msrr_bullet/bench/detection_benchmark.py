@@ -11,7 +11,7 @@ from rich.table import Table
 from msrr_bullet.bench.detection_metrics import LARGE_EDGE_PX, DetectionRow
 from msrr_bullet.bench.onboard_views import DISTANCES_M, measure_onboard
 from msrr_bullet.bench.overhead_views import EXPOSURES, measure_overhead, module_sizes
-from msrr_bullet.trial.result import package_versions
+from msrr_bullet.trial.versions import package_versions
 
 #: Read noise [grey levels] and blur [px] of the harder case.
 HARD_NOISE_GREY = 8.0

@@ -19,7 +19,7 @@ from msrr_bullet.bench.renderer_measurements import (
     measure_poses,
 )
 from msrr_bullet.bench.renderer_scenes import CANDIDATES
-from msrr_bullet.trial.result import package_versions
+from msrr_bullet.trial.versions import package_versions
 
 
 class RendererBenchmark(BaseModel, frozen=True):

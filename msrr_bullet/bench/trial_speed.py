@@ -16,7 +16,8 @@ from rich.table import Table
 
 from msrr_bullet.profiler import StageProfiler
 from msrr_bullet.run import run_trial
-from msrr_bullet.trial.result import TrialResult, package_versions
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene

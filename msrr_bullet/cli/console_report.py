@@ -1,4 +1,4 @@
-"""The tables that the command line prints: a trial and its steps, a sweep, the shipped scenes."""
+"""The tables that the command line prints: a trial with steps and mission, a sweep, the shipped scenes."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from rich.table import Table
 from rich.text import Text
 
 from msrr_bullet.statistics import Quantiles
-from msrr_bullet.sweep.summary import StepSummary, SweepSummary
-from msrr_bullet.trial.result import PlanarPose, StepResult, TrialResult
+from msrr_bullet.sweep.summary import StepFigures, SweepSummary
+from msrr_bullet.trial.result import MissionFigures, PlanarPose, StepResult, TrialResult
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.outcome import Outcome
 
@@ -43,19 +43,20 @@ def _title(result: TrialResult) -> str:
     return f"{result.scene}, seed {result.seed} ({result.plant}, {result.perception})"
 
 
-def _name(step: StepResult | StepSummary) -> str:
-    return f"{step.unit} to {step.target}"
+def _name(step: StepResult) -> str:
+    return f"{step.unit} {'from' if step.undocks else 'to'} {step.target}"
 
 
-def _verdict(step: StepResult) -> Text:
-    return Text(step.outcome.value, "green" if step.docked else "red")
+def _verdict(of: StepResult | TrialResult) -> Text:
+    succeeded = of.succeeded if isinstance(of, StepResult) else of.docked
+    return Text(of.outcome.value, "green" if succeeded else "red")
 
 
 def steps_table(result: TrialResult) -> Table:
     """Return the table of a trial with a row for every step that began."""
     table = Table(title=_title(result), title_justify="left")
     for column in ("step", "belief", "truth"):
-        table.add_column(column)
+        table.add_column(column, no_wrap=True)
     for column in ("lateral", "attempts", "clearance", "end"):
         table.add_column(column, justify="right")
     for step in result.steps:
@@ -69,6 +70,27 @@ def steps_table(result: TrialResult) -> Table:
             _metres(step.min_clearance_m),
             f"{step.ended_s:.2f} s",
         )
+    return table
+
+
+def mission_table(result: TrialResult, mission: MissionFigures) -> Table:
+    """Return the table of the mission of a trial as a whole."""
+    table = Table(title=f"{_title(result)}: mission", title_justify="left", show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    ways = ", ".join(f"{unit} {way:.2f}" for unit, way in mission.way_m.items())
+    pair = min(mission.clearances_m, key=mission.clearances_m.__getitem__, default=None)
+    clearance = _metres(None if pair is None else mission.clearances_m[pair])
+    table.add_row("verdict", _verdict(result))
+    table.add_row("reason", Text(mission.reason))
+    table.add_row("last lock", _UNKNOWN if mission.makespan_s is None else f"{mission.makespan_s:.2f} s")
+    table.add_row("way driven", Text(f"{mission.total_way_m:.2f} m ({ways})"))
+    table.add_row("two or more under way", f"{100 * mission.parallel_share:.0f} % of the time in motion")
+    table.add_row("messages", f"{mission.messages_sent} sent, {mission.messages_lost} lost")
+    table.add_row("routes planned anew", str(mission.replans))
+    if mission.given_up:
+        table.add_row("given up", Text(", ".join(mission.given_up), "red"))
+    table.add_row("smallest clearance", Text(clearance if pair is None else f"{clearance} ({pair})"))
     return table
 
 
@@ -113,13 +135,25 @@ def sweep_table(summary: SweepSummary) -> Table:
     """Return the table of a sweep."""
     title = f"{summary.scene}, {summary.trials} trials ({summary.plant}, {summary.perception})"
     s = summary.success
-    rate = f"docked: {100 * s.rate:.1f} %, 95 % interval {100 * s.low:.1f} .. {100 * s.high:.1f} %"
+    interval = f"95 % interval {100 * s.low:.1f} .. {100 * s.high:.1f} %"
+    rate = f"{goal(summary.mission is not None)}: {100 * s.rate:.1f} %, {interval}"
     table = Table(title=title, title_justify="left", caption=rate, caption_justify="left")
     table.add_column("")
     for column in ("median", "95 %", "largest"):
         table.add_column(column, justify="right")
     for step in summary.steps:
-        _add_step(table, step)
+        _add_steps(table, f"{step.unit} to {step.target}", step)
+    if summary.mission is not None:
+        _add_steps(table, "all docking steps", summary.mission.docks)
+        for name, values, unit in (
+            ("last lock of complete missions", summary.mission.makespan_s, "s"),
+            ("way of all units", summary.mission.way_m, "m"),
+            ("two or more under way", summary.mission.parallel_percent, "%"),
+            ("messages lost", summary.mission.lost_percent, "%"),
+            ("routes planned anew", summary.mission.replans, ""),
+        ):
+            table.add_row(name, *_quantiles(values, unit))
+        table.add_section()
     for outcome, count in summary.outcomes.items():
         table.add_row(outcome, str(count), "", "")
     if summary.failures:
@@ -130,10 +164,16 @@ def sweep_table(summary: SweepSummary) -> Table:
     return table
 
 
-def _add_step(table: Table, step: StepSummary) -> None:
-    """Add a section with the figures of a step, over the trials that began it."""
+def goal(coordinated: bool) -> str:
+    """Return the outcome of a trial that succeeds, with a base station or without."""
+    outcome = Outcome.COMPLETE if coordinated else Outcome.DOCKED
+    return str(outcome.value)
+
+
+def _add_steps(table: Table, name: str, step: StepFigures) -> None:
+    """Add a section with the figures of a step, over the trials that began it, or of all steps."""
     docked = f"docked {step.outcomes.get(Outcome.DOCKED.value, 0)} of {step.trials}"
-    table.add_row(Text(_name(step), "bold"), docked, "", "")
+    table.add_row(Text(name, "bold"), docked, "", "")
     for name, values, unit in (
         ("lateral error at first contact", step.contact_lateral_mm, "mm"),
         ("yaw error at first contact", step.contact_yaw_deg, "deg"),

@@ -35,6 +35,11 @@ def replay(
             f"logged {mismatch.logged}, replayed {mismatch.replayed}",
         )
     counts = f"{report.commands} commands, {report.windows} windows, {report.estimates} estimates"
+    if report.statuses:
+        counts += (
+            f", {report.reports} reports; base station: {report.statuses} decisions, "
+            f"{report.authorities} authorities"
+        )
     verdict = "identical" if report.identical else "different"
     typer.echo(f"{run}: {verdict} ({counts})")
     installed = version("msrr-bullet")

@@ -84,7 +84,8 @@ def dock(
         if view and sys.stdin.isatty():
             console.input("The page stays until you press Enter. ")
     if result.outcome is Outcome.PROGRAM_FAILED:
-        raise typer.Exit(report_error(result.decisive_step.belief_reason, BAD_INPUT))
+        failed = next((s for s in result.steps if s.outcome is Outcome.PROGRAM_FAILED), None)
+        raise typer.Exit(report_error(result.reason if failed is None else failed.belief_reason, BAD_INPUT))
     raise typer.Exit(0 if result.docked else NOT_DOCKED)
 
 
@@ -104,12 +105,16 @@ def _live_view(scene: Scene, console: Console) -> Iterator[LiveViewer]:
 
 
 def _report(console: Console, result: TrialResult, folder: Path) -> None:
-    from msrr_bullet.cli.console_report import step_table, steps_table
+    from msrr_bullet.cli.console_report import mission_table, step_table, steps_table
 
+    step = result.decisive_step
     if len(result.steps) > 1:
         console.print(steps_table(result))
-    console.print(step_table(result, result.decisive_step))
-    typer.echo(f"The robot's reason: {result.decisive_step.belief_reason}")
+    if step is not None and not (result.mission is not None and step.succeeded):
+        console.print(step_table(result, step))
+        typer.echo(f"The robot's reason: {step.belief_reason}")
+    if result.mission is not None:
+        console.print(mission_table(result, result.mission))
     typer.echo(f"{result.outcome.value}, run folder {folder}")
     older = [name for name in (FRAMES_NAME, PLOT_NAME, TABLES_NAME) if (folder / name).exists()]
     if older:
@@ -147,7 +152,7 @@ def sweep(
     check_writable(json_file)
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from msrr_bullet.cli.console_report import sweep_table
+    from msrr_bullet.cli.console_report import goal, sweep_table
     from msrr_bullet.render import prepare_renderers
     from msrr_bullet.sweep.summary import TrialFailure
     from msrr_bullet.sweep.sweep import sweep as run_sweep
@@ -159,25 +164,25 @@ def sweep(
         MofNCompleteColumn(),
         TimeRemainingColumn(),
     )
-    docked = 0
+    succeeded = 0
     with Progress(*columns, console=console) as bar:
         task = bar.add_task(loaded.name, total=len(wanted))
 
         def show_trial(outcome: TrialResult | TrialFailure, stored: bool) -> None:
-            nonlocal docked
+            nonlocal succeeded
             if isinstance(outcome, TrialFailure):
                 bar.console.print(
                     f"seed {outcome.seed}: {outcome.error}", style="red", highlight=False, soft_wrap=True
                 )
             elif outcome.docked:
-                docked += 1
+                succeeded += 1
             elif not stored:
                 bar.console.print(
-                    f"seed {outcome.seed}: {outcome.outcome.value}, {outcome.decisive_step.belief_reason}",
+                    f"seed {outcome.seed}: {outcome.outcome.value}, {outcome.reason}",
                     highlight=False,
                     soft_wrap=True,
                 )
-            bar.update(task, advance=1, description=f"{loaded.name}, {docked} docked")
+            bar.update(task, advance=1, description=f"{loaded.name}, {succeeded} {goal(loaded.coordinated)}")
 
         prepare_renderers(loaded, lambda text: bar.console.print(text, highlight=False))
         summary = run_sweep(

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TextIO
 
+from msrr_bullet.export.mission_tables import MISSION_TABLES
 from msrr_bullet.export.robot_tables import ROBOT_TABLES
 from msrr_bullet.export.sensor_tables import SENSOR_TABLES
 from msrr_bullet.export.table import Column, Row, Table, columns, text, time
@@ -19,7 +20,7 @@ from msrr_bullet.timeline.snapshot import Snapshot, step_histories
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.scene import Scene
 
-TABLES: tuple[Table, ...] = (*ROBOT_TABLES, *SENSOR_TABLES)
+TABLES: tuple[Table, ...] = (*ROBOT_TABLES, *MISSION_TABLES, *SENSOR_TABLES)
 
 #: Name and columns of the table that compares belief with truth, from which plots are drawn.
 APPROACH = "approach"

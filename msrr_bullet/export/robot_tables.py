@@ -46,10 +46,16 @@ def _situation_rows(record: LogRecord, m: ArenaEstimate) -> Iterator[Row]:
 ROBOT_TABLES = (
     Table(
         "steps",
-        "A step of the plan begins.",
+        "A step begins.",
         StepStart,
-        columns(**TIME, step="index in the plan, from 0", unit="name of the docking unit"),
-        lambda record, m: [(time(record.stamp_ns), m.index, m.unit)],
+        columns(
+            **TIME,
+            step="index in the plan, or among the steps that a base station has begun, from 0",
+            unit="name of the unit that docks or undocks",
+            port="its active port",
+            to="port that it docks to or leaves",
+        ),
+        lambda record, m: [(time(record.stamp_ns), m.index, m.unit, m.port, m.to)],
     ),
     Table(
         "decisions",

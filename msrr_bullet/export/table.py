@@ -20,7 +20,7 @@ Row = Sequence[Cell]
 
 #: Names and meanings of columns that several tables have; :func:`pose`, :func:`sigma`, ... give their cells.
 TIME = {"time_s": "simulated time at which the message was sent or arrived"}
-UNIT = {**TIME, "unit": "name of the docking unit"}
+UNIT = {**TIME, "unit": "name of the unit, or base_station"}
 STAMP = {"stamp_s": "time to which the values refer"}
 FRAME = {"camera": "name of the camera", "frame": "number of the frame", "exposed_s": "time of exposure"}
 POSE = {"x_m": "position", "y_m": "position", "yaw_rad": "heading, counter-clockwise positive"}

@@ -1,9 +1,10 @@
-"""Recording of everything that a robot gets and does, and replay of a recording without the simulator."""
+"""Recording of all that robots and a base station get and do, and replay of it without the simulator."""
 
 from msrr_bullet.replay.comparison import Mismatch, ReplayError, ReplayReport
 from msrr_bullet.replay.isolation import replay_isolated
+from msrr_bullet.replay.log_replay import replay
+from msrr_bullet.replay.planned_replayer import RobotFactory
 from msrr_bullet.replay.recorded_robot import RecordedRobot
-from msrr_bullet.replay.replayer import RobotFactory, replay
 
 __all__ = [
     "Mismatch",

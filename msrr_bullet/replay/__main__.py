@@ -8,7 +8,7 @@ from msrr_scenes.errors import MsrrError
 
 try:
     SimulatorBarrier.install()
-    from msrr_bullet.replay.replayer import replay
+    from msrr_bullet.replay.log_replay import replay
 
     report = replay(Path(sys.argv[1]), trust="--trust" in sys.argv[2:])
 except MsrrError as error:

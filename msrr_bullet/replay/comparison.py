@@ -28,7 +28,8 @@ class Mismatch(BaseModel):
 
     Attributes:
         what: ``command``, ``estimate``, ``los``, ``situation``, ``collision_monitor``, ``assembly``,
-            ``path``, ``belief``, ``detections``, ``window`` or ``log``.
+            ``path``, ``belief``, ``report``, ``status``, ``authority``, ``detections``, ``window``,
+            ``event`` or ``log``.
         sequence: Number of the log message at which the difference was found.
         time_s: Simulated time [s].
         logged: Message or window of the trial; None when there was none.
@@ -50,12 +51,15 @@ class ReplayReport(BaseModel):
     Attributes:
         log: Path of the log file.
         complete: Whether the log was finished; that of a killed trial is compared as far as it was written.
-        steps: Number of steps of the plan.
-        sensor_messages: Number of messages given to the robot, without detections.
+        steps: Number of steps that began.
+        sensor_messages: Number of messages given to robots and base station, without detections and radio.
         commands: Number of actions compared.
         estimates: Number of pose estimates, lines of sight, beliefs and other estimates compared.
         windows: Number of window requests compared.
         detections: Number of sets of detections compared.
+        reports: Number of reports to the base station compared.
+        statuses: Number of mission statuses of the base station compared.
+        authorities: Number of authorities compared.
         mismatches: The first differences.
         written_by: Version of msrr-bullet that wrote the log; None if the log does not say.
     """
@@ -70,13 +74,20 @@ class ReplayReport(BaseModel):
     estimates: int
     windows: int
     detections: int
+    reports: int = 0
+    statuses: int = 0
+    authorities: int = 0
     mismatches: tuple[Mismatch, ...]
     written_by: str | None = None
 
     @property
     def identical(self) -> bool:
-        """Whether at least one action was compared and everything was equal, bit for bit."""
-        return not self.mismatches and self.commands > 0
+        """Whether at least one decision was compared and everything was equal, bit for bit."""
+        return not self.mismatches and self.commands + self.statuses > 0
+
+
+#: What a replay counts.
+COUNTS = tuple(name for name, field in ReplayReport.model_fields.items() if field.annotation is int)
 
 
 class Comparison:

@@ -1,6 +1,6 @@
-"""A replay runs the robot again from a log and compares all outputs, bit for bit.
+"""One pass over a log: the robots run again, and all that they put out is compared, bit for bit.
 
-The robot gets the inputs of the log in their order: exposures with the pixels of the windows that it fetched,
+A robot gets the inputs of the log in their order: exposures with the pixels of the windows that it fetched,
 sensor messages at their arrival, and the time. It gets nothing else of the log. If its outputs are equal in a
 process that cannot import the simulator, the robot had no other inputs in the trial either. The recording of
 a real robot would be replayed in the same way.
@@ -8,22 +8,17 @@ a real robot would be replayed in the same way.
 
 from __future__ import annotations
 
-import tempfile
+from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from msrr_bullet.log import topics
-from msrr_bullet.log.reader import Log, LogRecord, read_log
+from msrr_bullet.log.reader import Log, LogRecord
 from msrr_bullet.log.records import CameraWindow, Event, Level, StepStart
-from msrr_bullet.replay.comparison import Comparison, Diverged, ReplayError, ReplayReport, encoded
-from msrr_bullet.robot.autonomy import Autonomy
-from msrr_bullet.robot.fail_safe import FailSafeRobot
-from msrr_bullet.robot.interface import ObservableRobot
+from msrr_bullet.replay.comparison import COUNTS, Comparison, Diverged, ReplayError, ReplayReport, encoded
+from msrr_bullet.robot.interface import CameraReader, ObservableRobot
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.loading.load import check_scene
 from msrr_scenes.messages import (
     Action,
     ArenaEstimate,
@@ -37,15 +32,13 @@ from msrr_scenes.messages import (
     Localisation,
     LockFeedback,
     LosObservation,
-    Phase,
     Pixels,
     PoseEstimate,
     PoseMeasurement,
     SeatSwitches,
+    SensorMessage,
     WheelOdometry,
 )
-from msrr_scenes.registry import choices, is_import_path
-from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 _SENSOR_MESSAGES = (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, GlobalPose, Localisation)
@@ -61,68 +54,31 @@ _ESTIMATES: dict[type, str] = {
     Belief: "belief",
 }
 
-RobotFactory = Callable[[Scene, DockStep], ObservableRobot]
-
-
-def fail_safe_autonomy(scene: Scene, step: DockStep) -> ObservableRobot:
-    """Build the robot of a trial."""
-    return FailSafeRobot(lambda: Autonomy(scene, step))
-
-
-def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool = False) -> ReplayReport:
-    """Replay a run in this process.
-
-    Args:
-        run: Run folder or log file.
-        robot: Builds the robot of a step of the plan.
-        trust: Whether classes that the log names by their import paths may be built. That runs their code.
-
-    Raises:
-        LogError: The log cannot be read.
-        ReplayError: The log is not that of a trial, or names a class by import path and is not trusted.
-        SceneError: The scene of the log contradicts itself.
-    """
-    log = read_log(run)
-    named = [choice.name for choice in choices(log.header.scene.control) if is_import_path(choice)]
-    if named and not trust:
-        raise ReplayError(
-            f"{log.path}: the log names {', '.join(named)} by import path, and a replay would run that code; "
-            "give --trust if you trust the log and the code"
-        )
-    with tempfile.TemporaryDirectory(prefix="msrr-replay-") as folder:
-        scene = log.header.unpacked(Path(folder)).scene
-        check_scene(scene)  # a trial was run of it, but the log may have been changed since
-        return Replayer(log, scene, robot).run()
-
 
 @dataclass
-class _ReplayedRobot:
+class ReplayedRobot:
     """A robot that runs again, its estimates that the log has not confirmed yet, and its last path."""
 
     robot: ObservableRobot
     estimates: dict[type, bytes] = field(default_factory=dict)
     path: AssemblyPath | None = None
-    finished: bool = False
 
 
-class Replayer:
+class Replayer(ABC):
     """One pass over a log."""
 
-    def __init__(self, log: Log, scene: Scene, factory: RobotFactory) -> None:
-        """Compare ``log``, of a trial of ``scene``, with the robots that ``factory`` builds."""
+    def __init__(self, log: Log, scene: Scene) -> None:
+        """Prepare to compare ``log``, of a trial of ``scene``."""
         self._log = log
         self._scene = scene
-        self._factory = factory
-        self._robots: dict[str, _ReplayedRobot] = {}  # by unit
+        self._robots: dict[str, ReplayedRobot] = {}  # by unit
         self._exposure: LogRecord | None = None
         self._windows: list[LogRecord] = []
         self._camera_failure: str | None = None
         self._detections: dict[tuple[str, int], Detections] = {}
         self._monitor_is_logged = log.header.versions.get("msrr-bullet") != "0.1.0"  # not yet in that version
         self._comparison = Comparison()
-        self._counts = dict.fromkeys(
-            ("steps", "sensor_messages", "commands", "estimates", "windows", "detections"), 0
-        )
+        self._counts = dict.fromkeys(COUNTS, 0)
 
     def run(self) -> ReplayReport:
         """Read the log to its end, or to where the robot leaves it."""
@@ -137,12 +93,14 @@ class Replayer:
                 self._process(record)
             if last is not None and self._log.complete:  # else windows or estimates may be missing at the end
                 self._expose()
-                for robot in self._robots.values():
-                    self._report_unlogged_estimates(last, robot)
+                self._end(last)
         except Diverged:
             pass  # the difference is in the list
-        if not self._counts["steps"]:
-            raise ReplayError(f"{self._log.path}: nothing to replay, the log holds no step of a plan")
+        if not self._counts["steps"] and not self._counts["statuses"]:
+            raise ReplayError(
+                f"{self._log.path}: nothing to replay, the log holds neither a step nor a decision of a base "
+                "station"
+            )
         return ReplayReport(
             log=self._log.path,
             complete=self._log.complete,
@@ -169,40 +127,35 @@ class Replayer:
             self._deliver(record)
         elif kind in _SENSOR_MESSAGES:
             self._counts["sensor_messages"] += 1
-            self._robot_of(record).robot.receive(record.message)
+            self._receive(record, record.message)
         elif kind is Action:
             self._decide(record)
 
-    def _robot_of(self, record: LogRecord) -> _ReplayedRobot:
-        """Return the robot of the unit in the topic of a message."""
-        robot = self._robots.get(topics.unit_of(record.topic))
+    @abstractmethod
+    def _start(self, record: LogRecord) -> None:
+        """Process the start of a step."""
+
+    @abstractmethod
+    def _reader_of(self, record: LogRecord) -> CameraReader:
+        """Return the program that read an exposure."""
+
+    @abstractmethod
+    def _receive(self, record: LogRecord, message: SensorMessage) -> None:
+        """Give a message to all that got it in the trial."""
+
+    def _end(self, last: LogRecord) -> None:
+        """Report what is still missing at the end of a log that was finished."""
+        for robot in self._robots.values():
+            self._report_unlogged_estimates(last, robot)
+
+    def _robot_of(self, record: LogRecord, unit: str | None = None) -> ReplayedRobot:
+        """Return the robot of a unit, by default of that in the topic of a message."""
+        robot = self._robots.get(unit or topics.unit_of(record.topic))
         if robot is None:
             raise ReplayError(
                 f"{self._log.path}: message {record.sequence} on {record.topic} comes before the first step"
             )
         return robot
-
-    def _reader_of(self, record: LogRecord) -> _ReplayedRobot:
-        """Return the robot that read an exposure: that of the camera's unit, or the only one under way."""
-        if topics.unit_of(record.topic) in self._scene.units:
-            return self._robot_of(record)
-        active = [robot for robot in self._robots.values() if not robot.finished]
-        if len(active) != 1:
-            raise ReplayError(
-                f"{self._log.path}: {len(active)} robots may have read message {record.sequence} on"
-                f" {record.topic}; a log in which several units use the overhead camera cannot be replayed"
-            )
-        return active[0]
-
-    def _start(self, record: LogRecord) -> None:
-        start: StepStart = record.message
-        if not 0 <= start.index < len(self._scene.docks):
-            raise ReplayError(f"{self._log.path}: step {start.index} is not in the plan of the scene")
-        before = self._robots.pop(start.unit, None)
-        if before is not None:
-            self._report_unlogged_estimates(record, before)
-        self._counts["steps"] += 1
-        self._robots[start.unit] = _ReplayedRobot(self._factory(self._scene, start.step(self._scene)))
 
     def _note_camera_failure(self, event: Event) -> None:
         """Note that the trial's renderer failed at the next window, which the robot will ask for again."""
@@ -232,7 +185,7 @@ class Replayer:
                 raise Diverged
             return expected.pixels
 
-        detections = self._reader_of(record).robot.expose(exposure, fetch)
+        detections = self._reader_of(record).expose(exposure, fetch)
         for unused in logged:
             self._comparison.add("window", unused, str(unused.message.window), None)
         if detections is not None:
@@ -244,7 +197,7 @@ class Replayer:
         self._counts["detections"] += 1
         if not self._comparison.compare("detections", record, detections) or detections is None:
             raise Diverged
-        self._robot_of(record).robot.receive(detections)
+        self._receive(record, detections)
 
     def _decide(self, record: LogRecord) -> None:
         replayed = self._robot_of(record)
@@ -252,7 +205,6 @@ class Replayer:
         robot = replayed.robot
         self._counts["commands"] += 1
         action = robot.step(record.stamp_ns)
-        replayed.finished = action.phase in (Phase.DONE, Phase.FAILED)
         self._comparison.compare("command", record, action)
         monitor = robot.monitor if self._monitor_is_logged else None
         path, replayed.path = (None if robot.path is replayed.path else robot.path), robot.path
@@ -267,7 +219,7 @@ class Replayer:
             logged, replayed = record.data.decode(), None if data is None else data.decode()
             self._comparison.add(_ESTIMATES[record.kind], record, logged, replayed)
 
-    def _report_unlogged_estimates(self, record: LogRecord, robot: _ReplayedRobot) -> None:
+    def _report_unlogged_estimates(self, record: LogRecord, robot: ReplayedRobot) -> None:
         """Report the estimates of the last decision of a robot that the log does not hold."""
         for kind, data in robot.estimates.items():
             self._comparison.add(_ESTIMATES[kind], record, None, data.decode())

@@ -18,7 +18,8 @@ from msrr_bullet.studies.measures import MEASURES, OBSTACLE_MEASURES, Measure, P
 from msrr_bullet.studies.model import Count, Measured, Reproduction, Row, Table, rates_of
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.sweep import sweep
-from msrr_bullet.trial.result import TrialResult, package_versions
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.outcome import Outcome

@@ -27,7 +27,7 @@ from msrr_bullet.studies.settings import (
 )
 from msrr_bullet.studies.stability import SETTINGS as STABILITY_SETTINGS
 from msrr_bullet.studies.stability import stability_checks
-from msrr_bullet.trial.result import package_versions
+from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.specs.spec import Choice
 
 T = TypeVar("T")

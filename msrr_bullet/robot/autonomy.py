@@ -49,7 +49,7 @@ from msrr_scenes.messages import (
     WheelOdometry,
 )
 from msrr_scenes.registry import build
-from msrr_scenes.specs.plan import DockStep, comes_after
+from msrr_scenes.specs.plan import DockStep, in_order
 from msrr_scenes.specs.scene import Scene
 
 #: Period with which the onboard camera searches the full frame [frames].
@@ -69,9 +69,10 @@ _CHECK_PERIOD_NS = NS_PER_S
 _CHECK_CENTRE = SE2(0.2, 0.0, 0.0)
 
 
-def other_docks(scene: Scene, step: DockStep) -> list[DockStep]:
-    """Return the docks of a plan that are closed or may close during a step: all but later ones."""
-    return [other for other in scene.docks if other != step and not comes_after(scene.plan, other, step)]
+def earlier_docks(scene: Scene, step: DockStep) -> list[DockStep]:
+    """Return the docks of a plan that are closed when a step begins."""
+    order = [scene.docks[index] for index in in_order(scene.docks)]
+    return order[: order.index(step)]
 
 
 class Autonomy:
@@ -133,7 +134,7 @@ class Autonomy:
         elif scene.cameras.overhead is not None:
             self._overhead = self._reader = OverheadReader(scene, step, target, detector)
             self._assembler = build_assembler(scene.control.assembly, AssemblySetup.of(scene, step))
-            self._monitor = CollisionMonitor(scene, step.unit, step, other_docks(scene, step))
+            self._monitor = CollisionMonitor(scene, step.unit, step, earlier_docks(scene, step))
         controller = build_controller(scene.control.docking, setup)
         self._phases = PhaseMachine(scene.docking, setup, controller, self._assembler, docked=docked)
         self._profiler = profiler or NullProfiler()
@@ -194,7 +195,7 @@ class Autonomy:
         if camera == self._onboard:
             return self._phases.phase is not Phase.ASSEMBLE
         if self._reader is not None and self._phases.phase is Phase.DOCK:
-            return self._reader.sees_driving or self._check_is_due()
+            return self._check_is_due()
         return self._phases.phase in _OVERHEAD_PHASES
 
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
@@ -204,8 +205,6 @@ class Autonomy:
         if self._reader is None:
             return None
         if self._phases.phase is Phase.DOCK and self.arena is not None:
-            if not self._check_is_due():
-                return self._reader.detect_driving(exposure, fetch)
             self._checked_ns = exposure.stamp_ns
             return self._reader.detect_near(exposure, self.arena.own.X_WB @ _CHECK_CENTRE, fetch)
         self._checked_ns = exposure.stamp_ns

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Generic, TypeVar
 
+from msrr_bullet.profiler import Profiler
+from msrr_bullet.robot.guided_unit import GuidedUnit
 from msrr_bullet.robot.interface import LedRobot, ObservableRobot
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.messages import (
@@ -26,6 +28,7 @@ from msrr_scenes.messages import (
 )
 from msrr_scenes.messages.coordination import Authority, UnitMode, UnitReport
 from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
 
 R = TypeVar("R", bound=ObservableRobot)
 
@@ -147,3 +150,8 @@ class FailSafeLedRobot(FailSafeRobot[LedRobot]):
         action = super()._decide(robot, now_ns)
         self.route, self.dock_step, self.leaving = robot.route, robot.dock_step, robot.leaving
         return action
+
+
+def led_robot(scene: Scene, unit: str, profiler: Profiler | None = None) -> FailSafeLedRobot:
+    """Build the robot of a unit that a base station leads, as a trial and its replay do."""
+    return FailSafeLedRobot(unit, lambda: GuidedUnit(scene, unit, None, profiler))

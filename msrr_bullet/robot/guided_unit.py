@@ -196,7 +196,7 @@ class GuidedUnit:
         newest = self._newest
         if newest is None or newest.route == self.route or newest.limit < 0.0 or self.leaving:
             return False
-        backwards = newest.legs[0].kind is LegKind.BACK
+        backwards = bool(newest.legs) and newest.legs[0].kind is LegKind.BACK
         return not backwards or newest.limit >= newest.legs[0].end - 1e-9
 
     def _begin(self) -> None:

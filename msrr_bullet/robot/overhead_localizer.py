@@ -106,22 +106,8 @@ class OverheadReader(OverheadLocalizer):
         return self._vision.detect(exposure, predictions, fetch)
 
     def detect_near(self, exposure: Exposure, place: SE2, fetch: Fetch) -> Detections:
-        """Detect the bodies in a square of the floor around ``place``, in W, and those that drive."""
-        driving = self._predict_driving(exposure.stamp_ns)
-        return self._vision.detect_near(exposure, place.translation, NEAR_HALF_M, driving, fetch)
-
-    def detect_driving(self, exposure: Exposure, fetch: Fetch) -> Detections:
-        """Detect the bodies that drive."""
-        return self._vision.detect_expected(exposure, self._predict_driving(exposure.stamp_ns), fetch)
-
-    @property
-    def sees_driving(self) -> bool:
-        """Whether a body other than the docking unit was seen to drive and not yet to stand."""
-        return bool(self._estimator.driving())
-
-    def _predict_driving(self, stamp_ns: int) -> dict[str, GlobalPose]:
-        driving = self._estimator.driving()
-        return {n: pose for n, pose in self._estimator.predict(stamp_ns).items() if n in driving}
+        """Detect the bodies in a square of the floor around ``place``, in W."""
+        return self._vision.detect_near(exposure, place.translation, NEAR_HALF_M, fetch)
 
     def restart_search(self) -> None:
         """Search the next exposure for new bodies, however recent the last search was."""

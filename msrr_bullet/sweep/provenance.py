@@ -8,7 +8,7 @@ import json
 from functools import lru_cache
 from pathlib import Path
 
-from msrr_bullet.trial.result import package_versions
+from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.registry import choices, current_folder_importable, is_import_path
 from msrr_scenes.specs.scene import Scene
 

@@ -1,4 +1,4 @@
-"""The summary of a sweep: counts, a success rate with its interval, and quantiles of every step."""
+"""The summary of a sweep: counts, a success rate with its interval, quantiles of steps and of missions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict
 from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
 from msrr_bullet.trial.result import StepResult, TrialResult
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.specs.plan import DockStep, Perception, Plant
+from msrr_scenes.specs.plan import Perception, Plant
 from msrr_scenes.specs.scene import Scene
 
 
@@ -31,12 +31,10 @@ class TrialFailure(BaseModel):
     stopped: bool = False
 
 
-class StepSummary(BaseModel):
-    """Summary of one step of the plan over the trials that began it.
+class StepFigures(BaseModel):
+    """Figures of one step over the trials that began it, or of many steps, each of which counts as a trial.
 
     Attributes:
-        unit: Name of the docking unit.
-        target: Port that is docked to, written ``<unit>.<port>``.
         trials: Number of trials that began the step.
         outcomes: Number of these trials by the outcome of the step.
         contact_lateral_mm: Lateral error at the first pin contact of the last attempt, over all that came to
@@ -54,8 +52,6 @@ class StepSummary(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    unit: str
-    target: str
     trials: int
     outcomes: dict[str, int]
     contact_lateral_mm: Quantiles
@@ -69,6 +65,40 @@ class StepSummary(BaseModel):
     min_clearance_m: float | None
 
 
+class StepSummary(StepFigures):
+    """Summary of one step of the plan over the trials that began it.
+
+    Attributes:
+        unit: Name of the docking unit.
+        target: Port that is docked to, written ``<unit>.<port>``.
+    """
+
+    unit: str
+    target: str
+
+
+class MissionSummary(BaseModel):
+    """Summary of the missions that a base station led; see :class:`msrr_bullet.trial.result.MissionFigures`.
+
+    Attributes:
+        docks: Figures of all docking steps, which differ from trial to trial.
+        makespan_s: Time of the last lock, over all complete missions.
+        way_m: Way that all units of a mission have driven.
+        parallel_percent: Share of the time with any motion in which two units or more moved.
+        lost_percent: Share of the messages sent over the radio that were lost.
+        replans: Number of routes that were planned because an earlier one could not be driven to its end.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    docks: StepFigures
+    makespan_s: Quantiles
+    way_m: Quantiles
+    parallel_percent: Quantiles
+    lost_percent: Quantiles
+    replans: Quantiles
+
+
 class SweepSummary(BaseModel):
     """Summary of many trials of one scene.
 
@@ -80,12 +110,14 @@ class SweepSummary(BaseModel):
         perception: Kind of perception of the robots.
         trials: Number of trials, failures of the program included.
         outcomes: Number of trials by outcome; failures of the program are not included.
-        success: Rate of ``docked`` among all trials, with the 95 % Wilson interval.
+        success: Rate of ``docked``, or of ``complete`` for missions, among all trials, with the 95 % Wilson
+            interval.
         min_clearance_m: Smallest clearance over all trials; None when there was no body to come near.
-        false_docks: Number of trials in which the robot believed in a dock that was none.
+        false_docks: Number of trials in which a robot believed in a dock that was none.
         redraws: Number of starts over all trials that were drawn again because the target lay outside the
             outer cone.
-        steps: Summary of every step of the plan, in order.
+        steps: Summary of every step of the plan, in order; empty for missions.
+        mission: Summary of the missions; None without a base station.
         reused: Number of trials taken from the store.
         failures: Trials without a result.
         interrupted: Whether the sweep was stopped before all seeds were run.
@@ -105,6 +137,7 @@ class SweepSummary(BaseModel):
     false_docks: int
     redraws: int
     steps: tuple[StepSummary, ...]
+    mission: MissionSummary | None = None
     reused: int = 0
     failures: tuple[TrialFailure, ...] = ()
     interrupted: bool = False
@@ -136,6 +169,7 @@ def summarise(
     trials = list(results)
     outcomes = Counter(r.outcome for r in trials)
     steps = [step for r in trials for step in r.steps]
+    plan = () if scene.coordinated else scene.docks
     return SweepSummary(
         scene=scene.name,
         scene_hash=scene_hash,
@@ -144,29 +178,47 @@ def summarise(
         perception=scene.perception,
         trials=len(trials) + len(failures),
         outcomes=_counts(outcomes),
-        success=wilson(outcomes[Outcome.DOCKED], len(trials) + len(failures)),
+        success=wilson(sum(r.docked for r in trials), len(trials) + len(failures)),
         min_clearance_m=min(_known(r.min_clearance_m for r in trials), default=None),
-        false_docks=outcomes[Outcome.FALSE_DOCK],
+        false_docks=sum(any(s.outcome is Outcome.FALSE_DOCK for s in r.steps) for r in trials),
         redraws=sum(r.start_redraws for r in trials),
         steps=tuple(
-            _summarise_step(planned, [step for step in steps if step.index == index])
-            for index, planned in enumerate(scene.docks)
+            StepSummary(
+                unit=planned.unit,
+                target=planned.to,
+                **_figures([step for step in steps if step.index == index]).model_dump(),
+            )
+            for index, planned in enumerate(plan)
         ),
+        mission=_summarise_missions(trials) if scene.coordinated else None,
         reused=reused,
         failures=tuple(sorted(failures, key=lambda f: f.seed)),
         interrupted=interrupted,
     )
 
 
-def _summarise_step(planned: DockStep, results: list[StepResult]) -> StepSummary:
-    """Summarise the results of one step of the plan."""
+def _summarise_missions(trials: list[TrialResult]) -> MissionSummary:
+    """Summarise the missions of trials in which a base station led the units."""
+    missions = [r.mission for r in trials if r.mission is not None]
+    talking = [m for m in missions if m.messages_sent]
+    complete = [r.mission for r in trials if r.mission is not None and r.docked]
+    return MissionSummary(
+        docks=_figures([step for r in trials for step in r.steps if not step.undocks]),
+        makespan_s=quantiles(_known(m.makespan_s for m in complete)),
+        way_m=quantiles(m.total_way_m for m in missions),
+        parallel_percent=quantiles(100.0 * m.parallel_share for m in missions),
+        lost_percent=quantiles(100.0 * m.messages_lost / m.messages_sent for m in talking),
+        replans=quantiles(float(m.replans) for m in missions),
+    )
+
+
+def _figures(results: list[StepResult]) -> StepFigures:
+    """Return the figures of steps."""
     contacts = [r.contact for r in results if r.contact is not None]
     seatings = [r.seating for r in results if r.seating is not None and r.seating.seated]
     figures = [r.assembly for r in results if r.assembly is not None]
     by_attempt = Counter(len(r.attempts) for r in results if r.docked)
-    return StepSummary(
-        unit=planned.unit,
-        target=planned.to,
+    return StepFigures(
         trials=len(results),
         outcomes=_counts(Counter(r.outcome for r in results)),
         contact_lateral_mm=quantiles(1000.0 * c.lateral_m for c in contacts),

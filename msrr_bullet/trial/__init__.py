@@ -3,6 +3,7 @@
 Only the result is imported here; :mod:`msrr_bullet.trial.trial` imports PyBullet.
 """
 
-from msrr_bullet.trial.result import StepResult, TrialResult, package_versions
+from msrr_bullet.trial.result import StepResult, TrialResult
+from msrr_bullet.trial.versions import package_versions
 
 __all__ = ["StepResult", "TrialResult", "package_versions"]

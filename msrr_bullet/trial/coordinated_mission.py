@@ -6,8 +6,7 @@ from msrr_bullet.base_station.base_station import BaseStation
 from msrr_bullet.log.records import Level
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.replay.recorded_robot import RecordedBaseStation, RecordedLedRobot
-from msrr_bullet.robot.fail_safe import FailSafeLedRobot
-from msrr_bullet.robot.guided_unit import GuidedUnit
+from msrr_bullet.robot.fail_safe import led_robot
 from msrr_bullet.sensors.schedule import Periodic, duration_ns
 from msrr_bullet.sensors.sensor_suite import MountedCamera
 from msrr_bullet.trial.arena_judge import Safety
@@ -33,8 +32,7 @@ class _Member:
 
     def __init__(self, environment: Environment, unit: str, telemetry: Telemetry, profiler: Profiler) -> None:
         simulation = environment.simulation
-        scene = simulation.scene
-        self.robot = FailSafeLedRobot(unit, lambda: GuidedUnit(scene, unit, None, profiler))
+        self.robot = led_robot(simulation.scene, unit, profiler)
         self.recorded = RecordedLedRobot(self.robot, unit, telemetry.recorder, simulation.plant.now_ns)
         self.runner = UnitRunner(environment, unit, self.recorded, profiler)
         self.step: DockingStep | None = None
@@ -94,7 +92,7 @@ class CoordinatedMission(Mission):
             with self._profiler("perception"):
                 self._base.receive(message)
                 for member in self._members.values():
-                    if member.runner.running:
+                    if member.robot.active:  # a replay knows this as well
                         member.robot.receive(message)
         for link in self._radio.from_units.values():
             for report in link.arrived(now_ns):

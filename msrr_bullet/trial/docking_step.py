@@ -200,6 +200,7 @@ class DockingStep:
             pull_test_passed=self._pull_test_passed,
             min_clearance_m=self._min_clearance,
             assembly=self._assembly_figures(),
+            undocks=self.undocks,
         )
 
     def _has_stopped(self, now_ns: int) -> bool:

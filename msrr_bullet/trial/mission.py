@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable
 
 from msrr_bullet.profiler import Profiler
@@ -17,7 +18,7 @@ from msrr_bullet.trial.result import StepResult
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.unit_runner import UnitRunner
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.specs.plan import predecessors
+from msrr_scenes.specs.plan import in_order
 
 
 class Mission(ABC):
@@ -128,42 +129,36 @@ class Mission(ABC):
 
 
 class PlannedMission(Mission):
-    """Carries out the plan of a scene by units on their own.
+    """Carries out the plan of a scene by units on their own, one after another.
 
-    A step begins when the steps that it comes after have docked, so that several may be under way at once. A
-    step that does not dock keeps those after it from beginning and does not disturb the others; what
-    endangers bodies ends the mission.
+    A step begins when the one before it has docked; one that does not dock ends the mission.
     """
 
     def __init__(self, environment: Environment, telemetry: Telemetry, profiler: Profiler) -> None:
-        """Begin the first steps of the plan of the environment's scene."""
+        """Begin the first step of the plan of the environment's scene."""
         super().__init__(environment, telemetry, profiler)
-        self._after = predecessors(self._scene.docks)
-        self._begin_steps()
+        self._waiting = deque(in_order(self._scene.docks))
+        self._begin_next()
 
-    def _begin_steps(self) -> None:
-        """Begin every step that comes after docked steps alone."""
-        outcomes = {step.index: step.outcome for step in self._begun}
-        for index, after in enumerate(self._after):
-            if index not in outcomes and all(outcomes.get(i) is Outcome.DOCKED for i in after):
-                step = begin_planned(self._environment, index, self._telemetry, self._profiler)
-                self._begun.append(step)
-                self._active.append(step)
+    def _begin_next(self) -> None:
+        if self._waiting:
+            index = self._waiting.popleft()
+            step = begin_planned(self._environment, index, self._telemetry, self._profiler)
+            self._begun.append(step)
+            self._active.append(step)
 
     def _sense(self, now_ns: int) -> None:
-        for step in self._active:
-            step.runner.sense(now_ns)
+        self._active[0].runner.sense(now_ns)
 
     def _decide(self, now_ns: int) -> None:
-        for step in self._active:
-            step.follow(step.runner.decide(now_ns))
-        if self._judge(now_ns):
-            self._begin_steps()
+        step = self._active[0]
+        step.follow(step.runner.decide(now_ns))
+        if self._judge(now_ns) and step.outcome is Outcome.DOCKED:
+            self._begin_next()
         self._over = not self._active
 
     def _actuate(self, now_ns: int) -> None:
-        for step in self._active:
-            step.runner.actuate(now_ns)
+        self._active[0].runner.actuate(now_ns)
 
 
 def begin_planned(

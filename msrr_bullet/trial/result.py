@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import platform
 from collections.abc import Sequence
-from functools import lru_cache
-from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Phase
@@ -21,34 +19,6 @@ from msrr_scenes.specs.plan import Perception, Plant
 Belief = Literal["docked", "undocked", "gave_up", "undecided"]
 
 Distance = Annotated[float, Field(ge=0.0)]
-
-#: Distributions whose version can change a bit of a trial.
-_DISTRIBUTIONS = (
-    "msrr-bullet",
-    "pybullet",
-    "numpy",
-    "scipy",
-    "opencv-python-headless",
-    "pupil-apriltags",
-    "python-fcl",
-    "numba",
-)
-
-
-@lru_cache(maxsize=1)
-def _installed() -> tuple[tuple[str, str], ...]:
-    found = [("python", platform.python_version())]
-    for name in _DISTRIBUTIONS:
-        try:
-            found.append((name, version(name)))
-        except PackageNotFoundError:
-            continue  # an optional distribution that is not installed
-    return tuple(found)
-
-
-def package_versions() -> dict[str, str]:
-    """Return the versions of Python and of every installed package that can change a trial."""
-    return dict(_installed())
 
 
 class ResultError(MsrrError):
@@ -167,6 +137,7 @@ class StepResult(_Record):
         min_clearance_m: Smallest clearance of any pair of bodies, those left out that were docking or locked
             together [m]; 0 or negative after a collision, None without such a pair.
         assembly: Figures of the long-distance phase; None without one.
+        undocks: Whether the task was to undock.
     """
 
     index: int = Field(ge=0)
@@ -184,6 +155,7 @@ class StepResult(_Record):
     pull_test_passed: bool | None = None
     min_clearance_m: float | None = None
     assembly: AssemblyFigures | None = None
+    undocks: bool = False
 
     @property
     def docked(self) -> bool:
@@ -239,6 +211,11 @@ class MissionFigures(_Record):
     given_up: tuple[str, ...]
     clearances_m: dict[str, float]
 
+    @property
+    def total_way_m(self) -> float:
+        """Way that all units have driven together [m]."""
+        return sum(self.way_m.values())
+
 
 def decisive_step(steps: Sequence[StepResult]) -> StepResult:
     """Return the first step to end without success; the last one if all have succeeded.
@@ -287,14 +264,23 @@ class TrialResult(_Record):
         return self.outcome in (Outcome.DOCKED, Outcome.COMPLETE)
 
     @property
-    def decisive_step(self) -> StepResult:
-        """The step that decides the outcome, as :func:`decisive_step` finds it."""
-        return decisive_step(self.steps)
+    def decisive_step(self) -> StepResult | None:
+        """The step that decides the outcome, as :func:`decisive_step` finds it; None if none began."""
+        return decisive_step(self.steps) if self.steps else None
+
+    @property
+    def reason(self) -> str:
+        """Why the trial ended so: reason of the mission, else of the robot in the decisive step."""
+        if self.mission is not None:
+            return self.mission.reason
+        return "" if self.decisive_step is None else self.decisive_step.belief_reason
 
     @property
     def min_clearance_m(self) -> float | None:
-        """Smallest clearance of all steps [m]; None without one."""
-        return min((s.min_clearance_m for s in self.steps if s.min_clearance_m is not None), default=None)
+        """Smallest clearance of all steps and of the mission [m]; None without one."""
+        found = [s.min_clearance_m for s in self.steps if s.min_clearance_m is not None]
+        found += self.mission.clearances_m.values() if self.mission is not None else ()
+        return min(found, default=None)
 
     def to_json(self) -> str:
         """Return the result as indented JSON; :meth:`from_json` reads it back."""

@@ -23,6 +23,7 @@ from msrr_bullet.trial.trial import Trial
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import LosObservation, LosStatus, Phase, Twist
+from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.scene import Scene
 
@@ -222,3 +223,40 @@ def before_port() -> Callable[..., Placement]:
 @pytest.fixture(scope="session")
 def bench() -> Callable[..., AbstractContextManager[Bench]]:
     return open_bench
+
+
+@pytest.fixture(scope="session")
+def line_of_three(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Scene file of three units, without contact and pixels, that a base station leads into a line."""
+    file = tmp_path_factory.mktemp("scene") / "line_of_three.yaml"
+    file.write_text(
+        """
+plant: unicycle
+perception: parametric
+time_limit_s: 60
+arena: {x_m: [-1.6, 1.6], y_m: [-1.3, 1.3]}
+units:
+  a: {number: 0, pose: {x_m: -0.8, y_m: -0.5, spread: {x_m: 0.2, y_m: 0.2, yaw_deg: 180}}}
+  b: {number: 1, pose: {x_m: 0.0, y_m: 0.5, spread: {x_m: 0.2, y_m: 0.2, yaw_deg: 180}}}
+  c: {number: 2, pose: {x_m: 0.8, y_m: -0.5, spread: {x_m: 0.2, y_m: 0.2, yaw_deg: 180}}}
+cameras: {overhead: {height_m: 3.0}}
+shape: {line: 3}
+radio: {loss: 0.2, jitter_ms: 300}
+"""
+    )
+    return file
+
+
+@pytest.fixture(scope="session")
+def line_run(line_of_three: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Run folder with the log of a whole mission of ``line_of_three``, by a radio that loses messages."""
+    folder, scene = tmp_path_factory.mktemp("mission"), load_scene(line_of_three)
+    with McapRecorder(folder / LOG_NAME, LogHeader.of(scene, 1, {})) as recorder:
+        assert Trial(scene, 1, recorder=recorder).run().outcome is Outcome.COMPLETE
+    return folder
+
+
+@pytest.fixture(scope="session")
+def line_log(line_run: Path) -> Log:
+    """Log of ``line_run``."""
+    return read_log(line_run)

@@ -12,7 +12,7 @@ from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.placement.placement import close_range_steps, nominal_units, split_frame
-from msrr_scenes.specs.plan import DockStep, in_order, predecessors
+from msrr_scenes.specs.plan import DockStep, in_order
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
 
@@ -47,14 +47,14 @@ def check_assembly(scene: Scene) -> None:
 
 
 def check_time(scene: Scene) -> None:
-    """Refuse a plan of several steps that cannot be carried out within the time limit.
+    """Refuse a plan of several steps, one after another, that the time limit leaves no time for.
 
     From the middle of its start a step takes at least the straight way to the place in front of the port at
     cruising speed, from rest and to rest, the way from there to the seat at the speed that the controller
     promises, and the closing of the lock. A plan of one step may be cut short on purpose.
 
     Raises:
-        SceneError: The least times of the steps that follow one another add up to more than the limit.
+        SceneError: The least times of the steps add up to more than the limit.
         ProgramFailedError: A controller of a user's own fails while it is built.
     """
     if len(scene.docks) == 1:
@@ -62,9 +62,7 @@ def check_time(scene: Scene) -> None:
     params = route_params(scene.control.assembly)
     close_range = close_range_steps(scene)
     placed = nominal_units(scene)
-    after = predecessors(scene.docks)
     times: list[float] = []
-    ends: list[float] = [0.0] * len(scene.docks)
     for index in in_order(scene.docks):
         step = scene.docks[index]
         setup = DockSetup.of(scene, step)
@@ -81,12 +79,11 @@ def check_time(scene: Scene) -> None:
             ramps = min(params.pace.ramp_s, way / params.pace.cruise_mps)
             time = way / params.pace.cruise_mps + ramps + handover / approach
         times.append(time + scene.lock.close_time_s)
-        ends[index] = times[-1] + max((ends[i] for i in after[index]), default=0.0)
         placed[step.unit] = X_WD @ X_UP.inverse()
-    if max(ends) > scene.time_limit_s:
+    if sum(times) > scene.time_limit_s:
         listed = ", ".join(f"{time:.0f}" for time in times)
         raise SceneError(
-            f"time_limit_s: the steps take at least {listed} s, the whole plan {max(ends):.0f} s, found "
+            f"time_limit_s: the steps take at least {listed} s, the whole plan {sum(times):.0f} s, found "
             f"{scene.time_limit_s:g}; raise it, or leave out a step"
         )
 

@@ -166,23 +166,15 @@ class OverheadVision:
         self._remember(reader, due, predictions)
         return reader.detections(exposure)
 
-    def detect_near(
-        self,
-        exposure: Exposure,
-        middle_W: Array,
-        half_m: float,
-        predictions: Mapping[str, GlobalPose],
-        fetch: Fetch,
-    ) -> Detections:
-        """Read only the tags of bodies near one place and of some others, without a search for units.
+    def detect_near(self, exposure: Exposure, middle_W: Array, half_m: float, fetch: Fetch) -> Detections:
+        """Read only the tags of bodies near one place, without a search for units.
 
-        It costs the pixels of that place and of the others and leaves the state of other reads as it was.
+        It costs the pixels of that place and leaves the state of other reads as it was.
 
         Args:
             exposure: Exposure to read.
             middle_W: Middle of the place on the floor, shape (2,) [m].
             half_m: Half the edge of the square that is read [m].
-            predictions: Poses at the time of the exposure of the other bodies to read.
             fetch: Function that returns the pixels of a window of this exposure.
 
         Returns:
@@ -195,24 +187,7 @@ class OverheadVision:
             wanted = self.model.tags.keys() - set(self._essential)
             hints = reader.search(window, self._search_detector)
             self._read(reader, [ExpectedTag(i, px, _EXACT) for i, px in hints.items() if i in wanted])
-        self._read_expected(reader, predictions)
         return reader.detections(exposure, self.model.tags)
-
-    def detect_expected(
-        self, exposure: Exposure, predictions: Mapping[str, GlobalPose], fetch: Fetch
-    ) -> Detections:
-        """Read only the tags of bodies whose poses at the time of the exposure are predicted.
-
-        It costs their windows and leaves the state of other reads as it was; see :meth:`detect_near`.
-        """
-        reader = FrameReader(fetch)
-        self._read_expected(reader, predictions)
-        return reader.detections(exposure, self.model.tags)
-
-    def _read_expected(self, reader: FrameReader, predictions: Mapping[str, GlobalPose]) -> None:
-        expected = self._expected(predictions)
-        for widen in (1.0, self._retry_widen):
-            self._read(reader, [e for i, e in expected.items() if i not in reader.found], widen)
 
     def _is_due(self, tag_id: int, frame: int, driving: Collection[str]) -> bool:
         if self.model.tags[tag_id].name in driving or self._settled.get(tag_id, 0) < self._settle_after:

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from msrr_perception.estimation.body_track import BodyTrack, Motion, SeenPose, TrackNoise
+from msrr_perception.estimation.body_track import BodyTrack, SeenPose, TrackNoise
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import Detections, GlobalPose, ObstacleEstimate
@@ -80,10 +80,6 @@ class ArenaTracker:
     def knows(self, name: str) -> bool:
         """Return whether a body has been seen."""
         return name in self._tracks
-
-    def driving(self) -> frozenset[str]:
-        """Return the bodies that were seen to drive and not yet to stand."""
-        return frozenset(name for name, t in self._tracks.items() if t.motion is Motion.DRIVES)
 
     def poses(self, stamp_ns: int) -> dict[str, GlobalPose]:
         """Return the pose of every body that has been seen, at an instant."""

@@ -127,10 +127,6 @@ class GlobalEstimator:
         self._own.add_pose(PoseMeasurement(exposure, pose.X_WB, pose.covariance, (None, None)))
         self._own_place = self._own_place.after(seen) if self._own_place else Place(seen)
 
-    def driving(self) -> frozenset[str]:
-        """Return the bodies other than the unit that were seen to drive and not yet to stand."""
-        return self._others.driving()
-
     def predict(self, stamp_ns: int) -> Mapping[str, GlobalPose]:
         """Return the pose of every known body at an instant, for planning windows."""
         own = self._own.predict(stamp_ns)

@@ -16,12 +16,8 @@ def plan_problems(scene: Scene) -> list[Problem]:
     disorder = list(_order_problems(scene))
     if disorder or scene.coordinated:
         return disorder
-    return [
-        *_moving_targets(scene),
-        *_busy_units(scene),
-        *_busy_ports(scene),
-        *_locked_already(scene),
-    ]
+    overlap = list(_steps_at_once(scene))
+    return overlap or [*_busy_units(scene), *_busy_ports(scene), *_locked_already(scene)]
 
 
 def mission_problems(scene: Scene) -> list[Problem]:
@@ -64,15 +60,19 @@ def _order_problems(scene: Scene) -> Iterator[Problem]:
             yield Problem(("plan", i, "after"), text)
 
 
-def _moving_targets(scene: Scene) -> Iterator[Problem]:
-    """Yield steps whose unit or target may be moved by another step at the same time."""
+def _steps_at_once(scene: Scene) -> Iterator[Problem]:
+    """Yield steps that may be carried out at the same time as an earlier one of the list."""
     before = [ancestors(scene.docks, i) for i in range(len(scene.docks))]
-    for i, step in enumerate(scene.docks):
-        for j, other in enumerate(scene.docks):
-            at_once = i != j and i not in before[j] and j not in before[i]
-            if at_once and other.unit in (step.unit, step.target_unit):
-                text = f"{other.unit!r} may move at the same time; put this step and {other.label!r} in order"
-                yield Problem(("plan", i, "after"), text)
+    for j, step in enumerate(scene.docks):
+        for i, other in enumerate(scene.docks[:j]):
+            if i not in before[j] and j not in before[i]:
+                text = (
+                    f"the steps {other.label!r} and {step.label!r} may be carried out at the same time, and "
+                    "units on their own do not know of each other; add `radio: {}` to the scene, so that a "
+                    "base station leads them, or put the steps in order"
+                )
+                yield Problem(("plan", j, "after"), text)
+                break
 
 
 def _busy_units(scene: Scene) -> Iterator[Problem]:

@@ -48,7 +48,8 @@ class DockStep(Spec):
     """Name of the step, for ``after``; by default that of the unit."""
     after: After = None
     """Names of the steps that have to be done before this one begins; by default the step before it in the
-    plan. Steps that do not come after one another are carried out at the same time."""
+    plan. Steps that do not come after one another are carried out at the same time, which needs a base
+    station."""
 
     @property
     def label(self) -> str:
@@ -126,7 +127,7 @@ class MoveStep(Spec):
 
 def _kind(step: Any) -> str:
     """Return the kind of a step as written: by the key that only steps of that kind have."""
-    keys = step if isinstance(step, dict) else type(step).model_fields
+    keys = step if isinstance(step, dict) else getattr(type(step), "model_fields", ())
     return next((kind for kind in ("undock", "move") if kind in keys), "dock")
 
 
@@ -167,11 +168,6 @@ def ancestors(plan: Sequence[PlanStep], index: int) -> tuple[int, ...]:
 def in_order(plan: Sequence[PlanStep]) -> list[int]:
     """Return the indices of all steps, each after those that it comes after, else as in the plan."""
     return sorted(range(len(plan)), key=lambda index: (len(ancestors(plan, index)), index))
-
-
-def comes_after(plan: Sequence[PlanStep], step: PlanStep, earlier: PlanStep) -> bool:
-    """Return whether a step of the plan begins only when another one is done."""
-    return earlier in plan and plan.index(earlier) in ancestors(plan, plan.index(step))
 
 
 class LosSpec(Spec):

@@ -1,12 +1,28 @@
 """The tables on the console: belief beside truth, rates with intervals, descriptions of scenes."""
 
+from pathlib import Path
+
 import pytest
 from rich.table import Table
 
 from msrr_bullet.cli.console import open_console
-from msrr_bullet.cli.console_report import scenes_table, step_table, steps_table, sweep_table
+from msrr_bullet.cli.console_report import (
+    mission_table,
+    scenes_table,
+    step_table,
+    steps_table,
+    sweep_table,
+)
 from msrr_bullet.sweep.summary import TrialFailure, summarise
-from msrr_bullet.trial.result import AttemptRecord, Contact, PlanarPose, Seating, StepResult, TrialResult
+from msrr_bullet.trial.result import (
+    AttemptRecord,
+    Contact,
+    MissionFigures,
+    PlanarPose,
+    Seating,
+    StepResult,
+    TrialResult,
+)
 from msrr_scenes import load_scene
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
@@ -98,6 +114,66 @@ def test_a_sweep_shows_the_figures_of_every_step(false_dock: TrialResult) -> Non
     assert "lateral error at first contact 1.50 mm" in before
     assert after.strip().startswith("docked 0 of 0")
     assert "lateral error" not in after
+
+
+@pytest.fixture
+def incomplete(false_dock: TrialResult) -> TrialResult:
+    """A mission of which one unit was left over."""
+    (step,) = false_dock.steps
+    docked = step.model_copy(update={"outcome": Outcome.DOCKED})
+    left = docked.model_copy(update={"outcome": Outcome.UNDOCKED, "undocks": True, "belief": "undocked"})
+    mission = MissionFigures(
+        reason="given up: c at a.rear",
+        makespan_s=31.25,
+        way_m={"a": 1.25, "b": 0.0},
+        parallel_share=0.4,
+        messages_sent=200,
+        messages_lost=5,
+        replans=2,
+        done=("a at b.rear",),
+        given_up=("c at a.rear",),
+        clearances_m={"a-c": 0.25, "a-post": 0.125},
+    )
+    changes = {"outcome": Outcome.INCOMPLETE, "steps": (docked, left), "mission": mission}
+    return false_dock.model_copy(update=changes)
+
+
+def test_a_mission_shows_what_came_of_it(incomplete: TrialResult) -> None:
+    assert incomplete.mission is not None
+    shown = text(mission_table(incomplete, incomplete.mission))
+    assert "verdict incomplete" in shown
+    assert "reason given up: c at a.rear" in shown
+    assert "last lock 31.25 s" in shown
+    assert "way driven 1.25 m (a 1.25, b 0.00)" in shown
+    assert "two or more under way 40 %" in shown
+    assert "messages 200 sent, 5 lost" in shown
+    assert "routes planned anew 2" in shown
+    assert "smallest clearance 0.125 m (a-post)" in shown
+    steps = text(steps_table(incomplete))
+    assert "a to b.rear docked docked" in steps
+    assert "a from b.rear undocked undocked" in steps
+
+
+def test_the_name_of_a_step_stays_on_one_line(
+    incomplete: TrialResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    assert "a from b.rear" in text(steps_table(incomplete))
+
+
+def test_a_sweep_of_missions_counts_what_is_complete(incomplete: TrialResult, line_of_three: Path) -> None:
+    complete = incomplete.model_copy(update={"outcome": Outcome.COMPLETE})
+    summary = summarise(load_scene(line_of_three), "00ff", "code", [incomplete, complete])
+    shown = text(sweep_table(summary))
+    assert "complete: 50.0 %" in shown
+    assert "all docking steps docked 2 of 2" in shown  # those that undock are left out
+    assert "lateral error at first contact 1.50 mm" in shown
+    assert "last lock of complete missions 31.25 s" in shown
+    assert "way of all units 1.250 m" in shown
+    assert "two or more under way 40.00 %" in shown
+    assert "messages lost 2.50 %" in shown
+    assert "incomplete 1" in shown
+    assert "a to b.rear" not in shown
 
 
 def test_scenes_have_descriptions() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -161,3 +162,54 @@ def test_a_user_s_class_in_the_current_folder_that_fails_is_bad_input(
     summary = json.loads(swept.stdout)
     assert (summary["outcomes"], summary["failures"]) == ({"program_failed": 3}, [])
     assert (summary["trials"], summary["success"]["rate"]) == (3, 0.0)
+
+
+def test_dock_and_replay_of_a_mission(line_of_three: Path, tmp_path: Path, capsys: Capture) -> None:
+    run_folder = tmp_path / "run"
+    assert run(["dock", str(line_of_three), "--seed", "1", "--out", str(run_folder)]) == 0
+    shown = capsys.readouterr().out
+    assert "complete, run folder" in shown
+    assert "all tasks are done" in shown
+    assert "two or more under way" in shown
+    result = TrialResult.from_json((run_folder / "result.json").read_text())
+    assert result.mission is not None
+    assert f"{result.mission.messages_sent} sent, {result.mission.messages_lost} lost" in shown
+    assert f"{result.mission.makespan_s:.2f} s" in shown
+    assert run(["replay", str(run_folder)]) == 0
+    replayed = capsys.readouterr().out
+    assert "identical" in replayed
+    counts = re.search(r"(\d+) reports; base station: \d+ decisions, (\d+) authorities", replayed)
+    assert counts is not None
+    assert sum(map(int, counts.groups())) == result.mission.messages_sent
+
+
+def test_a_sweep_of_missions_counts_what_is_complete(
+    line_of_three: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    """Also from the store, and in the JSON file; a mission in which no step began tells its reason."""
+    sweep = [
+        "sweep",
+        str(line_of_three),
+        "--seeds",
+        "1:3",
+        "--jobs",
+        "1",
+        "--store",
+        str(tmp_path / "s.sqlite"),
+    ]
+    file = tmp_path / "sweep.json"
+    assert run([*sweep, "--json", str(file)]) == 0
+    assert "complete: 100.0 %" in capsys.readouterr().out
+    first = SweepSummary.model_validate_json(file.read_text())
+    assert first.mission is not None
+    assert (first.steps, first.mission.docks.outcomes) == ((), {"docked": 4})
+    assert first.success.rate == 1.0
+    assert run([*sweep, "--json", str(file)]) == 0
+    again = SweepSummary.model_validate_json(file.read_text())
+    assert again == first.model_copy(update={"reused": 2})
+    capsys.readouterr()
+    silent = ["--set", "radio.silences=[{from_s: 0, until_s: 60}]", "--set", "time_limit_s=3"]
+    assert run([*sweep, *silent]) == 0
+    shown = capsys.readouterr().out
+    assert "seed 1: timeout, the time is up" in shown
+    assert "complete: 0.0 %" in shown

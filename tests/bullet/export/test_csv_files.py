@@ -17,6 +17,7 @@ from msrr_bullet.export.csv_files import TABLES
 from msrr_bullet.log.formats import message_types
 from msrr_bullet.log.records import CameraWindow, FrameLinks
 from msrr_scenes.messages import Action, LosStatus, ObstacleEstimate, PoseEstimate
+from msrr_scenes.messages.coordination import Authority, MissionStatus
 
 DOCS = Path(__file__).resolve().parents[3] / "docs" / "csv.md"
 
@@ -122,3 +123,29 @@ def test_a_folder_that_cannot_be_written_is_refused(short_log, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ExportError, match="cannot be written"):
         write_csv(short_log, tmp_path / "file")
+
+
+def test_a_mission_has_its_tables(line_log, tmp_path):
+    """What the base station knew, sent and heard; every message by radio that arrived was sent before."""
+    write_csv(line_log, tmp_path)
+    statuses = [m for _, m in line_log.messages(MissionStatus)]
+    table = rows(tmp_path, "mission")
+    assert len(table) == sum(len(status.units) for status in statuses)
+    last = {row["unit"]: row for row in table[-3:]}
+    assert {row["mission"] for row in last.values()} == {"complete"}
+    assert [float(last[u.unit]["progress_m"]) for u in statuses[-1].units] == [
+        u.progress for u in statuses[-1].units
+    ]
+    authorities = [m for _, m in line_log.messages(Authority)]
+    assert [float(row["limit_m"]) for row in rows(tmp_path, "authorities")] == [m.limit for m in authorities]
+    reports = rows(tmp_path, "reports")
+    assert {row["mode"] for row in reports} >= {"standing", "driving", "docking", "docked"}
+    sent = {("authority", m.unit, str(m.seq), "") for m in authorities}
+    sent |= {("report", row["unit"], "", row["time_s"]) for row in reports}
+    receipts = [(r["message"], r["unit"], r["number"], r["sent_s"]) for r in rows(tmp_path, "receipts")]
+    assert set(receipts) < sent
+    assert len(set(receipts)) == len(receipts)
+    assert {(row["port"], row["to"].partition(".")[2]) for row in rows(tmp_path, "steps")} == {
+        ("front", "rear")
+    }
+    assert {row["unit"] for row in rows(tmp_path, "global_measurements")} == {"base_station"}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from msrr_bullet.log import LogHeader, McapRecorder, topics
-from msrr_bullet.log.records import TruePose
+from msrr_bullet.log.records import StepStart, TruePose
 from msrr_bullet.replay.recorded_robot import RecordedRobot
 from msrr_bullet.robot.interface import ObservableRobot
 from msrr_scenes.geometry.pinhole import Window
@@ -110,7 +110,8 @@ def record_trial(
     now = 0
     for index, step in enumerate(SCENE.plan):
         start = now = index * 1_000_000_000
-        robot = RecordedRobot(factory(SCENE, step), step.unit, recorder, index, lambda: now)  # noqa: B023 - the time of the loop
+        recorder.write(topics.STEPS, now, StepStart(now, index, step.unit))
+        robot = RecordedRobot(factory(SCENE, step), step.unit, recorder, lambda: now)  # noqa: B023 - the time of the loop
         queue: list[tuple[int, Detections]] = []
         for tick in range(100):
             now = start + tick * 10_000_000

@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_bullet.log import MemoryRecorder, TruePose
-from msrr_bullet.replay.replayer import replay
+from msrr_bullet.replay import replay
 from msrr_bullet.run import run_trial
 from msrr_bullet.trial.telemetry import Progress
-from msrr_bullet.trial.trial import Trial
 from msrr_perception.detection.overhead_vision import OverheadVision
-from msrr_scenes.messages import Action, ArenaEstimate, Detections, Phase
+from msrr_scenes.messages import Detections, Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
@@ -68,43 +66,3 @@ def test_a_unit_stops_before_a_post_that_appears_beside_the_lane(
         assert 0.99 < np.diff(times).min() <= np.diff(times).max() < 1.11
         assert max(sum(w.area for w in check.windows) for check in checks) < FULL / 6
         assert replay(tmp_path / "run").identical
-
-
-def test_a_unit_at_its_port_goes_on_following_one_that_drives_elsewhere() -> None:
-    """Unit c is still under way while unit a docks, and a knows it to 3 cm at every instant.
-
-    Poses have errors of 5 mm. Read once a second, c would be known to its way in a second, some 20 cm.
-    """
-    scene = Scene.model_validate(
-        {
-            "name": "elsewhere",
-            "plant": "unicycle",
-            "perception": "parametric",
-            "arena": {"x_m": [-2.0, 2.0], "y_m": [-1.5, 1.5]},
-            "units": {
-                "a": {"number": 0, "pose": {"x_m": 0.1, "y_m": -0.8}},
-                "b": {"number": 1, "pose": {"x_m": 1.2, "y_m": -0.8}},
-                "c": {"number": 2, "pose": {"x_m": -1.5, "y_m": 0.9}},
-                "d": {"number": 3, "pose": {"x_m": 1.2, "y_m": 0.9}},
-            },
-            "cameras": {"overhead": {"height_m": 3.5}},
-            "plan": [{"unit": "a", "to": "b.rear", "after": []}, {"unit": "c", "to": "d.rear", "after": []}],
-        }
-    )
-    recorder = MemoryRecorder()
-    Trial(scene, 1, recorder=recorder).run()
-    messages = recorder.messages
-    truth = {(m.name, ns): m.X_WB for _, ns, m in messages if isinstance(m, TruePose)}
-    docking = {
-        ns for topic, ns, m in messages if isinstance(m, Action) and "/a/" in topic and m.phase is Phase.DOCK
-    }
-    errors, ways = [], []
-    for topic, ns, m in messages:
-        if isinstance(m, ArenaEstimate) and "/a/" in topic and ns in docking:
-            X = truth["c", ns]
-            seen = next(o for o in m.others if o.name == "c").X_WB
-            errors.append(np.hypot(seen.x - X.x, seen.y - X.y))
-            ways.append(X.x)
-    assert max(ways) - min(ways) > 0.5
-    assert len(errors) > 200
-    assert max(errors) < 0.03

@@ -149,7 +149,7 @@ def test_detection_near_a_place_finds_what_is_near_and_changes_no_later_detectio
     exposure = checked.looks[-1].exposure
     detected = {}
     for name, middle in {"near": SE2(0.3, 0.4), "far": SE2(-0.6, 0.3), "outside": SE2(9.0, 9.0)}.items():
-        look = checked.vision.detect_near(exposure, middle.translation, NEAR_HALF_M, {}, checked.camera.fetch)
+        look = checked.vision.detect_near(exposure, middle.translation, NEAR_HALF_M, checked.camera.fetch)
         detected[name] = [t.tag_id for t in look.tags]
         assert sum(w.area for w in look.windows) < FULL / 6
     # No unit is near one of the places, and the post is near the first.
@@ -179,14 +179,3 @@ def test_a_parked_unit_is_read_in_every_fourth_frame_and_one_that_drives_in_each
     assert sum(frames_with_c(3.75, 4.55)) <= 3
     off = error(arena.known.others[0], arena.plant.pose("c"))
     assert np.abs(off[:2]).max() < 1e-4
-
-
-def test_only_the_bodies_that_are_predicted_are_read(open_arena: Callable) -> None:
-    arena = open_arena(others={"c": SE2(-0.2, -0.8, 0.4)})
-    arena.run(1.05)
-    exposure = arena.looks[-1].exposure
-    wanted = {"c": arena.estimator.predict(exposure.stamp_ns)["c"]}
-    look = arena.vision.detect_expected(exposure, wanted, arena.camera.fetch)
-    assert ids(look) == [20]
-    assert sum(w.area for w in look.windows) < 8_000
-    assert arena.vision.detect_expected(exposure, {}, arena.camera.fetch).windows == ()

@@ -57,3 +57,10 @@ def test_a_step_counts_the_trials_that_began_it(scene: Scene, made_up: TrialFunc
 def test_a_step_that_no_trial_began_has_no_figures(scene: Scene) -> None:
     (step,) = summarise(scene, "hash", "code", []).steps
     assert (step.trials, step.outcomes, step.attempts.p50, step.min_clearance_m) == (0, {}, None, None)
+
+
+def test_a_false_dock_counts_whatever_the_trial_ended_with(scene: Scene, made_up: TrialFunction) -> None:
+    (wrong,) = made_up(scene, 9).steps
+    docked = made_up(scene, 0)
+    mixed = docked.model_copy(update={"steps": (*docked.steps, wrong)})
+    assert summarise(scene, "hash", "code", [docked, mixed]).false_docks == 1

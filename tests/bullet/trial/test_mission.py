@@ -1,4 +1,4 @@
-"""A mission: order of the steps, steps at the same time, and what the failure of one does to the others."""
+"""A mission: the order of steps, what their failure does, and which plans need a base station."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from msrr_bullet.trial.trial import Trial
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.mission import RadioSpec
 from msrr_scenes.specs.scene import Scene
 
 SCENE = """
-description: Three units dock to a fourth one at the same time, from in front of its ports.
+description: Three units dock to a fourth one, from in front of its ports.
 perception: parametric
 units:
   b: {{number: 1, pose: {{x_m: 0.4}}}}
@@ -25,11 +26,6 @@ units:
   d: {{number: 3, pose: {{frame: b.right, x_m: -0.50}}}}
 plan:
 {plan}
-"""
-AT_ONCE = """
-  - {unit: a, to: b.rear, after: []}
-  - {unit: c, to: b.left, after: []}
-  - {unit: d, to: b.right, after: []}
 """
 
 
@@ -64,69 +60,79 @@ def run(scene: Scene) -> tuple[TrialResult, dict[int, int]]:
     return Trial(scene, 1, recorder=recorder).run(), recorder.stamps
 
 
-@pytest.mark.parametrize("plant", ["bullet", "unicycle"])
-def test_steps_without_an_order_are_carried_out_at_the_same_time(tmp_path: Path, plant: str) -> None:
-    """Together they take as long as the longest of them alone, and each one docks as if it were alone."""
-    together, starts = run(mission(tmp_path, AT_ONCE, plant=plant))
-    assert together.docked
-    assert starts == {0: 0, 1: 0, 2: 0}
-    assert all(step.pull_test_passed for step in together.steps)
-    one_by_one, _ = run(mission(tmp_path, AT_ONCE.replace(", after: []", ""), plant=plant))
-    for step, single in zip(together.steps, one_by_one.steps, strict=True):
-        assert single.docked
-        assert step.ended_s == pytest.approx(single.ended_s - single.started_s, abs=0.25)
-    assert together.duration_s < 0.6 * one_by_one.duration_s
-
-
-def test_a_step_begins_when_those_before_it_have_docked(tmp_path: Path) -> None:
+def test_units_on_their_own_dock_one_after_another(tmp_path: Path) -> None:
+    """In the order that `after` asks for; the result lists them as the plan does."""
     plan = """
-  - {unit: a, to: b.rear, after: []}
-  - {unit: c, to: b.left, after: [], name: left}
-  - {unit: d, to: b.right, after: [a, left]}
+  - {unit: a, to: b.rear, after: [right]}
+  - {unit: c, to: b.left, after: []}
+  - {unit: d, to: b.right, name: right, after: [c]}
 """
     result, starts = run(mission(tmp_path, plan, plant="unicycle"))
     a, c, d = result.steps
     assert result.docked
-    assert starts[0] == starts[1] == 0
-    assert d.started_s == starts[2] * 1e-9 == max(a.ended_s, c.ended_s)
+    assert (a.unit, c.unit, d.unit) == ("a", "c", "d")
+    assert starts[1] == 0
+    assert (d.started_s, a.started_s) == (c.ended_s, d.ended_s) == (1e-9 * starts[2], 1e-9 * starts[0])
 
 
-def test_a_step_that_fails_holds_up_those_after_it_alone(tmp_path: Path) -> None:
-    """The port of the first unit is plugged; the second does not wait for it, the third does."""
+def test_a_step_that_does_not_dock_ends_the_plan(tmp_path: Path) -> None:
+    """The port of the second unit is plugged; the first is docked and stays so, the third never begins."""
     plan = """
-  - {unit: a, to: b.rear, after: []}
-  - {unit: c, to: b.left, after: []}
-  - {unit: d, to: b.right, after: [a]}
-faults: [{kind: port_plugged, unit: b, port: rear, attempts: [1, 2, 3]}]
+  - {unit: a, to: b.rear}
+  - {unit: c, to: b.left}
+  - {unit: d, to: b.right}
+faults: [{kind: port_plugged, unit: b, port: left, attempts: [1, 2, 3]}]
 docking: {attempts: 1, stall_time_s: 0.8, retreat_m: 0.15}
 """
     result, starts = run(mission(tmp_path, plan))
     assert starts.keys() == {0, 1}
     a, c = result.steps
-    assert not a.docked
-    assert (c.docked, c.pull_test_passed) == (True, True)
-    assert result.outcome is a.outcome is not Outcome.ABORTED
-    assert result.decisive_step is a
+    assert (a.docked, a.pull_test_passed) == (True, True)
+    assert not c.docked
+    assert result.outcome is c.outcome
+    assert result.decisive_step is c
 
 
 def test_what_endangers_bodies_ends_the_mission(tmp_path: Path) -> None:
-    """A post appears in front of a, which has no camera for it; c has done nothing wrong and is aborted."""
+    """A post appears in front of a, which has no camera for it."""
     post = "{shape: cylinder, radius_m: 0.02, appears_at_s: 0.5, pose: {x_m: 0.15}}"
-    plan = "\n".join(AT_ONCE.splitlines()[1:3]) + f"\nobstacles: {{post: {post}}}"
-    result, _ = run(mission(tmp_path, plan, plant="unicycle"))
-    assert [step.outcome for step in result.steps] == [Outcome.CLEARANCE_VIOLATED, Outcome.ABORTED]
+    plan = f"  - {{unit: a, to: b.rear}}\n  - {{unit: c, to: b.left}}\nobstacles: {{post: {post}}}"
+    result, starts = run(mission(tmp_path, plan, plant="unicycle"))
+    assert starts.keys() == {0}
+    assert [step.outcome for step in result.steps] == [Outcome.CLEARANCE_VIOLATED]
     assert result.outcome is Outcome.CLEARANCE_VIOLATED
-    assert result.decisive_step.unit == "a"
 
 
 def test_units_that_dock_beside_each_other_do_not_hold_each_other_up(shipped: Load) -> None:
-    """With an overhead camera; the first to be docked is no stranger to those that come beside it."""
+    """Led by a base station; the first to be docked is no stranger to those that come beside it."""
     scene = shipped("four_units_cross", {"perception": "parametric", "plant": "unicycle"})
     at_once = tuple(step.model_copy(update={"after": ()}) for step in scene.plan)
-    result, starts = run(scene.model_copy(update={"plan": at_once}))
-    assert result.docked, result.decisive_step.belief_reason
-    assert set(starts.values()) == {0}
+    result, starts = run(scene.model_copy(update={"plan": at_once, "radio": RadioSpec()}))
+    assert result.outcome is Outcome.COMPLETE, result.reason
     assert [len(step.attempts) for step in result.steps] == [1, 1, 1]
+    first_end = min(step.ended_s for step in result.steps)
+    assert all(1e-9 * start < first_end for start in starts.values())
+
+
+def test_a_mission_in_which_no_step_began_has_a_reason(line_of_three: Path) -> None:
+    silent = {"radio.silences": "[{from_s: 0, until_s: 60}]", "time_limit_s": "2"}
+    result, starts = run(load_scene(line_of_three, silent))
+    assert (result.steps, starts) == ((), {})
+    assert result.decisive_step is None
+    assert (result.outcome, result.reason) == (Outcome.TIMEOUT, "the time is up")
+    assert result.mission is not None
+    assert result.mission.messages_lost == result.mission.messages_sent > 0
+    assert result.mission.makespan_s is None
+    assert TrialResult.from_json(result.to_json()) == result
+
+
+def test_steps_at_the_same_time_need_a_base_station(tmp_path: Path) -> None:
+    plan = "  - {unit: a, to: b.rear}\n  - {unit: c, to: b.left, after: []}\ncameras: {overhead: {}}"
+    with pytest.raises(SceneError, match=r"'a' and 'c' may be .* same time.* add `radio: {}`") as refused:
+        mission(tmp_path, plan)
+    assert "plan.1.after" in str(refused.value)
+    assert mission(tmp_path, plan + "\nradio: {}").coordinated
+    assert not mission(tmp_path, plan.replace("[]", "[a]")).coordinated
 
 
 @pytest.mark.parametrize(
@@ -142,10 +148,6 @@ def test_units_that_dock_beside_each_other_do_not_hold_each_other_up(shipped: Lo
             "  - {unit: a, to: b.rear}\n  - {unit: c, to: b.left, name: a}\n"
             "  - {unit: d, to: b.right, after: [a]}",
             "2 steps are named 'a'",
-        ),
-        (
-            "  - {unit: a, to: b.rear}\n  - {unit: c, to: a.rear, after: []}",
-            "'a' may move at the same time",
         ),
     ],
 )

@@ -15,8 +15,8 @@ from msrr_bullet.trial.result import (
     Seating,
     StepResult,
     TrialResult,
-    package_versions,
 )
+from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome

@@ -1,0 +1,41 @@
+"""Replays a run in this process, in the way that its scene asks for."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from msrr_bullet.log.reader import read_log
+from msrr_bullet.replay.comparison import ReplayError, ReplayReport
+from msrr_bullet.replay.coordinated_replayer import CoordinatedReplayer
+from msrr_bullet.replay.planned_replayer import PlannedReplayer, RobotFactory, fail_safe_autonomy
+from msrr_scenes.loading.load import check_scene
+from msrr_scenes.registry import choices, is_import_path
+
+
+def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool = False) -> ReplayReport:
+    """Replay a run in this process.
+
+    Args:
+        run: Run folder or log file.
+        robot: Builds the robot of a step of a plan that units carry out on their own.
+        trust: Whether classes that the log names by their import paths may be built. That runs their code.
+
+    Raises:
+        LogError: The log cannot be read.
+        ReplayError: The log is not that of a trial, or names a class by import path and is not trusted.
+        SceneError: The scene of the log contradicts itself.
+    """
+    log = read_log(run)
+    named = [choice.name for choice in choices(log.header.scene.control) if is_import_path(choice)]
+    if named and not trust:
+        raise ReplayError(
+            f"{log.path}: the log names {', '.join(named)} by import path, and a replay would run that code; "
+            "give --trust if you trust the log and the code"
+        )
+    with tempfile.TemporaryDirectory(prefix="msrr-replay-") as folder:
+        scene = log.header.unpacked(Path(folder)).scene
+        check_scene(scene)  # a trial was run of it, but the log may have been changed since
+        if scene.coordinated:
+            return CoordinatedReplayer(log, scene).run()
+        return PlannedReplayer(log, scene, robot).run()

@@ -1,0 +1,84 @@
+"""The base station: what it reads, what it passes on, and which scenes it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msrr_bullet.base_station.base_station import BaseStation, knowledge_of
+from msrr_perception.pose.overhead_model import OVERHEAD
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.messages import GlobalPose
+from msrr_scenes.messages.coordination import MissionState, UnitState
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import Choice
+
+PERIOD_NS = 100_000_000
+
+
+@pytest.fixture
+def scene(line_of_three: Path) -> Scene:
+    return load_scene(line_of_three)
+
+
+def see(base: BaseStation, scene: Scene, now_ns: int) -> None:
+    """Show the base station all units where the scene places them."""
+    for name, unit in scene.units.items():
+        base.receive(GlobalPose(name, now_ns, unit.pose.nominal, 1e-6 * np.eye(3)), now_ns)
+
+
+def test_nothing_is_granted_before_all_units_are_known(scene: Scene) -> None:
+    base = BaseStation(scene)
+    assert base.uses_camera(OVERHEAD)
+    assert not base.uses_camera("a/onboard")
+    for step in range(20):
+        granted = base.step(step * PERIOD_NS)
+        assert all(authority.limit <= 0.0 or not authority.legs for authority in granted)
+    assert {unit.state for unit in base.status.units} == {UnitState.IDLE}
+    for step in range(20, 40):
+        see(base, scene, step * PERIOD_NS)
+        granted = [a for a in base.step(step * PERIOD_NS) if a.legs]
+        if granted:
+            break
+    assert granted
+    assert base.status.state is MissionState.RUNNING
+
+
+def test_only_seen_poses_count(scene: Scene) -> None:
+    """A base station that is shown other poses than those of the scene plans from the poses it is shown."""
+    starts = []
+    for shift in (0.0, 0.1):
+        base = BaseStation(scene)
+        for step in range(20):
+            for name, unit in scene.units.items():
+                X = SE2(shift, shift) @ unit.pose.nominal
+                base.receive(GlobalPose(name, step * PERIOD_NS, X, 1e-6 * np.eye(3)), step * PERIOD_NS)
+            legs = [a.legs for a in base.step(step * PERIOD_NS) if a.legs]
+            if legs:
+                starts.append(legs[0][0].start)
+                break
+    assert np.hypot(*np.subtract(starts[1], starts[0])[:2]) > 0.05
+
+
+def test_a_scene_without_an_overhead_camera_is_refused(scene: Scene) -> None:
+    cameras = scene.cameras.model_copy(update={"overhead": None})
+    with pytest.raises(SceneError, match=r"cameras\.overhead"):
+        BaseStation(scene.model_copy(update={"cameras": cameras}))
+
+
+def test_a_law_without_routes_is_refused(scene: Scene) -> None:
+    control = scene.control.model_copy(update={"assembly": Choice(name="my_module:MyLaw")})
+    with pytest.raises(
+        SceneError, match=r"control\.assembly: .* drive by 'c1' or 'c2', found 'my_module:MyLaw'"
+    ):
+        BaseStation(scene.model_copy(update={"control": control}))
+
+
+def test_units_of_two_kinds_are_refused(scene: Scene) -> None:
+    other = scene.units["c"].model_copy(update={"urdf": "other.urdf"})
+    with pytest.raises(SceneError, match=r"units\.c\.urdf: .* units of one kind; see 'a'"):
+        knowledge_of(scene.model_copy(update={"units": {**scene.units, "c": other}}))

@@ -1,0 +1,185 @@
+"""Replays of missions: every robot and the base station again, and every difference found."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from msrr_bullet.log import Event, Log, LogHeader, McapRecorder, TruePose, read_log
+from msrr_bullet.log.records import RadioReceipt
+from msrr_bullet.replay import replay, replay_isolated
+from msrr_bullet.trial.trial import Trial
+from msrr_control.coordination.coordinator import Coordinator
+from msrr_scenes.errors import ProgramFailedError
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.messages import Action, Detections, GlobalPose, WheelOdometry
+from msrr_scenes.messages.coordination import Authority, MissionStatus, UnitReport
+from msrr_scenes.outcome import Outcome
+
+#: Contact and pixels, one sample each, up to where all units drive.
+WITH_IMAGES = {
+    "plant": "bullet",
+    "perception": "images",
+    "cameras.onboard.samples": "1",
+    "cameras.overhead.samples": "1",
+    "time_limit_s": "4",
+}
+
+
+def copied(log: Log, path: Path, edit: Callable[[int, Any], Any]) -> Path:
+    """Copy the first 5 s of a log.
+
+    ``edit`` gets the number of each message in its class, and returns None to leave it out.
+    """
+    seen: Counter[type] = Counter()
+    with McapRecorder(path, log.header) as recorder:
+        for record in log.records(end_ns=5_000_000_000):
+            if record.topic == "/frames":
+                continue  # the recorder adds these itself
+            message = edit(seen[record.kind], record.message)
+            seen[record.kind] += 1
+            if message is not None:
+                recorder.write(record.topic, record.stamp_ns, message)
+    return path
+
+
+def test_all_robots_and_the_base_station_are_identical(line_run: Path, line_log: Log) -> None:
+    report = replay_isolated(line_run)
+    assert report.mismatches == ()
+    assert report.identical
+    assert report.complete
+    kinds = Counter(record.kind for record in line_log.records())
+    assert (report.commands, report.statuses) == (kinds[Action], kinds[MissionStatus])
+    assert (report.authorities, report.reports) == (kinds[Authority], kinds[UnitReport])
+    assert report.sensor_messages >= kinds[GlobalPose] + kinds[WheelOdometry] > 1000
+    assert report.steps == 2
+    received = {topic: 0 for topic in ("authority", "report")}
+    for record in line_log.records("/radio/*/*_received"):
+        received[record.topic.split("/")[3].removesuffix("_received")] += 1
+    assert (
+        0.6 * report.authorities < received["authority"] < 0.95 * report.authorities
+    )  # the radio loses some
+    assert 0.6 * report.reports < received["report"] < 0.95 * report.reports
+
+
+def test_a_mission_by_pixels_is_identical(line_of_three: Path, tmp_path: Path) -> None:
+    scene = load_scene(line_of_three, WITH_IMAGES)
+    with McapRecorder(tmp_path / "trial.mcap", LogHeader.of(scene, 1, {})) as recorder:
+        Trial(scene, 1, recorder=recorder).run()
+    report = replay_isolated(tmp_path)
+    assert report.mismatches == ()
+    assert report.identical
+    assert report.windows > 50
+    assert report.detections > 30
+    assert any(a.twist.v > 0.1 for _, a in read_log(tmp_path).messages(Action))
+
+    def blind(_: int, m: Any) -> Any:
+        return Detections(m.exposure, (), m.windows) if isinstance(m, Detections) else m
+
+    assert (
+        replay(copied(read_log(tmp_path), tmp_path / "blind.mcap", blind)).mismatches[0].what == "detections"
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "changed", "reported"),
+    [
+        (Authority, lambda m: replace(m, limit=float(np.nextafter(m.limit, 9.0))), "authority"),
+        (UnitReport, lambda m: replace(m, progress=float(np.nextafter(m.progress, 9.0))), "report"),
+        (MissionStatus, lambda m: replace(m, reason="other"), "status"),
+        (RadioReceipt, lambda m: replace(m, number=-1), "log"),
+        (Action, lambda m: replace(m, reason="other"), "command"),
+        (Authority, lambda m: None, "authority"),
+    ],
+    ids=["authority", "report", "status", "receipt", "command", "missing authority"],
+)
+def test_one_changed_message_is_found(
+    line_log: Log, tmp_path: Path, kind: type, changed: Callable[[Any], Any], reported: str
+) -> None:
+    def edit(number: int, message: Any) -> Any:
+        return changed(message) if isinstance(message, kind) and number == 30 else message
+
+    report = replay(copied(line_log, tmp_path / "changed.mcap", edit))
+    assert report.mismatches[0].what == reported
+    assert not report.identical
+
+
+@pytest.mark.parametrize("kind", [RadioReceipt, GlobalPose, WheelOdometry])
+def test_what_was_heard_and_seen_matters(line_log: Log, tmp_path: Path, kind: type) -> None:
+    """Without the messages of one kind from some time on the decisions differ."""
+
+    def edit(number: int, message: Any) -> Any:
+        return None if isinstance(message, kind) and number >= 100 else message
+
+    assert not replay(copied(line_log, tmp_path / "deaf.mcap", edit)).identical
+
+
+def test_truth_does_not_matter(line_log: Log, tmp_path: Path) -> None:
+    def edit(_: int, m: Any) -> Any:
+        return TruePose(m.name, m.stamp_ns, m.X_WB.inverse()) if isinstance(m, TruePose) else m
+
+    assert replay(copied(line_log, tmp_path / "truth.mcap", edit)).identical
+
+
+def test_a_base_station_whose_program_fails_fails_again(
+    line_of_three: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    step = Coordinator.step
+
+    def failing(self: Coordinator, now_ns: int) -> list[Authority]:
+        if now_ns > 2_000_000_000:
+            raise ProgramFailedError("the coordinator is at its wits' end")
+        return step(self, now_ns)
+
+    scene = load_scene(line_of_three)
+    with monkeypatch.context() as patched:
+        patched.setattr(Coordinator, "step", failing)
+        with McapRecorder(tmp_path / "trial.mcap", LogHeader.of(scene, 1, {})) as recorder:
+            assert Trial(scene, 1, recorder=recorder).run().outcome is Outcome.PROGRAM_FAILED
+        assert any("wits' end" in event.text for _, event in read_log(tmp_path).messages(Event))
+        assert replay(tmp_path).identical
+    (difference,) = replay(tmp_path).mismatches
+    assert (difference.what, difference.replayed) == ("event", None)
+    with monkeypatch.context() as patched:
+        patched.setattr(Coordinator, "step", lambda self, ns: failing(self, ns + 1_000_000_000))
+        assert replay(tmp_path).mismatches[-1].what == "event"
+
+
+def test_other_processes_write_the_same_logs(line_of_three: Path, tmp_path: Path) -> None:
+    """Whatever the seed of Python's hashes, on which the order in sets of strings depends."""
+    code = f"""
+import sys
+from pathlib import Path
+from msrr_bullet.log import LogHeader, McapRecorder
+from msrr_bullet.trial.trial import Trial
+from msrr_scenes.loading.load import load_scene
+
+for name, overrides in {{"mission": {{"time_limit_s": "20"}}, "images": {WITH_IMAGES}}}.items():
+    scene = load_scene(Path(sys.argv[1]), overrides)
+    with McapRecorder(Path(sys.argv[2]) / f"{{name}}.mcap", LogHeader.of(scene, 1, {{}})) as recorder:
+        Trial(scene, 1, recorder=recorder).run()
+"""
+    logs = []
+    for seed in ("1", "2"):
+        folder = tmp_path / seed
+        folder.mkdir()
+        done = subprocess.run(
+            [sys.executable, "-c", code, str(line_of_three), str(folder)],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        logs.append({file.name: file.read_bytes() for file in folder.iterdir()})
+    assert logs[0].keys() == {"mission.mcap", "images.mcap"}
+    assert logs[0] == logs[1]
