@@ -6,7 +6,9 @@ from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.coordination.coordinator import Coordinator
 from msrr_control.coordination.dispatcher import Knowledge
+from msrr_control.coordination.embedding import fits
 from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.precedence import precedence
 from msrr_control.coordination.route_finder import RouteParams
 from msrr_control.coordination.shape import Shape
 from msrr_control.coordination.tasks import plan_tasks
@@ -95,14 +97,43 @@ class BaseStation:
         self._coordinator.observe(seen, now_ns, obstacles)
 
 
+def check_mission(scene: Scene) -> None:
+    """Refuse the mission of a scene that cannot be carried out wherever the units stand.
+
+    Raises:
+        SceneError: The mission contradicts itself, or its shape cannot be built or does not fit into what the
+            overhead camera sees of the arena.
+    """
+    mission, knowledge = mission_of(scene), knowledge_of(scene)
+    if scene.shape is None or mission.shape is None:
+        return
+    key = f"shape.{scene.shape.key}"
+    try:
+        precedence(mission.shape, knowledge.lanes)
+    except SceneError as error:
+        raise SceneError(f"{key}: {error}") from error
+    x0, x1, y0, y1 = knowledge.finder.box
+    # An assembly takes another shape where it stands, which is not known here.
+    if not scene.assembled and not fits(mission.shape, knowledge.lanes, knowledge.finder.box):
+        raise SceneError(
+            f"{key}: the shape and the lanes to it do not fit into the {x1 - x0:.2f} m by {y1 - y0:.2f} m of "
+            "the arena that the overhead camera sees; take fewer units, enlarge the arena, or raise "
+            "cameras.overhead.height_m"
+        )
+
+
 def mission_of(scene: Scene) -> Mission:
     """Return what a scene asks of its base station.
 
     Raises:
         SceneError: The shape or the plan contradicts itself.
     """
+    try:
+        shape = None if scene.shape is None else Shape.of(scene.shape)
+    except SceneError as error:
+        raise SceneError(f"shape.tree: {error}") from error
     return Mission(
-        shape=None if scene.shape is None else Shape.of(scene.shape),
+        shape=shape,
         named=scene.shape is not None and scene.shape.named,
         tasks=tuple(plan_tasks(scene.plan)),
         one_by_one=scene.one_by_one,

@@ -70,7 +70,7 @@ class KinematicPlant(Plant):
         dt = self._dt
         before = dict(self._poses)
         for name in self._scene.units:
-            velocity = self._drives[name].step(self._commands[name], dt)
+            velocity = self._drive(name)
             self._poses[name] = self._poses[name] @ SE2.exp(velocity.v * dt, 0.0, velocity.w * dt)
         constrained: set[str] = set()
         for name in self._ports:

@@ -6,6 +6,7 @@ perception or control.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 
 from msrr_bullet.plant.limited_drive import LimitedDrive
@@ -14,6 +15,7 @@ from msrr_scenes.errors import MsrrError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import NS_PER_S, LockPosition, Twist
+from msrr_scenes.specs.faults import UnitSeized
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LockSpec
@@ -82,6 +84,8 @@ class Plant(ABC):
         self._commands = dict.fromkeys(scene.units, Twist())
         self._drives = {name: LimitedDrive(scene.limits) for name in scene.units}
         self._mechanisms: dict[str, PortMechanism] = {}
+        seized = (fault for fault in scene.faults if isinstance(fault, UnitSeized))
+        self._seized_tick = {fault.unit: fault.from_s * scene.physics_hz for fault in seized}
 
     def now_ns(self) -> int:
         """Return the time of the present tick [ns]."""
@@ -160,6 +164,14 @@ class Plant(ABC):
 
     @abstractmethod
     def _build_mechanism(self, step: DockStep) -> PortMechanism: ...
+
+    def _drive(self, unit: str) -> Twist:
+        """Advance the drive of a unit by one tick; return its velocity, which is zero once it has seized."""
+        drive = self._drives[unit]
+        if self.tick >= self._seized_tick.get(unit, math.inf):
+            drive.velocity = Twist()
+            return drive.velocity
+        return drive.step(self._commands[unit], self._dt)
 
     def _check_unit(self, unit: str) -> None:
         if unit not in self._commands:

@@ -6,6 +6,7 @@ from typing import Any
 
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.robot.autonomy import Autonomy
+from msrr_bullet.robot.drive_watch import DriveWatch
 from msrr_bullet.robot.route_program import RouteProgram
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.staging.guided_assembler import GuidedAssembler
@@ -27,6 +28,7 @@ from msrr_scenes.messages import (
     Phase,
     PoseEstimate,
     SensorMessage,
+    WheelOdometry,
 )
 from msrr_scenes.messages.coordination import Authority, LegKind, UnitMode, UnitReport
 from msrr_scenes.specs.plan import DockStep
@@ -73,6 +75,7 @@ class GuidedUnit:
         self._guided: GuidedAssembler[Any] | None = None
         self.leaving = False
         self._covered = 0.0
+        self._drive_watch = DriveWatch(scene.geometry(unit))
         self._action = Action(0, Phase.DONE, 1)
         self.route = 0
         self.docked_to = docked_to
@@ -114,11 +117,14 @@ class GuidedUnit:
     @property
     def belief(self) -> Belief:
         """Belief about the docking or undocking of the present route."""
-        return Belief() if self._program is None else self._program.belief
+        own = Belief() if self._program is None else self._program.belief
+        return self._drive_watch.belief or own
 
     @property
     def active(self) -> bool:
         """Whether the unit has something to do; else it is on standby and needs no sensors."""
+        if self._drive_watch.belief is not None:
+            return False
         under_way = self._program is not None and self._program.phase not in _FINISHED
         return under_way or self.leaving or self._may_begin()
 
@@ -134,6 +140,8 @@ class GuidedUnit:
 
     def receive(self, message: SensorMessage) -> None:
         """Process a sensor message that arrives now."""
+        if isinstance(message, WheelOdometry):
+            self._drive_watch.read(message)
         if self._program is not None:
             self._program.receive(message)
 
@@ -158,7 +166,7 @@ class GuidedUnit:
         if self._program is None:
             self._action = Action(now_ns, Phase.DONE, 1, lock=self.docked_to is not None, reason="on standby")
             return self._action
-        action = self._action = self._program.step(now_ns)
+        action = self._action = self._drive_watch.judge(self._program.step(now_ns))
         self._note_progress()
         if self.leaving and action.phase in _FINISHED:
             self._end_leaving(action)
@@ -180,7 +188,7 @@ class GuidedUnit:
         )
 
     def _mode(self) -> UnitMode:
-        if self._program is not None and self._program.phase is Phase.FAILED:
+        if self._action.phase is Phase.FAILED:
             return UnitMode.FAILED
         if self.docked_to is not None:
             return UnitMode.DOCKED
@@ -206,6 +214,9 @@ class GuidedUnit:
         self.route, self._covered = newest.route, 0.0
         self._guided, self._program, docked = None, None, self._docking
         self._docking = None
+        if not newest.legs:  # the unit stands where the route ends
+            self.dock_step = None
+            return
         if not newest.unlock:
             self._drive()
             return

@@ -38,7 +38,7 @@ class BulletPlant(Plant):
         self._sleeping.step(driven)
         for name, motors in self._motors.items():
             if not self._sleeping.is_asleep(name):
-                motors.drive(self._drives[name].step(self._commands[name], self._dt))
+                motors.drive(self._drive(name))
         self._advance()
 
     def step_freewheeling(self) -> None:

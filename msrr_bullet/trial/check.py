@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from msrr_bullet.base_station.base_station import check_mission
 from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.recorder import NullRecorder
 from msrr_bullet.profiler import NullProfiler
@@ -44,7 +45,9 @@ def check_trial(scene: Scene) -> None:
 def _check(scene: Scene) -> None:
     check_scene(scene)
     resolve("assembler", scene.control.assembly.name, ASSEMBLERS)
-    if not scene.coordinated:
+    if scene.coordinated:
+        check_mission(scene)
+    else:
         check_assembly(scene)
         check_time(scene)
     LogHeader.of(scene, 0, {})

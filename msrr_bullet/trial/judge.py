@@ -240,6 +240,8 @@ class Judge:
         contact, deepest = self.contact_in(self._attempt), self._deepest_pose
         if reason is FailureReason.BLOCKED and contact is None:
             return Outcome.BLOCKED
+        if reason is FailureReason.SEIZED:
+            return Outcome.GAVE_UP
         if not ever_detected:
             return Outcome.NEVER_DETECTED
         if contact is None or deepest is None:

@@ -267,10 +267,9 @@ class Coordinator:
                 self._fitted = False
                 return
             first = next(iter(self._tasks.ready()), self._tasks.open[0])
-            assigned = self._dispatcher.assignment(self._tasks).get(first.name)
-            lost = [u.name for u in self._units.values() if u.state is UnitState.FAILED]
-            why = "no unit is left" if assigned is None else f"{assigned} finds no route"
-            self._tasks.give_up(first.name, why + (f"; failed: {', '.join(lost)}" if lost else ""))
+            why = self._dispatcher.hindrance(first, self._tasks)
+            dead = ", ".join(u.name for u in self._units.values() if u.state is UnitState.FAILED)
+            self._tasks.give_up(first.name, why + (f"; failed: {dead}" if dead else ""))
 
     def _end(self, state: MissionState, reason: str) -> None:
         self._state, self._reason = state, reason

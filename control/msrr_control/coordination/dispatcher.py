@@ -180,16 +180,10 @@ class Dispatcher:
         X_WE = self.pose_of(task, tasks)
         if X_WE is None and task.kind is not TaskKind.UNDOCK:
             return False
-        enters: tuple[str, str] | None = None
-        if task.kind is TaskKind.DOCK:
-            holder = task.parent_unit
-            if task.parent is not None:
-                record = self.unit_of(task.parent)
-                holder = None if record is None else record.name
-            if holder is None:
-                return False
-            enters = (holder, task.port)
-        if enters is not None and X_WE is not None and self._closed(X_WE, unit, enters[0]):
+        enters = self._port_of(task)
+        if enters is None and task.kind is TaskKind.DOCK:
+            return False
+        if enters is not None and X_WE is not None and self._closing(X_WE, unit.name, enters[0]):
             return False
         if not self._grant(unit, X_WE, enters, now_ns):
             return False
@@ -197,14 +191,33 @@ class Dispatcher:
         tasks.grant(task.name)
         return True
 
-    def _closed(self, X_WE: SE2, unit: UnitRecord, holder: str) -> bool:
-        """Return whether somebody who stands or will stand closes the lane of a docked pose."""
-        bodies = [
-            other.standing(end=True).X_WB.as_array()
-            for other in self._units.values()
-            if other.X_WU is not None and other.name not in (unit.name, holder)
-        ]
-        return bool(self._know.lanes.closes(X_WE, np.array(bodies).reshape(-1, 3)).any())
+    def _port_of(self, task: Task) -> tuple[str, str] | None:
+        """Return unit and port that a task docks to; None if it does not dock, or the unit is not known."""
+        if task.parent is None:
+            return None if task.parent_unit is None else (task.parent_unit, task.port)
+        holder = self.unit_of(task.parent)
+        return None if holder is None else (holder.name, task.port)
+
+    def _closing(self, X_WE: SE2, unit: str, holder: str) -> list[str]:
+        """Return who stands or will stand in the lane of a docked pose."""
+        others = [u for u in self._units.values() if u.X_WU is not None and u.name not in (unit, holder)]
+        bodies = np.array([other.standing(end=True).X_WB.as_array() for other in others]).reshape(-1, 3)
+        closes = self._know.lanes.closes(X_WE, bodies)
+        return [other.name for other, does in zip(others, closes, strict=True) if does]
+
+    def hindrance(self, task: Task, tasks: TaskList) -> str:
+        """Return in words why nobody gets a route for an open task."""
+        name, port = self.assignment(tasks).get(task.name), self._port_of(task)
+        if name is None:
+            return "no unit is left"
+        for other in self._units.values():
+            if port is not None and other.holder == port and other.name != name:
+                return f"{name} cannot dock: {'.'.join(port)} is taken by {other.name}"
+        X_WE = self.pose_of(task, tasks)
+        closing = [] if port is None or X_WE is None else self._closing(X_WE, name, port[0])
+        if port is not None and closing:
+            return f"{name} cannot dock: {', '.join(closing)} closes the lane to {'.'.join(port)}"
+        return f"{name} finds no route"
 
     def _grant(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None, now_ns: int) -> bool:
         """Give a unit a route of its own; return whether there is one."""

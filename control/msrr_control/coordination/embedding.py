@@ -97,6 +97,21 @@ def place_costs(units: Array, places: Array, travel: Travel) -> Array:
     return travel.times(units[:, None], before[..., None, :, :])
 
 
+def fits(shape: Shape, lanes: Lanes, box: tuple[float, float, float, float]) -> bool:
+    """Return whether a shape and the lanes to it fit into an empty arena, on the grid of the root's poses.
+
+    Args:
+        shape: The shape.
+        lanes: Lanes of the units.
+        box: Where the axle may be and is seen: x low, x high, y low, y high [m].
+    """
+    relative = shape.poses(SE2(), lanes.body)
+    places = _compose(
+        _root_candidates(np.zeros((0, 3)), box), np.array([X.as_array() for X in relative.values()])
+    )
+    return bool(_fit(places, lanes, box, ()).any())
+
+
 def embeddings(
     shape: Shape,
     units: Mapping[str, SE2],

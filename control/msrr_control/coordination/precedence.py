@@ -90,7 +90,7 @@ def precedence(shape: Shape, lanes: Lanes) -> dict[str, tuple[str, ...]]:
         reasons = ", ".join(f"{a} before {b}" for a, b in pairwise(ring))
         raise SceneError(
             f"a lane is closed by what has to be built before it: {reasons} (a parent comes before its "
-            "child, and a unit before those that would stand in its lane)"
+            "child, and a unit before those that would stand in its lane); dock one of them elsewhere"
         )
     return {name: tuple(dict.fromkeys(before[name])) for name in order}
 

@@ -61,7 +61,8 @@ class Shape:
         """
         roots = [name for name, to in tree.items() if to == "root"]
         if len(roots) != 1:
-            raise SceneError(f"a shape needs exactly one root, found {', '.join(roots) or 'none'}")
+            found = ", ".join(roots) or "none"
+            raise SceneError(f"a shape needs exactly one root, found {found}; write `root` for one place")
         places = [Place(roots[0])]
         for place in places:  # the list grows while it is walked: each place brings those docked to it
             for name, to in tree.items():
@@ -70,7 +71,9 @@ class Shape:
                     places.append(Place(name, parent, port))
         missing = [name for name in tree if name not in {p.name for p in places}]
         if missing:
-            raise SceneError(f"not joined to the root {roots[0]!r}: {', '.join(missing)}")
+            raise SceneError(
+                f"not joined to the root {roots[0]!r}: {', '.join(missing)}; dock each to a place of the tree"
+            )
         return cls(tuple(places))
 
     @property
@@ -103,10 +106,10 @@ class Shape:
             if place.port not in body.dock_frames:
                 passive = ", ".join(body.dock_frames)
                 active = " is the active port and" if place.port == ACTIVE_PORT else ""
-                return f"{place.name}: {port}{active} takes nobody; passive ports: {passive}"
+                return f"{place.name}: {port}{active} takes nobody; dock it to a passive port: {passive}"
             other = taken.setdefault((place.parent, place.port), place.name)
             if other != place.name:
-                return f"{place.name}: {port} is taken by {other}"
+                return f"{place.name}: {port} is taken by {other}; dock it to another port"
         poses = self.poses(SE2(), body)
         for a, b in combinations(self.places, 2):
             if a.name == b.parent or b.name == a.parent:
@@ -114,7 +117,7 @@ class Shape:
             gap = body.gap(poses[a.name], poses[b.name])
             if gap < LEAST_GAP_M:
                 how = "overlap" if gap < -LEAST_GAP_M else "touch"
-                only = "units stand side by side only where a port joins them"
+                only = "units stand side by side only where a port joins them; dock one of them elsewhere"
                 return f"{a.name} and {b.name} would {how}: {only}"
         return None
 

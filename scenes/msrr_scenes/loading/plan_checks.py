@@ -29,6 +29,7 @@ def mission_problems(scene: Scene) -> list[Problem]:
         problems.append(Problem(("plan",), "a scene has a plan or a shape, not both; remove one of them"))
     if not scene.coordinated:
         return problems
+    problems += _shape_problems(scene)
     overhead = scene.cameras.overhead
     if overhead is None:
         text = "a base station leads the units of this scene by it, so it cannot be null"
@@ -42,6 +43,21 @@ def mission_problems(scene: Scene) -> list[Problem]:
                 text = f"no unit named {name!r}{nearest(name, scene.units)} Units: {', '.join(scene.units)}"
                 problems.append(Problem(("radio", "silences", k, "units"), text))
     return problems
+
+
+def _shape_problems(scene: Scene) -> Iterator[Problem]:
+    """Yield places for which there are no units."""
+    shape = scene.shape
+    if shape is None:
+        return
+    path: KeyPath = ("shape", shape.key)
+    for name in shape.tree or {} if shape.named else {}:
+        if name not in scene.units:
+            text = f"no unit named {name!r}{nearest(name, scene.units)} Units: {', '.join(scene.units)}"
+            yield Problem((*path, name), text)
+    if shape.count > len(scene.units):
+        text = f"{shape.count} places, but {len(scene.units)} units; add units, or take places out"
+        yield Problem(path, text)
 
 
 def _order_problems(scene: Scene) -> Iterator[Problem]:

@@ -159,6 +159,7 @@ class FailureReason(Enum):
     NOT_VERIFIED = "not_verified"  # latched, but the pose seen is not that of a seated unit
     NOT_LOCALISED = "not_localised"  # global localisation does not know where the unit stands
     BLOCKED = "blocked"  # no free path to the place in front of the port
+    SEIZED = "seized"  # the wheels do not turn although the drive is commanded to turn them
     NOT_RELEASED = "not_released"  # backed out, but nothing shows that the unit has parted from the port
     LOCK_OPENED = "lock_opened"  # was docked, then the lock no longer reported closed
     UNSEATED = "unseated"  # was docked, then the seat switches opened or sight showed the unit off its seat

@@ -66,7 +66,18 @@ class CameraMisaligned(Spec):
     """Angle by which the camera is turned, counter-clockwise positive [deg]."""
 
 
+class UnitSeized(Spec):
+    """The drive of a unit does nothing from a time on, and its wheels are held. The unit is not told."""
+
+    kind: Literal["unit_seized"]
+    """Kind of fault."""
+    unit: Name
+    """Unit whose drive fails."""
+    from_s: Time = 0.0
+    """Time from which on its wheels are held [s]."""
+
+
 Fault = Annotated[
-    SeatSwitchStuck | MarkerHidden | PortPlugged | CameraBlackout | CameraMisaligned,
+    SeatSwitchStuck | MarkerHidden | PortPlugged | CameraBlackout | CameraMisaligned | UnitSeized,
     Field(discriminator="kind"),
 ]

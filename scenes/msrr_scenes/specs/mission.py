@@ -48,7 +48,17 @@ class ShapeSpec(Spec):
 
     def __str__(self) -> str:
         """Return the shape in words."""
-        return f"tree of {len(self.tree or {})}" if self.pattern is None else "{} of {}".format(*self.pattern)
+        return f"{self.key} of {self.count}"
+
+    @property
+    def key(self) -> str:
+        """Key under which the scene gives the shape."""
+        return "tree" if self.pattern is None else self.pattern[0]
+
+    @property
+    def count(self) -> int:
+        """Number of places."""
+        return len(self.tree or {}) if self.pattern is None else self.pattern[1]
 
     @property
     def pattern(self) -> tuple[Pattern, int] | None:

@@ -63,6 +63,26 @@ def test_time_is_counted_in_whole_ticks(bench, kind):
     assert tick_ns(240 * 3600, 240.0) == 3600 * 10**9
 
 
+@pytest.mark.parametrize("kind", PLANTS)
+def test_a_seized_drive_holds_its_wheels_and_others_turn(bench, kind):
+    faults = [{"kind": "unit_seized", "unit": "a", "from_s": 1.0}]
+    with bench(kind, SE2(-0.3, 0.0, 0.0), faults=faults) as b:
+        b.plant.command("b", Twist(0.1, 0.0))
+        b.drive(-0.1, 1.0)
+        assert b.plant.wheel_angles("a")[0] < -1.0  # it drove until then
+        b.drive(-0.1, 0.2)
+        before, other = b.plant.pose("a"), b.plant.pose("b")
+        angles = b.plant.wheel_angles("a")
+        for v, w in ((-0.1, 0.0), (0.2, 0.5)):
+            b.plant.command("a", Twist(v, w))
+            for _ in range(120):
+                b.plant.step()
+        moved = before.inverse() @ b.plant.pose("a")
+        assert math.hypot(moved.x, moved.y) < 1e-4
+        assert b.plant.wheel_angles("a") == pytest.approx(angles, abs=1e-3)
+        assert math.dist(other.translation, b.plant.pose("b").translation) > 0.05
+
+
 def test_both_plants_drive_alike(bench):
     """Away from contact PyBullet's unit stays within millimetres of the ideal one."""
     ends = []

@@ -64,6 +64,71 @@ def test_what_a_trial_could_not_be_built_of_is_refused_with_its_kind(
     assert f"{name}.yaml: " in str(caught.value)
 
 
+SHAPES = """
+arena: {x_m: [-1.0, 1.0], y_m: [-0.7, 0.7]}
+units:
+  a: {number: 0, pose: {x_m: -0.5, y_m: -0.3}}
+  b: {number: 1, pose: {x_m: 0.5, y_m: -0.3}}
+  c: {number: 2, pose: {x_m: -0.5, y_m: 0.3}}
+  d: {number: 3, pose: {x_m: 0.5, y_m: 0.3}}
+  e: {number: 4, pose: {x_m: 0.0, y_m: 0.3}}
+  f: {number: 5, pose: {x_m: 0.0, y_m: -0.3}}
+  g: {number: 6, pose: {x_m: 0.0, y_m: 0.0}}
+cameras: {overhead: {height_m: 4.0}}
+"""
+
+#: Two places from opposite sides, each in the lane of the other one.
+FACING = "{p0: root, p1: p0.right, p2: p0.left, p3: p1.right, p4: p2.left, p5: p3.rear, p6: p5.right}"
+
+
+@pytest.mark.parametrize(
+    ("shape", "says"),
+    [
+        (
+            "tree: {p: root, q: p.front}",
+            "shape.tree: q: p.front is the active port and takes nobody; dock it",
+        ),
+        ("tree: {p: root, q: p.rear, r: p.rear}", "shape.tree: r: p.rear is taken by q; dock it to another"),
+        (
+            "tree: {p: root, q: p.left, r: p.rear, s: r.left}",
+            "shape.tree: q and s would touch: units stand side by side only where a port joins",
+        ),
+        (f"tree: {FACING}", "shape.tree: a lane is closed by what has to be built before it: p6 before p4"),
+        ("tree: {p: q.rear, q: p.rear}", "shape.tree: a shape needs exactly one root, found none; write"),
+        ("tree: {p: root, q: z.rear}", "shape.tree: not joined to the root 'p': q; dock each"),
+        ("{named: true, tree: {a: root, z: a.rear}}", ":11:38: shape.tree.z: no unit named 'z'"),
+        ("line: 8", ":11:9: shape.line: 8 places, but 7 units; add units"),
+        ("line: 6", "shape.line: the shape and the lanes to it do not fit into the 2.00 m by 1.40 m"),
+    ],
+)
+def test_a_shape_that_cannot_be_built_is_refused_with_key_reason_and_mend(
+    shape: str, says: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "shape.yaml"
+    path.write_text(f"{SHAPES.strip()}\nshape: {shape if shape[0] == '{' else '{' + shape + '}'}\n".lstrip())
+    with pytest.raises(SceneError) as caught:
+        check_trial(load_scene(path, {"plant": "unicycle", "perception": "parametric"}))
+    assert says in str(caught.value)
+    assert "shape.yaml" in str(caught.value)
+
+
+def test_a_shape_is_refused_where_the_overhead_camera_sees_too_little_of_the_arena(tmp_path: Path) -> None:
+    """The same arena fits a line of three under a camera that sees all of it."""
+    path, found = tmp_path / "shape.yaml", []
+    text = SHAPES.replace("[-1.0, 1.0]", "[-2.0, 2.0]").replace("[-0.7, 0.7]", "[-1.5, 1.5]")
+    path.write_text(f"{text}shape: {{line: 6}}\n")
+    for height_m in ("4.0", "1.7"):
+        blind = {"plant": "unicycle", "perception": "parametric", "cameras.overhead.height_m": height_m}
+        try:
+            check_trial(load_scene(path, blind))
+            found.append("")
+        except SceneError as error:
+            found.append(str(error))
+    assert found[0] == ""
+    assert "do not fit" in found[1]
+    assert "cameras.overhead.height_m" in found[1]
+
+
 def test_dock_sweep_and_check_refuse_alike(
     shipped: Load, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,0 +1,73 @@
+"""The watch of a unit over its own drive: wheels that stand although they are commanded to turn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from msrr_scenes.geometry.unit_geometry import UnitGeometry
+from msrr_scenes.messages import (
+    Action,
+    Belief,
+    Conviction,
+    FailureReason,
+    Phase,
+    Twist,
+    WheelOdometry,
+    seconds,
+)
+
+#: Time for which the wheels may stand although they are commanded to turn [s]: far more than the delay of the
+#: command link and the lag of a drive.
+SEIZED_S = 5.0
+
+#: Speed of the faster wheel at its rim below which a command asks for no motion [m/s], and the way from which
+#: on a wheel has turned [m], a few ticks of an encoder.
+_LEAST_MPS, _LEAST_M = 0.01, 0.001
+
+#: Phases in which nothing holds the wheels of a healthy unit; in the others it may press against a port, and
+#: the phase machine judges what comes of it.
+_FREE = frozenset({Phase.ASSEMBLE, Phase.HAND_OVER})
+
+
+class DriveWatch:
+    """Compares commands with wheel encoders.
+
+    Attributes:
+        belief: That the drive has seized; None while nothing shows it.
+    """
+
+    def __init__(self, geometry: UnitGeometry) -> None:
+        """Begin with wheels that were never commanded to turn."""
+        self._radius, self._track = geometry.wheel_radius, geometry.track
+        self._last: WheelOdometry | None = None
+        self._stood: WheelOdometry | None = None  # reading since which the wheels have stood
+        self._waited_s = 0.0
+        self._is_to_move = False
+        self.belief: Belief | None = None
+
+    def judge(self, action: Action) -> Action:
+        """Return what is commanded until the next decision: the action, or or to give up.
+
+        Args:
+            action: The decision of the program.
+        """
+        rim = abs(action.twist.v) + 0.5 * self._track * abs(action.twist.w)
+        self._is_to_move = action.phase in _FREE and rim > _LEAST_MPS
+        if self._waited_s > SEIZED_S:
+            reason = f"the drive has seized: the wheels stood for {SEIZED_S:.0f} s of commands to turn"
+            self.belief = Belief(Conviction.GAVE_UP, FailureReason.SEIZED, reason)
+        if self.belief is None:
+            return action
+        return replace(action, phase=Phase.FAILED, twist=Twist(), reason=self.belief.reason)
+
+    def read(self, reading: WheelOdometry) -> None:
+        """Take in a reading of the encoders."""
+        before, self._last = self._last, reading
+        if self._stood is None or before is None or self._way(self._stood, reading) > _LEAST_M:
+            self._stood, self._waited_s = reading, 0.0
+        elif self._is_to_move:
+            self._waited_s += seconds(reading.stamp_ns - before.stamp_ns)
+
+    def _way(self, a: WheelOdometry, b: WheelOdometry) -> float:
+        """Return how far the rim of the wheel that turned more has moved between two readings [m]."""
+        return self._radius * max(abs(b.left - a.left), abs(b.right - a.right))

@@ -1,0 +1,70 @@
+"""A unit notices by its own commands and encoders that its drive has seized."""
+
+from __future__ import annotations
+
+import pytest
+
+from msrr_bullet.robot.drive_watch import SEIZED_S, DriveWatch
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
+from msrr_scenes.messages import Action, Conviction, FailureReason, Phase, Twist, WheelOdometry
+
+PERIOD_NS = 20_000_000
+FORWARDS, TURN = Twist(0.15, 0.0), Twist(0.0, 0.5)
+
+
+def run(
+    watch: DriveWatch,
+    twist: Twist,
+    time_s: float,
+    rate_radps: float = 0.0,
+    phase: Phase = Phase.ASSEMBLE,
+    start_s: float = 0.0,
+) -> list[Action]:
+    """Command a twist for a time while the wheels turn at a rate; return what the watch lets through."""
+    actions = []
+    for k in range(round(1e9 * time_s / PERIOD_NS)):
+        now_ns = round(1e9 * start_s) + k * PERIOD_NS
+        angle = rate_radps * 1e-9 * now_ns
+        watch.read(WheelOdometry("a", now_ns, angle, angle))
+        actions.append(watch.judge(Action(now_ns, phase, 1, twist, reason="leg 1")))
+    return actions
+
+
+@pytest.fixture
+def watch() -> DriveWatch:
+    return DriveWatch(read_unit(find_urdf("unit.urdf")))
+
+
+@pytest.mark.parametrize("twist", [FORWARDS, TURN])
+def test_wheels_that_stand_against_commands_end_the_way(watch: DriveWatch, twist: Twist) -> None:
+    actions = run(watch, twist, SEIZED_S + 1.0)
+    phases = [action.phase for action in actions]
+    first = phases.index(Phase.FAILED)
+    assert 1e-9 * first * PERIOD_NS == pytest.approx(SEIZED_S, abs=0.1)
+    assert set(phases[first:]) == {Phase.FAILED}
+    assert actions[-1].twist == Twist()
+    assert "seized" in actions[-1].reason
+    assert watch.belief is not None
+    assert (watch.belief.conviction, watch.belief.setback) == (Conviction.GAVE_UP, FailureReason.SEIZED)
+
+
+@pytest.mark.parametrize(
+    ("twist", "rate_radps", "phase"),
+    [
+        (FORWARDS, 0.3, Phase.ASSEMBLE),  # slow, but it turns
+        (Twist(), 0.0, Phase.ASSEMBLE),  # it waits for an authority
+        (Twist(0.001, 0.0), 0.0, Phase.ASSEMBLE),  # too little for any drive
+        (FORWARDS, 0.0, Phase.DOCK),  # it presses against a port
+    ],
+)
+def test_a_healthy_unit_goes_on(watch: DriveWatch, twist: Twist, rate_radps: float, phase: Phase) -> None:
+    assert {a.phase for a in run(watch, twist, 3.0 * SEIZED_S, rate_radps, phase)} == {phase}
+    assert watch.belief is None
+
+
+def test_time_without_sensors_does_not_count(watch: DriveWatch) -> None:
+    run(watch, FORWARDS, 0.6 * SEIZED_S)
+    run(watch, Twist(), 0.1, start_s=0.6 * SEIZED_S)  # at its end; then the sensors are off
+    actions = run(watch, FORWARDS, 0.3 * SEIZED_S, start_s=100.0)
+    assert Phase.FAILED not in {action.phase for action in actions}
+    assert run(watch, FORWARDS, 0.2 * SEIZED_S, start_s=110.0)[-1].phase is Phase.FAILED

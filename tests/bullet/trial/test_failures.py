@@ -1,0 +1,113 @@
+"""Missions in which something fails: a drive, a way, a port, the radio. They end as they should."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from msrr_bullet.run import run_trial
+from msrr_bullet.trial.result import TrialResult
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.scene import Scene
+
+Load = Callable[..., Scene]
+
+BAD = {Outcome.COLLISION, Outcome.CLEARANCE_VIOLATED, Outcome.FALSE_DOCK, Outcome.FALSE_ABORT}
+
+#: Two of three units become a pair. The one that is to drive seizes, so the third one takes its place.
+PAIR = """
+description: One of three units seizes on its way to a pair.
+time_limit_s: 120
+arena: {x_m: [-1.9, 1.9], y_m: [-1.4, 1.4]}
+units:
+  a: {number: 0, pose: {x_m: 0.6, y_m: 0.0}}
+  b: {number: 1, pose: {x_m: -1.0, y_m: 0.5, yaw_deg: -20}}
+  c: {number: 2, pose: {x_m: -1.2, y_m: -0.9, yaw_deg: 180}}
+cameras: {overhead: {height_m: 4.0}}
+faults: [{kind: unit_seized, unit: b, from_s: 3.0}]
+shape: {line: 2}
+"""
+
+
+def untouched(result: TrialResult) -> bool:
+    assert result.mission is not None
+    return not BAD & {result.outcome, *(step.outcome for step in result.steps)}
+
+
+def reason(result: TrialResult) -> str:
+    assert result.mission is not None
+    return result.mission.reason
+
+
+@pytest.mark.parametrize(("plant", "perception"), [("unicycle", "parametric"), ("bullet", "parametric")])
+def test_another_unit_takes_the_place_of_one_that_seizes(plant: str, perception: str, tmp_path: Path) -> None:
+    path = tmp_path / "pair.yaml"
+    path.write_text(PAIR)
+    result = run_trial(load_scene(path, {"plant": plant, "perception": perception}), 1)
+    assert result.outcome is Outcome.COMPLETE, reason(result)
+    assert untouched(result)
+    steps = [(step.unit, step.outcome, step.belief) for step in result.steps]
+    assert steps == [("b", Outcome.GAVE_UP, "gave_up"), ("c", Outcome.DOCKED, "docked")]
+    assert "the drive has seized" in result.steps[0].belief_reason
+    assert result.steps[0].attempts[-1].ended_s < 9.5  # about five seconds after the fault
+
+
+def test_a_unit_that_seizes_in_the_lane_has_the_shape_built_elsewhere(tmp_path: Path) -> None:
+    """In its dock leg the phase machine notices it: no attempt gets any nearer to the port."""
+    (tmp_path / "pair.yaml").write_text(PAIR)
+    blind = {"plant": "unicycle", "perception": "parametric", "faults.0.from_s": "12"}
+    result = run_trial(load_scene(tmp_path / "pair.yaml", blind), 1)
+    assert result.outcome is Outcome.COMPLETE, reason(result)
+    assert untouched(result)
+    failed, docked = result.steps
+    assert (failed.unit, failed.outcome, docked.outcome) == ("b", Outcome.GAVE_UP, Outcome.DOCKED)
+    assert {docked.unit, docked.target.partition(".")[0]} == {"a", "c"}
+    assert "no progress" in failed.belief_reason
+
+
+def test_without_a_spare_the_mission_names_the_unit(tmp_path: Path) -> None:
+    text = "".join(line for line in PAIR.splitlines(keepends=True) if not line.startswith("  c:"))
+    (tmp_path / "pair.yaml").write_text(text)
+    blind = {"plant": "unicycle", "perception": "parametric"}
+    result = run_trial(load_scene(tmp_path / "pair.yaml", blind), 1)
+    assert result.outcome is Outcome.INCOMPLETE
+    assert untouched(result)
+    assert "b: the drive has seized" in reason(result)
+
+
+def test_two_units_pass_a_lane_for_one(shipped: Load) -> None:
+    result = run_trial(shipped("corridor", blind=True), 0)
+    assert result.outcome is Outcome.COMPLETE, reason(result)
+    assert untouched(result)
+    assert result.mission is not None
+    assert result.mission.replans == 0  # the later one waited; nobody planned anew
+
+
+def test_of_two_that_want_one_port_one_is_told_why_it_cannot(shipped: Load) -> None:
+    result = run_trial(shipped("one_port", blind=True), 0)
+    assert result.outcome is Outcome.INCOMPLETE
+    assert untouched(result)
+    assert [step.outcome for step in result.steps] == [Outcome.DOCKED]
+    assert "c cannot dock: b.rear is taken by a" in reason(result)
+
+
+@pytest.mark.nightly
+@pytest.mark.timeout(3000)
+@pytest.mark.parametrize(
+    ("name", "outcome"),
+    [("spare", Outcome.COMPLETE), ("no_spare", Outcome.INCOMPLETE), ("deaf", Outcome.COMPLETE)],
+)
+def test_large_missions_survive_failures(name: str, outcome: Outcome, shipped: Load) -> None:
+    for seed in range(100, 103):
+        result = run_trial(shipped(name, blind=True), seed)
+        assert result.outcome is outcome, reason(result)
+        assert untouched(result)
+        assert result.mission is not None
+        if name == "deaf":
+            assert result.mission.messages_lost > 0.2 * result.mission.messages_sent
+        if name == "no_spare":
+            assert len(result.mission.done) == 5
+            assert "f: the drive has seized" in reason(result)
