@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.coordination.coordinator import Coordinator
@@ -19,6 +21,7 @@ from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_perception.estimation.arena_tracker import ArenaTracker
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.problems import dotted
 from msrr_scenes.messages import Detections, Exposure, Fetch, GlobalPose
 from msrr_scenes.messages.coordination import Authority, MissionState, MissionStatus, UnitReport, UnitState
 from msrr_scenes.registry import build
@@ -104,22 +107,26 @@ def check_mission(scene: Scene) -> None:
         SceneError: The mission contradicts itself, or its shape cannot be built or does not fit into what the
             overhead camera sees of the arena.
     """
-    mission, knowledge = mission_of(scene), knowledge_of(scene)
-    if scene.shape is None or mission.shape is None:
-        return
-    key = f"shape.{scene.shape.key}"
-    try:
-        precedence(mission.shape, knowledge.lanes)
-    except SceneError as error:
-        raise SceneError(f"{key}: {error}") from error
-    x0, x1, y0, y1 = knowledge.finder.box
-    # An assembly takes another shape where it stands, which is not known here.
-    if not scene.assembled and not fits(mission.shape, knowledge.lanes, knowledge.finder.box):
-        raise SceneError(
-            f"{key}: the shape and the lanes to it do not fit into the {x1 - x0:.2f} m by {y1 - y0:.2f} m of "
-            "the arena that the overhead camera sees; take fewer units, enlarge the arena, or raise "
-            "cameras.overhead.height_m"
-        )
+    mission: Mission | None = mission_of(scene)
+    knowledge = knowledge_of(scene)
+    for k in range(len(scene.shape or ())):
+        assert mission is not None
+        assert mission.shape is not None
+        key = dotted(scene.shape_key(k))
+        try:
+            precedence(mission.shape, knowledge.lanes)
+        except SceneError as error:
+            raise SceneError(f"{key}: {error}") from error
+        x0, x1, y0, y1 = knowledge.finder.box
+        # An assembly takes another shape where it stands, which is not known here.
+        anywhere = k == 0 and not scene.assembled
+        if anywhere and not fits(mission.shape, knowledge.lanes, knowledge.finder.box):
+            raise SceneError(
+                f"{key}: the shape and the lanes to it do not fit into the {x1 - x0:.2f} m by "
+                f"{y1 - y0:.2f} m of the arena that the overhead camera sees; take fewer units, enlarge the arena, or raise "
+                "cameras.overhead.height_m"
+            )
+        mission = mission.then
 
 
 def mission_of(scene: Scene) -> Mission:
@@ -128,17 +135,15 @@ def mission_of(scene: Scene) -> Mission:
     Raises:
         SceneError: The shape or the plan contradicts itself.
     """
-    try:
-        shape = None if scene.shape is None else Shape.of(scene.shape)
-    except SceneError as error:
-        raise SceneError(f"shape.tree: {error}") from error
-    return Mission(
-        shape=shape,
-        named=scene.shape is not None and scene.shape.named,
-        tasks=tuple(plan_tasks(scene.plan)),
-        one_by_one=scene.one_by_one,
-        holders={pair.active.partition(".")[0]: pair.passive for pair in scene.assembled},
-    )
+    mission: Mission | None = None
+    for k, spec in reversed(list(enumerate(scene.shape or ()))):
+        try:
+            shape = Shape.of(spec)
+        except SceneError as error:
+            raise SceneError(f"{dotted(scene.shape_key(k))}: {error}") from error
+        mission = Mission(shape, spec.named, name=str(spec), then=mission)
+    mission = mission or Mission(tasks=tuple(plan_tasks(scene.plan)))
+    return replace(mission, one_by_one=scene.one_by_one, holders=scene.holders)
 
 
 def knowledge_of(scene: Scene) -> Knowledge:

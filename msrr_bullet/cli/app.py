@@ -110,7 +110,7 @@ def check(
 def _task(scene: Scene) -> str:
     """Return in words what a scene asks for."""
     if scene.shape is not None:
-        return f"shape {scene.shape}"
+        return "shape " + ", then ".join(map(str, scene.shape))
     return ", then ".join(str(step) for step in scene.plan)
 
 

@@ -153,7 +153,7 @@ class KinematicPort(PortMechanism):
     def step(self, dt: float) -> None:
         """Advance the lock actuator by ``dt`` [s]."""
         if self._actuator.step(dt):
-            self._engaged = self._inside and self._gap <= LOCK_REACH
+            self._catch()
 
     def pull_test(self) -> PullResult:
         """Compare the pull with the strength of the lock; a lock that is too weak releases the unit."""
@@ -162,6 +162,9 @@ class KinematicPort(PortMechanism):
             return PullResult(force, 0.0, True)
         self._engaged = False
         return PullResult(force, MAX_PULL_DISPLACEMENT, False)
+
+    def _catch(self) -> None:
+        self._engaged = self._inside and self._gap <= LOCK_REACH
 
     def _release(self) -> None:
         self._engaged = False

@@ -15,7 +15,7 @@ from msrr_scenes.errors import MsrrError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import NS_PER_S, LockPosition, Twist
-from msrr_scenes.specs.faults import UnitSeized
+from msrr_scenes.specs.faults import LockJammed, UnitSeized
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LockSpec
@@ -26,6 +26,7 @@ class PortMechanism(ABC):
 
     Attributes:
         dock_step: Step of the plan: which port docks to which.
+        jams: Whether the lock does not open any more once it is closed.
     """
 
     def __init__(self, dock_step: DockStep, spec: LockSpec) -> None:
@@ -33,6 +34,7 @@ class PortMechanism(ABC):
         self.dock_step = dock_step
         self._spec = spec
         self._actuator = LockActuator(spec.close_time_s)
+        self.jams = False
 
     @property
     def position(self) -> LockPosition:
@@ -57,10 +59,21 @@ class PortMechanism(ABC):
         """Pull the two units apart; simulated time may pass, and the lock may fail."""
 
     def command(self, close: bool) -> None:
-        """Close the lock, or open it and release the other unit."""
+        """Close the lock, or open it and release the other unit, unless it jams."""
+        if self.jams and self.position is LockPosition.CLOSED:
+            return
         self._actuator.command(close)
         if not close:
             self._release()
+
+    def close_at_once(self) -> None:
+        """Close the lock without the time that this takes."""
+        self._actuator.position = LockPosition.CLOSED
+        self._catch()
+
+    @abstractmethod
+    def _catch(self) -> None:
+        """Hold the other unit if both pins are in reach of the lock, which has just become closed."""
 
     @abstractmethod
     def _release(self) -> None: ...
@@ -86,6 +99,7 @@ class Plant(ABC):
         self._mechanisms: dict[str, PortMechanism] = {}
         seized = (fault for fault in scene.faults if isinstance(fault, UnitSeized))
         self._seized_tick = {fault.unit: fault.from_s * scene.physics_hz for fault in seized}
+        self._jamming = {fault.unit for fault in scene.faults if isinstance(fault, LockJammed)}
 
     def now_ns(self) -> int:
         """Return the time of the present tick [ns]."""
@@ -125,6 +139,20 @@ class Plant(ABC):
         if self.lock_engaged(step.unit):
             raise MsrrError(f"unit {step.unit!r} is still locked; open its lock before it docks to {step.to}")
         self._mechanisms[step.unit] = self._build_mechanism(step)
+        self._mechanisms[step.unit].jams = step.unit in self._jamming
+
+    def assemble(self, step: DockStep) -> None:
+        """Lock a unit that stands in its seat when the trial begins.
+
+        Raises:
+            MsrrError: The pins of the unit are not in reach of the lock.
+        """
+        self.begin_dock(step)
+        self._mechanisms[step.unit].close_at_once()
+        if not self.lock_engaged(step.unit):
+            raise MsrrError(
+                f"unit {step.unit!r} does not stand in its seat at {step.to}, so its lock holds nothing"
+            )
 
     def set_lock(self, unit: str, close: bool) -> None:
         """Close the lock of ``unit``, or open it."""

@@ -154,4 +154,4 @@ class FailSafeLedRobot(FailSafeRobot[LedRobot]):
 
 def led_robot(scene: Scene, unit: str, profiler: Profiler | None = None) -> FailSafeLedRobot:
     """Build the robot of a unit that a base station leads, as a trial and its replay do."""
-    return FailSafeLedRobot(unit, lambda: GuidedUnit(scene, unit, None, profiler))
+    return FailSafeLedRobot(unit, lambda: GuidedUnit(scene, unit, scene.holders.get(unit), profiler))

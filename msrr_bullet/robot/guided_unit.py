@@ -125,8 +125,9 @@ class GuidedUnit:
         """Whether the unit has something to do; else it is on standby and needs no sensors."""
         if self._drive_watch.belief is not None:
             return False
-        under_way = self._program is not None and self._program.phase not in _FINISHED
-        return under_way or self.leaving or self._may_begin()
+        phase = None if self._program is None else self._program.phase
+        under_way = phase is not None and phase not in _FINISHED
+        return under_way or (self.leaving and phase is not Phase.FAILED) or self._may_begin()
 
     # Inputs.
 
@@ -161,17 +162,17 @@ class GuidedUnit:
 
     def step(self, now_ns: int) -> Action:
         """Return the action of one control instant."""
-        if self._may_begin():
+        if self.leaving and self._program is not None and self._program.phase is Phase.DONE:
+            self._go_on()
+        elif self._may_begin():
             self._begin()
         if self._program is None:
             self._action = Action(now_ns, Phase.DONE, 1, lock=self.docked_to is not None, reason="on standby")
             return self._action
         action = self._action = self._drive_watch.judge(self._program.step(now_ns))
         self._note_progress()
-        if self.leaving and action.phase in _FINISHED:
-            self._end_leaving(action)
-        elif action.phase is Phase.DONE and self._program is self._docking and self._newest is not None:
-            self.docked_to = self._newest.to
+        if action.phase is Phase.DONE and self._docking is not None and self._newest is not None:
+            self.docked_to = None if self.leaving else self._newest.to
         return action
 
     def report(self, now_ns: int) -> UnitReport:
@@ -248,16 +249,14 @@ class GuidedUnit:
         )
         self._docking.expect(_docks(newest))
 
-    def _end_leaving(self, action: Action) -> None:
-        """Go on with the route once the unit has left its port."""
+    def _go_on(self) -> None:
+        """Go on with the route at the instant after that in which the unit has left its port."""
         assert self._newest is not None
         self.leaving = False
-        if action.phase is Phase.FAILED:
-            return
-        self.docked_to = None
-        self._covered = self._newest.legs[0].end
         if len(self._newest.legs) > 1:
             self._drive()
+        else:
+            self._program = self._docking = self._guided = self.dock_step = None
 
     def _note_progress(self) -> None:
         """Note how much of the route is covered, in the dock leg and backwards by the gap to the port."""
@@ -268,13 +267,17 @@ class GuidedUnit:
             if X is not None and self.dock_step is not None:
                 gap = -(X.X_DU.x + self._scene.geometry(self._unit).control_offset(self._port))
                 self._covered = max(self._covered, min(gap, newest.legs[0].end))
+            if self._program is not None and self._program.phase is Phase.DONE:
+                self._covered = newest.legs[0].end
             return
         covered = 0.0 if self._guided is None else self._guided.covered
-        if self._docking is not None and program is not None and program.phase is not Phase.ASSEMBLE:
-            covered = self._guided.authority.length if self._guided is not None else covered
-            if self._docking.estimate is not None and program.phase is not Phase.DONE:
+        if program is not None and program is self._docking and program.phase is not Phase.ASSEMBLE:
+            length, X = newest.legs[-1].end, self.estimate
+            if program.phase is Phase.DONE:
+                covered = length
+            elif X is not None:  # without a sight of the port the unit has covered no part of its dock leg
                 offset = self._scene.geometry(self._unit).control_offset(self._port)
-                covered += min(self._docking.estimate.X_DU.x + offset, 0.0)
+                covered = length + min(X.X_DU.x + offset, 0.0)
         self._covered = max(self._covered, covered)
 
     def _step_to(self, to: str) -> DockStep:

@@ -138,8 +138,8 @@ class PinLock(PortMechanism):
         """Advance the lock by ``dt`` [s] after the physics has been stepped; an overloaded lock fails."""
         if self._is_overloaded():
             self._release()
-        if self._actuator.step(dt) and all(self._depth_left(i) <= LOCK_REACH for i in range(2)):
-            self._engage()
+        if self._actuator.step(dt):
+            self._catch()
         # Units that still overlap would be thrown apart by the contact.
         if self._contact_disabled and not self.engaged and self._overlap() < RELEASE_OVERLAP:
             self._set_contact(True)
@@ -183,7 +183,9 @@ class PinLock(PortMechanism):
         )
         return min((float(point[8]) for point in points), default=float("inf"))
 
-    def _engage(self) -> None:
+    def _catch(self) -> None:
+        if not all(self._depth_left(i) <= LOCK_REACH for i in range(2)):
+            return
         X_WP = SE3.from_se2(self._world.pose(self.dock_step.unit)) @ self._unit.geometry.frame(
             f"port_{self.dock_step.port}"
         )

@@ -65,6 +65,8 @@ def open_simulation(scene: Scene, placement: Placement) -> Iterator[Simulation]:
             plant = BulletPlant(world)
         else:
             plant = KinematicPlant(scene, placement, world)
+        for step in scene.assembled_docks:
+            plant.assemble(step)
         yield Simulation(scene, placement, plant, world)
 
 

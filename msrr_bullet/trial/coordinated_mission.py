@@ -22,6 +22,7 @@ from msrr_scenes.messages import NS_PER_S, Detections, GlobalPose
 from msrr_scenes.messages.coordination import Authority, MissionState, UnitReport
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.mission import RadioSpec
+from msrr_scenes.specs.plan import DockStep
 
 #: Steps of the base station per second [Hz].
 _BASE_RATE_HZ = 10.0
@@ -179,6 +180,12 @@ class CoordinatedMission(Mission):
     def figures(self) -> MissionFigures:
         """Return the figures of a mission that has ended."""
         return self.record.figures(self._base.program.status, self._radio.sent, self._radio.lost)
+
+    def _note_lock_failure(self, dock: DockStep) -> None:
+        super()._note_lock_failure(dock)
+        self.record.reason = (
+            f"the lock of {dock.unit} at {dock.to}, closed since the start, failed the pull test"
+        )
 
     def _end(self, outcome: Outcome, reason: str) -> None:
         """End the mission and all steps that are under way."""

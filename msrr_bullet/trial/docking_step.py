@@ -80,7 +80,7 @@ class DockingStep:
         self.index, self.step, self.robot, self.runner, self.undocks = index, step, robot, runner, undocks
         if not undocks:
             plant.begin_dock(step)
-        self._set_plug(attempt=1)
+            self._set_plug(attempt=1)
         self.judge = Judge(simulation, environment.clearance, environment.locked, step)
         now_ns = self._started_ns = plant.now_ns()
         recorder.write(topics.STEPS, now_ns, StepStart(now_ns, index, step.unit, step.port, step.to))
@@ -111,7 +111,8 @@ class DockingStep:
 
     def observe(self, now_ns: int) -> None:
         """Let the judge observe pins and seat after a tick of the physics."""
-        self.judge.tick(now_ns, self.action.attempt, self.robot.estimate)
+        if not self.undocks:
+            self.judge.tick(now_ns, self.action.attempt, self.robot.estimate)
 
     def note_clearance(self, distance: float) -> None:
         """Take note of the smallest clearance of all bodies at this instant [m]."""
@@ -127,9 +128,7 @@ class DockingStep:
         elif self.action.phase is Phase.DONE:
             self._end_as_believed()
         elif self.action.phase is Phase.FAILED:
-            reason = self.robot.belief.setback
-            gave_up = self.judge.verdict_gave_up(reason, self.runner.ever_detected)
-            self.end(Outcome.STUCK if self.undocks else gave_up)
+            self.end(self._verdict_gave_up())
         elif timed_out:
             self.end(Outcome.TIMEOUT)
         return self.outcome is not None
@@ -148,11 +147,19 @@ class DockingStep:
     def _end_as_believed(self) -> None:
         """End a step of which the robot believes that it has docked, or undocked."""
         if self.undocks:
-            parted = self.judge.parted() and not self._plant.lock_engaged(self.step.unit)
-            self.end(Outcome.UNDOCKED if parted else Outcome.STUCK)
+            self.end(Outcome.UNDOCKED if self._has_parted() else Outcome.STUCK)
             return
         self.end(Outcome.DOCKED)
         self.outcome = self.judge.verdict_docked(self._seating, self._engaged, pull_passed=True)
+
+    def _verdict_gave_up(self) -> Outcome:
+        if self.undocks:
+            return Outcome.GAVE_UP if self._has_parted() else Outcome.STUCK
+        return self.judge.verdict_gave_up(self.robot.belief.setback, self.runner.ever_detected)
+
+    def _has_parted(self) -> bool:
+        """Return whether the unit is clear of the port and its lock holds nothing."""
+        return self.judge.parted() and not self._plant.lock_engaged(self.step.unit)
 
     def test_lock(self, control: Periodic) -> None:
         """Pull at the lock of a pair that has docked; simulated time passes.

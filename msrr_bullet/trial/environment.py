@@ -19,10 +19,10 @@ from msrr_scenes.specs.scene import Scene
 
 @dataclass
 class LockedPairs:
-    """The units that earlier steps of the plan locked together.
+    """The units that are locked together: since the start, or by earlier steps.
 
     Attributes:
-        steps: The steps that have docked; their locks have to hold from now on.
+        steps: The docks that are closed, as steps of a plan; their locks have to hold from now on.
         pairs: Pairs of units that are locked together, directly or through others: they are one body, and
             their clearance is that of the seated shape.
     """
@@ -58,7 +58,7 @@ class Environment:
         simulation: Plant, world and true poses.
         devices: Cameras, encoders and command links.
         clearance: Clearance model with the shapes of all bodies.
-        locked: Pairs of units that earlier steps locked together.
+        locked: Pairs of units that are locked together.
     """
 
     simulation: Simulation
@@ -72,4 +72,7 @@ def open_environment(scene: Scene, seed: int, placement: Placement) -> Iterator[
     """Build the environment of a trial of ``scene`` with ``seed``, and close it at the end."""
     with open_simulation(scene, placement) as simulation:
         clearance = ClearanceModel.from_scene(scene)
-        yield Environment(simulation, Devices(simulation, seed), clearance, LockedPairs())
+        locked = LockedPairs()
+        for step in scene.assembled_docks:
+            locked.add(step)
+        yield Environment(simulation, Devices(simulation, seed), clearance, locked)

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 
+from msrr_bullet.log.records import JUDGE, Level
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.replay.recorded_robot import RecordedRobot
 from msrr_bullet.robot.autonomy import Autonomy
@@ -14,11 +15,12 @@ from msrr_bullet.sensors.schedule import Periodic, duration_ns
 from msrr_bullet.trial.arena_judge import ArenaJudge, Safety
 from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.environment import Environment
+from msrr_bullet.trial.judge import Judge
 from msrr_bullet.trial.result import StepResult
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.unit_runner import UnitRunner
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.specs.plan import in_order
+from msrr_scenes.specs.plan import DockStep, in_order
 
 
 class Mission(ABC):
@@ -40,6 +42,7 @@ class Mission(ABC):
         self._arena = ArenaJudge(simulation, environment.clearance, environment.locked)
         self._begun: list[DockingStep] = []
         self._active: list[DockingStep] = []
+        self._unparted: list[Judge] = []  # of steps that have ended, their units not yet clear of the port
         self._over = False
         self.outcome: Outcome | None = None
         self.ended_ns = 0
@@ -69,11 +72,25 @@ class Mission(ABC):
                 for step in self._active:
                     step.observe(plant.now_ns())
         self.ended_ns = plant.now_ns()
-        for step in self._begun:
-            if step.outcome is Outcome.DOCKED and step.step in self._environment.locked.steps:
+        self._test_locks()
+        return tuple(step.result() for step in sorted(self._begun, key=lambda step: step.index))
+
+    def _test_locks(self) -> None:
+        """Pull at every lock that holds a pair at the end."""
+        plant, newest = self._plant, {step.step.unit: step for step in self._begun if not step.undocks}
+        for dock in tuple(self._environment.locked.steps):
+            step = newest.get(dock.unit)
+            if step is None:  # the pair was assembled at the start
+                if not (plant.lock_engaged(dock.unit) and plant.pull_test(dock.unit).holds):
+                    self._note_lock_failure(dock)
+            elif step.outcome is Outcome.DOCKED:
                 step.test_lock(self._control)
                 self._telemetry.verdict(plant.now_ns(), step)
-        return tuple(step.result() for step in sorted(self._begun, key=lambda step: step.index))
+
+    def _note_lock_failure(self, dock: DockStep) -> None:
+        """Note that the lock of a pair that was assembled at the start has not held the pull."""
+        self.outcome = Outcome.LOCK_FAILED
+        self._telemetry.event(self._plant.now_ns(), JUDGE, f"{dock}: lock_failed", Level.WARNING)
 
     @abstractmethod
     def _sense(self, now_ns: int) -> None:
@@ -90,7 +107,8 @@ class Mission(ABC):
     def _judge(self, now_ns: int) -> list[DockingStep] | None:
         """Judge and report an instant; return the steps that have ended, None if the whole mission has."""
         with self._profiler("clearance"):
-            safety = self._arena.check(step.judge for step in self._active)
+            self._unparted = [judge for judge in self._unparted if not judge.parted()]
+            safety = self._arena.check([*(step.judge for step in self._active), *self._unparted])
         for step in self._active:
             if safety.nearest is not None:
                 step.note_clearance(safety.nearest.distance)
@@ -101,9 +119,11 @@ class Mission(ABC):
         ended = [step for step in self._active if step.end_if_over(now_ns)]
         for step in ended:
             self._active.remove(step)
-            if step.outcome is Outcome.DOCKED:
+            if step.outcome is Outcome.DOCKED or (step.undocks and self._plant.lock_engaged(step.step.unit)):
                 self._environment.locked.add(step.step)
             else:
+                self._unparted.append(step.judge)
+            if step.outcome is not Outcome.DOCKED:  # the pull test has yet to tell
                 self._telemetry.verdict(now_ns, step)
         return ended
 

@@ -114,7 +114,8 @@ class Telemetry:
     def verdict(self, stamp_ns: int, step: DockingStep) -> None:
         """Record the verdict on a step that has ended."""
         assert step.outcome is not None, "the step has ended"
-        text = f"{step.step.unit} to {step.step.to}: {step.outcome.value}"
+        way = "from" if step.undocks else "to"
+        text = f"{step.step.unit} {way} {step.step.to}: {step.outcome.value}"
         self.event(stamp_ns, JUDGE, text, _level(step.outcome))
 
     def end(self, stamp_ns: int, outcome: Outcome) -> None:
@@ -127,7 +128,8 @@ class Telemetry:
 
 
 def _level(outcome: Outcome) -> Level:
-    return Level.INFO if outcome is Outcome.DOCKED else Level.WARNING
+    good = (Outcome.DOCKED, Outcome.UNDOCKED, Outcome.COMPLETE)
+    return Level.INFO if outcome in good else Level.WARNING
 
 
 def _believed(step: DockingStep) -> SE2 | None:

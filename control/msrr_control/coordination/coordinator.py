@@ -7,13 +7,13 @@ it has granted is freed by reported or seen progress alone, never because a unit
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
-from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.coordination.dispatcher import Dispatcher, Knowledge
 from msrr_control.coordination.ledger import Interlock, UnitRecord
 from msrr_control.coordination.mission import Mission, Patience
 from msrr_control.coordination.precedence import precedence
-from msrr_control.coordination.siting import site
+from msrr_control.coordination.siting import check_shapes, site
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.tasks import TaskKind, TaskState
 from msrr_control.coordination.watch import Watch
@@ -53,26 +53,36 @@ class Coordinator:
         Raises:
             SceneError: The shape cannot be built.
         """
-        self._mission, self._know = mission, knowledge
+        self._know = knowledge
         self._patience = patience or Patience()
         self._units = {name: UnitRecord(name, retreat_m=knowledge.retreat_m) for name in units}
         self._interlock = Interlock(knowledge.lanes.body)
         self._dispatcher = Dispatcher(knowledge, self._units, self._interlock, mission.one_by_one)
-        self._before = {} if mission.shape is None else precedence(mission.shape, knowledge.lanes)
-        self._tasks = TaskList(mission.tasks)
+        check_shapes(mission, knowledge.lanes)
         for name, port in mission.holders.items():
             holder, _, passive = port.partition(".")
             self._units[name].holder = (holder, passive)
         for name in [*mission.holders, *(port.partition(".")[0] for port in mission.holders.values())]:
             self._units[name].state = UnitState.DOCKED
-        self._fitted = mission.shape is None
         self._state, self._reason = MissionState.RUNNING, "waits for the first sight of the units"
         self._begun, self._start_ns = False, 0
         self._sent_ns: int | None = None
         self._tried_ns: int | None = None
         self._hopeless_ns: int | None = None
-        self._changed, self._replans, self._refits = True, 0, 0
+        self._replans = self._most_replans = 0
+        self._done: tuple[str, ...] = ()  # tasks of the shapes before
         self._watch = Watch(self._patience)
+        self._set_out(mission)
+
+    def _set_out(self, mission: Mission) -> None:
+        """Begin a mission, or the next one of several."""
+        self._mission, self._fitted = mission, mission.shape is None
+        self._before = {} if mission.shape is None else precedence(mission.shape, self._know.lanes)
+        self._tasks = TaskList(mission.tasks)
+        for unit in self._units.values():
+            unit.task, unit.evasions = None, 0
+        self._changed, self._refits = True, 0
+        self._most_replans += self._patience.replans
 
     def receive(self, report: UnitReport, now_ns: int) -> None:
         """Take in a report that arrived over the radio."""
@@ -83,7 +93,9 @@ class Coordinator:
     ) -> None:
         """Take in the estimates of the overhead camera."""
         for body in bodies:
-            self._units[body.name].observe(body, now_ns)
+            unit = self._units[body.name]
+            self._changed = self._changed or unit.X_WU is None
+            unit.observe(body, now_ns)
         self._dispatcher.obstacles = obstacles
 
     def step(self, now_ns: int) -> list[Authority]:
@@ -105,14 +117,19 @@ class Coordinator:
         if self._sent_ns is not None and now_ns - self._sent_ns < round(NS_PER_S / self._patience.rate_hz):
             return []
         self._sent_ns = now_ns
-        return [self._authority(unit, now_ns) for unit in self._units.values() if self._may_hear(unit)]
+        expires_ns = now_ns + round(self._patience.expires_s * NS_PER_S)
+        units = self._units.values()
+        # One that failed is not sent any, so that it brakes.
+        heard = [unit for unit in units if unit.state is not UnitState.FAILED and unit.track is not None]
+        return [unit.authority(units, now_ns, expires_ns) for unit in heard]
 
     def status(self, now_ns: int) -> MissionStatus:
         """Return how the mission stands."""
         return MissionStatus(
             stamp_ns=now_ns,
             state=self._state,
-            done=self._tasks.names(TaskState.DONE),
+            shape=self._mission.name,
+            done=self._done + self._tasks.names(TaskState.DONE),
             given_up=self._tasks.names(TaskState.GIVEN_UP),
             units=tuple(unit.status() for unit in self._units.values()),
             replans=self._replans,
@@ -215,7 +232,7 @@ class Coordinator:
         if released:
             self._replans += 1
             self._watch.restart(now_ns)
-            if self._replans > self._patience.replans:
+            if self._replans > self._most_replans:
                 for name in self._tasks.names(TaskState.OPEN):
                     self._tasks.give_up(name, f"routes were planned anew {self._patience.replans} times")
 
@@ -248,7 +265,11 @@ class Coordinator:
         under_way = any(unit.under_way for unit in self._units.values())
         if self._tasks.ended and not under_way:
             failed = self._tasks.reasons
-            if not failed:
+            if not failed and self._mission.then is not None:
+                self._done += self._tasks.names(TaskState.DONE)
+                docks = {unit.name: ".".join(unit.holder) for unit in self._units.values() if unit.holder}
+                self._set_out(replace(self._mission.then, holders=docks))
+            elif not failed:
                 self._end(MissionState.COMPLETE, "all tasks are done")
             else:
                 lost = [f"{u.name}: {u.reason}" for u in self._units.values() if u.state is UnitState.FAILED]
@@ -273,31 +294,3 @@ class Coordinator:
 
     def _end(self, state: MissionState, reason: str) -> None:
         self._state, self._reason = state, reason
-
-    # Messages.
-
-    def _may_hear(self, unit: UnitRecord) -> bool:
-        """Return whether a unit is sent authorities; one that failed is not, so that it brakes."""
-        return unit.state is not UnitState.FAILED and unit.track is not None
-
-    def _authority(self, unit: UnitRecord, now_ns: int) -> Authority:
-        assert unit.track is not None
-        unit.seq += 1
-        return Authority(
-            unit=unit.name,
-            route=unit.route,
-            seq=unit.seq,
-            stamp_ns=now_ns,
-            expires_ns=now_ns + round(self._patience.expires_s * NS_PER_S),
-            limit=unit.limit,
-            legs=unit.track.legs,
-            to=None if unit.enters is None else ".".join(unit.enters),
-            unlock=unit.unlocks,
-            joints=tuple(
-                (f"{other.name}.{ACTIVE_PORT}", ".".join(port))
-                for other in self._units.values()
-                if other.name != unit.name
-                for port in dict.fromkeys((other.holder, other.enters if other.under_way else None))
-                if port is not None
-            ),
-        )

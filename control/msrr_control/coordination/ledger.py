@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_control.coordination.bodies import Body
+from msrr_control.coordination.bodies import ACTIVE_PORT, Body
 from msrr_control.coordination.route_finder import Standing
 from msrr_control.coordination.track import Track, needed, standing
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose
-from msrr_scenes.messages.coordination import UnitMode, UnitReport, UnitState, UnitStatus
+from msrr_scenes.messages.coordination import Authority, UnitMode, UnitReport, UnitState, UnitStatus
 
 #: Distance that a seen pose is set back along a track before it frees ground [m], and from the track [m].
 _SEEN_BACK_M, _SEEN_OFF_M = 0.06, 0.06
@@ -151,6 +151,35 @@ class UnitRecord:
         if end and self.under_way and self.track is not None:
             return Standing(self.name, self.track.end, self.enters is not None)
         return Standing(self.name, self.pose, self.holder is not None or self.state is UnitState.DOCKED)
+
+    def authority(self, units: Iterable[UnitRecord], now_ns: int, expires_ns: int) -> Authority:
+        """Return the next authority of a unit that has a track.
+
+        Args:
+            units: All units, of whose docks it tells.
+            now_ns: Time at which it is sent.
+            expires_ns: Time at which it ends unless it is renewed.
+        """
+        assert self.track is not None
+        self.seq += 1
+        return Authority(
+            unit=self.name,
+            route=self.route,
+            seq=self.seq,
+            stamp_ns=now_ns,
+            expires_ns=expires_ns,
+            limit=self.limit,
+            legs=self.track.legs,
+            to=None if self.enters is None else ".".join(self.enters),
+            unlock=self.unlocks,
+            joints=tuple(
+                (f"{other.name}.{ACTIVE_PORT}", ".".join(port))
+                for other in units
+                if other.name != self.name
+                for port in dict.fromkeys((other.holder, other.enters if other.under_way else None))
+                if port is not None
+            ),
+        )
 
     def status(self) -> UnitStatus:
         """Return what is told to others."""

@@ -58,6 +58,9 @@ class Mission:
         tasks: The tasks of a mission without a shape, in an order in which they can be granted.
         one_by_one: Whether only one unit may be under way at a time, for comparison.
         holders: Port ``<unit>.<port>`` that each unit is locked to at the start.
+        name: Name of the shape, for the status.
+        then: What is to be reached once the shape is complete, from the docks that the units have reported by
+            then; None if that is all.
     """
 
     shape: Shape | None = None
@@ -65,3 +68,5 @@ class Mission:
     tasks: tuple[Task, ...] = ()
     one_by_one: bool = False
     holders: Mapping[str, str] = field(default_factory=dict)
+    name: str = ""
+    then: Mission | None = None

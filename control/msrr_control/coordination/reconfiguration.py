@@ -180,9 +180,9 @@ def reconfiguration_tasks(
     unit_at = {place: unit for unit, place in ports.items()}
     task_of: dict[str, str] = {}  # the task that brings a unit to where it is by then
     tasks: list[Task] = []
-    for k, (leaves, enters) in enumerate(hops):
-        unit, name = unit_at.pop(leaves), f"hop{k + 1}"
-        holder = unit_at[enters[:-1]]
+    for leaves, enters in hops:
+        unit, holder = unit_at.pop(leaves), unit_at[enters[:-1]]
+        name = f"{unit} to {holder}.{enters[-1]}"
         tasks.append(
             Task(
                 name,

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 
 from msrr_control.coordination.dispatcher import Knowledge
 from msrr_control.coordination.embedding import embeddings
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.reconfiguration import assembly_ports, reconfiguration_tasks
+from msrr_control.coordination.precedence import Lanes, precedence
+from msrr_control.coordination.reconfiguration import (
+    Reconfiguration,
+    assembly_ports,
+    reconfiguration_tasks,
+    shape_ports,
+)
 from msrr_control.coordination.shape import Shape
 from msrr_control.coordination.tasks import Task, shape_tasks
 from msrr_scenes.errors import SceneError
@@ -69,6 +76,26 @@ def site(
     if not found:
         raise SceneError("the shape and the lanes to it do not fit into the arena")
     return shape_tasks(shape, before, found[0].X_WR, mission.named), dict(found[0].units)
+
+
+def check_shapes(mission: Mission, lanes: Lanes) -> None:
+    """Refuse a shape that cannot be built, or not from the assembly or the shape before it, in any arena.
+
+    Raises:
+        SceneError: The message says why.
+    """
+    form = dict.fromkeys(assembly_ports(mission.holders).values(), "") if mission.holders else None
+    stage: Mission | None = mission
+    while stage is not None and stage.shape is not None:
+        precedence(stage.shape, lanes)
+        goal = dict.fromkeys(shape_ports(stage.shape).values(), "")
+        if form is not None:
+            if len(form) != len(goal):
+                raise SceneError(
+                    f"a {stage.name} is not built from an assembly of {len(form)} units: the numbers differ"
+                )
+            Reconfiguration(lanes, SE2(), (-math.inf, math.inf, -math.inf, math.inf)).hops(form, goal)
+        form, stage = goal, stage.then
 
 
 def _may_take_part(unit: UnitRecord) -> bool:

@@ -78,6 +78,8 @@ class PhaseMachine:
         """
         tuning = tuning if tuning is not None else PhaseTuning()
         self._context = DockingContext(spec, setup, controller, assembler, tuning, 1.0 / setup.rate_hz)
+        if docked:
+            self._context.last_gap = 0.0
         self._phase, self._reason = (Phase.DONE if docked else Phase.ASSEMBLE), "start"
         self._entered = False
 

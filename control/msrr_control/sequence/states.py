@@ -172,6 +172,9 @@ def retreat(c: DockingContext) -> Twist | Transition:
     """
     memory, tuning, report, pose = c.memory, c.tuning, c.observation.lock, c.observation.pose
     is_open = report is None or lock_is_open(c)
+    if c.undocking and not is_open and memory.lasted(c.now_ns) > tuning.unlatch_s:
+        # To pull at a closed lock would drag along the units on its other side.
+        return _after_retreat(c)
     opened = memory.opened.update(is_open or memory.lasted(c.now_ns) > tuning.unlatch_s, c.now_ns)
     looked_behind = memory.looked_behind.update(_has_looked_behind(c), c.now_ns)
     free = min(opened, looked_behind)

@@ -22,7 +22,7 @@ from msrr_scenes.placement.placement import (
     nominal_units,
     target_in_cone,
 )
-from msrr_scenes.placement.start_regions import outline, region, smallest_distance
+from msrr_scenes.placement.start_regions import ancestors, outline, region, smallest_distance
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.bodies import TAG_PLATE_M
 from msrr_scenes.specs.scene import Scene
@@ -38,13 +38,22 @@ def geometry_problems(scene: Scene) -> list[Problem]:
     return [*placed, *_too_wide(scene), *(() if placed else _unseen(scene))]
 
 
+def _root(scene: Scene, name: str) -> str:
+    """Return the unit of an assembly that has a pose of its own; the body itself if it is alone."""
+    while name in scene.holders:
+        name = scene.holders[name].partition(".")[0]
+    return name
+
+
 def _path(scene: Scene, name: str) -> tuple[str, ...]:
+    name = _root(scene, name)
     return ("units" if name in scene.units else "obstacles", name, "pose")
 
 
 def _spread(scene: Scene, *names: str) -> str:
-    bodies = [scene.units.get(n) or scene.obstacles[n] for n in names]
-    wide = any(b.pose.spread.x_m or b.pose.spread.y_m or b.pose.spread.yaw_deg for b in bodies)
+    roots = {name: [name, *ancestors(scene, scene.start_pose(name))] for name in names}
+    spreads = [scene.start_pose(body).spread for chain in roots.values() for body in chain]
+    wide = any(s.x_m or s.y_m or s.yaw_deg for s in spreads)
     return " for some start within its spread" if wide else ""
 
 
@@ -53,15 +62,21 @@ def _too_near(scene: Scene, covered: Mapping[str, Array]) -> Iterator[Problem]:
     late = {name for name, body in scene.obstacles.items() if body.appears_at_s > 0.0}
     close_range = close_range_steps(scene)
     docking = next(({s.unit, s.target_unit} for s in scene.docks[:1] if s.unit in close_range), set[str]())
+    locked = {frozenset((dock.unit, dock.target_unit)) for dock in scene.assembled_docks}
     boxes = {name: (points.min(axis=0), points.max(axis=0)) for name, points in covered.items()}
     for a, b in itertools.combinations([name for name in covered if name not in late], 2):
+        if frozenset((a, b)) in locked:
+            continue
         free = {a, b} == docking or {a, b} <= scene.obstacles.keys()  # the judge does not measure these
         least = 0.0 if free else scene.judge.min_clearance_m
         (a0, a1), (b0, b1) = boxes[a], boxes[b]
         if max((b0 - a1).max(), (a0 - b1).max()) > least:
             continue
         found = smallest_distance(scene, a, b)
-        if found <= 0.0:
+        if found < least and _root(scene, a) == _root(scene, b):
+            text = f"{a!r} and {b!r} would stand {found:.3f} m apart, not locked; lock one of them elsewhere"
+            yield Problem(("assembled",), text)
+        elif found <= 0.0:
             text = f"overlaps {a!r}{_spread(scene, a, b)}; move them apart or narrow the spread"
             yield Problem(_path(scene, b), text)
         elif found < least:
@@ -96,8 +111,9 @@ def _outside(scene: Scene, covered: Mapping[str, Array]) -> Iterator[Problem]:
     for name, reached in covered.items():
         lo, hi = reached.min(axis=0), reached.max(axis=0)
         if lo[0] < x0 or lo[1] < y0 or hi[0] > x1 or hi[1] > y1:
+            who = "" if _root(scene, name) == name else f"{name!r}, which is locked to it, "
             text = (
-                f"reaches outside the arena{_spread(scene, name)}: x {lo[0]:.2f} .. {hi[0]:.2f} of "
+                f"{who}reaches outside the arena{_spread(scene, name)}: x {lo[0]:.2f} .. {hi[0]:.2f} of "
                 f"{x0:g} .. {x1:g}, y {lo[1]:.2f} .. {hi[1]:.2f} of {y0:g} .. {y1:g}; "
                 "move it or enlarge the arena"
             )
@@ -140,7 +156,13 @@ def _unseen(scene: Scene) -> Iterator[Problem]:
     if steps and aimed == {name for u, step in steps.items() for name in (u, step.target_unit)}:
         yield from _rarely_aimed(scene)
     for unit in scene.units:
-        if unit in aimed or _seen_from_above(scene, unit) or _seen_by_another(scene, unit, placed):
+        if unit in aimed or _seen_from_above(scene, unit):
+            continue
+        if scene.coordinated:
+            text = f"the base station does not see {unit!r} from above{_spread(scene, unit)}"
+            yield Problem(_path(scene, unit), f"{text}; move it, narrow the spread or raise the camera")
+            continue
+        if _seen_by_another(scene, unit, placed):
             continue
         where = (
             "cameras.overhead is null" if scene.cameras.overhead is None else "it is out of the overhead view"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msrr_scenes.errors import nearest
+from msrr_scenes.loading.lock_checks import lock_problems
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
 from msrr_scenes.specs.plan import ancestors, in_order
@@ -15,7 +16,7 @@ def plan_problems(scene: Scene) -> list[Problem]:
     """Return steps that can never begin: by their order, or by what the steps before them have locked."""
     disorder = list(_order_problems(scene))
     if disorder or scene.coordinated:
-        return disorder
+        return disorder or list(lock_problems(scene))
     overlap = list(_steps_at_once(scene))
     return overlap or [*_busy_units(scene), *_busy_ports(scene), *_locked_already(scene)]
 
@@ -47,17 +48,15 @@ def mission_problems(scene: Scene) -> list[Problem]:
 
 def _shape_problems(scene: Scene) -> Iterator[Problem]:
     """Yield places for which there are no units."""
-    shape = scene.shape
-    if shape is None:
-        return
-    path: KeyPath = ("shape", shape.key)
-    for name in shape.tree or {} if shape.named else {}:
-        if name not in scene.units:
-            text = f"no unit named {name!r}{nearest(name, scene.units)} Units: {', '.join(scene.units)}"
-            yield Problem((*path, name), text)
-    if shape.count > len(scene.units):
-        text = f"{shape.count} places, but {len(scene.units)} units; add units, or take places out"
-        yield Problem(path, text)
+    for k, shape in enumerate(scene.shape or ()):
+        path: KeyPath = scene.shape_key(k)
+        for name in shape.tree or {} if shape.named else {}:
+            if name not in scene.units:
+                text = f"no unit named {name!r}{nearest(name, scene.units)} Units: {', '.join(scene.units)}"
+                yield Problem((*path, name), text)
+        if shape.count > len(scene.units):
+            text = f"{shape.count} places, but {len(scene.units)} units; add units, or take places out"
+            yield Problem(path, text)
 
 
 def _order_problems(scene: Scene) -> Iterator[Problem]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from msrr_scenes.errors import nearest
+from msrr_scenes.loading.assembly_checks import assembly_problems
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.placement.placement import split_frame
 from msrr_scenes.specs.bodies import LAST_TAG
@@ -52,6 +53,9 @@ def reference_problems(scene: Scene) -> list[Problem]:
             problems.append(
                 Problem(("plan", i, "to"), f"{step.unit!r} cannot dock to itself; name another unit")
             )
+    for i, dock in enumerate(scene.assembled_docks):
+        known(("assembled", i), dock.unit)
+        known(("assembled", i), dock.target_unit)
     for path, _, pose in poses(scene):
         frame = split_frame(pose.frame)
         if frame:
@@ -69,13 +73,13 @@ def reference_problems(scene: Scene) -> list[Problem]:
         if name in scene.units:
             text = f"a unit is named {name!r} as well; names of bodies have to differ"
             problems.append(Problem(("obstacles", name), text))
-    return problems or [*_frame_cycles(scene), *_numbers_twice(scene)]
+    return problems or [*assembly_problems(scene), *_numbers_twice(scene)] or list(_frame_cycles(scene))
 
 
 def _frame_cycles(scene: Scene) -> Iterator[Problem]:
     for unit in scene.units:
         chain = [unit]
-        while frame := split_frame(scene.units[chain[-1]].pose.frame):
+        while frame := split_frame(scene.start_pose(chain[-1]).frame):
             chain.append(frame[0])
             if frame[0] in chain[:-1]:
                 break
@@ -146,15 +150,20 @@ def port_problems(scene: Scene) -> list[Problem]:
             text = f"port {port!r} of {unit!r} has no holes to dock to; passive ports: {', '.join(valid)}"
             problems.append(Problem(path, text))
 
+    def active(path: KeyPath, unit: str, port: str) -> None:
+        geometry = scene.geometry(unit)
+        if has(path, unit, port) and port in geometry.passive_ports:
+            valid = [p for p in geometry.ports if p not in geometry.passive_ports]
+            text = f"port {port!r} of {unit!r} has no pins; active ports: {', '.join(valid)}"
+            problems.append(Problem(path, text))
+
     for i, step in enumerate(scene.plan):
-        if not isinstance(step, DockStep):
-            continue
-        geometry = scene.geometry(step.unit)
-        if has(("plan", i, "port"), step.unit, step.port) and step.port in geometry.passive_ports:
-            active = [p for p in geometry.ports if p not in geometry.passive_ports]
-            text = f"port {step.port!r} of {step.unit!r} has no pins; active ports: {', '.join(active)}"
-            problems.append(Problem(("plan", i, "port"), text))
-        passive(("plan", i, "to"), step.target_unit, step.target_port)
+        if isinstance(step, DockStep):
+            active(("plan", i, "port"), step.unit, step.port)
+            passive(("plan", i, "to"), step.target_unit, step.target_port)
+    for i, dock in enumerate(scene.assembled_docks):
+        active(("assembled", i), dock.unit, dock.port)
+        passive(("assembled", i), dock.target_unit, dock.target_port)
     for path, _, pose in poses(scene):
         frame = split_frame(pose.frame)
         if frame:

@@ -165,7 +165,8 @@ class MissionStatus:
     Attributes:
         stamp_ns: Time of the status.
         state: How the mission stands.
-        done: Names of the tasks that are done, in the order of the tasks.
+        shape: Name of the shape that is being built, of several the present one; empty without one.
+        done: Names of the tasks that are done, in the order of the tasks, of all shapes so far.
         given_up: Names of the tasks that were given up, in the order of the tasks.
         units: Every unit, in the order in which the coordinator was given them.
         replans: Number of routes that were planned because an earlier one could not be driven to its end.
@@ -174,6 +175,7 @@ class MissionStatus:
 
     stamp_ns: int
     state: MissionState
+    shape: str
     done: tuple[str, ...]
     given_up: tuple[str, ...]
     units: tuple[UnitStatus, ...]

@@ -78,7 +78,7 @@ def close_range_steps(scene: Scene) -> dict[str, DockStep]:
         return steps
     moved: set[str] = set()
     for step in scene.docks:
-        start = scene.units[step.unit].pose
+        start = scene.start_pose(step.unit)
         if (
             step.unit not in moved
             and step.target_unit not in moved
@@ -135,7 +135,7 @@ def nominal_units(scene: Scene) -> dict[str, SE2]:
     units: dict[str, SE2] = {}
 
     def place(unit: str) -> None:
-        pose = scene.units[unit].pose
+        pose = scene.start_pose(unit)
         frame = split_frame(pose.frame)
         if frame and frame[0] not in units:
             place(frame[0])
@@ -149,7 +149,7 @@ def nominal_units(scene: Scene) -> dict[str, SE2]:
 
 
 def _waits_for(scene: Scene, unit: str, steps: Mapping[str, DockStep]) -> set[str]:
-    frame = split_frame(scene.units[unit].pose.frame)
+    frame = split_frame(scene.start_pose(unit).frame)
     waits = {frame[0]} if frame else set()
     if unit in steps:
         waits.add(steps[unit].target_unit)
@@ -159,7 +159,7 @@ def _waits_for(scene: Scene, unit: str, steps: Mapping[str, DockStep]) -> set[st
 def _draw_unit(
     scene: Scene, unit: str, units: Mapping[str, SE2], step: DockStep | None, rng: np.random.Generator
 ) -> tuple[SE2, int]:
-    pose, geometry = scene.units[unit].pose, scene.geometry(unit)
+    pose, geometry = scene.start_pose(unit), scene.geometry(unit)
     X_WF = base_pose(scene, pose, units)
     # In another port's frame the pose is that of the front port, in the world that of the unit itself.
     X_PU = SE2() if split_frame(pose.frame) is None else geometry.port(FRONT).inverse()

@@ -73,7 +73,7 @@ def ancestors(scene: Scene, pose: PoseSpec) -> list[str]:
     chain: list[str] = []
     while frame := split_frame(pose.frame):
         chain.append(frame[0])
-        pose = scene.units[frame[0]].pose
+        pose = scene.start_pose(frame[0])
     return chain
 
 
@@ -86,11 +86,11 @@ def region(scene: Scene, name: str, points: Array, within: str | None = None) ->
         points: Points in the body's own frame, shape (N, 2) [m].
         within: Ancestor in whose frame U the region is returned; None for the world.
     """
-    body = scene.units.get(name) or scene.obstacles[name]
-    frame = split_frame(body.pose.frame)
+    pose = scene.start_pose(name)
+    frame = split_frame(pose.frame)
     if frame is not None and name in scene.units:
         points = scene.geometry(name).port(FRONT).inverse().act(points)
-    reached = spread_over(body.pose, points)
+    reached = spread_over(pose, points)
     if frame is None:
         return reached
     unit, port = frame
@@ -107,10 +107,7 @@ def outline(scene: Scene, name: str) -> Array:
 
 def smallest_distance(scene: Scene, a: str, b: str) -> float:
     """Return a lower bound of the distance [m] of two bodies over all draws; 0 if they may overlap."""
-    chains = {}
-    for name in (a, b):
-        body = scene.units.get(name) or scene.obstacles[name]
-        chains[name] = [name, *ancestors(scene, body.pose)]
+    chains = {name: [name, *ancestors(scene, scene.start_pose(name))] for name in (a, b)}
     # A common ancestor moves both together, so they are compared in its frame.
     common = next((u for u in chains[a] if u in chains[b]), None)
     regions = [

@@ -42,6 +42,15 @@ class PortPlugged(Spec):
     """Attempts during which the port is plugged, counted from 1."""
 
 
+class LockJammed(Spec):
+    """The lock of a unit does not open any more once it is closed, and reports what it is."""
+
+    kind: Literal["lock_jammed"]
+    """Kind of fault."""
+    unit: Name
+    """Unit whose lock jams."""
+
+
 class CameraBlackout(Spec):
     """A camera delivers no frame between two times."""
 
@@ -78,6 +87,12 @@ class UnitSeized(Spec):
 
 
 Fault = Annotated[
-    SeatSwitchStuck | MarkerHidden | PortPlugged | CameraBlackout | CameraMisaligned | UnitSeized,
+    SeatSwitchStuck
+    | MarkerHidden
+    | PortPlugged
+    | LockJammed
+    | CameraBlackout
+    | CameraMisaligned
+    | UnitSeized,
     Field(discriminator="kind"),
 ]

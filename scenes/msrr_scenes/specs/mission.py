@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from msrr_scenes.specs.bodies import MAX_UNITS
 from msrr_scenes.specs.spec import Latency, Name, PortName, Probability, Rate, Spec, Time
@@ -69,6 +69,16 @@ class ShapeSpec(Spec):
             if count is not None:
                 return pattern, count
         return None
+
+
+def _as_list(value: Any) -> Any:
+    return value if value is None or isinstance(value, (list, tuple)) else [value]
+
+
+#: Shapes that are built one after the other; a single one is written without the brackets of a list.
+Shapes = Annotated[
+    Annotated[tuple[ShapeSpec, ...], Field(min_length=1, max_length=20)] | None, BeforeValidator(_as_list)
+]
 
 
 class AssembledPair(Spec):

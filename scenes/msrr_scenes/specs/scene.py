@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ from pydantic import Field
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
 from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
 from msrr_scenes.specs.faults import Fault
-from msrr_scenes.specs.mission import AssembledPair, RadioSpec, ShapeSpec
+from msrr_scenes.specs.mission import AssembledPair, RadioSpec, Shapes
 from msrr_scenes.specs.plan import (
     ControlSpec,
     DockingSpec,
@@ -22,7 +23,7 @@ from msrr_scenes.specs.plan import (
     Plant,
 )
 from msrr_scenes.specs.sensors import CamerasSpec, OdometrySpec, ParametricSpec
-from msrr_scenes.specs.spec import Duration, Name, Spec, Text, between
+from msrr_scenes.specs.spec import Duration, Name, PoseSpec, Spec, Text, between
 from msrr_scenes.specs.vehicle import LimitsSpec, LinkSpec, LockSpec, WheelMotorSpec
 
 
@@ -77,8 +78,9 @@ class Scene(Spec):
     """Criteria of the judge."""
     plan: tuple[PlanStep, ...] = Field(default=(), max_length=MAX_UNITS)
     """Steps in the order in which they are carried out; empty where a shape is given."""
-    shape: ShapeSpec | None = None
-    """Shape that the units are to build, wherever it fits; a base station leads them."""
+    shape: Shapes = None
+    """Shape that the units are to build, wherever it fits, or a list of shapes, each built from the one
+    before; a base station leads them."""
     assembled: tuple[AssembledPair, ...] = Field(default=(), max_length=MAX_UNITS)
     """Units that are locked together when the trial begins; a base station leads them."""
     radio: RadioSpec | None = None
@@ -95,6 +97,30 @@ class Scene(Spec):
     def docks(self) -> tuple[DockStep, ...]:
         """The steps of the plan in which a unit docks."""
         return tuple(step for step in self.plan if isinstance(step, DockStep))
+
+    @property
+    def holders(self) -> Mapping[str, str]:
+        """Port ``<unit>.<port>`` that each unit is locked to when the trial begins."""
+        return {pair.active.partition(".")[0]: pair.passive for pair in self.assembled}
+
+    @property
+    def assembled_docks(self) -> tuple[DockStep, ...]:
+        """The docks that are closed when the trial begins, each as the step that would have closed it."""
+        parts = ((*pair.active.partition("."), pair.passive) for pair in self.assembled)
+        return tuple(DockStep(unit=unit, port=port, to=to) for unit, _, port, to in parts)
+
+    def start_pose(self, body: str) -> PoseSpec:
+        """Return the start pose of a unit or an obstacle: that of an assembled unit is its seat."""
+        if body in self.holders:
+            return PoseSpec(frame=self.holders[body])
+        placed = self.units.get(body) or self.obstacles[body]
+        return placed.pose
+
+    def shape_key(self, index: int) -> tuple[str | int, ...]:
+        """Return the path of keys to a shape, as the scene file gives one or a list of them."""
+        shapes = self.shape or ()
+        listed = (index,) if len(shapes) > 1 else ()
+        return ("shape", *listed, shapes[index].key)
 
     @property
     def coordinated(self) -> bool:

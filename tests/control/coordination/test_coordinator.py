@@ -116,6 +116,46 @@ def test_an_assembly_takes_another_shape(rig: type[Rig]) -> None:
     assert len(stayed) == len(line.places) - len(status.done)
 
 
+def test_shapes_are_built_one_after_the_other_from_what_the_units_report(
+    rig: type[Rig], starts: Starts
+) -> None:
+    """From anywhere to a line, then by leaves to a tee and back; the status names the shape."""
+    line, tee = build_pattern("line", 4), build_pattern("tee", 4)
+    back = Mission(line, name="line again")
+    run = rig(Mission(line, name="line", then=Mission(tee, name="tee", then=back)), starts(4, 4))
+    shapes: dict[str, Shape] = {"line": line, "tee": tee, "line again": line}
+    seen: list[str] = []
+    while run.now_ns < 400e9 and run.status.state is MissionState.RUNNING:
+        if run.status.shape not in seen:
+            assert not seen or _is_built(run, shapes[seen[-1]]), (
+                "the next begins when the one before is complete"
+            )
+            seen.append(run.status.shape)
+        run.step()
+    status = run.status
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert seen == list(shapes)
+    assert _is_built(run, line)
+    assert len(status.done) == 4 + 2 * (len(set(shape_ports(tee).values()) - set(shape_ports(line).values())))
+
+
+def test_a_shape_that_is_not_built_ends_the_mission(rig: type[Rig], starts: Starts) -> None:
+    line = Mission(build_pattern("line", 4), name="line", then=Mission(build_pattern("tee", 4), name="tee"))
+    run = rig(line, starts(1, 4), dies={"u3": (3.0, False)})
+    status = run.run()
+    assert (status.state, status.shape) == (MissionState.INCOMPLETE, "line")
+    assert "u3" in status.reason
+
+
+def test_shapes_that_do_not_follow_from_each_other_are_refused(rig: type[Rig]) -> None:
+    then = Mission(build_pattern("tee", 5), name="tee of 5")
+    with pytest.raises(SceneError, match="a tee of 5 is not built from an assembly of 4 units"):
+        rig(Mission(build_pattern("line", 4), name="line of 4", then=then), {})
+    broken = Mission(Shape.from_tree({"a": "root", "b": "a.front"}))
+    with pytest.raises(SceneError, match="takes nobody"):
+        rig(Mission(build_pattern("line", 2), then=broken), {})
+
+
 def test_an_explicit_plan_runs_in_its_order(rig: type[Rig]) -> None:
     steps = [
         UndockStep(undock="c", name="leave"),

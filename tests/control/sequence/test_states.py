@@ -418,20 +418,33 @@ def test_a_bounce_of_a_switch_does_not_end_the_belief(facts: DockSetup) -> None:
 def test_undocking_with_a_jammed_lock_is_no_undocking(
     facts: DockSetup, position: LockPosition, seen: bool
 ) -> None:
-    """The lock stays closed and the unit in its seat; without sight the wheels lead the estimate astray."""
+    """The unit does not pull at a closed lock: it would drag along the unit that the lock holds."""
     desk = _docked(facts)
     desk.machine.undock()
-    began, gap = desk.now_ns, 0.0
-    exposed = None if seen else began
+    began = desk.now_ns
     while not desk.machine.finished or desk.now_ns == began:
         assert desk.now_ns - began < 15e9
-        action = desk.ask(
-            desk.at(0.0 if seen else gap), exposed_ns=exposed, closed=True, lock=(position, desk.now_ns)
-        )
-        gap -= 0.02 * action.twist.v
+        exposed = None if seen else began
+        action = desk.ask(desk.at(0.0), exposed_ns=exposed, closed=True, lock=(position, desk.now_ns))
+        assert action.twist == Twist()
     belief = desk.machine.belief
     assert (belief.conviction, belief.setback) == (Conviction.GAVE_UP, FailureReason.NOT_RELEASED)
     assert f"the lock reports {position.value}" in belief.reason
+
+
+def test_a_unit_that_begins_docked_has_to_back_out_before_it_is_undocked(facts: DockSetup) -> None:
+    """Nothing is seen before the unit has left: its wheels tell the way."""
+    desk = Desk(facts)
+    law = build_controller(Choice(name="c1"), facts)
+    desk.machine = PhaseMachine(desk.spec, facts, law, docked=True)
+    desk.machine.undock()
+    way, twist = 0.0, Twist()
+    while not desk.machine.finished or way == 0.0:
+        assert desk.now_ns < 15e9
+        twist = desk.ask(None, closed=way < 1e-3, lock=(LockPosition.OPEN, desk.now_ns), twist=twist).twist
+        way -= 0.02 * twist.v
+    assert desk.machine.belief.conviction is Conviction.UNDOCKED
+    assert way == pytest.approx(desk.spec.retreat_m, abs=0.02)
 
 
 @pytest.mark.parametrize(("switches", "share"), [(True, 1.0), (False, 0.5), (False, 0.0)])

@@ -1,0 +1,119 @@
+"""Missions of a base station that begin with assembled units: undocking, docking again, jammed locks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.trial import Trial
+from msrr_scenes import load_scene
+from msrr_scenes.outcome import Outcome
+
+SCENE = """\
+time_limit_s: 120
+arena: {x_m: [-2.2, 2.2], y_m: [-1.7, 1.7]}
+units:
+  a: {number: 0, pose: {x_m: 0.8, y_m: -0.3, spread: {x_m: 0.2, y_m: 0.2, yaw_deg: 20}}}
+  b: {number: 1}
+  c: {number: 2}
+cameras: {overhead: {height_m: 4.0}}
+assembled: [b.front-a.rear, c.front-b.rear]
+"""
+FAST = {"plant": "unicycle", "perception": "parametric"}
+PLANTS = (FAST, {"plant": "bullet", "perception": "parametric"})
+
+Run = Callable[..., TrialResult]
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """Runs a mission of three units in line, of which a is the root and c the last."""
+
+    def trial(plan: str, overrides: Mapping[str, str], seed: int = 1, key: str = "plan") -> TrialResult:
+        (tmp_path / "line.yaml").write_text(f"{SCENE}{key}: {plan}\n")
+        return Trial(load_scene(tmp_path / "line.yaml", overrides), seed).run(300.0)
+
+    return trial
+
+
+def _steps(result: TrialResult) -> list[tuple[str, Outcome, str]]:
+    return [(step.target, step.outcome, step.belief) for step in result.steps]
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_unit_undocks_and_docks_elsewhere(run: Run, plant: Mapping[str, str]) -> None:
+    result = run("[{undock: c}, {name: again, unit: c, to: a.left}]", plant)
+    assert result.outcome is Outcome.COMPLETE
+    assert _steps(result) == [("b.rear", Outcome.UNDOCKED, "undocked"), ("a.left", Outcome.DOCKED, "docked")]
+    assert result.steps[1].pull_test_passed
+    assert result.mission is not None
+    assert result.mission.way_m["a"] == result.mission.way_m["b"] == 0.0
+
+
+def test_a_unit_in_a_port_leaves_it_for_the_place_where_it_is_to_stand(run: Run) -> None:
+    result = run("[{move: c, pose: {x_m: -1.0, y_m: 0.8, yaw_deg: 90}}]", FAST)
+    assert result.outcome is Outcome.COMPLETE
+    assert _steps(result) == [("b.rear", Outcome.UNDOCKED, "undocked")]
+    assert result.mission is not None
+    assert result.mission.way_m["c"] > 1.0
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_jammed_lock_is_known_to_the_unit_and_to_the_judge(run: Run, plant: Mapping[str, str]) -> None:
+    """The unit stays locked, so that it is no collision, and what depends on its leaving is given up."""
+    jammed = {**plant, "faults": "[{kind: lock_jammed, unit: c}]"}
+    result = run("[{undock: c}, {name: again, unit: c, to: a.left}]", jammed)
+    assert result.outcome is Outcome.INCOMPLETE
+    (step,) = result.steps
+    assert (step.outcome, step.belief) == (Outcome.STUCK, "gave_up")
+    assert step.lock_engaged
+    assert "the lock reports closed" in step.belief_reason
+    assert result.mission is not None
+    assert result.mission.given_up == ("c", "again")
+    assert "c failed" in result.mission.reason
+    assert result.mission.way_m["c"] < 0.001
+
+
+def test_the_lock_of_an_assembled_pair_is_pulled_at_in_the_end(run: Run) -> None:
+    result = run("[{undock: c}]", {**FAST, "lock.strength_n": "1.0", "lock.pull_force_n": "5.0"})
+    assert [step.outcome for step in result.steps] == [Outcome.UNDOCKED]
+    assert result.outcome is Outcome.LOCK_FAILED
+    assert result.mission is not None
+    assert "the lock of b at a.rear" in result.mission.reason
+
+
+def test_neighbours_of_a_unit_that_leaves_may_be_as_near_as_they_are(run: Run) -> None:
+    """The corners of c and d are 28 mm apart, less than the collision monitor allows elsewhere."""
+    corner = {
+        **FAST,
+        "units.d": "{number: 3}",
+        "assembled": "[b.front-a.rear, c.front-b.rear, d.front-b.left]",
+    }
+    result = run("[{undock: c}]", corner)
+    assert result.outcome is Outcome.COMPLETE
+    assert result.steps[0].outcome is Outcome.UNDOCKED
+    clearance = result.min_clearance_m
+    assert clearance is not None
+    assert 0.02 < clearance < 0.03
+
+
+def test_shapes_follow_each_other(run: Run) -> None:
+    result = run("[{zigzag: 3}, {line: 3}]", FAST, key="shape")
+    assert result.outcome is Outcome.COMPLETE
+    there_and_back = [("b.rear", Outcome.UNDOCKED), ("b.left", Outcome.DOCKED)]
+    there_and_back += [("b.left", Outcome.UNDOCKED), ("b.rear", Outcome.DOCKED)]
+    assert [(step.target, step.outcome) for step in result.steps] == there_and_back
+    assert result.mission is not None
+    assert result.mission.done == ("c to b.left", "c to b.rear")
+
+
+@pytest.mark.nightly
+def test_a_line_becomes_a_tee_and_a_line_again() -> None:
+    result = Trial(load_scene("reconfigure", FAST), 1).run(300.0)
+    assert result.outcome is Outcome.COMPLETE
+    assert all(step.succeeded for step in result.steps)
+    assert sum(step.outcome is Outcome.UNDOCKED for step in result.steps) == 4
+    assert sum(step.docked for step in result.steps) == 4
