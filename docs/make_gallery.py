@@ -48,12 +48,19 @@ This page shows one run of every shipped scene with seed {seed}. The left pictur
 path of the docking unit (blue), the path that it believed in (orange), and the planned path (dashed). Beside
 it are frames of the cameras as the robot read them: grey where it read pixels, elsewhere drawn from truth;
 detected tags are vermillion, the belief is orange, the line of sight is green between the bounds of its cone.
+In a mission of many units each one has a colour of its own: its way is a line, its route as far as it was
+granted a pale band, and a black bar marks a docked pair.
 
 `msrr dock SCENE --seed {seed}` runs one of them, `msrr frames RUN` draws all of its frames, and
 `python docs/make_gallery.py` makes this page.
 """
 
-FAR, NEAR, WRONG = "From anywhere in the arena", "Docking", "What can go wrong"
+MANY, FAR, NEAR, WRONG = (
+    "Many units",
+    "From anywhere in the arena",
+    "Docking",
+    "What can go wrong",
+)
 #: Heading of the scenes that `msrr tune` wrote, and the beginning of their names.
 TUNED, TUNED_PREFIX = "With tuned parameters", "tuned_"
 
@@ -142,6 +149,8 @@ def chapter(scene: Scene) -> str:
     """Return the heading of the chapter that a scene belongs to."""
     if scene.name.startswith(TUNED_PREFIX):
         return TUNED
+    if scene.coordinated:
+        return MANY
     spec = scene.cameras.overhead
     far = [s for s in scene.docks if scene.units[s.unit].pose.frame == "world"]
     if spec is not None and far:
@@ -151,11 +160,11 @@ def chapter(scene: Scene) -> str:
 
 def page(names: Sequence[str]) -> str:
     """Return the page that shows all pictures."""
-    chapters: dict[str, list[str]] = {title: [] for title in (FAR, NEAR, TUNED, WRONG)}
+    chapters: dict[str, list[str]] = {title: [] for title in (MANY, FAR, NEAR, TUNED, WRONG)}
     for name in names:
         scene, run = load_scene(name), verdict(name)
         counts = " and ".join(str(count) for count in run["attempts"])
-        attempts = f", {counts} attempts" if max(run["attempts"]) > 1 else ""
+        attempts = f", {counts} attempts" if max(run["attempts"], default=1) > 1 else ""
         ending = f"{run['outcome']} after {run['duration_s']:.1f} s{attempts}"
         chapters[chapter(scene)].append(
             f"### `{name}`\n{scene.description} This run: {ending}.\n\n![{name}](gallery/{name}.png)\n"

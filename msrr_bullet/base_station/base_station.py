@@ -123,8 +123,8 @@ def check_mission(scene: Scene) -> None:
         if anywhere and not fits(mission.shape, knowledge.lanes, knowledge.finder.box):
             raise SceneError(
                 f"{key}: the shape and the lanes to it do not fit into the {x1 - x0:.2f} m by "
-                f"{y1 - y0:.2f} m of the arena that the overhead camera sees; take fewer units, enlarge the arena, or raise "
-                "cameras.overhead.height_m"
+                f"{y1 - y0:.2f} m of the arena that the overhead camera sees; take fewer units, enlarge the "
+                "arena, or raise cameras.overhead.height_m"
             )
         mission = mission.then
 

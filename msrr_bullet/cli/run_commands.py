@@ -91,11 +91,11 @@ def plot(
         typer.Option(
             metavar="UNIT",
             help="Unit whose steps are shown.",
-            show_default="all, or the first of several that are under way at once",
+            show_default="the mission of a base station, or all, or the first of several under way at once",
         ),
     ] = None,
 ) -> None:
-    """Plot a run over time: errors, speeds, clearance and line of sight, with belief and truth."""
+    """Plot a run over time: a mission as rows of its units, else errors, speeds, clearance, line of sight."""
     _load_simulator_silently()
     from msrr_bullet.figures.plot import write_plot
     from msrr_bullet.log import unpacked_log

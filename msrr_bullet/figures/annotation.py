@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
-from msrr_bullet.figures.canvas import Canvas, Image, Key, titled
+import numpy as np
+
+from msrr_bullet.figures.canvas import PAPER, TABLE_WIDTH, Canvas, Image, Key, on_paper, table, titled
 from msrr_bullet.figures.perspective import Perspective, Solids, scene_solids
 from msrr_bullet.figures.schematic import draw_scene
 from msrr_bullet.timeline.camera_views import CameraView
-from msrr_bullet.timeline.palette import DETECTION, GRID, WINDOW
+from msrr_bullet.timeline.mission_snapshot import Activity
+from msrr_bullet.timeline.mission_table import UnitRow, mission_text, unit_rows
+from msrr_bullet.timeline.palette import DETECTION, GRID, WINDOW, unit_colours
+from msrr_bullet.timeline.routes import Routes
 from msrr_bullet.timeline.series import port_in_dock
 from msrr_bullet.timeline.snapshot import Snapshot, phase_name
+from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.messages import Phase, seconds
 from msrr_scenes.specs.plan import DockStep
@@ -24,6 +30,9 @@ WIDTH = 1280
 
 #: Phases in which nothing happens any more.
 _ENDS = (Phase.DONE, Phase.FAILED)
+
+#: Headings of the table of the units of a mission.
+_HEADINGS = ("", "does", "to", "driven/granted/route", "waits")
 
 READ_KEY = Key(WINDOW, "window read (elsewhere: drawn from truth)")
 DETECTION_KEY = Key(DETECTION, "tag detected")
@@ -40,6 +49,7 @@ class DrawingContext:
 
     scene: Scene
     seed: int
+    _targets: dict[DockStep, TargetModel] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def solids(self) -> Mapping[str, Solids]:
@@ -47,9 +57,20 @@ class DrawingContext:
         return scene_solids(self.scene)
 
     @cached_property
-    def targets(self) -> Mapping[DockStep, TargetModel]:
-        """Model that the docking unit has of its target, for each step of the plan."""
-        return {step: TargetModel.from_scene(self.scene, step) for step in self.scene.docks}
+    def colours(self) -> Mapping[str, int]:
+        """Colour of every unit by name."""
+        return unit_colours(self.scene)
+
+    @cached_property
+    def routes(self) -> Routes:
+        """Routes that the base station has granted."""
+        return Routes(self.scene)
+
+    def target(self, step: DockStep) -> TargetModel:
+        """Return the model that the docking unit has of its target in a step."""
+        if step not in self._targets:
+            self._targets[step] = TargetModel.from_scene(self.scene, step)
+        return self._targets[step]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,16 +82,22 @@ class AnnotatedFrame:
         title: Lines of text above the image.
         caption: Short title.
         legend: Meanings of the colours.
+        table: Rows of the table of the units of a mission, each with the colour of its unit.
     """
 
     image: Image
     title: tuple[str, ...]
     caption: str
     legend: tuple[Key, ...]
+    table: tuple[tuple[int, tuple[str, ...]], ...] = ()
 
     def titled(self) -> Image:
-        """Return the image with title and legend."""
-        return titled(self.image, self.title, self.legend)
+        """Return the image with title and legend, and the table at its right."""
+        image = titled(self.image, self.title, self.legend)
+        if not self.table:
+            return image
+        beside = on_paper(table(self.table, TABLE_WIDTH), TABLE_WIDTH, len(image))
+        return np.concatenate([image, beside], axis=1)
 
 
 def draw_frame(
@@ -87,8 +114,7 @@ def draw_frame(
     camera = view.camera
     canvas = Canvas(camera.width, camera.height, max(1, WIDTH // camera.width), GRID)
     poses = {**snapshot.units, **snapshot.obstacles}
-    unit = snapshot.docking_unit
-    own = unit if unit and view.exposure.camera.startswith(unit) else None
+    own = None if view.exposure.camera == OVERHEAD else view.exposure.camera.partition("/")[0]
     draw_scene(canvas, perspective, context.scene.arena, context.solids, poses, own)
     frame, read = view.mosaic()
     canvas.paste(frame, read)
@@ -113,14 +139,31 @@ def annotate(
     time, exposure = f"{seconds(view.stamp_ns):.2f} s", view.exposure
     number = f"frame {exposure.frame}" if exposure.frame >= 0 else "not looking"
     first = f"{context.scene.name}, seed {context.seed}    {exposure.camera}, {number}    {time}"
-    second = "before the first decision"
-    if snapshot.phase is not None:
+    second, caption = "before the first decision", f"{time}, {exposure.camera}"
+    if snapshot.mission is not None and exposure.camera == OVERHEAD:
+        second = mission_text(snapshot.mission)
+    elif snapshot.phase is not None:
         second = (
             f"attempt {snapshot.attempt}, {snapshot.phase_text}: {_present_text(context.scene, snapshot)}"
         )
+        caption = f"{time} {phase_name(snapshot.phase)}, {exposure.camera}"
     title = (first, second, "; ".join(filter(None, (_detection_text(view), details))))
-    caption = f"{time} {phase_name(snapshot.phase) if snapshot.phase else ''}, {exposure.camera}"
-    return AnnotatedFrame(canvas.image, title, caption, tuple(legend))
+    rows = unit_rows(snapshot) if exposure.camera == OVERHEAD else []
+    return AnnotatedFrame(
+        canvas.image,
+        title,
+        caption,
+        tuple(legend),
+        ((PAPER, _HEADINGS), *((context.colours[row.unit], _cells(row)) for row in rows)) if rows else (),
+    )
+
+
+def _cells(row: UnitRow) -> tuple[str, ...]:
+    """Return what the table beside a frame shows of a unit; reasons would be too long for it."""
+    waits = f"then {row.waits_for}" if row.waits_for else ""
+    if row.does.startswith(Activity.WAITING.value):
+        waits = f"for {row.waits_for}"
+    return row.unit, row.does, row.task, row.route, waits
 
 
 def _present_text(scene: Scene, snapshot: Snapshot) -> str:

@@ -16,16 +16,20 @@ from msrr_scenes.errors import MsrrError
 Image = NDArray[np.uint8]
 Point = tuple[float, float]
 
-FONT, TEXT_SCALE, SMALL_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.52, 0.44
+FONT, TEXT_SCALE, SMALL_SCALE, TABLE_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.52, 0.44, 0.45
 #: Height of the lines of text above and below a frame [px].
 BAR = 26
 #: Lengths of the dashes of a dashed line and of the gaps between them [px].
 DASH, GAP = 9.0, 6.0
+#: Length of the head of an arrow [px].
+HEAD = 14.0
 #: Number of fractional bits of the coordinates that cv2 takes, which are multiples of 1/16 px.
 _SHIFT = 4
 #: Largest coordinate that is drawn [px]; beyond it the arithmetic of cv2 would overflow.
 _FAR = 1.0e6
 INK, PAPER = 0x1D2733, 0xFFFFFF
+#: Width of a table beside a frame, height of its rows, and space between its columns [px].
+TABLE_WIDTH, TABLE_ROW, TABLE_GAP = 480, 22, 12
 
 
 def bgr(colour: int) -> tuple[int, int, int]:
@@ -98,20 +102,33 @@ class Canvas:
             if c is not None:
                 cv2.circle(self.image, (x, y), round(r * 2**_SHIFT), bgr(c), cv2.FILLED, cv2.LINE_AA, _SHIFT)
 
-    def text(self, point: ArrayLike, text: str, colour: int, halo: int = PAPER) -> None:
+    def arrow(self, a: Array, b: Array, colour: int, width: int, halo: int | None = None) -> None:
+        """Draw an arrow from point a (2,) to b, with a head of :data:`HEAD` pixels of the enlarged image."""
+        length = float(np.linalg.norm(b - a))
+        if not np.isfinite(length) or length == 0.0:
+            return
+        along = HEAD / self.zoom * (b - a) / length
+        across = 0.4 * np.array([-along[1], along[0]])
+        self.line([a, b - along], colour, width, halo=halo)
+        self.line([b - along + across, b, b - along - across], colour, width, closed=True, halo=halo)
+        self.fill(np.array([b - along + across, b, b - along - across]), colour)
+
+    def text(
+        self, point: ArrayLike, text: str, colour: int, halo: int = PAPER, scale: float = SMALL_SCALE
+    ) -> None:
         """Write centred above a point (2,), moved inside the image if necessary."""
         p = np.asarray(point, dtype=np.float64)
         if not np.isfinite(p).all() or not _drawable(p):
             return
         height, width = self.image.shape[:2]
-        (w, h), _ = cv2.getTextSize(text, FONT, SMALL_SCALE, 1)
+        (w, h), _ = cv2.getTextSize(text, FONT, scale, 1)
         x, y = self._enlarge(p) + np.array([-0.5 * w, -6.0])
         left, bottom = round(min(max(x, 2), width - w - 2)), round(min(max(y, h + 2), height - 4))
         # The halo is the same text at eight neighbouring places, because thicker text would be wider as well.
         offsets = [(dx, dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
         for (dx, dy), c in [*((offset, halo) for offset in offsets), ((0, 0), colour)]:
             origin = left + dx, bottom + dy
-            cv2.putText(self.image, text, origin, FONT, SMALL_SCALE, bgr(c), 1, cv2.LINE_AA)
+            cv2.putText(self.image, text, origin, FONT, scale, bgr(c), 1, cv2.LINE_AA)
 
     def _enlarge(self, points: Array) -> Array:
         enlarged: Array = (points + 0.5) * self.zoom - 0.5
@@ -154,6 +171,33 @@ def titled(image: Image, title: Sequence[str], legend: Sequence[Key]) -> Image:
                 cv2.line(foot, (x + a, y), (x + b, y), bgr(key.colour), 3)
             cv2.putText(foot, key.text, (x + 28, y + 5), FONT, SMALL_SCALE, bgr(INK), 1, cv2.LINE_AA)
     return np.concatenate([head, image, foot])
+
+
+def table(rows: Sequence[tuple[int, Sequence[str]]], width: int) -> Image:
+    """Return a table as an image of a width [px]; each row has a colour and as many cells as the others.
+
+    Columns are as wide as their widest cell; what does not fit into the width is cut off.
+    """
+    image: Image = np.full((TABLE_ROW * len(rows), width, 3), bgr(PAPER), dtype=np.uint8)
+    x = 8
+    for y in range(len(rows)):
+        top = TABLE_ROW * y
+        cv2.rectangle(image, (x, top + 4), (x + 12, top + TABLE_ROW - 5), bgr(rows[y][0]), cv2.FILLED)
+    x += 20
+    for column in zip(*(cells for _, cells in rows), strict=True):
+        for y, cell in enumerate(column):
+            origin = (x, TABLE_ROW * y + 15)
+            cv2.putText(image, cell, origin, FONT, TABLE_SCALE, bgr(INK), 1, cv2.LINE_AA)
+        x += TABLE_GAP + max(cv2.getTextSize(cell, FONT, TABLE_SCALE, 1)[0][0] for cell in column)
+    return image
+
+
+def on_paper(image: Image, width: int, height: int) -> Image:
+    """Return an image of a size [px], extended in white or cut off at the right and at the bottom."""
+    paper: Image = np.full((height, width, 3), bgr(PAPER), dtype=np.uint8)
+    part = image[:height, :width]
+    paper[: part.shape[0], : part.shape[1]] = part
+    return paper
 
 
 def _shortened(text: str, width: int) -> str:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from msrr_bullet.figures.annotation import AnnotatedFrame, DrawingContext
-from msrr_bullet.figures.canvas import BAR, PAPER, Image, bgr, titled, write_png
+from msrr_bullet.figures.canvas import BAR, PAPER, TABLE_WIDTH, Image, bgr, on_paper, table, titled, write_png
 from msrr_bullet.figures.onboard_frame import draw_onboard
 from msrr_bullet.figures.overhead_frame import draw_overhead
 from msrr_bullet.log.reader import Log
@@ -37,6 +37,8 @@ SHEET_NAME, FILM_NAME = "sheet.png", "film.webm"
 COLUMNS, TILE_WIDTH = 4, 480
 #: Frame rate of the film in simulated time [Hz], and size of the picture of each camera in it [px].
 FILM_RATE, FILM_SIZE = 12.5, (800, 600)
+#: Size of the picture of an onboard camera below the table of a mission [px].
+SMALL_FILM_SIZE = (TABLE_WIDTH, 3 * TABLE_WIDTH // 4)
 #: Height of the film with the title above the pictures and the legend below them [px].
 _FILM_HEIGHT = FILM_SIZE[1] + 7 * BAR
 
@@ -73,12 +75,17 @@ class FrameAnnotator:
         """Annotate a frame that a camera did not take, drawn from truth alone.
 
         Args:
-            camera: ``overhead``, or any other text for the camera of the unit that docks at that time.
+            camera: Name of the camera.
             stamp_ns: Time of the frame.
         """
-        step = self.trial.at(stamp_ns).step
-        name = f"{step.unit}/onboard" if step and camera != OVERHEAD else camera
-        return self.draw(CameraView(Exposure(name, -1, stamp_ns), pinhole_camera(self.context.scene, name)))
+        exposure = Exposure(camera, -1, stamp_ns)
+        return self.draw(CameraView(exposure, pinhole_camera(self.context.scene, camera)))
+
+    def onboard_at(self, stamp_ns: int) -> str:
+        """Return the camera that a film shows at a time."""
+        step = self.trial.at(stamp_ns).watched
+        unit = next(iter(self.context.scene.units)) if step is None else step.unit
+        return f"{unit}/onboard"
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,10 +196,11 @@ def _sheet(tiles: Sequence[Image]) -> Image:
 
 
 def _write_film(log: Log, annotator: FrameAnnotator, path: Path, camera: CameraChoice) -> Path:
-    """Write the run in simulated time, with the cameras side by side."""
-    scene = log.header.scene
-    panels = [OVERHEAD] if scene.cameras.overhead is not None and camera != "onboard" else []
-    panels += ["onboard"] if camera != "overhead" else []
+    """Write the run in simulated time, with the cameras side by side.
+
+    In a mission the table of the units and a smaller picture of one onboard camera are at the right.
+    """
+    above = log.header.scene.cameras.overhead is not None and camera != "onboard"
     views = read_camera_views(log, [e for e in read_exposures(log) if _matches(e, camera)])
     upcoming = next(views, None)
     latest: dict[str, CameraView] = {}
@@ -201,11 +209,20 @@ def _write_film(log: Log, annotator: FrameAnnotator, path: Path, camera: CameraC
         for k in range(round(annotator.trial.end_ns / NS_PER_S * FILM_RATE) + 1):
             now_ns = round(k * NS_PER_S / FILM_RATE)
             while upcoming is not None and upcoming.stamp_ns <= now_ns:
-                latest[OVERHEAD if upcoming.exposure.camera == OVERHEAD else "onboard"] = upcoming
+                latest[upcoming.exposure.camera] = upcoming
                 upcoming = next(views, None)
-            image = np.concatenate(
-                [_panel(annotator, panel, latest.get(panel), now_ns) for panel in panels], axis=1
-            )
+            panels: list[Image] = []
+            if above:
+                overhead = _frame(annotator, OVERHEAD, latest.get(OVERHEAD), now_ns)
+                panels.append(_panel(overhead, FILM_SIZE))
+                if overhead.table:
+                    panels.append(table(overhead.table, TABLE_WIDTH))
+            if camera != "overhead":
+                name = annotator.onboard_at(now_ns)
+                beside = above and bool(overhead.table)
+                onboard = _frame(annotator, name, latest.get(name), now_ns)
+                panels.append(_panel(onboard, SMALL_FILM_SIZE if beside else FILM_SIZE))
+            image = _arranged(panels)
             if writer is None:
                 writer = _writer(path, image)
             writer.write(image)
@@ -215,27 +232,33 @@ def _write_film(log: Log, annotator: FrameAnnotator, path: Path, camera: CameraC
     return path
 
 
-def _panel(annotator: FrameAnnotator, name: str, latest: CameraView | None, now_ns: int) -> Image:
+def _frame(annotator: FrameAnnotator, name: str, latest: CameraView | None, now_ns: int) -> AnnotatedFrame:
     """Draw the last frame of a camera, or its view without pixels when the next frame is overdue."""
     cameras = annotator.context.scene.cameras
     spec = cameras.overhead if name == OVERHEAD and cameras.overhead is not None else cameras.onboard
     if latest is None or now_ns - latest.stamp_ns > 1.5 * NS_PER_S / spec.rate_hz:
-        frame = annotator.draw_without_pixels(name, now_ns)
-    else:
-        frame = annotator.draw(latest)
+        return annotator.draw_without_pixels(name, now_ns)
+    return annotator.draw(latest)
+
+
+def _panel(frame: AnnotatedFrame, room: tuple[int, int]) -> Image:
+    """Return a frame with its text, made to fit into a room of a width and a height [px]."""
     height, width = frame.image.shape[:2]
-    scale = min(FILM_SIZE[0] / width, FILM_SIZE[1] / height)
+    scale = min(room[0] / width, room[1] / height)
     size = round(scale * width), round(scale * height)
     small = cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-    image = titled(_on_paper(small, *FILM_SIZE), frame.title, frame.legend)
-    return _on_paper(image, FILM_SIZE[0], _FILM_HEIGHT)
+    legend = frame.legend if room == FILM_SIZE else ()
+    return titled(on_paper(small, *room), frame.title, legend)
 
 
-def _on_paper(image: Image, width: int, height: int) -> Image:
-    """Return an image of a size, extended in white or cut off at the bottom."""
-    paper: Image = np.full((height, width, 3), bgr(PAPER), dtype=np.uint8)
-    paper[: image.shape[0], : image.shape[1]] = image[:height]
-    return paper
+def _arranged(panels: Sequence[Image]) -> Image:
+    """Return pictures side by side; those narrower than the first one are below each other at its right."""
+    wide = [panel for panel in panels if panel.shape[1] == FILM_SIZE[0]]
+    narrow = [panel for panel in panels if panel.shape[1] != FILM_SIZE[0]]
+    columns = [on_paper(panel, FILM_SIZE[0], _FILM_HEIGHT) for panel in wide]
+    if narrow:
+        columns.append(on_paper(np.concatenate(narrow), TABLE_WIDTH, _FILM_HEIGHT))
+    return np.concatenate(columns, axis=1)
 
 
 def _writer(path: Path, first: Image) -> cv2.VideoWriter:

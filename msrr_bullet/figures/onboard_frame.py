@@ -17,9 +17,9 @@ from msrr_bullet.figures.annotation import (
 from msrr_bullet.figures.canvas import Canvas, Key
 from msrr_bullet.figures.perspective import Perspective
 from msrr_bullet.timeline.camera_views import CameraView
-from msrr_bullet.timeline.log_snapshots import target_frame
 from msrr_bullet.timeline.palette import BELIEF, CONE, SIGHT
 from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.timeline.snapshot_builder import target_frame
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -53,7 +53,7 @@ def draw_onboard(context: DrawingContext, view: CameraView, snapshot: Snapshot) 
         for side in (1.0, -1.0):
             _draw_vertical(canvas, view, side * limit, CONE, 2, dashed)
     if step is not None:
-        target = context.targets[step]
+        target = context.target(step)
         if snapshot.estimate is not None:
             X_DW = target_frame(scene, step, snapshot.units).inverse()
             _draw_believed_tags(canvas, target, X_DW @ snapshot.estimate)

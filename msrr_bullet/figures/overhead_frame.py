@@ -1,4 +1,4 @@
-"""Annotated frame of the overhead camera: driven and planned path, estimates, clearance, line of sight."""
+"""Annotated frame of the overhead camera: ways, plans, estimates, clearance, line of sight, the mission."""
 
 from __future__ import annotations
 
@@ -16,10 +16,22 @@ from msrr_bullet.figures.annotation import (
     draw_frame,
 )
 from msrr_bullet.figures.canvas import PAPER, Canvas, Key
+from msrr_bullet.figures.mission_view import docked_pairs, driven_way
 from msrr_bullet.figures.perspective import Perspective, on_floor
 from msrr_bullet.figures.schematic import draw_line, ring
 from msrr_bullet.timeline.camera_views import CameraView
-from msrr_bullet.timeline.palette import BELIEF, CLEARANCE, PATH, PLAN, SIGHT, SIGHT_RANGE
+from msrr_bullet.timeline.mission_snapshot import Activity, MissionSnapshot
+from msrr_bullet.timeline.palette import (
+    ALARM,
+    BELIEF,
+    BLACK,
+    CLEARANCE,
+    DARK,
+    PATH,
+    PLAN,
+    SIGHT,
+    SIGHT_RANGE,
+)
 from msrr_bullet.timeline.snapshot import Snapshot, step_histories
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -27,6 +39,10 @@ from msrr_scenes.messages import LosStatus
 
 #: Height at which lines are drawn [m], about that of the top tags, so that the lines meet them in the image.
 PLANE = 0.2
+#: Size of the names of the units of a mission.
+NAME_SCALE = 0.62
+#: Every which snapshot is a point of a driven way, of which there are many in every frame of a film.
+_WAY_EVERY = 5
 
 _LEGEND = (
     READ_KEY,
@@ -36,6 +52,19 @@ _LEGEND = (
     Key(PLAN, "planned path and desired point", dashed=True),
     Key(CLEARANCE, "smallest clearance"),
     Key(SIGHT, "line of sight"),
+)
+
+
+#: Legend of a mission of a base station, whose units have colours of their own.
+_MISSION_LEGEND = (
+    READ_KEY,
+    DETECTION_KEY,
+    Key(DARK, "way of a unit, truth"),
+    Key(DARK, "its route, thick as far as it is granted", dashed=True),
+    Key(ALARM, "waits for"),
+    Key(BLACK, "docked pair"),
+    Key(BELIEF, "where units under way believe to be; obstacles: circle about their footprint"),
+    Key(CLEARANCE, "smallest clearance"),
 )
 
 
@@ -52,23 +81,77 @@ def draw_overhead(
     """
     perspective = Perspective.overhead(context.scene)
     canvas = draw_frame(context, view, perspective, snapshot)
-    histories = step_histories(past)
-    for single in snapshot.apart():
-        _draw_plan(canvas, perspective, single)
-        for step in single.steps:
-            unit = step.step.unit
-            driven = [at.units[unit].translation for at, _ in histories.get(step.step, ())]
-            points = [*driven, single.units[unit].translation]
-            draw_line(canvas, perspective, on_floor(points, PLANE), PATH, 2)
-            _draw_outline(canvas, perspective, context, unit, single.units[unit], PATH, 2)
-        _draw_belief(canvas, perspective, context, single)
-        _draw_sight(canvas, perspective, context, single)
+    if snapshot.mission is not None:
+        _draw_mission(canvas, perspective, context, snapshot, snapshot.mission, past)
+    else:
+        _draw_steps(canvas, perspective, context, snapshot, past)
     if snapshot.clearance is not None and snapshot.clearance.distance > 0.0:
         a, b = on_floor([snapshot.clearance.point_a, snapshot.clearance.point_b], PLANE)
         draw_line(canvas, perspective, np.stack([a, b]), CLEARANCE, 2)
         text = f"{1e3 * snapshot.clearance.distance:.0f} mm"
         canvas.text(perspective.pixels(0.5 * (a + b)[None])[0], text, CLEARANCE)
+    if snapshot.mission is not None:
+        return annotate(context, view, snapshot, canvas, "", _MISSION_LEGEND)
     return annotate(context, view, snapshot, canvas, _path_text(snapshot), _LEGEND)
+
+
+def _draw_steps(
+    canvas: Canvas,
+    perspective: Perspective,
+    context: DrawingContext,
+    snapshot: Snapshot,
+    past: Sequence[Snapshot],
+) -> None:
+    """Draw the units under way, one after the other."""
+    histories = step_histories(past)
+    for single in snapshot.apart():
+        _draw_plan(canvas, perspective, single)
+        for step in single.steps:
+            unit = step.unit
+            driven = [at.units[unit].translation for at, _ in histories.get(step.key, ())]
+            points = [*driven, single.units[unit].translation]
+            draw_line(canvas, perspective, on_floor(points, PLANE), PATH, 2)
+            _draw_outline(canvas, perspective, context, unit, single.units[unit], PATH, 2)
+        _draw_belief(canvas, perspective, context, single)
+        _draw_sight(canvas, perspective, context, single)
+
+
+def _draw_mission(
+    canvas: Canvas,
+    perspective: Perspective,
+    context: DrawingContext,
+    snapshot: Snapshot,
+    mission: MissionSnapshot,
+    past: Sequence[Snapshot],
+) -> None:
+    """Draw the ways and routes of all units, who waits for whom, and docked pairs."""
+    for unit, colour in context.colours.items():
+        way = driven_way([*past[::_WAY_EVERY], snapshot], unit)
+        draw_line(canvas, perspective, on_floor(way, PLANE), colour, 2, halo=PAPER)
+        authority = mission.granted(unit)
+        if authority is not None:
+            ahead = context.routes.of(authority).part(mission.of(unit).progress, authority.limit)
+            draw_line(canvas, perspective, on_floor(ahead, PLANE), colour, 4, dashed=True, halo=PAPER)
+            beyond = context.routes.of(authority).part(authority.limit, mission.of(unit).length)
+            draw_line(canvas, perspective, on_floor(beyond, PLANE), colour, 1, dashed=True)
+    for step in snapshot.steps:
+        if step.estimate is not None:
+            _draw_outline(canvas, perspective, context, step.unit, step.estimate, BELIEF, 1)
+    _draw_obstacle_beliefs(canvas, perspective, snapshot)
+    for ends in docked_pairs(context.scene, snapshot).values():
+        draw_line(canvas, perspective, on_floor(ends, PLANE), BLACK, 4, halo=PAPER)
+    for unit, colour in context.colours.items():
+        X_WU = snapshot.units[unit]
+        _draw_outline(canvas, perspective, context, unit, X_WU, colour, 2)
+        middle = perspective.pixels(on_floor(X_WU.translation, PLANE))[0]
+        other = mission.waits_for(unit)
+        if other is not None:
+            end = perspective.pixels(on_floor(snapshot.units[other].translation, PLANE))[0]
+            canvas.arrow(middle, end, ALARM, 2, halo=PAPER)
+        failed = mission.activity(unit) is Activity.FAILED
+        below = perspective.hull(SE3.from_se2(X_WU).act(context.solids[unit].points))[:, 1].max()
+        text, ink = (f"{unit} failed", ALARM) if failed else (unit, BLACK)
+        canvas.text([middle[0], below + 24.0 / canvas.zoom], text, ink, scale=NAME_SCALE)
 
 
 def _draw_outline(
@@ -99,6 +182,12 @@ def _draw_belief(
     target = () if snapshot.situation.target is None else (snapshot.situation.target,)
     for other in (*target, *snapshot.situation.others):
         _draw_outline(canvas, perspective, context, other.name, other.X_WB, BELIEF, 1)
+    _draw_obstacle_beliefs(canvas, perspective, snapshot)
+
+
+def _draw_obstacle_beliefs(canvas: Canvas, perspective: Perspective, snapshot: Snapshot) -> None:
+    if snapshot.situation is None:
+        return
     avoiding = snapshot.assembly.avoiding if snapshot.assembly else None
     for obstacle in snapshot.situation.obstacles:
         avoided = obstacle.name == avoiding

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from msrr_bullet.simulation.simulation import camera_pose
 from msrr_bullet.simulation.tag_plates import PLATE_RATIO
-from msrr_bullet.timeline.palette import OBSTACLE, link_colour, unit_colour
+from msrr_bullet.timeline.palette import OBSTACLE, link_colour, unit_colours
 from msrr_perception.pose.global_pose import flat_tags, overhead_pose
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
@@ -130,10 +130,9 @@ class Solids:
 def scene_solids(scene: Scene) -> dict[str, Solids]:
     """Return the solids of every body of a scene by name, without covered tags."""
     hidden = {fault.unit for fault in scene.faults if isinstance(fault, MarkerHidden)}
-    docking = {step.unit for step in scene.docks}
     solids = {}
-    for index, unit in enumerate(scene.units):
-        geometry, colour = scene.geometry(unit), unit_colour(index, unit in docking)
+    for unit, colour in unit_colours(scene).items():
+        geometry = scene.geometry(unit)
         shapes = tuple((solid.points(), link_colour(solid.link, colour)) for solid in geometry.solids)
         slots = () if unit in hidden else geometry.tag_slots
         solids[unit] = Solids(shapes, tuple((geometry.frame(s), scene.tag_size(s)) for s in slots))

@@ -1,4 +1,4 @@
-"""Plot of the time series of a run."""
+"""Plot of the time series of a run, or of a mission as a whole."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from msrr_bullet.figures import curves
+from msrr_bullet.figures.mission_chart import draw_mission, mission_height
 from msrr_bullet.timeline.series import TrialSeries
 from msrr_bullet.timeline.snapshot import Snapshot, of_unit, unit_of_curves
 from msrr_scenes.errors import MsrrError
@@ -32,22 +33,31 @@ def write_plot(
 ) -> Path:
     """Write a plot of the time series of a run, and return the path of the file.
 
-    The left column shows where the unit is, truth and belief: distance from the path if it followed one, gap,
-    lateral offset and heading before the port. The right column shows velocities, clearance and line of
-    sight.
+    Of a mission of a base station it shows what every unit did, unless a unit is named. Otherwise the left
+    column shows where the unit is, truth and belief: distance from the path if it followed one, gap, lateral
+    offset and heading before the port. The right column shows velocities, clearance and line of sight.
 
     Args:
         path: File to write. Its suffix selects the format: PNG, PDF or SVG.
         scene: Scene of the run.
         snapshots: Snapshots in order of time, at any rate.
         headline: Text after the name of the scene, such as the outcome.
-        unit: Unit whose steps are shown; None shows all, or if several are under way at once, the first unit.
+        unit: Unit whose steps are shown; None shows the mission or all, or if several units on their own are
+            under way at once, the first one.
 
     Raises:
         MsrrError: There is no snapshot, the suffix names no such format, or the unit has no step.
     """
     if path.suffix.lower() not in _METADATA:
         raise MsrrError(f"{path}: no format for plots; end the name with {' or '.join(_METADATA)}")
+    if not snapshots:
+        raise MsrrError(f"{path}: a trial without a single snapshot gives no plot")
+    if scene.coordinated and unit is None:
+        figure = Figure(figsize=(WIDTH, mission_height(scene) + 0.6), dpi=DPI, layout="constrained")
+        FigureCanvasAgg(figure)
+        draw_mission(figure, figure.add_gridspec(1, 1)[0], scene, snapshots)
+        curves.set_title(figure, scene, headline)
+        return _save(figure, path)
     shown = unit_of_curves(snapshots, unit)
     series = TrialSeries.of(scene, of_unit(snapshots, shown))
     left: list[Callable[[Axes], None]] = [
@@ -69,6 +79,10 @@ def write_plot(
     curves.draw_stack(figure, columns[0], series, left)
     curves.draw_stack(figure, columns[1], series, right)
     curves.set_title(figure, scene, headline, shown)
+    return _save(figure, path)
+
+
+def _save(figure: Figure, path: Path) -> Path:
     with rc_context({"svg.hashsalt": "msrr"}):
         figure.savefig(path, metadata=_METADATA[path.suffix.lower()])
     return path

@@ -1,8 +1,9 @@
-"""Summary picture of a trial: paths from above, errors and angles over time, onboard camera frames."""
+"""Summary picture of a trial: paths from above, curves or the chart of a mission, onboard camera frames."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from matplotlib.axes import Axes
@@ -12,6 +13,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Polygon
 
 from msrr_bullet.figures import curves
+from msrr_bullet.figures.mission_chart import draw_mission, mission_height
 from msrr_bullet.figures.top_view import draw_top_view, extent
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.palette import DETECTION, css
@@ -50,21 +52,21 @@ def write_picture(
     """
     if not snapshots:
         raise MsrrError(f"{path}: a trial without a single snapshot gives no picture")
-    shown = unit_of_curves(snapshots)
-    series = TrialSeries.of(scene, of_unit(snapshots, shown))
-    rows_of_curves: list[Callable[[Axes], None]] = [
-        lambda axes: curves.lateral(axes, series),
-        lambda axes: curves.yaw(axes, series),
-        lambda axes: curves.sight(axes, series, scene),
-    ]
-    if series.follows_path:
-        rows_of_curves.insert(0, lambda axes: curves.off_path(axes, series))
+    shown: str | None = None
+    if scene.coordinated:
+        beside, draw_beside = mission_height(scene), partial(draw_mission, scene=scene, snapshots=snapshots)
+    else:
+        shown = unit_of_curves(snapshots)
+        series = TrialSeries.of(scene, of_unit(snapshots, shown))
+        rows_of_curves = _rows_of_curves(scene, series)
+        beside = len(rows_of_curves) * _ROW
+        draw_beside = partial(curves.draw_stack, series=series, curves=rows_of_curves)
     views = tuple(onboard)[:3]
     (x0, x1), (y0, y1) = extent(scene, snapshots)
     above = min(max(_LEFT * (y1 - y0) / (x1 - x0), _MIN_ABOVE), _MAX_ABOVE) + _TEXT
     below = 0.75 * _LEFT / len(views) + 0.5 * _TEXT if views else 0.0
     below = min(below, 0.25 * _LEFT + 0.5 * _TEXT)
-    height = max(above + below, len(rows_of_curves) * _ROW) + 0.5 * _TEXT
+    height = max(above + below, beside) + 0.5 * _TEXT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)
     FigureCanvasAgg(figure)
     columns = figure.add_gridspec(1, 2, width_ratios=(1.15, 1.0))
@@ -77,7 +79,7 @@ def write_picture(
         left = rows[0]
     from_above = figure.add_subplot(left)
     draw_top_view(from_above, scene, snapshots)
-    curves.draw_stack(figure, right, series, rows_of_curves)
+    draw_beside(figure, right)
     curves.set_title(figure, scene, headline, shown)
     # Axes of equal aspect are laid out as if they filled their cell, and then shrink inside it. Laid out with
     # their aspect, those that nearly fill it run over the edge of the picture.
@@ -88,6 +90,17 @@ def write_picture(
     return path
 
 
+def _rows_of_curves(scene: Scene, series: TrialSeries) -> list[Callable[[Axes], None]]:
+    rows: list[Callable[[Axes], None]] = [
+        lambda axes: curves.lateral(axes, series),
+        lambda axes: curves.yaw(axes, series),
+        lambda axes: curves.sight(axes, series, scene),
+    ]
+    if series.follows_path:
+        rows.insert(0, lambda axes: curves.off_path(axes, series))
+    return rows
+
+
 def _draw_onboard(axes: Axes, view: CameraView, start_ns: int) -> None:
     axes.imshow(view.mosaic()[0], cmap="gray", vmin=0, vmax=255, interpolation="antialiased")
     for tag in view.tags:
@@ -96,5 +109,6 @@ def _draw_onboard(axes: Axes, view: CameraView, start_ns: int) -> None:
         x, y = (float(a) for a in tag.corners.mean(axis=0))
         axes.annotate(str(tag.tag_id), (x, y), color=css(DETECTION), fontsize=7, ha="center")
     time = seconds(view.stamp_ns - start_ns)
-    axes.set_title(f"onboard, {time:.2f} s, tags found: {len(view.tags)}", fontsize=8)
+    unit = view.exposure.camera.partition("/")[0]
+    axes.set_title(f"onboard {unit}, {time:.2f} s, tags found: {len(view.tags)}", fontsize=8)
     axes.set_axis_off()

@@ -8,45 +8,41 @@ from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle, Polygon
 
-from msrr_bullet.collision.footprint import Part, obstacle_parts, unit_parts
-from msrr_bullet.timeline.palette import BELIEF, DARK, DOCKING_UNIT, OBSTACLE, PATH, PLAN, css, unit_colour
+from msrr_bullet.collision.footprint import obstacle_parts, unit_parts
+from msrr_bullet.figures.drawing import draw_body
+from msrr_bullet.figures.mission_view import draw_mission_view
+from msrr_bullet.timeline.mission_series import AFTER_FAILURE, ATTEMPT
+from msrr_bullet.timeline.palette import BELIEF, OBSTACLE, PATH, PLAN, css, unit_colours
 from msrr_bullet.timeline.snapshot import Snapshot, planned_paths, step_histories
-from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Phase
 from msrr_scenes.specs.scene import Scene
 
 #: Free space around the bodies and paths [m].
 MARGIN = 0.08
-#: Phases of a docking attempt.
-_ATTEMPT = (Phase.DOCK, Phase.LOCK, Phase.VERIFY)
-#: Phases that follow a failed attempt.
-_AFTER_FAILURE = (Phase.RETREAT, Phase.ASSEMBLE, Phase.HAND_OVER, Phase.FAILED)
 
 
 def draw_top_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot], title: bool = True) -> None:
     """Draw a trial from above. The limits of the axes are those of :func:`extent`."""
-    docking = {step.unit for step in scene.docks}
-    last = snapshots[-1]
-    for name, X in last.obstacles.items():
-        _draw_body(axes, obstacle_parts(scene.obstacles[name]), X, OBSTACLE, 1.0)
-    for index, (name, X) in enumerate(last.units.items()):
-        if name not in docking:
-            _draw_body(axes, unit_parts(scene.geometry(name)), X, unit_colour(index, docks=False), 1.0)
-    marks = _marks(snapshots, docking)
-    for i, (_, snapshot, shown) in enumerate(marks):
-        for name in filter(shown.__contains__, snapshot.units):
-            opacity = 0.25 + 0.65 * i / (len(marks) - 1)
-            _draw_body(axes, unit_parts(scene.geometry(name)), snapshot.units[name], DOCKING_UNIT, opacity)
-    _draw_paths(axes, snapshots)
-    _draw_names(axes, scene, snapshots)
+    marks = _marks(snapshots, {step.unit for step in scene.docks})
+    for name, X in snapshots[-1].obstacles.items():
+        draw_body(axes, obstacle_parts(scene.obstacles[name]), X, OBSTACLE, 1.0)
+    if scene.coordinated:
+        draw_mission_view(axes, scene, snapshots)
+    else:
+        _draw_units(axes, scene, snapshots[-1], marks)
+        _draw_paths(axes, snapshots)
+        for name, X in snapshots[0].units.items():
+            axes.annotate(name, (X.x, X.y), ha="center", va="center", fontsize=10, fontweight="bold")
+    _name_obstacles(axes, scene, snapshots)
     x, y = extent(scene, snapshots)
     axes.set(xlabel="x in W [m]", ylabel="y in W [m]", xlim=x, ylim=y, aspect="equal")
     axes.grid(True, color="#e4e7ea", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8)
-    if title:
+    if title and scene.coordinated:
+        axes.set_title("from above: start and end", fontsize=9)
+    elif title:
         counts = Counter(event for event, _, _ in marks)
         events = ", ".join(f"{event} ({n})" if n > 1 else event for event, n in counts.items())
         axes.set_title(f"from above: {events}", fontsize=9)
@@ -75,10 +71,24 @@ def _marks(snapshots: Sequence[Snapshot], docking: Collection[str]) -> list[tupl
         for (before_at, before), (at, after) in pairwise(history):
             if before.phase is Phase.ASSEMBLE and after.phase is Phase.HAND_OVER:
                 marks.append(("hand-over", at, {step.unit}))
-            elif before.phase in _ATTEMPT and after.phase in _AFTER_FAILURE:
+            elif before.phase in ATTEMPT and after.phase in AFTER_FAILURE:
                 marks.append(("failed attempt", before_at, {step.unit}))
     marks.sort(key=lambda mark: mark[1].stamp_ns)
     return [*marks, ("end", snapshots[-1], set(docking))]
+
+
+def _draw_units(
+    axes: Axes, scene: Scene, last: Snapshot, marks: Sequence[tuple[str, Snapshot, set[str]]]
+) -> None:
+    """Draw the units that dock at every mark, the later the darker, and the others once."""
+    docking, colours = marks[0][2], unit_colours(scene)
+    for name, X in last.units.items():
+        if name not in docking:
+            draw_body(axes, unit_parts(scene.geometry(name)), X, colours[name], 1.0)
+    for i, (_, snapshot, shown) in enumerate(marks):
+        for name in filter(shown.__contains__, snapshot.units):
+            opacity = 0.25 + 0.65 * i / (len(marks) - 1)
+            draw_body(axes, unit_parts(scene.geometry(name)), snapshot.units[name], colours[name], opacity)
 
 
 def _draw_paths(axes: Axes, snapshots: Sequence[Snapshot]) -> None:
@@ -96,9 +106,7 @@ def _draw_paths(axes: Axes, snapshots: Sequence[Snapshot]) -> None:
         axes.legend(loc="best", fontsize=8, framealpha=0.9)
 
 
-def _draw_names(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -> None:
-    for name, X in snapshots[0].units.items():
-        axes.annotate(name, (X.x, X.y), ha="center", va="center", fontsize=10, fontweight="bold")
+def _name_obstacles(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -> None:
     (low, high), _ = extent(scene, snapshots)
     for name, X in snapshots[-1].obstacles.items():
         spec = scene.obstacles[name]
@@ -113,17 +121,3 @@ def _draw_names(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -> None
             fontsize=7,
             bbox={"facecolor": "white", "alpha": 0.6, "linewidth": 0.0, "pad": 0.5},
         )
-
-
-def _draw_body(axes: Axes, parts: Sequence[Part], X_WB: SE2, colour: int, alpha: float) -> None:
-    for part in parts:
-        patch = _patch(part, X_WB)
-        patch.set(facecolor=css(colour), edgecolor=css(DARK), linewidth=0.8, alpha=alpha)
-        axes.add_patch(patch)
-
-
-def _patch(part: Part, X_WB: SE2) -> Polygon | Circle:
-    core = X_WB.act(part.core)
-    if len(core) == 1:
-        return Circle((float(core[0, 0]), float(core[0, 1])), part.radius)
-    return Polygon([(float(x), float(y)) for x, y in core])

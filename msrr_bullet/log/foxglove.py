@@ -145,6 +145,7 @@ def scene_frames(scene: Scene) -> FrameLinks:
 
 
 def step_frames(scene: Scene, start: StepStart) -> FrameLinks:
-    """Return the dock frame in which the estimates of a step are given: ``<unit>/target``."""
+    """Return the dock frame in which the estimates of a step are given, ``<unit>/target``, if it has one."""
     step = start.step(scene)
-    return FrameLinks(start.stamp_ns, (FrameLink(step.to, target_frame(start.unit), SE3()),))
+    links = () if step is None else (FrameLink(step.to, target_frame(start.unit), SE3()),)
+    return FrameLinks(start.stamp_ns, links)

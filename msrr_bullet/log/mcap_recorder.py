@@ -93,8 +93,8 @@ class McapRecorder:
         else:
             content = to_bytes(message_format.encode(message, topic))
             self._append(topic, message_format, stamp_ns, content, len(content))
-        if isinstance(message, StepStart):
-            self.write(topics.FRAMES, stamp_ns, step_frames(self._scene, message))
+        if isinstance(message, StepStart) and (frames := step_frames(self._scene, message)).links:
+            self.write(topics.FRAMES, stamp_ns, frames)
 
     def window(self, exposure: Exposure, window: Window, pixels: Pixels) -> None:
         """Record the pixels that were read from a window of an exposure."""

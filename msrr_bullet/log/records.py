@@ -28,16 +28,17 @@ class CameraWindow:
 
 @dataclass(frozen=True, slots=True)
 class StepStart:
-    """Start of a step.
+    """Start of a step, or of a route into the open on which a base station sends a unit.
 
     A unit on its own begins every step with a new :class:`~msrr_bullet.robot.autonomy.Autonomy`.
 
     Attributes:
         stamp_ns: Time.
-        index: Index of the step: in the scene's plan, or among those that a base station has begun.
-        unit: Name of the unit that docks or undocks.
-        port: Its active port; empty in logs of older versions.
-        to: Port that it docks to or leaves, ``<unit>.<port>``; empty in logs of older versions.
+        index: Index of the step: in the scene's plan, or among those that a base station has begun; -1 for a
+            route into the open.
+        unit: Name of the unit that docks or undocks, or drives into the open.
+        port: Its active port; empty on a route into the open, and in logs of older versions.
+        to: Port that it docks to or leaves, ``<unit>.<port>``; empty likewise.
     """
 
     stamp_ns: int
@@ -46,8 +47,10 @@ class StepStart:
     port: str = ""
     to: str = ""
 
-    def step(self, scene: Scene) -> DockStep:
-        """Return the step: that of the scene's plan, or one of a base station."""
+    def step(self, scene: Scene) -> DockStep | None:
+        """Return the step: that of the scene's plan, or one of a base station; None without one."""
+        if self.index < 0:
+            return None
         if scene.coordinated:
             return DockStep(unit=self.unit, port=self.port, to=self.to)
         return scene.docks[self.index]

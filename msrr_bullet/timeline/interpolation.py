@@ -40,8 +40,8 @@ class SnapshotInterpolator:
         b = self.snapshots[after]
         fraction = (stamp_ns - a.stamp_ns) / (b.stamp_ns - a.stamp_ns)
         units = {name: interpolate_pose(X, b.units.get(name, X), fraction) for name, X in a.units.items()}
-        later = {step.step: step for step in b.steps}
-        steps = tuple(_interpolate_step(step, later.get(step.step), fraction) for step in a.steps)
+        later = {step.key: step for step in b.steps}
+        steps = tuple(_interpolate_step(step, later.get(step.key), fraction) for step in a.steps)
         return replace(a, stamp_ns=stamp_ns, units=units, steps=steps)
 
     def until(self, stamp_ns: int) -> Sequence[Snapshot]:

@@ -10,8 +10,8 @@ from itertools import groupby, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_bullet.timeline.log_snapshots import target_frame
 from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.timeline.snapshot_builder import target_frame
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2

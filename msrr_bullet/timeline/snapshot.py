@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from msrr_bullet.collision.clearance import Clearance
+from msrr_bullet.timeline.mission_snapshot import MissionSnapshot
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
@@ -22,17 +23,25 @@ from msrr_scenes.messages import (
 from msrr_scenes.specs.plan import DockStep
 
 
+class UnitStep(NamedTuple):
+    """A step of a unit, by which the instants of one step are found."""
+
+    unit: str
+    step: DockStep | None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class StepSnapshot:
-    """One instant of a step of the plan: what its unit does and believes.
+    """One instant of a unit under way, in a step or on a route into the open: what it does and believes.
 
     Attributes:
-        step: The step: which unit docks to which port.
-        estimate: Pose ``X_WU`` that the docking unit believes to have; None without an estimate.
-        phase: Phase of the docking unit.
+        unit: Name of the unit.
+        step: The step: to which port the unit docks, or which one it leaves; None on a route into the open.
+        estimate: Pose ``X_WU`` that the unit believes to have; None without an estimate.
+        phase: Phase of the unit.
         attempt: Number of the docking attempt, from 1.
-        los: Line of sight of the docking unit to its target.
-        twist: Velocity command of the docking unit.
+        los: Line of sight of the unit to its target.
+        twist: Velocity command of the unit.
         reason: Why the phase was entered.
         situation: Estimates of all bodies in the arena; None without an overhead camera in use.
         monitor: Decision of the collision monitor; None without an overhead camera.
@@ -40,7 +49,8 @@ class StepSnapshot:
         path: Path that the long-distance phase follows or followed last.
     """
 
-    step: DockStep
+    unit: str
+    step: DockStep | None
     estimate: SE2 | None
     phase: Phase
     attempt: int
@@ -51,6 +61,11 @@ class StepSnapshot:
     monitor: CollisionMonitorState | None = None
     assembly: AssemblyProgress | None = None
     path: AssemblyPath | None = None
+
+    @property
+    def key(self) -> UnitStep:
+        """The unit and its step."""
+        return UnitStep(self.unit, self.step)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +78,8 @@ class Snapshot:
         obstacles: True poses ``X_WB`` of the obstacles that have appeared.
         clearance: Smallest clearance of all pairs of bodies that may not touch, which leaves out a pair that
             is docking and units that are locked together; None without such a pair.
-        steps: The steps under way, in the order in which they began.
+        steps: The units under way, in the order in which their steps began.
+        mission: How the mission of a base station stands; None without one.
     """
 
     stamp_ns: int
@@ -71,6 +87,7 @@ class Snapshot:
     obstacles: Mapping[str, SE2] = field(default_factory=dict)
     clearance: Clearance | None = None
     steps: tuple[StepSnapshot, ...] = ()
+    mission: MissionSnapshot | None = None
 
     def apart(self) -> tuple[Snapshot, ...]:
         """Return this instant once for every step under way, each time with that step alone."""
@@ -78,7 +95,7 @@ class Snapshot:
 
     def of_unit(self, unit: str) -> Snapshot:
         """Return this instant with the step of one unit alone, or without a step if it has none under way."""
-        return replace(self, steps=tuple(step for step in self.steps if step.step.unit == unit))
+        return replace(self, steps=tuple(step for step in self.steps if step.unit == unit))
 
     @property
     def first(self) -> StepSnapshot | None:
@@ -86,8 +103,17 @@ class Snapshot:
         return self.steps[0] if self.steps else None
 
     @property
+    def watched(self) -> StepSnapshot | None:
+        """The unit under way whose camera a display of a single one shows: the first one that docks.
+
+        While none docks it is the first one under way.
+        """
+        docking = (step for step in self.steps if step.phase is not Phase.ASSEMBLE)
+        return next(docking, self.first)
+
+    @property
     def step(self) -> DockStep | None:
-        """First step under way."""
+        """First step under way; None without one, and if its unit drives into the open."""
         return self.first.step if self.first else None
 
     @property
@@ -142,13 +168,13 @@ class Snapshot:
 
     @property
     def docking_unit(self) -> str | None:
-        """Name of the unit that docks."""
-        return self.step.unit if self.step else None
+        """Name of the unit of the first step under way; None without one."""
+        return self.first.unit if self.first else None
 
     @property
     def docking_pose(self) -> SE2 | None:
-        """True pose ``X_WU`` of the unit that docks."""
-        return self.units.get(self.step.unit) if self.step else None
+        """True pose ``X_WU`` of the unit of the first step under way; None without one."""
+        return self.units.get(self.first.unit) if self.first else None
 
     @property
     def phase_text(self) -> str:
@@ -172,12 +198,12 @@ def phase_name(phase: Phase) -> str:
 
 def step_histories(
     snapshots: Iterable[Snapshot],
-) -> dict[DockStep, list[tuple[Snapshot, StepSnapshot]]]:
+) -> dict[UnitStep, list[tuple[Snapshot, StepSnapshot]]]:
     """Return the instants of every step, in order of time; the steps in the order in which they began."""
-    histories: dict[DockStep, list[tuple[Snapshot, StepSnapshot]]] = {}
+    histories: dict[UnitStep, list[tuple[Snapshot, StepSnapshot]]] = {}
     for snapshot in snapshots:
         for step in snapshot.steps:
-            histories.setdefault(step.step, []).append((snapshot, step))
+            histories.setdefault(step.key, []).append((snapshot, step))
     return histories
 
 
@@ -193,7 +219,7 @@ def unit_of_curves(snapshots: Iterable[Snapshot], unit: str | None = None) -> st
         MsrrError: The unit has no step.
     """
     snapshots = list(snapshots)
-    units = list(dict.fromkeys(step.step.unit for snapshot in snapshots for step in snapshot.steps))
+    units = list(dict.fromkeys(step.unit for snapshot in snapshots for step in snapshot.steps))
     if unit is not None:
         if unit not in units:
             raise MsrrError(f"unit {unit!r} has no step in this run; units with one: {', '.join(units)}")

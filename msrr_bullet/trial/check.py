@@ -54,7 +54,7 @@ def _check(scene: Scene) -> None:
     cameras = [scene.cameras.onboard, *([scene.cameras.overhead] if scene.cameras.overhead else [])]
     for camera in cameras:
         resolve("renderer", camera.renderer.name, RENDERERS)
-    telemetry = Telemetry(NullRecorder())
+    telemetry = Telemetry(NullRecorder(), scene)
     placement = draw_placement(scene, lambda name: stream(0, name))
     with open_environment(scene, 0, placement) as environment:
         if scene.coordinated:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from msrr_bullet.base_station.base_station import BaseStation
-from msrr_bullet.log.records import Level
+from msrr_bullet.log import topics
+from msrr_bullet.log.records import Level, StepStart
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.replay.recorded_robot import RecordedBaseStation, RecordedLedRobot
 from msrr_bullet.robot.fail_safe import led_robot
@@ -150,6 +151,8 @@ class CoordinatedMission(Mission):
         environment, runner, robot = self._environment, member.runner, member.robot
         member.step, dock = None, robot.dock_step
         if dock is None:
+            now_ns = self._plant.now_ns()
+            self._telemetry.recorder.write(topics.STEPS, now_ns, StepStart(now_ns, -1, runner.unit))
             runner.start(None, [])
             return
         if robot.leaving:

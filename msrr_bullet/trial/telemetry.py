@@ -9,15 +9,18 @@ from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
 from msrr_bullet.log.records import JUDGE, ClearanceRecord, Event, Level, StartPoses, TruePose
-from msrr_bullet.timeline.snapshot import Snapshot, StepSnapshot, Viewer
+from msrr_bullet.timeline.snapshot import Viewer
+from msrr_bullet.timeline.snapshot_builder import SnapshotBuilder
 from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.environment import Environment
 from msrr_perception.estimation.global_estimator import pose_in_dock_frame
+from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Action, Phase, seconds
+from msrr_scenes.messages import Action, Exposure, Phase, Pixels, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +56,13 @@ class Telemetry:
     def __init__(
         self,
         recorder: Recorder,
+        scene: Scene,
         viewer: Viewer | None = None,
         observer: Callable[[Progress], None] | None = None,
     ) -> None:
-        """Report to a recorder and, where given, to a viewer and to an observer."""
-        self.recorder = recorder
-        self._viewer = viewer
+        """Report on a trial of a scene to a recorder and, where given, to a viewer and to an observer."""
+        self._live = None if viewer is None else _LiveSnapshots(recorder, scene, viewer)
+        self.recorder: Recorder = self._live or recorder
         self._observer = observer
         self._last_actions: dict[int, Action] = {}  # by the index of the step
 
@@ -92,16 +96,8 @@ class Telemetry:
             self._report_change(step)
             if self._observer is not None:
                 self._observer(_progress(step))
-        if self._viewer is not None:
-            self._viewer.update(
-                Snapshot(
-                    stamp_ns=now_ns,
-                    units={unit: poses[unit] for unit in simulation.scene.units},
-                    obstacles={n: X for n, X in poses.items() if n in simulation.scene.obstacles},
-                    clearance=nearest,
-                    steps=tuple(map(_step_snapshot, steps)),
-                )
-            )
+        if self._live is not None:
+            self._live.show()
 
     def _report_change(self, step: DockingStep) -> None:
         """Record an event if the phase or the attempt of a unit has changed."""
@@ -127,6 +123,32 @@ class Telemetry:
         self.recorder.write(topics.EVENTS, stamp_ns, Event(stamp_ns, source, text, level))
 
 
+class _LiveSnapshots:
+    """Passes messages on to a recorder, and shows a viewer the snapshots that a log of them would give."""
+
+    def __init__(self, recorder: Recorder, scene: Scene, viewer: Viewer) -> None:
+        self._recorder, self._viewer, self._builder = recorder, viewer, SnapshotBuilder(scene)
+
+    def write(self, topic: str, stamp_ns: int, message: object) -> None:
+        """Record a message."""
+        self._builder.add(topic, stamp_ns, message)
+        self._recorder.write(topic, stamp_ns, message)
+
+    def window(self, exposure: Exposure, window: Window, pixels: Pixels) -> None:
+        """Record the pixels of a window."""
+        self._recorder.window(exposure, window, pixels)
+
+    def close(self) -> None:
+        """Finish the log."""
+        self._recorder.close()
+
+    def show(self) -> None:
+        """Show the present instant."""
+        snapshot = self._builder.finish()
+        if snapshot is not None:
+            self._viewer.update(snapshot)
+
+
 def _level(outcome: Outcome) -> Level:
     good = (Outcome.DOCKED, Outcome.UNDOCKED, Outcome.COMPLETE)
     return Level.INFO if outcome in good else Level.WARNING
@@ -150,21 +172,4 @@ def _progress(step: DockingStep) -> Progress:
         _believed(step),
         step.judge.X_DU(),
         action.reason,
-    )
-
-
-def _step_snapshot(step: DockingStep) -> StepSnapshot:
-    robot, action, believed = step.robot, step.action, _believed(step)
-    return StepSnapshot(
-        step=step.step,
-        estimate=step.judge.X_WD() @ believed if believed else None,
-        phase=action.phase,
-        attempt=action.attempt,
-        los=robot.los,
-        twist=action.twist,
-        reason=action.reason,
-        situation=robot.arena,
-        monitor=robot.monitor,
-        assembly=robot.assembly,
-        path=robot.path,
     )

@@ -46,7 +46,7 @@ class Trial:
         """
         self.scene = scene
         self.seed = seed
-        self._telemetry = Telemetry(recorder or NullRecorder(), viewer, observer)
+        self._telemetry = Telemetry(recorder or NullRecorder(), scene, viewer, observer)
         self._profiler = profiler or NullProfiler()
 
     def run(self, wall_limit_s: float | None = None) -> TrialResult:

@@ -60,14 +60,14 @@ class ArenaBelief:
         """Yield the placement of every node. All snapshots of a scene have the same nodes."""
         if not self._outlines:
             return
-        poses = {body.name: body.X_WB for body in _other_bodies(snapshot)}
+        poses = _believed_poses(snapshot)
         for name in self._outlines:
             X_WB = poses.get(name)
             yield f"believed/{name}", Placement(SE3.from_se2(X_WB)) if X_WB else HIDDEN
         follows_path = any(step.assembly is not None and step.path is not None for step in snapshot.steps)
         yield PLAN_NODE, Placement(visible=follows_path)
         desired = HIDDEN
-        if snapshot.assembly is not None and snapshot.path is not None:
+        if snapshot.mission is None and snapshot.assembly is not None and snapshot.path is not None:
             desired = Placement(SE3.from_se2(SE2(*snapshot.assembly.desired, 0.0), DESIRED_Z))
         yield "aim", desired
 
@@ -76,6 +76,15 @@ def plan_commands(node: str, points: Sequence[tuple[float, float]]) -> Iterator[
     """Yield the command that draws a planned path through ``points`` [m]."""
     if len(points) > 1:
         yield set_object(node, shapes.band(points, PLAN_WIDTH, PLAN_Z), shapes.flat_material(PLAN))
+
+
+def _believed_poses(snapshot: Snapshot) -> dict[str, SE2]:
+    """Return where bodies are believed to be: the units under way in a mission, else all except the unit."""
+    if snapshot.mission is not None:
+        obstacles = () if snapshot.situation is None else snapshot.situation.obstacles
+        units = {step.unit: step.estimate for step in snapshot.steps if step.estimate is not None}
+        return units | {obstacle.name: obstacle.X_WB for obstacle in obstacles}
+    return {body.name: body.X_WB for body in _other_bodies(snapshot)}
 
 
 def _other_bodies(snapshot: Snapshot) -> Iterator[GlobalPose | ObstacleEstimate]:

@@ -141,4 +141,5 @@ def set_animation(tracks: Sequence[Track]) -> Command:
         for path, entries in clips.items()
     ]
     message = {"type": "set_animation", "animations": animations, "options": {"play": True}, "path": ""}
-    return Command("animation", umsgpack.packb(message))
+    # Single precision is finer than any screen, and halves the largest part of a page.
+    return Command("animation", umsgpack.packb(message, force_float_precision="single"))

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -19,7 +19,8 @@ from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import server
 from msrr_bullet.viewer.arena_belief import LIVE_PLAN_NODE, plan_commands
 from msrr_bullet.viewer.commands import Command, Placement, place
-from msrr_bullet.viewer.page import readings, render_page
+from msrr_bullet.viewer.page import render_page
+from msrr_bullet.viewer.readings import labels, readings, unit_readings
 from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at, path_commands
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
@@ -60,10 +61,11 @@ class LiveViewer:
             ViewerError: The server did not start.
         """
         self._graph = SceneGraph(scene)
-        self._pace = pace
+        self._pace, self._labels = pace, labels(scene)
         self._placed: dict[str, Placement] = {}
-        self._true_paths = {unit: _GrowingPath(f"truth_{unit}") for unit in scene.units}
-        self._believed_paths = {unit: _GrowingPath(f"belief_{unit}") for unit in scene.units}
+        draw = self._graph.mission.way if scene.coordinated else _draw_truth
+        self._true_paths = {unit: _GrowingPath(unit, draw) for unit in scene.units}
+        self._believed_paths = {unit: _GrowingPath(unit, _draw_belief) for unit in scene.units}
         self._plans: dict[str, AssemblyPath] = {}  # newest planned path of every unit
         self._view_set = False
         self._next_update = 0.0
@@ -118,10 +120,11 @@ class LiveViewer:
         Raises:
             ViewerError: The server has ended or no longer reads.
         """
-        believed = {step.step.unit: step.estimate for step in snapshot.steps}
+        believed = {step.unit: step.estimate for step in snapshot.steps}
         for unit in self._true_paths:
-            self._true_paths[unit].add(snapshot.units[unit] if unit in believed else None)
-            self._believed_paths[unit].add(believed.get(unit))
+            shown = unit in believed or snapshot.mission is not None
+            self._true_paths[unit].add(snapshot.units[unit] if shown else None)
+            self._believed_paths[unit].add(believed.get(unit) if snapshot.mission is None else None)
         self._keep_pace(snapshot.stamp_ns)
         now = time.monotonic()
         if now >= self._next_update:
@@ -153,14 +156,16 @@ class LiveViewer:
             commands += place(node, self._placed.get(node), placement)
             self._placed[node] = placement
         for step in snapshot.steps:
-            unit, plan = step.step.unit, step.path
+            unit, plan = step.unit, None if snapshot.mission is not None else step.path
             if plan is not None and plan is not self._plans.get(unit):
                 commands += plan_commands(f"{LIVE_PLAN_NODE}_{unit}", plan.points)
                 self._plans[unit] = plan
+        commands += self._graph.mission.live_routes(snapshot)
         for path in (*self._true_paths.values(), *self._believed_paths.values()):
             commands += path.commands()
         self._send_commands(commands)
-        self._send(server.READING, b"readings", json.dumps(readings(snapshot)).encode())
+        message = {"values": readings(snapshot, self._labels), "units": unit_readings(snapshot)}
+        self._send(server.READING, b"readings", json.dumps(message).encode())
 
     def _send_commands(self, commands: Iterable[Command]) -> None:
         for command in commands:
@@ -205,11 +210,19 @@ class LiveViewer:
         self.close()
 
 
+def _draw_truth(unit: str, piece: int, points: Sequence[Array]) -> Iterator[Command]:
+    return path_commands(f"truth_{unit}_{piece}", points)
+
+
+def _draw_belief(unit: str, piece: int, points: Sequence[Array]) -> Iterator[Command]:
+    return path_commands(f"belief_{unit}_{piece}", points)
+
+
 class _GrowingPath:
     """Path of a unit as a sequence of bands, of which only the last is redrawn when the path grows."""
 
-    def __init__(self, name: str) -> None:
-        self._name = name
+    def __init__(self, unit: str, draw: Callable[[str, int, Sequence[Array]], Iterator[Command]]) -> None:
+        self._unit, self._draw_piece = unit, draw
         self._index = 0
         self._points: list[Array] = []
         self._waiting: list[Command] = []
@@ -234,7 +247,7 @@ class _GrowingPath:
 
     def _draw(self) -> Iterator[Command]:
         self._grown = False
-        return path_commands(f"{self._name}_{self._index}", tuple(self._points))
+        return self._draw_piece(self._unit, self._index, tuple(self._points))
 
     def commands(self) -> list[Command]:
         commands, self._waiting = self._waiting, []

@@ -4,43 +4,52 @@ from __future__ import annotations
 
 import base64
 import json
-import math
 from collections.abc import Iterable, Sequence
 from importlib.resources import files
 
+from msrr_bullet.timeline.mission_series import Span, activity_spans
 from msrr_bullet.timeline.palette import (
+    ACTIVITY_COLOURS,
     ALARM,
     BELIEF,
+    BLACK,
     CLEARANCE,
+    DARK,
     DOCKING_UNIT,
     PATH,
     PHASE_COLOURS,
     PLAN,
     SIGHT,
     css,
+    unit_colours,
 )
 from msrr_bullet.timeline.series import phase_spans
 from msrr_bullet.timeline.snapshot import Snapshot, phase_name
 from msrr_bullet.viewer.commands import Command, viewer_script
+from msrr_bullet.viewer.readings import (
+    HEADINGS,
+    UNIT_READINGS,
+    changes,
+    labels,
+    readings,
+    unit_readings,
+)
 from msrr_scenes.messages import seconds
 from msrr_scenes.specs.scene import Scene
-
-READINGS = (
-    "time",
-    "phase",
-    "attempt",
-    "on the path",
-    "line of sight",
-    "belief off by",
-    "clearance",
-    "nearest pair",
-    "collision monitor",
-)
 
 _LEGEND = (
     ("docking unit, truth", DOCKING_UNIT),
     ("its belief: itself, its path, other bodies", BELIEF),
     ("driven path", PATH),
+    ("camera and line of sight", SIGHT),
+    ("smallest clearance", CLEARANCE),
+)
+#: Legend of a mission, whose units have colours of their own.
+_LEGEND_MISSION = (
+    ("way of a unit: narrow; granted route: wide", DARK),
+    ("waits for", ALARM),
+    ("docked pair", BLACK),
+    ("where a unit under way believes to be", BELIEF),
     ("camera and line of sight", SIGHT),
     ("smallest clearance", CLEARANCE),
 )
@@ -51,40 +60,22 @@ _LEGEND_OVERHEAD = (
 )
 
 
-def readings(snapshot: Snapshot) -> tuple[str, ...]:
-    """Return the readings of a snapshot as text, in the order of :data:`READINGS`."""
-    los, error, clearance, pair, monitor = "–", "–", "–", "–", "–"
-    if snapshot.los is not None:
-        left, right = math.degrees(snapshot.los.left), math.degrees(snapshot.los.right)
-        los = snapshot.los.status.value
-        if math.isfinite(left) and math.isfinite(right):
-            los += f" {left:+.0f}° {right:+.0f}°"
-    if snapshot.docking_pose is not None and snapshot.estimate is not None:
-        error_pose = snapshot.docking_pose.inverse() @ snapshot.estimate
-        distance, yaw = math.hypot(error_pose.x, error_pose.y), math.degrees(error_pose.yaw)
-        error = f"{1e3 * distance:.1f} mm {yaw:+.1f}°"
-    if snapshot.clearance is not None:
-        clearance = f"{1e3 * snapshot.clearance.distance:.0f} mm"
-        pair = f"{snapshot.clearance.body_a} – {snapshot.clearance.body_b}"
-    if snapshot.monitor is not None:
-        monitor = f"{snapshot.monitor.state.value}, {snapshot.monitor}"
-    attempt = str(snapshot.attempt) if snapshot.attempt else "–"
-    phase, path = snapshot.phase_text or "–", snapshot.path_text or "–"
-    return f"{seconds(snapshot.stamp_ns):.2f} s", phase, attempt, path, los, error, clearance, pair, monitor
-
-
 def render_page(
     scene: Scene, commands: Iterable[Command] = (), snapshots: Sequence[Snapshot] | None = None
 ) -> str:
     """Return the page: a replay of snapshots, or without them a live page that connects to the server."""
     legend = _LEGEND + (_LEGEND_OVERHEAD if scene.cameras.overhead is not None else ())
+    legend = _LEGEND_MISSION if scene.coordinated else legend
     data = {
         "title": scene.name,
         "description": scene.description,
         "legend": [(name, css(colour)) for name, colour in legend],
-        "readings": READINGS,
+        "readings": labels(scene),
+        "headings": HEADINGS if scene.coordinated else (),
+        "unitReadings": UNIT_READINGS if scene.coordinated else (),
+        "colours": {unit: css(colour) for unit, colour in unit_colours(scene).items()},
         "commands": [base64.b64encode(command.data).decode("ascii") for command in commands],
-        "replay": _timeline(snapshots) if snapshots else None,
+        "replay": _timeline(scene, snapshots) if snapshots else None,
     }
     # "<" is escaped because "</script>" in the description of a scene would end the element that holds it.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -94,11 +85,36 @@ def render_page(
     return "".join((head, viewer_script(), middle, text, tail))
 
 
-def _timeline(snapshots: Sequence[Snapshot]) -> dict[str, object]:
-    """Return times [s], readings and phases of a replay."""
+def _timeline(scene: Scene, snapshots: Sequence[Snapshot]) -> dict[str, object]:
+    """Return times [s] and readings of a replay, and its rows over time: phases, or one for each unit."""
     times = [seconds(snapshot.stamp_ns - snapshots[0].stamp_ns) for snapshot in snapshots]
-    phases = [
-        {"name": phase_name(phase), "from": start, "to": end, "colour": css(PHASE_COLOURS[phase])}
-        for phase, start, end in phase_spans(times, [snapshot.phase for snapshot in snapshots])
-    ]
-    return {"times": times, "values": [readings(snapshot) for snapshot in snapshots], "phases": phases}
+    rows: list[list[dict[str, object]]] = []
+    if scene.coordinated:
+        rows = [[_piece(span, unit) for span in activity_spans(snapshots, unit)] for unit in scene.units]
+    else:
+        spans = phase_spans(times, [snapshot.phase for snapshot in snapshots])
+        rows.append(
+            [
+                {"name": phase_name(phase), "from": start, "to": end, "colour": css(PHASE_COLOURS[phase])}
+                for phase, start, end in spans
+            ]
+        )
+    by_unit = [unit_readings(snapshot) for snapshot in snapshots]
+    return {
+        "times": times,
+        "values": changes(zip(*(readings(s, labels(scene)) for s in snapshots), strict=True)),
+        "units": {unit: changes(zip(*(at[unit] for at in by_unit), strict=True)) for unit in by_unit[0]},
+        "rows": rows,
+    }
+
+
+def _piece(span: Span, unit: str) -> dict[str, object]:
+    """Return a piece of the row of a unit over time."""
+    name = span.activity.value + (f" for {span.waits_for}" if span.waits_for else "")
+    return {
+        "name": f"{unit}: {name}",
+        "from": span.start_s,
+        "to": span.end_s,
+        "colour": css(ACTIVITY_COLOURS[span.activity]),
+        "waits": span.waits_for is not None,
+    }

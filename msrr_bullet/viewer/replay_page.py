@@ -37,7 +37,8 @@ def write_replay(path: Path, scene: Scene, snapshots: Iterable[Snapshot]) -> Pat
     if not kept:
         raise MsrrError(f"{path}: a trial without a single snapshot has nothing to replay")
     graph = SceneGraph(scene)
-    commands = [*graph.build(), *_paths(kept), *look_at(kept), _animation(graph, kept)]
+    drawn, tracks = graph.mission.replay(kept) if scene.coordinated else _paths(kept)
+    commands = [*graph.build(), *drawn, *look_at(kept), _animation(graph, kept, tracks)]
     path.write_text(render_page(scene, commands, kept), encoding="utf-8")
     return path
 
@@ -71,27 +72,36 @@ def _pieces(poses: Iterable[SE2 | None]) -> Iterator[list[Array]]:
         yield piece
 
 
-def _paths(snapshots: Sequence[Snapshot]) -> Iterator[Command]:
+def _paths(snapshots: Sequence[Snapshot]) -> tuple[list[Command], list[Track]]:
+    """Return the commands that draw all paths, and the times at which each planned one is followed."""
+    commands: list[Command] = []
+    tracks: list[Track] = []
+    times = _times(snapshots)
     histories = step_histories(snapshots)
     driven = [[at.units.get(step.unit) for at, _ in history] for step, history in histories.items()]
     believed = [[s.estimate for _, s in history] for history in histories.values()]
     for name, steps in (("truth", driven), ("belief", believed)):
         for i, piece in enumerate(piece for poses in steps for piece in _pieces(poses)):
-            yield from path_commands(f"{name}_{i}", piece)
+            commands += path_commands(f"{name}_{i}", piece)
     for i, plan in enumerate(planned_paths(snapshots)):
-        yield from plan_commands(f"{PLAN_NODE}/{i}", plan.points)
+        commands += plan_commands(f"{PLAN_NODE}/{i}", plan.points)
+        followed = np.array([any(step.path is plan for step in s.steps) for s in snapshots])
+        tracks.append(Track(f"{PLAN_NODE}/{i}", "visible", "bool", times, followed))
+    return commands, tracks
 
 
-def _animation(graph: SceneGraph, snapshots: Sequence[Snapshot]) -> Command:
-    times = np.array([seconds(snapshot.stamp_ns - snapshots[0].stamp_ns) for snapshot in snapshots])
+def _times(snapshots: Sequence[Snapshot]) -> Array:
+    return np.array([seconds(snapshot.stamp_ns - snapshots[0].stamp_ns) for snapshot in snapshots])
+
+
+def _animation(graph: SceneGraph, snapshots: Sequence[Snapshot], paths: Sequence[Track]) -> Command:
+    """Return the animation of everything that moves, and of the paths that are not always shown."""
+    times = _times(snapshots)
     placements = [graph.placements(snapshot) for snapshot in snapshots]
     tracks: list[Track] = []
     for node in placements[0]:
         tracks += _tracks(node, times, [by_node[node] for by_node in placements])
-    for i, plan in enumerate(planned_paths(snapshots)):
-        followed = np.array([any(step.path is plan for step in s.steps) for s in snapshots])
-        tracks.append(Track(f"{PLAN_NODE}/{i}", "visible", "bool", times, followed))
-    return set_animation([track.thinned() for track in tracks])
+    return set_animation([track.thinned() for track in (*tracks, *paths)])
 
 
 def _tracks(node: str, times: Array, history: Sequence[Placement]) -> list[Track]:

@@ -7,7 +7,7 @@ line widths, lengths of lines of sight, and heights of drawings above the floor.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import meshcat.geometry as g
 import numpy as np
@@ -24,12 +24,13 @@ from msrr_bullet.timeline.palette import (
     SIGHT,
     SIGHT_RANGE,
     link_colour,
-    unit_colour,
+    unit_colours,
 )
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import shapes
 from msrr_bullet.viewer.arena_belief import ArenaBelief
 from msrr_bullet.viewer.commands import HIDDEN, Command, Placement, set_object, set_property, set_transform
+from msrr_bullet.viewer.mission_nodes import MissionNodes
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import R_BODY_OPTICAL
 from msrr_scenes.geometry.se2 import SE2
@@ -57,6 +58,8 @@ CLEARANCE_Z, SIGHT_Z = 0.12, 0.0015
 GHOST_MARGIN = 0.004
 #: Zoom of the view, seen from correspondingly farther away.
 ZOOM = 2.2
+#: Factor by which a mission is seen from farther away, because the table of its units takes room.
+_MISSION_VIEW = 1.2
 
 
 class SceneGraph:
@@ -68,18 +71,20 @@ class SceneGraph:
         self._geometries = {name: scene.geometry(name) for name in scene.units}
         self._docking = tuple(dict.fromkeys(step.unit for step in scene.docks))
         self._belief = ArenaBelief(scene)
+        self.mission = MissionNodes(scene)
 
     def build(self) -> Iterator[Command]:
         """Yield the commands that draw everything once."""
         yield from self._arena()
         hidden = {fault.unit for fault in self._scene.faults if isinstance(fault, MarkerHidden)}
-        for index, name in enumerate(self._scene.units):
-            yield from self._unit(name, unit_colour(index, name in self._docking), blank=name in hidden)
+        for name, colour in unit_colours(self._scene).items():
+            yield from self._unit(name, colour, blank=name in hidden)
         for name in self._docking:
             yield from self._ghost(name)
         yield from self._obstacles()
         yield from self._sight()
         yield from self._belief.build()
+        yield from self.mission.build()
         for node, colour in (("clearance/free", CLEARANCE), ("clearance/monitored", ALARM)):
             yield set_object(node, g.Box([1.0, 0.006, 0.006]), shapes.flat_material(colour))
             yield set_property(node, "visible", False)
@@ -176,7 +181,7 @@ class SceneGraph:
         for name in self._scene.units:
             X = snapshot.units.get(name)
             nodes[f"units/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
-        believed = {step.step.unit: step.estimate for step in snapshot.steps}
+        believed = {step.unit: step.estimate for step in snapshot.steps}
         for name in self._docking:
             X = believed.get(name)
             nodes[f"ghost/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
@@ -185,21 +190,26 @@ class SceneGraph:
             nodes[f"obstacles/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
         nodes.update(_clearance_placements(snapshot, self._scene.control.guard))
         nodes.update(self._belief.placements(snapshot))
+        nodes.update(self.mission.placements(snapshot))
         nodes.update(self._sight_placements(snapshot))
         return nodes
 
     def _sight_placements(self, snapshot: Snapshot) -> Iterator[tuple[str, Placement]]:
-        unit, X_WU = snapshot.docking_unit, snapshot.docking_pose
-        yield "sight", Placement(visible=X_WU is not None)
-        X_WC, X_WF = SE3(), SE3()
-        if unit is not None and X_WU is not None:
-            X_WC = SE3.from_se2(X_WU) @ self._geometries[unit].frame("camera")
+        watched, los = snapshot.watched, None
+        X_WC, X_WF, visible = SE3(), SE3(), False
+        if watched is not None:
+            los = watched.los
+            # In a mission most units are far from their targets, and nothing would be seen for all the cones.
+            visible = snapshot.mission is None or (los is not None and los.status is not LosStatus.LOST)
+            X_WU = snapshot.units[watched.unit]
+            X_WC = SE3.from_se2(X_WU) @ self._geometries[watched.unit].frame("camera")
             X_WF = SE3.from_se2(X_WC.to_se2(), SIGHT_Z)
+        yield "sight", Placement(visible=visible)
         yield "sight/camera", Placement(X_WC)
         yield "sight/floor", Placement(X_WF)
         for status in (LosStatus.SEEN, LosStatus.PREDICTED):
-            shown = snapshot.los is not None and snapshot.los.status is status
-            left, right = (snapshot.los.left, snapshot.los.right) if shown and snapshot.los else (0.0, 0.0)
+            shown = los is not None and los.status is status
+            left, right = (los.left, los.right) if shown and los else (0.0, 0.0)
             for name, angle in (("left", left), ("right", right)):
                 X_FE = SE3.from_se2(SE2(yaw=angle))
                 yield f"sight/floor/{name}_{status.value}", Placement(X_FE, visible=shown)
@@ -231,13 +241,15 @@ def path_commands(name: str, points: Sequence[Array]) -> Iterator[Command]:
         yield set_object(f"path/{name}", shapes.band(points, width, z), material)
 
 
-def look_at(snapshots: Iterable[Snapshot]) -> Iterator[Command]:
+def look_at(snapshots: Sequence[Snapshot]) -> Iterator[Command]:
     """Yield the commands that show all bodies of some snapshots from the left, behind and above."""
     poses = [X for snapshot in snapshots for X in (*snapshot.units.values(), *snapshot.obstacles.values())]
     points = np.array([[X.x, X.y] for X in poses])
     low, high = points.min(axis=0), points.max(axis=0)
     middle = 0.5 * (low + high)
     radius = 0.14 + 0.5 * float(np.linalg.norm(high - low))
+    if any(snapshot.mission is not None for snapshot in snapshots):
+        radius *= _MISSION_VIEW
     yield set_transform("Cameras/default", SE3(p=np.array([middle[0], middle[1], 0.06])))
     # The node of the camera has its y axis up, so world (x, y, z) is (x, z, -y) there.
     away = 1.3 * ZOOM * radius * np.array([-0.42, 0.72, 0.55])

@@ -81,6 +81,7 @@ def drive() -> Drive:
                 clearance=model.minimum({**units, **posts}, {frozenset("ab")} if done >= 0.06 else ()),
                 steps=(
                     StepSnapshot(
+                        unit=step.unit,
                         step=step,
                         estimate=X_WU @ SE2(0.0, 0.012 * left) if i > 5 else None,
                         phase=next(phase for until, phase in PHASES if done < until),
@@ -136,6 +137,68 @@ def blind_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with McapRecorder(folder / LOG_NAME, LogHeader.of(scene, 1, {})) as recorder:
         Trial(scene, 1, recorder=recorder).run()
     return folder
+
+
+#: Four units that a base station leads: one drives into the open, one falls silent on its way, some wait.
+MISSION = """
+description: Four units assemble into a tee.
+plant: unicycle
+time_limit_s: 60
+arena: {x_m: [-1.6, 1.6], y_m: [-1.3, 1.3]}
+units:
+  a: {number: 0, pose: {x_m: -0.9, y_m: -0.7, yaw_deg: 30}}
+  b: {number: 1, pose: {x_m: 0.7, y_m: -0.6, yaw_deg: 100}}
+  c: {number: 2, pose: {x_m: -0.8, y_m: 0.7, yaw_deg: -60}}
+  d: {number: 3, pose: {x_m: 0.8, y_m: 0.6, yaw_deg: 200}}
+cameras:
+  onboard: {samples: 1}
+  overhead: {height_m: 3.0, samples: 1}
+radio:
+  silences: [{from_s: 2, until_s: 5, units: [c]}]
+shape: {tee: 4}
+"""
+
+
+@dataclass
+class MissionRun:
+    """A mission of a base station that has run: its log, and the snapshots that a live view got."""
+
+    folder: Path
+    log: Log
+    live: list[Snapshot]
+    snapshots: list[Snapshot]
+
+    @property
+    def waiting(self) -> Snapshot:
+        """An instant at which units wait, amid all such instants."""
+        found = [s for s in self.snapshots if s.mission and any(map(s.mission.waits_for, s.units))]
+        return found[len(found) // 2]
+
+
+@pytest.fixture(scope="session")
+def mission_run(tmp_path_factory: pytest.TempPathFactory) -> MissionRun:
+    """A mission of four units, seen by the cameras, watched while it runs and read from its log."""
+    folder = tmp_path_factory.mktemp("mission_run")
+    (folder / "tee.yaml").write_text(MISSION)
+    scene = load_scene(folder / "tee.yaml")
+    viewer = KeepingViewer()
+    with McapRecorder(folder / LOG_NAME, LogHeader.of(scene, 1, {})) as recorder:
+        Trial(scene, 1, recorder=recorder, viewer=viewer).run()
+    log = read_log(folder)
+    return MissionRun(folder, log, viewer.snapshots, read_snapshots(log))
+
+
+class KeepingViewer:
+    """A viewer that keeps the snapshots."""
+
+    def __init__(self) -> None:
+        self.snapshots: list[Snapshot] = []
+
+    def update(self, snapshot: Snapshot) -> None:
+        self.snapshots.append(snapshot)
+
+    def close(self) -> None:
+        """Nothing to release."""
 
 
 #: Where the unit docked to stands: in a heading that is no axis of the world.

@@ -55,7 +55,7 @@ def test_what_cannot_be_plotted_is_refused(short_log, tmp_path, short_run, capsy
 def test_units_under_way_at_once_have_curves_of_their_own(short_log, short_snapshots, tmp_path):
     """Two units at once: without a choice the first is shown, and a unit that has no step is refused."""
     scene = short_log.header.scene
-    other = replace(short_snapshots[0].steps[0], step=DockStep(unit="b", to="a.rear"))
+    other = replace(short_snapshots[0].steps[0], unit="b", step=DockStep(unit="b", to="a.rear"))
     both = [replace(s, steps=(*s.steps, other)) for s in short_snapshots[::10]]
     first = write_plot(tmp_path / "first.png", scene, both).read_bytes()
     assert first == write_plot(tmp_path / "a.png", scene, both, unit="a").read_bytes()

@@ -16,7 +16,7 @@ from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial
-from msrr_bullet.viewer.page import READINGS, readings
+from msrr_bullet.viewer.readings import READINGS, readings
 from msrr_scenes.messages import Action, Phase, PoseEstimate
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene

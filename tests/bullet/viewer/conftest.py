@@ -21,7 +21,14 @@ STAGE = Window(270, 30, 1000, 680)
 
 
 class Browser:
-    """Chromium without a window, and what its pictures of a page show."""
+    """Chromium without a window, and what its pictures of a page show.
+
+    Attributes:
+        console: Lines that the last page wrote to its console.
+    """
+
+    def __init__(self):
+        self.console = []
 
     def screenshot(self, url, tmp_path, budget_ms=4000):
         """Return the page as an image (800, 1280, 3), RGB."""
@@ -31,15 +38,17 @@ class Browser:
             *("--headless", "--no-sandbox", "--no-first-run", "--disable-background-networking"),
             *("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-gpu-sandbox"),
             *("--hide-scrollbars", f"--window-size={SIZE[0]},{SIZE[1]}", f"--user-data-dir={profile}"),
-            *(f"--virtual-time-budget={budget_ms}", f"--screenshot={picture}"),
+            *(f"--virtual-time-budget={budget_ms}", f"--screenshot={picture}", "--enable-logging=stderr"),
         ]
-        subprocess.run(
+        done = subprocess.run(
             [CHROMIUM, *options, url],
             check=True,
             timeout=120,
             stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
         )
+        self.console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
         return cv2.imread(str(picture))[:, :, ::-1]
 
     def stage(self, image):

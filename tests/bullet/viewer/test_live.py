@@ -120,7 +120,7 @@ def test_a_browser_that_connects_late_gets_the_whole_scene(drive):
     final = [m for m in state if m["type"] == "set_transform" and m["path"] == "units/a"]
     assert len(final) == 1, "only the latest of each change is kept"
     assert final[0]["matrix"][12] == pytest.approx(drive.snapshots[-1].units["a"].x)
-    assert json.loads(last)[1] == "done"
+    assert json.loads(last)["values"][1] == "done"
 
 
 def test_pace_holds_the_trial_back(drive):

@@ -1,0 +1,121 @@
+"""What the units of a mission did over time, and what happened to them, computed from snapshots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from itertools import groupby, pairwise
+
+from msrr_bullet.timeline.mission_snapshot import Activity
+from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_scenes.messages import Phase, seconds
+
+#: Phases of a docking attempt, and phases that follow a failed one.
+ATTEMPT = (Phase.DOCK, Phase.LOCK, Phase.VERIFY)
+AFTER_FAILURE = (Phase.RETREAT, Phase.ASSEMBLE, Phase.HAND_OVER, Phase.FAILED)
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A time in which a unit did the same.
+
+    Attributes:
+        activity: What it did.
+        waits_for: Unit for which it waited; None if it did not wait.
+        start_s: Beginning, from the first snapshot on [s].
+        end_s: End [s].
+    """
+
+    activity: Activity
+    waits_for: str | None
+    start_s: float
+    end_s: float
+
+
+class EventKind(Enum):
+    """What happened to a unit of a mission."""
+
+    GRANTED = "route granted"
+    DOCKED = "docked"
+    UNDOCKED = "undocked"
+    ATTEMPT_FAILED = "failed attempt"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class MissionEvent:
+    """Something that happened to a unit.
+
+    Attributes:
+        kind: What happened.
+        time_s: When, from the first snapshot on [s].
+        text: Where to or why, in words; may be empty.
+    """
+
+    kind: EventKind
+    time_s: float
+    text: str = ""
+
+
+def of_mission(snapshots: Sequence[Snapshot]) -> list[Snapshot]:
+    """Return the snapshots that show a mission of a base station."""
+    return [snapshot for snapshot in snapshots if snapshot.mission is not None]
+
+
+def activity_spans(snapshots: Sequence[Snapshot], unit: str) -> Iterator[Span]:
+    """Yield what a unit did, in order of time, without gaps."""
+    shown = [(s, s.mission.activity(unit), s.mission.waits_for(unit)) for s in snapshots if s.mission]
+    start = 0
+    for (activity, waits_for), run in groupby(shown, key=lambda instant: instant[1:]):
+        end = start + len(list(run))
+        times = [
+            seconds(shown[i][0].stamp_ns - snapshots[0].stamp_ns) for i in (start, end - (end == len(shown)))
+        ]
+        yield Span(activity, waits_for, *times)
+        start = end
+
+
+def silent_spans(snapshots: Sequence[Snapshot], unit: str) -> Iterator[tuple[float, float]]:
+    """Yield beginning and end of the times in which the base station did not hear a unit [s]."""
+    shown = of_mission(snapshots)
+    start = 0
+    for silent, run in groupby(
+        shown, key=lambda s: bool(s.mission and s.mission.is_silent(unit, s.stamp_ns))
+    ):
+        end = start + len(list(run))
+        if silent:
+            stamps = shown[start].stamp_ns, shown[min(end, len(shown) - 1)].stamp_ns
+            first, last = (seconds(stamp - snapshots[0].stamp_ns) for stamp in stamps)
+            yield first, last
+        start = end
+
+
+def unit_events(snapshots: Sequence[Snapshot], unit: str) -> Iterator[MissionEvent]:
+    """Yield what happened to a unit, in order of time."""
+    for before, after in pairwise(of_mission(snapshots)):
+        time_s = seconds(after.stamp_ns - snapshots[0].stamp_ns)
+        for kind, text in _changes(before, after, unit):
+            yield MissionEvent(kind, time_s, text)
+
+
+def _changes(before: Snapshot, after: Snapshot, unit: str) -> Iterator[tuple[EventKind, str]]:
+    old, new = before.mission, after.mission
+    assert old is not None
+    assert new is not None
+    granted, was = new.granted(unit), old.granted(unit)
+    if granted is not None and (was is None or was.route != granted.route):
+        yield EventKind.GRANTED, f"to {granted.to}" if granted.to else new.of(unit).reason or "into the open"
+    left, entered = old.docked_to(unit), new.docked_to(unit)
+    if left is not None and left != entered:
+        yield EventKind.UNDOCKED, left
+    if entered is not None and left != entered:
+        yield EventKind.DOCKED, entered
+    steps = {step.key: step for step in before.steps if step.unit == unit}
+    for step in after.steps:
+        earlier = steps.get(step.key)
+        if earlier is not None and earlier.phase in ATTEMPT and step.phase in AFTER_FAILURE:
+            yield EventKind.ATTEMPT_FAILED, step.reason
+    if new.activity(unit) is Activity.FAILED and old.activity(unit) is not Activity.FAILED:
+        report = new.reports.get(unit)
+        yield EventKind.FAILED, new.of(unit).reason or (report.reason if report else "")
