@@ -9,7 +9,8 @@ from rich.text import Text
 
 from msrr_bullet.statistics import Quantiles
 from msrr_bullet.sweep.summary import StepFigures, SweepSummary
-from msrr_bullet.trial.result import MissionFigures, PlanarPose, StepResult, TrialResult
+from msrr_bullet.trial.result import MissionFigures, TrialResult
+from msrr_bullet.trial.step_result import PlanarPose, StepResult
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.outcome import Outcome
 

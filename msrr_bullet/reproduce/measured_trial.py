@@ -13,7 +13,8 @@ from msrr_bullet.reproduce.trial_series import DockingSeries, SeriesRecorder
 from msrr_bullet.studies.measures import SETTLED_M
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.timeline.path_following_series import PathFollowingSeries
-from msrr_bullet.trial.result import Contact, TrialResult
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.step_result import Contact
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.specs.scene import Scene

@@ -6,7 +6,6 @@ imports nothing of the simulator, and a replay runs it again from a log.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -86,6 +85,7 @@ class Autonomy:
         estimate: Pose estimate on which the last decision was based.
         los: Line of sight on which the last decision was based.
         arena: Estimate of all bodies in the arena on which the last decision was based.
+        guard: Collision monitor; None without an overhead camera.
     """
 
     def __init__(
@@ -127,14 +127,14 @@ class Autonomy:
         self._overhead: OverheadLocalizer | None = None
         self._reader: OverheadReader | None = None
         self._assembler: Assembler | None = guided
-        self._monitor: CollisionMonitor | None = None
+        self.guard: CollisionMonitor | None = None
         if guided is not None:
             self._overhead = OverheadLocalizer(scene, step.unit, target, step)
-            self._monitor = CollisionMonitor(scene, step.unit, step)
+            self.guard = CollisionMonitor(scene, step.unit, step)
         elif scene.cameras.overhead is not None:
             self._overhead = self._reader = OverheadReader(scene, step, target, detector)
             self._assembler = build_assembler(scene.control.assembly, AssemblySetup.of(scene, step))
-            self._monitor = CollisionMonitor(scene, step.unit, step, earlier_docks(scene, step))
+            self.guard = CollisionMonitor(scene, step.unit, step, earlier_docks(scene, step))
         controller = build_controller(scene.control.docking, setup)
         self._phases = PhaseMachine(scene.docking, setup, controller, self._assembler, docked=docked)
         self._profiler = profiler or NullProfiler()
@@ -171,11 +171,6 @@ class Autonomy:
     def phase(self) -> Phase:
         """Phase in which the last decision ended."""
         return self._phases.phase
-
-    def expect(self, joints: Iterable[DockStep]) -> None:
-        """Expect the units of these docks beside the target."""
-        if self._monitor is not None:
-            self._monitor.expect(joints)
 
     def undock(self, retreat_m: float) -> None:
         """Open the lock and back out of the port, from the next decision on.
@@ -267,10 +262,10 @@ class Autonomy:
 
     def _limit_by_clearance(self, action: Action) -> Action:
         """Limit the command so that the unit can stop before it reaches any known body."""
-        if self._monitor is None:
+        if self.guard is None:
             return action
         docking = action.phase not in _FAR_PHASES
         with self._profiler("collision monitor"):
-            decision = self._monitor.limit(action.twist, self.arena, action.stamp_ns, docking)
+            decision = self.guard.limit(action.twist, self.arena, action.stamp_ns, docking)
         self.monitor = decision.message(self._unit, action.stamp_ns)
         return action if decision.twist is action.twist else replace(action, twist=decision.twist)

@@ -7,7 +7,7 @@ know, and it subtracts the uncertainty of the estimates from every clearance.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from msrr_bullet.collision.clearance import Clearance
@@ -15,7 +15,8 @@ from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.collision.locked_group import NEIGHBOUR_MARGIN_M, neighbour_limits
 from msrr_bullet.robot.stopping_trajectory import LocalMap, StoppingTrajectory
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import ArenaEstimate, CollisionMonitorState, MonitorState, Twist
+from msrr_scenes.messages import ArenaEstimate, CollisionMonitorState, MonitorState, Twist, seconds
+from msrr_scenes.messages.coordination import Authority, Intent
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
@@ -24,6 +25,8 @@ from msrr_scenes.specs.scene import Scene
 _LOSS_M = 1e-6
 #: Steps of the bisection for the largest share of a command that is allowed.
 _BISECTIONS = 4
+#: Age from which on an intent tells nothing: the unit has stopped or gone on since [s].
+_INTENT_AGE_S = 1.0
 #: Share of a command that passes where the clearance ahead has fallen to ``stop_m``.
 _CREEP = 0.25
 
@@ -66,9 +69,10 @@ class CollisionMonitor:
     - less than ``stop_m``: the largest share below a quarter passes that keeps ``stop_m``; if there is none,
       the turn alone if it keeps ``stop_m``; else nothing.
 
-    A command that leads away from a body always passes, however near the unit is. While the unit docks, the
-    target is ignored, and a neighbour that is locked to the target may be as near as the seat of the unit is,
-    less a margin.
+    A command that leads away from a body always passes, however near the unit is. A body that drives counts
+    where it is; if it goes first, also where it would still come if it stopped, as it has told. While a unit
+    docks, the target is ignored, and a neighbour that is locked to the target may be as near as the seat of
+    the unit is, less a margin.
     """
 
     def __init__(
@@ -89,15 +93,33 @@ class CollisionMonitor:
         self._reaches = {unit: scene.geometry(unit).circumradius for unit in scene.units}
         self._reaches |= {name: spec.radius_m for name, spec in scene.obstacles.items()}
         self._trajectory = StoppingTrajectory(scene)
+        self._intents: tuple[Intent, ...] = ()
         self._close_neighbours: Mapping[str, float] = {}
-        self.expect(joints)
+        self._told: tuple[tuple[str, str], ...] = ()
+        self._expect(joints)
 
-    def expect(self, joints: Iterable[DockStep]) -> None:
+    def _expect(self, joints: Iterable[DockStep]) -> None:
         """Expect the units of these docks beside the target; those of earlier calls no more."""
         if self._step is None:
             return
         limits = neighbour_limits(self._scene, self._model, joints, self._step)
         self._close_neighbours = {n: limit for n, limit in limits.items() if limit < self._spec.stop_m}
+
+    def brief(self, authority: Authority) -> None:
+        """Take in what a base station tells of others: docks, and the intents of those that go first."""
+        self._intents = authority.intents
+        if authority.joints != self._told:
+            self._told = authority.joints
+            ends = ((*active.partition(".")[::2], passive) for active, passive in authority.joints)
+            self._expect([DockStep(unit=unit, port=port, to=to) for unit, port, to in ends])
+
+    def stopping(self, arena: ArenaEstimate | None, now_ns: int) -> tuple[tuple[float, float, float], ...]:
+        """Return the poses in W that the unit would still pass if it stopped now; none at rest or unseen."""
+        if arena is None:
+            return ()
+        X_WU = self._trajectory.present_pose(arena.own, now_ns)
+        poses = self._trajectory.stopping_poses(X_WU, self._reaches[self._own])
+        return tuple((X.x, X.y, X.yaw) for X in poses)
 
     def limit(
         self, twist: Twist, arena: ArenaEstimate | None, now_ns: int, docking: bool = False
@@ -124,7 +146,8 @@ class CollisionMonitor:
         close = self._close_neighbours if docking else {}
         target = (self._step.target_unit,) if docking and self._step is not None else ()
         ignored = {self._own, *close, *target}
-        free = self._map(arena, self._reaches.keys() - ignored)
+        intents = [i for i in self._intents if seconds(now_ns - i.stamp_ns) < _INTENT_AGE_S]
+        free = self._map(arena, self._reaches.keys() - ignored, intents)
         decision = self._decide_on(twist, free, X_WU, self._spec.slow_m, self._spec.stop_m)
         if not close:
             return decision
@@ -134,8 +157,8 @@ class CollisionMonitor:
         second = self._decide_on(decision.twist, neighbours, X_WU, slow_m, stop_m)
         return decision if second.state is MonitorState.FREE else second
 
-    def _map(self, arena: ArenaEstimate, names: Collection[str]) -> LocalMap:
-        return LocalMap(self._model, arena, self._reaches, names)
+    def _map(self, arena: ArenaEstimate, names: Collection[str], intents: Sequence[Intent] = ()) -> LocalMap:
+        return LocalMap(self._model, arena, self._reaches, names, intents)
 
     def _decide_on(
         self, twist: Twist, local_map: LocalMap, X_WU: SE2, slow_m: float, stop_m: float

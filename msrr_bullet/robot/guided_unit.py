@@ -66,18 +66,17 @@ class GuidedUnit:
             profiler: Measures the time of the collision monitor.
         """
         self._scene, self._unit, self._profiler = scene, unit, profiler
-        self._port = ACTIVE_PORT
-        latency_s = 1e-3 * scene.link.latency_ms
-        self._reaction_s = 1.0 / scene.control.rate_hz + latency_s + 1.0 / scene.limits.kappa_per_s
+        control_s, link_s = 1.0 / scene.control.rate_hz, 1e-3 * scene.link.latency_ms
+        self._reaction_s = control_s + link_s + 1.0 / scene.limits.kappa_per_s
         self._newest: Authority | None = None
         self._program: Autonomy | RouteProgram | None = None
         self._docking: Autonomy | None = None
         self._guided: GuidedAssembler[Any] | None = None
-        self.leaving = False
         self._covered = 0.0
-        self._drive_watch = DriveWatch(scene.geometry(unit))
+        geometry = scene.geometry(unit)
+        self._drive_watch, self._offset = DriveWatch(geometry), geometry.control_offset(ACTIVE_PORT)
         self._action = Action(0, Phase.DONE, 1)
-        self.route = 0
+        self.route, self.leaving = 0, False
         self.docked_to = docked_to
         self.dock_step: DockStep | None = None
 
@@ -150,13 +149,12 @@ class GuidedUnit:
         """Process an authority that arrives now; one that is older than another has no effect."""
         if self._newest is not None and authority.seq <= self._newest.seq:
             return
-        before, self._newest = self._newest, authority
+        self._newest = authority
         if authority.route != self.route:
             return
         if self._guided is not None:
             self._guided.receive(authority)
-        if self._docking is not None and before is not None and before.joints != authority.joints:
-            self._docking.expect(_docks(authority))
+        self._brief_guard()
 
     # Decisions.
 
@@ -164,8 +162,10 @@ class GuidedUnit:
         """Return the action of one control instant."""
         if self.leaving and self._program is not None and self._program.phase is Phase.DONE:
             self._go_on()
+            self._brief_guard()
         elif self._may_begin():
             self._begin()
+            self._brief_guard()
         if self._program is None:
             self._action = Action(now_ns, Phase.DONE, 1, lock=self.docked_to is not None, reason="on standby")
             return self._action
@@ -185,8 +185,21 @@ class GuidedUnit:
             progress=self._covered,
             mode=self._mode(),
             docked_to=self.docked_to,
+            stopping=self._stopping(now_ns),
             reason=self._action.reason,
         )
+
+    def _stopping(self, now_ns: int) -> tuple[tuple[float, float, float], ...]:
+        """Return the poses that the unit would still pass if it stopped now; none at rest."""
+        if self._program is None or self._program.guard is None or not self.active:
+            return ()
+        return self._program.guard.stopping(self._program.arena, now_ns)
+
+    def _brief_guard(self) -> None:
+        """Tell the collision monitor what the newest authority says of others."""
+        guard = None if self._program is None else self._program.guard
+        if guard is not None and self._newest is not None:
+            guard.brief(self._newest)
 
     def _mode(self) -> UnitMode:
         if self._action.phase is Phase.FAILED:
@@ -227,7 +240,6 @@ class GuidedUnit:
             guided = self._build_guided(AssemblySetup.of(self._scene, self.dock_step))
             docked = Autonomy(self._scene, self.dock_step, self._profiler, guided=guided, docked=True)
         self._program = self._docking = docked
-        docked.expect(_docks(newest))
         docked.undock(newest.legs[0].end)
         self.leaving = True
 
@@ -237,17 +249,16 @@ class GuidedUnit:
         assert newest is not None
         if newest.to is None:
             self.dock_step = None
-            setup = AssemblySetup.without_target(self._scene, self._unit, self._port)
+            setup = AssemblySetup.without_target(self._scene, self._unit, ACTIVE_PORT)
             self._guided = self._build_guided(setup)
             self._docking = None
-            self._program = RouteProgram(self._scene, self._unit, self._port, self._guided, self._profiler)
+            self._program = RouteProgram(self._scene, self._unit, ACTIVE_PORT, self._guided, self._profiler)
             return
         self.dock_step = self._step_to(newest.to)
         self._guided = self._build_guided(AssemblySetup.of(self._scene, self.dock_step))
         self._program = self._docking = Autonomy(
             self._scene, self.dock_step, self._profiler, guided=self._guided
         )
-        self._docking.expect(_docks(newest))
 
     def _go_on(self) -> None:
         """Go on with the route at the instant after that in which the unit has left its port."""
@@ -265,7 +276,7 @@ class GuidedUnit:
         if self.leaving:
             X = self.estimate
             if X is not None and self.dock_step is not None:
-                gap = -(X.X_DU.x + self._scene.geometry(self._unit).control_offset(self._port))
+                gap = -(X.X_DU.x + self._offset)
                 self._covered = max(self._covered, min(gap, newest.legs[0].end))
             if self._program is not None and self._program.phase is Phase.DONE:
                 self._covered = newest.legs[0].end
@@ -276,24 +287,14 @@ class GuidedUnit:
             if program.phase is Phase.DONE:
                 covered = length
             elif X is not None:  # without a sight of the port the unit has covered no part of its dock leg
-                offset = self._scene.geometry(self._unit).control_offset(self._port)
-                covered = length + min(X.X_DU.x + offset, 0.0)
+                covered = length + min(X.X_DU.x + self._offset, 0.0)
         self._covered = max(self._covered, covered)
 
     def _step_to(self, to: str) -> DockStep:
-        return DockStep(unit=self._unit, port=self._port, to=to)
+        return DockStep(unit=self._unit, port=ACTIVE_PORT, to=to)
 
     def _build_guided(self, setup: AssemblySetup) -> GuidedAssembler[Any]:
         guided = build_guided(self._scene.control.assembly, setup, self._reaction_s)
         assert self._newest is not None
         guided.receive(self._newest)
         return guided
-
-
-def _docks(authority: Authority) -> list[DockStep]:
-    """Return the docks of others of which an authority tells."""
-    steps = []
-    for active, passive in authority.joints:
-        unit, _, port = active.partition(".")
-        steps.append(DockStep(unit=unit, port=port, to=passive))
-    return steps

@@ -32,6 +32,7 @@ class RouteProgram:
     Attributes:
         phase: ``assemble`` on the way, ``done`` at its end, ``failed`` after giving up.
         arena: Estimate of all bodies on which the last decision was based.
+        guard: Collision monitor.
         monitor: Decision of the collision monitor on the last command.
         belief: What the unit says of its way.
     """
@@ -56,7 +57,7 @@ class RouteProgram:
         drive = TargetModel.without_target(scene, unit, port)
         self._unit, self._guided = unit, guided
         self._overhead = OverheadLocalizer(scene, unit, drive)
-        self._guard = CollisionMonitor(scene, unit)
+        self.guard = CollisionMonitor(scene, unit)
         self._speed = WheelSpeed(drive.wheel_radius, drive.track)
         self._profiler = profiler or NullProfiler()
         self.phase = Phase.ASSEMBLE
@@ -91,7 +92,7 @@ class RouteProgram:
             elif decision is not None:
                 twist = decision
         with self._profiler("collision monitor"):
-            limited = self._guard.limit(twist, self.arena, now_ns)
+            limited = self.guard.limit(twist, self.arena, now_ns)
         self.monitor = limited.message(self._unit, now_ns)
         action = Action(now_ns, self.phase, 1, twist, reason=reason)
         return action if limited.twist is twist else replace(action, twist=limited.twist)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
@@ -12,10 +12,13 @@ from msrr_control.kinematics.drive_limits import nested_limit, nested_limiter
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import NS_PER_S, ArenaEstimate, GlobalPose, ObstacleEstimate, Twist, seconds
+from msrr_scenes.messages.coordination import Intent
 from msrr_scenes.specs.scene import Scene
 
 #: Travel of the farthest point of the unit between two measurements of clearance [m].
 _STEP_M = 0.01
+#: Travel of the farthest point of the unit between two poses of an intent [m].
+_INTENT_STEP_M = 0.05
 #: Time step with which the drive is simulated [s].
 _STEP_S = 0.01
 #: Below these speeds a unit counts as stopped.
@@ -43,6 +46,7 @@ class LocalMap:
         arena: ArenaEstimate,
         reaches: Mapping[str, float],
         names: Collection[str],
+        intents: Sequence[Intent] = (),
     ) -> None:
         """Collect the estimates.
 
@@ -51,6 +55,7 @@ class LocalMap:
             arena: Estimated poses of all bodies.
             reaches: Largest distance of the footprint of every body from the origin of the body [m].
             names: Names of the bodies that belong to the map.
+            intents: Where bodies of the map that drive would still come.
         """
         self._model = model
         self._own = arena.own.name
@@ -59,20 +64,29 @@ class LocalMap:
         others: list[GlobalPose | ObstacleEstimate | None] = [arena.target, *arena.others, *arena.obstacles]
         bodies = [b for b in others if b is not None and b.name in names]
         self._poses = {b.name: b.X_WB for b in bodies}
+        self._intended = [(i.unit, SE2(*pose)) for i in intents if i.unit in self._poses for pose in i.poses]
         own_variance = _variance(arena.own.covariance, self.reach)
         variances = (_variance(b.covariance, reaches[b.name]) for b in bodies)
         self.sigma = math.sqrt(own_variance + max(variances, default=0.0))
 
     def lower_bound(self, X_WU: SE2) -> float:
         """Return a lower bound of the clearance of the unit at ``X_WU`` [m], from circles about bodies."""
-        distances = (
-            math.hypot(X.x - X_WU.x, X.y - X_WU.y) - self._reaches[name] for name, X in self._poses.items()
-        )
+        distances = (self._centre_distance(X_WU, *body) for body in (*self._poses.items(), *self._intended))
         return min(distances, default=math.inf) - self.reach
+
+    def _centre_distance(self, X_WU: SE2, name: str, X_WB: SE2) -> float:
+        """Return the distance from the origin of U to the circle about a body [m]."""
+        return math.hypot(X_WB.x - X_WU.x, X_WB.y - X_WU.y) - self._reaches[name]
 
     def clearance(self, X_WU: SE2) -> Clearance | None:
         """Return the smallest clearance of the unit at ``X_WU``; None when there is no other body."""
-        return self._model.nearest(self._own, X_WU @ _OFFSET, self._poses)
+        nearest = self._model.nearest(self._own, X_WU @ _OFFSET, self._poses)
+        for name, X_WB in self._intended:
+            if nearest is None or self._centre_distance(X_WU, name, X_WB) - self.reach < nearest.distance:
+                intended = self._model.nearest(self._own, X_WU @ _OFFSET, {name: X_WB})
+                if intended is not None and (nearest is None or intended.distance < nearest.distance):
+                    nearest = intended
+        return nearest
 
     def distance(self, X_WU: SE2) -> float:
         """Return the smallest clearance of the unit at ``X_WU`` [m]; infinite when there is no other body."""
@@ -154,6 +168,22 @@ class StoppingTrajectory:
         if travel > 0.0 and last - travel < threshold:
             smallest = min(smallest, local_map.distance(X_WU @ SE2(x, y, yaw)))
         return smallest
+
+    def stopping_poses(self, X_WU: SE2, reach: float) -> list[SE2]:
+        """Return poses that a unit at ``X_WU`` would pass if it stopped now, about 5 cm apart; none at rest.
+
+        Args:
+            X_WU: Present pose of the unit.
+            reach: Largest distance of its footprint from the origin of U [m].
+        """
+        poses: list[SE2] = []
+        travel, last = 0.0, None
+        for x, y, yaw, step in self._poses(Twist(), reach):
+            travel, last = travel + step, SE2(x, y, yaw)
+            if travel >= _INTENT_STEP_M:
+                poses.append(X_WU @ last)
+                travel, last = 0.0, None
+        return [*poses, X_WU @ last] if last is not None else poses
 
     def max_travel(self, command: Twist, reach: float) -> float:
         """Return an upper bound of the travel of any point of the unit on the trajectory [m]."""

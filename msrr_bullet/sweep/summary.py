@@ -9,7 +9,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from pydantic import BaseModel, ConfigDict
 
 from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
-from msrr_bullet.trial.result import StepResult, TrialResult
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.step_result import StepResult
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import Perception, Plant
 from msrr_scenes.specs.scene import Scene

@@ -12,8 +12,8 @@ from msrr_bullet.sensors.schedule import Periodic, duration_ns
 from msrr_bullet.timeline.path_following_series import Instant, PathFollowingSeries
 from msrr_bullet.trial.environment import Environment
 from msrr_bullet.trial.judge import Judge
-from msrr_bullet.trial.result import AssemblyFigures, AttemptRecord, PlanarPose, Seating, StepResult
-from msrr_bullet.trial.result import Belief as BeliefName
+from msrr_bullet.trial.step_result import AssemblyFigures, AttemptRecord, PlanarPose, Seating, StepResult
+from msrr_bullet.trial.step_result import Belief as BeliefName
 from msrr_bullet.trial.unit_runner import UnitRunner
 from msrr_scenes.messages import Action, Belief, Conviction, LockPosition, Phase, Twist, seconds
 from msrr_scenes.outcome import Outcome

@@ -11,7 +11,7 @@ from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.collision.locked_group import neighbour_limits
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.environment import LockedPairs
-from msrr_bullet.trial.result import Contact, PlanarPose, Seating
+from msrr_bullet.trial.step_result import Contact, PlanarPose, Seating
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Action, FailureReason, Phase, PoseEstimate, seconds

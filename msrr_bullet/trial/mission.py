@@ -16,7 +16,7 @@ from msrr_bullet.trial.arena_judge import ArenaJudge, Safety
 from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.environment import Environment
 from msrr_bullet.trial.judge import Judge
-from msrr_bullet.trial.result import StepResult
+from msrr_bullet.trial.step_result import StepResult
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.unit_runner import UnitRunner
 from msrr_scenes.outcome import Outcome

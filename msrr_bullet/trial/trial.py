@@ -10,7 +10,8 @@ from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.trial.coordinated_mission import CoordinatedMission
 from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.mission import PlannedMission
-from msrr_bullet.trial.result import StepResult, TrialResult, decisive_step
+from msrr_bullet.trial.result import TrialResult, decisive_step
+from msrr_bullet.trial.step_result import StepResult
 from msrr_bullet.trial.telemetry import Progress, Telemetry
 from msrr_bullet.wall_limit import wall_limit
 from msrr_scenes.loading.load import scene_hash

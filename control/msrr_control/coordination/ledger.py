@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -13,10 +14,13 @@ from msrr_control.coordination.track import Track, needed, standing
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose
-from msrr_scenes.messages.coordination import Authority, UnitMode, UnitReport, UnitState, UnitStatus
+from msrr_scenes.messages.coordination import Authority, Intent, UnitMode, UnitReport, UnitState, UnitStatus
 
 #: Distance that a seen pose is set back along a track before it frees ground [m], and from the track [m].
 _SEEN_BACK_M, _SEEN_OFF_M = 0.06, 0.06
+
+#: Distance within which units are told the intents of others [m].
+_NEAR_M = 1.0
 
 #: Arc length by which two progresses have to differ to count as different [m].
 SAME_M = 0.015
@@ -156,7 +160,7 @@ class UnitRecord:
         """Return the next authority of a unit that has a track.
 
         Args:
-            units: All units, of whose docks it tells.
+            units: All units, of whose docks and intents it tells.
             now_ns: Time at which it is sent.
             expires_ns: Time at which it ends unless it is renewed.
         """
@@ -179,7 +183,22 @@ class UnitRecord:
                 for port in dict.fromkeys((other.holder, other.enters if other.under_way else None))
                 if port is not None
             ),
+            intents=tuple(other.intent for other in units if self._goes_after(other) if other.intent),
         )
+
+    def _goes_after(self, other: UnitRecord) -> bool:
+        """Return whether another unit under way goes first and is so near that this one has to know."""
+        if not other.under_way or other.order >= self.order or other.X_WU is None or self.X_WU is None:
+            return False
+        return math.hypot(other.X_WU.x - self.X_WU.x, other.X_WU.y - self.X_WU.y) < _NEAR_M
+
+    @property
+    def intent(self) -> Intent | None:
+        """Where the unit would still come if it stopped, as it has told; None at rest."""
+        report = self.report
+        if report is None or not report.stopping:
+            return None
+        return Intent(self.name, report.stamp_ns, report.stopping)
 
     def status(self) -> UnitStatus:
         """Return what is told to others."""

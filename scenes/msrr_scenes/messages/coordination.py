@@ -43,6 +43,21 @@ class RouteLeg:
 
 
 @dataclass(frozen=True, slots=True)
+class Intent:
+    """Where a unit that drives would still come if it stopped now.
+
+    Attributes:
+        unit: Name of the unit.
+        stamp_ns: Time at which it would begin to stop.
+        poses: Poses (x, y, yaw) of the axle in W, the last one at rest [m, m, rad].
+    """
+
+    unit: str
+    stamp_ns: int
+    poses: tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Authority:
     """The permission to drive along a route up to a limit, repeated until the next one.
 
@@ -59,6 +74,7 @@ class Authority:
         unlock: Whether the unit is to open its lock before it moves.
         joints: Active and passive port of each two other units that are locked together, as they have
             reported, or will be at the ends of their routes.
+        intents: Intents of the units nearby that go first, out of whose way this one keeps.
     """
 
     unit: str
@@ -71,6 +87,7 @@ class Authority:
     to: str | None
     unlock: bool
     joints: tuple[tuple[str, str], ...] = ()
+    intents: tuple[Intent, ...] = ()
 
 
 class UnitMode(Enum):
@@ -96,7 +113,7 @@ class UnitReport:
         mode: What the unit does.
         docked_to: Port ``<unit>.<port>`` into which the unit believes that it is locked, None if it is free.
         stopping: Poses (x, y, yaw) of the axle in W that the unit would still pass if it stopped now, the
-            present one first [m, m, rad]; empty where it is not known.
+            last one at rest [m, m, rad]; empty while it stands.
         reason: Why the unit is in this mode, in words.
     """
 

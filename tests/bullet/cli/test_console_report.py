@@ -14,15 +14,8 @@ from msrr_bullet.cli.console_report import (
     sweep_table,
 )
 from msrr_bullet.sweep.summary import TrialFailure, summarise
-from msrr_bullet.trial.result import (
-    AttemptRecord,
-    Contact,
-    MissionFigures,
-    PlanarPose,
-    Seating,
-    StepResult,
-    TrialResult,
-)
+from msrr_bullet.trial.result import MissionFigures, TrialResult
+from msrr_bullet.trial.step_result import AttemptRecord, Contact, PlanarPose, Seating, StepResult
 from msrr_scenes import load_scene
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome

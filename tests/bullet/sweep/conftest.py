@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from msrr_bullet.trial.result import AttemptRecord, Contact, PlanarPose, Seating, StepResult, TrialResult
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.step_result import AttemptRecord, Contact, PlanarPose, Seating, StepResult
 from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome

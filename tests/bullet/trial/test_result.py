@@ -6,15 +6,14 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from msrr_bullet.trial.result import (
+from msrr_bullet.trial.result import ResultError, TrialResult
+from msrr_bullet.trial.step_result import (
     AssemblyFigures,
     AttemptRecord,
     Contact,
     PlanarPose,
-    ResultError,
     Seating,
     StepResult,
-    TrialResult,
 )
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.geometry.se2 import SE2

@@ -9,7 +9,7 @@ from functools import cached_property
 import pytest
 
 from msrr_bullet.run import run_trial
-from msrr_bullet.trial.result import Belief, StepResult
+from msrr_bullet.trial.step_result import Belief, StepResult
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
