@@ -19,6 +19,8 @@ from msrr_scenes.specs.scene import Scene
 _STEP_M = 0.01
 #: Travel of the farthest point of the unit between two poses of an intent [m].
 _INTENT_STEP_M = 0.05
+#: Travel below which a unit counts as being at rest already [m].
+_AT_REST_M = 0.001
 #: Time step with which the drive is simulated [s].
 _STEP_S = 0.01
 #: Below these speeds a unit counts as stopped.
@@ -177,13 +179,13 @@ class StoppingTrajectory:
             reach: Largest distance of its footprint from the origin of U [m].
         """
         poses: list[SE2] = []
-        travel, last = 0.0, None
+        travel, last = 0.0, SE2()
         for x, y, yaw, step in self._poses(Twist(), reach):
             travel, last = travel + step, SE2(x, y, yaw)
             if travel >= _INTENT_STEP_M:
                 poses.append(X_WU @ last)
-                travel, last = 0.0, None
-        return [*poses, X_WU @ last] if last is not None else poses
+                travel = 0.0
+        return [*poses, X_WU @ last] if travel > _AT_REST_M else poses
 
     def max_travel(self, command: Twist, reach: float) -> float:
         """Return an upper bound of the travel of any point of the unit on the trajectory [m]."""
