@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.timeline.snapshot_builder import target_frame
+from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
@@ -144,10 +145,11 @@ def port_in_dock(scene: Scene, snapshot: Snapshot, X_WU: SE2 | None) -> tuple[fl
 
 def _off_path(scene: Scene, snapshot: Snapshot) -> tuple[float, float]:
     """Return the estimated and the true distance of the controlled point from the desired one [m]."""
-    assembly, X_WU = snapshot.assembly, snapshot.docking_pose
-    if assembly is None or assembly.path == 0 or snapshot.step is None or X_WU is None:
+    first, X_WU = snapshot.first, snapshot.docking_pose
+    if first is None or X_WU is None or (assembly := first.assembly) is None or assembly.path == 0:
         return _UNKNOWN
-    offset = scene.geometry(snapshot.step.unit).control_offset(snapshot.step.port)
+    port = ACTIVE_PORT if first.step is None else first.step.port
+    offset = scene.geometry(first.unit).control_offset(port)
     tips = np.array([assembly.tip, X_WU.act([offset, 0.0])])
     estimated, true = np.linalg.norm(tips - np.array(assembly.desired), axis=1)
     return float(estimated), float(true)

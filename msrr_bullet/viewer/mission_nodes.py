@@ -17,6 +17,7 @@ from msrr_bullet.viewer.commands import HIDDEN, Command, Placement, Track, set_o
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.messages import seconds
 from msrr_scenes.messages.coordination import Authority
 from msrr_scenes.specs.scene import Scene
@@ -29,8 +30,8 @@ GRANTED_WIDTH, GRANTED_Z, GRANTED_OPACITY = 0.06, 0.0015, 0.35
 WAY_STEP, WAY_PIECE = 0.01, 0.15
 #: Smallest length of the pieces in which a granted part grows [m].
 GRANTED_PIECE = 0.1
-#: Size of the bar across a docked port, and height above the floor, over the bodies [m].
-JOINT_SIZE, JOINT_Z = (0.02, 0.12, 0.006), 0.205
+#: Size of the bar across a docked port, and its height above the solids of a unit [m].
+JOINT_SIZE, JOINT_ABOVE = (0.02, 0.12, 0.006), 0.005
 #: Height and width of the arrow from a unit that waits, its distance from either middle, and its head [m].
 WAITS_Z, WAITS_WIDTH, WAITS_OFF, WAITS_HEAD = 0.21, 0.014, 0.07, 0.06
 
@@ -42,6 +43,7 @@ class MissionNodes:
         """Read the units of the scene."""
         self._geometries = {unit: scene.geometry(unit) for unit in scene.units}
         self._colours = unit_colours(scene) if scene.coordinated else {}
+        self._tops = {unit: _top(self._geometries[unit]) for unit in self._colours}
         self._routes = Routes(scene)
         self._drawn: dict[str, tuple[int, float]] = {}  # route and limit that the live view shows, by unit
 
@@ -68,7 +70,7 @@ class MissionNodes:
             if port is not None:
                 holder, _, name = port.partition(".")
                 X_WD = snapshot.units[holder] @ self._geometries[holder].dock_frame(name)
-                joint = Placement(SE3.from_se2(X_WD, JOINT_Z))
+                joint = Placement(SE3.from_se2(X_WD, self._tops[holder] + JOINT_ABOVE))
             yield f"waits/{unit}/shaft", shaft
             yield f"waits/{unit}/head", head
             yield f"joints/{unit}", joint
@@ -138,6 +140,11 @@ class MissionNodes:
         if len(points) > 1:
             band = shapes.band(points, GRANTED_WIDTH, GRANTED_Z)
             yield set_object(node, band, shapes.flat_material(self._colours[unit], GRANTED_OPACITY))
+
+
+def _top(geometry: UnitGeometry) -> float:
+    """Return the height of the solids of a unit above the floor [m]."""
+    return max(float(solid.points()[:, 2].max()) for solid in geometry.solids)
 
 
 def _arrow(start: SE2, end: SE2) -> tuple[Placement, Placement]:

@@ -119,6 +119,11 @@ def test_the_plot_of_a_mission_is_its_chart_and_that_of_a_unit_its_curves(
     curves = write_plot(tmp_path / "a.png", scene, mission_run.snapshots, unit="a")
     assert count_pixels(chart, in_place, 2) > 1000 > count_pixels(curves, in_place, 2)
     assert count_pixels(curves, palette.PATH, 3) > 100
+    root = next(u.unit for u in mission_run.snapshots[-1].mission.status.units if u.task == "p0")
+    alone = write_plot(
+        tmp_path / "root.png", scene, mission_run.snapshots, unit=root
+    )  # it has no port to go to
+    assert count_pixels(alone, palette.PATH, 3) > 100
     with pytest.raises(MsrrError, match="unit 'x' has no step in this run; units with one: "):
         write_plot(tmp_path / "x.png", scene, mission_run.snapshots, unit="x")
 
