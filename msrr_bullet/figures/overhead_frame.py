@@ -40,7 +40,7 @@ from msrr_scenes.messages import LosStatus
 #: Height at which lines are drawn [m], about that of the top tags, so that the lines meet them in the image.
 PLANE = 0.2
 #: Size of the names of the units of a mission.
-NAME_SCALE = 0.62
+NAME_SCALE = 0.85
 #: Every which snapshot is a point of a driven way, of which there are many in every frame of a film.
 _WAY_EVERY = 5
 
@@ -127,11 +127,11 @@ def _draw_mission(
     """Draw the ways and routes of all units, who waits for whom, and docked pairs."""
     for unit, colour in context.colours.items():
         way = driven_way([*past[::_WAY_EVERY], snapshot], unit)
-        draw_line(canvas, perspective, on_floor(way, PLANE), colour, 2, halo=PAPER)
+        draw_line(canvas, perspective, on_floor(way, PLANE), colour, 3, halo=PAPER)
         authority = mission.granted(unit)
         if authority is not None:
             ahead = context.routes.of(authority).part(mission.of(unit).progress, authority.limit)
-            draw_line(canvas, perspective, on_floor(ahead, PLANE), colour, 4, dashed=True, halo=PAPER)
+            draw_line(canvas, perspective, on_floor(ahead, PLANE), colour, 5, dashed=True, halo=PAPER)
             beyond = context.routes.of(authority).part(authority.limit, mission.of(unit).length)
             draw_line(canvas, perspective, on_floor(beyond, PLANE), colour, 1, dashed=True)
     for step in snapshot.steps:
@@ -151,7 +151,7 @@ def _draw_mission(
         failed = mission.activity(unit) is Activity.FAILED
         below = perspective.hull(SE3.from_se2(X_WU).act(context.solids[unit].points))[:, 1].max()
         text, ink = (f"{unit} failed", ALARM) if failed else (unit, BLACK)
-        canvas.text([middle[0], below + 24.0 / canvas.zoom], text, ink, scale=NAME_SCALE)
+        canvas.text([middle[0], below + 28.0 / canvas.zoom], text, ink, scale=NAME_SCALE)
 
 
 def _draw_outline(
