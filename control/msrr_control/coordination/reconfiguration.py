@@ -24,8 +24,8 @@ _Form = frozenset[tuple[Ports, str]]
 #: Largest number of forms that the search looks at.
 _MOST_FORMS = 20_000
 
-#: Way out of a port that has to be free [m].
-_WAY_OUT_M = 0.5
+#: Poses on the way out of a port that has to be free, from the seat.
+_WAY_OUT = np.array([[-0.04 * k, 0.0, 0.0] for k in range(13)])
 
 
 class Hop(NamedTuple):
@@ -73,6 +73,9 @@ class Reconfiguration:
         """
         self._lanes, self._box = lanes, box
         self._poses: dict[Ports, SE2] = {(): X_WR}
+        self._inside: dict[Ports, bool] = {}
+        self._pairs: dict[tuple[Ports, Ports], tuple[bool, bool]] = {}
+        self._relative: dict[tuple[float, float, float], tuple[bool, bool]] = {}
 
     def pose(self, ports: Ports) -> SE2:
         """Return the pose of the unit in a place."""
@@ -91,15 +94,16 @@ class Reconfiguration:
             The hops, in an order in which they can be made one after another.
 
         Raises:
-            SceneError: There is no way.
+            SceneError: No way was found.
         """
         first, wanted = frozenset(start.items()), frozenset(goal.items())
         count = itertools.count()
-        queue = [(len(wanted - first), next(count), 0, first)]
+        left = len(wanted - first)
+        queue = [(left, left, next(count), 0, first)]
         came: dict[_Form, tuple[_Form, Hop] | None] = {first: None}
         costs = {first: 0}
         while queue:
-            _, _, cost, form = heapq.heappop(queue)
+            *_, cost, form = heapq.heappop(queue)
             if form == wanted:
                 return _trace(came, form)
             if cost > costs[form] or len(costs) > _MOST_FORMS:
@@ -108,9 +112,15 @@ class Reconfiguration:
                 if cost + 1 < costs.get(following, len(costs) + _MOST_FORMS):
                     costs[following], came[following] = cost + 1, (form, hop)
                     # A hop fills at most one place that is missing: the estimate is never too large.
-                    estimate = cost + 1 + len(wanted - following)
-                    heapq.heappush(queue, (estimate, next(count), cost + 1, following))
-        raise SceneError("no order of leaving and docking again leads from one shape to the other")
+                    # Of equal ones that comes first which misses least: hops in another order are not tried.
+                    left = len(wanted - following)
+                    heapq.heappush(queue, (cost + 1 + left, left, next(count), cost + 1, following))
+        looked = (
+            f" among the {_MOST_FORMS} forms that the search looks at" if len(costs) > _MOST_FORMS else ""
+        )
+        raise SceneError(
+            f"no order of leaving and docking again leads from one shape to the other{looked}; name others"
+        )
 
     def _neighbours(self, form: _Form, wanted: _Form) -> Iterator[tuple[Hop, _Form]]:
         """Yield all hops of leaves and the forms to which they lead, those into missing places first."""
@@ -130,24 +140,31 @@ class Reconfiguration:
 
     def _may_leave(self, leaf: Ports, taken: Mapping[Ports, str]) -> bool:
         """Return whether the way out of a place is free."""
-        back = np.arange(0.0, _WAY_OUT_M, 0.04)
-        X = self.pose(leaf)
-        way = np.array([(X @ SE2(-b, 0.0, 0.0)).as_array() for b in back])
-        others = [self.pose(p).as_array() for p in taken if p not in (leaf, leaf[:-1])]
-        if not others:
-            return True
-        return not bool(self._lanes.body.near(way[:, None], np.array(others)[None], LEAST_GAP_M).any())
+        return not any(self._blocks(leaf, p)[0] for p in taken if p not in (leaf, leaf[:-1]))
 
     def _may_enter(self, place: Ports, others: set[Ports]) -> bool:
         """Return whether a unit fits into a place and can come there."""
-        X, end = self.pose(place), self._lanes.end(self.pose(place))
-        room = self._lanes.spec.border_m + self._lanes.body.offset
-        x0, x1, y0, y1 = self._box
-        for pose in (X, end):
-            if not (x0 + room <= pose.x <= x1 - room and y0 + room <= pose.y <= y1 - room):
-                return False
-        bodies = np.array([self.pose(p).as_array() for p in sorted(others) if p != place[:-1]]).reshape(-1, 3)
-        return not len(bodies) or not bool(self._lanes.closes(X, bodies).any())
+        if place not in self._inside:
+            X, room = self.pose(place), self._lanes.spec.border_m + self._lanes.body.offset
+            x0, x1, y0, y1 = self._box
+            self._inside[place] = all(
+                x0 + room <= pose.x <= x1 - room and y0 + room <= pose.y <= y1 - room
+                for pose in (X, self._lanes.end(X))
+            )
+        return self._inside[place] and not any(self._blocks(place, p)[1] for p in others if p != place[:-1])
+
+    def _blocks(self, place: Ports, other: Ports) -> tuple[bool, bool]:
+        """Return whether a unit in another place blocks the way out of a place, and the way in."""
+        found = self._pairs.get((place, other))
+        if found is None:
+            X = self.pose(place).inverse() @ self.pose(other)
+            key = (round(X.x, 4), round(X.y, 4), round(X.yaw, 4))
+            if key not in self._relative:  # few, for all places lie on a grid
+                body = X.as_array()[None]
+                out = bool(self._lanes.body.near(_WAY_OUT, body, LEAST_GAP_M).any())
+                self._relative[key] = out, bool(self._lanes.closes(SE2(), body)[0])
+            found = self._pairs[place, other] = self._relative[key]
+        return found
 
 
 def reconfiguration_tasks(

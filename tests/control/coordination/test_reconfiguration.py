@@ -65,6 +65,13 @@ def test_the_largest_common_part_stays_where_leaves_allow_it(knowledge: Knowledg
         assert len(found) == _least(set(start), set(goal)) == hops
 
 
+def test_the_search_is_quick_where_units_have_to_step_aside(knowledge: Knowledge) -> None:
+    """Of the patterns of 8 units these need the most hops more than there are places to fill."""
+    start, goal = _form(build_pattern("line", 8)), _form(build_pattern("zigzag", 8))
+    hops = Reconfiguration(knowledge.lanes, SE2(), WIDE).hops(start, goal)
+    assert len(hops) > _least(set(start), set(goal))
+
+
 def test_there_and_back_takes_the_same_number_of_hops(knowledge: Knowledge) -> None:
     """Every hop can be made backwards, so the fewest of one way are the fewest of the other."""
     for first, second in itertools.combinations(get_args(Pattern), 2):
