@@ -21,8 +21,9 @@ from msrr_scenes.messages import (
 SEIZED_S = 5.0
 
 #: Speed of the faster wheel at its rim below which a command asks for no motion [m/s], and the way from which
-#: on a wheel has turned [m], a few ticks of an encoder.
-_LEAST_MPS, _LEAST_M = 0.01, 0.001
+#: on a wheel has turned [m], a few ticks of an encoder: a tenth of what the slowest command leads to.
+#: The end of a turn on the spot is commanded with some millimetres per second.
+_LEAST_MPS, _LEAST_M = 0.002, 0.001
 
 #: Phases in which nothing holds the wheels of a healthy unit; in the others it may press against a port, and
 #: the phase machine judges what comes of it.

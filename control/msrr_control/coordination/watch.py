@@ -48,7 +48,9 @@ class Watch:
             return f"not heard for {unheard:.0f} s"
         if unit.limit <= unit.progress + SAME_M or unheard > self._patience.silent_s:
             unit.patient_ns += now_ns - self._previous_ns
-        wait = self._patience.dock_s if unit.in_dock_leg else self._patience.lost_s
+        # A unit that may drive into its dock leg can still be far away from it.
+        docks = unit.track is not None and unit.progress >= unit.track.dock_start - SAME_M
+        wait = self._patience.dock_s if unit.in_dock_leg and docks else self._patience.lost_s
         if seconds(now_ns - unit.patient_ns) > wait:
             return f"no progress beyond {unit.progress:.2f} m in {wait:.0f} s"
         return None

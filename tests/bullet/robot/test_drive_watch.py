@@ -35,7 +35,7 @@ def watch() -> DriveWatch:
     return DriveWatch(read_unit(find_urdf("unit.urdf")))
 
 
-@pytest.mark.parametrize("twist", [FORWARDS, TURN])
+@pytest.mark.parametrize("twist", [FORWARDS, TURN, Twist(0.0, 0.06)])  # the last: the end of a turn
 def test_wheels_that_stand_against_commands_end_the_way(watch: DriveWatch, twist: Twist) -> None:
     actions = run(watch, twist, SEIZED_S + 1.0)
     phases = [action.phase for action in actions]
