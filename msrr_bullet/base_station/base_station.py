@@ -19,6 +19,7 @@ from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.detection.detector import DETECTORS, Detector
 from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_perception.estimation.arena_tracker import ArenaTracker
+from msrr_perception.estimation.body_track import Sightings, drawn_anew
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.problems import dotted
@@ -70,15 +71,16 @@ class BaseStation:
         driving = {u.unit for u in self.status.units if u.state is UnitState.UNDER_WAY}
         return self._vision.detect(exposure, self._tracker.poses(exposure.stamp_ns), fetch, driving)
 
-    def receive(self, message: Detections | GlobalPose | UnitReport, now_ns: int) -> None:
-        """Process a message that arrives now."""
-        match message:
-            case Detections():
-                self._tracker.add_detections(message)
-            case GlobalPose():
-                self._tracker.add_pose(message)
-            case UnitReport():
-                self._coordinator.receive(message, now_ns)
+    def see(self, message: Detections | GlobalPose) -> Sightings:
+        """Process a message of the overhead camera; return what it shows, which is for all units."""
+        sightings = self._tracker.locate(message) if isinstance(message, Detections) else drawn_anew(message)
+        for seen in sightings.poses:
+            self._tracker.add(seen)
+        return sightings
+
+    def hear(self, report: UnitReport, now_ns: int) -> None:
+        """Process a report that arrives now."""
+        self._coordinator.receive(report, now_ns)
 
     def step(self, now_ns: int) -> list[Authority]:
         """Advance the mission and return the authorities to send, none between two due times."""

@@ -80,10 +80,10 @@ class CoordinatedReplayer(Replayer):
             self._robot_of(record).robot.receive(message)
             return
         assert isinstance(message, Detections | GlobalPose)
-        self._base.receive(message, record.stamp_ns)
+        sightings = self._base.see(message)
         for robot in self._led.values():
             if robot.active:
-                robot.receive(message)
+                robot.see(sightings)
 
     def _end(self, last: LogRecord) -> None:
         super()._end(last)
@@ -141,7 +141,7 @@ class CoordinatedReplayer(Replayer):
         if record.topic == topics.report_received(receipt.unit):
             report = self._reports.pop(key, None)
             if report is not None:
-                self._base.receive(report, record.stamp_ns)
+                self._base.hear(report, record.stamp_ns)
                 return
         else:
             authority = self._authorities.pop(key, None)

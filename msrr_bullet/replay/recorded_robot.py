@@ -10,6 +10,7 @@ from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
 from msrr_bullet.log.records import Event, Level, RadioReceipt
 from msrr_bullet.robot.interface import CameraReader, LedRobot, ObservableRobot
+from msrr_perception.estimation.body_track import Sightings
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import (
@@ -123,18 +124,18 @@ class RecordedLedRobot(RecordedRobot[LedRobot]):
 class RecordedBaseStation(RecordedReader[BaseStation]):
     """A base station whose inputs and outputs are recorded."""
 
-    def receive(self, message: Detections | GlobalPose) -> None:
-        """Record a message of the overhead camera as it arrives, at the base station and at all units."""
+    def see(self, message: Detections | GlobalPose) -> Sightings:
+        """Record a message of the overhead camera as it arrives."""
         now_ns = self._now_ns()
         self._recorder.write(topics.sensor(BASE_STATION, message), now_ns, message)
-        self.program.receive(message, now_ns)
+        return self.program.see(message)
 
     def hear(self, report: UnitReport) -> None:
         """Record that a report has arrived."""
         now_ns = self._now_ns()
         receipt = RadioReceipt(now_ns, report.unit, report.stamp_ns)
         self._recorder.write(topics.report_received(report.unit), now_ns, receipt)
-        self.program.receive(report, now_ns)
+        self.program.hear(report, now_ns)
 
     def step(self, now_ns: int) -> list[Authority]:
         """Record how the mission stands, and the authorities that are sent."""

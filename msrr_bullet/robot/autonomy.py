@@ -22,6 +22,7 @@ from msrr_control.staging.registry import build_assembler
 from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.detection.detector import DETECTORS, Detector
 from msrr_perception.detection.onboard_vision import OnboardVision
+from msrr_perception.estimation.body_track import Sightings
 from msrr_perception.estimation.estimator import ESTIMATORS, Estimator
 from msrr_perception.estimation.los import LosEstimator
 from msrr_perception.pose.target import TargetModel
@@ -229,6 +230,11 @@ class Autonomy:
                 self._checked_ns = max(self._checked_ns, message.stamp_ns)
         if self._overhead is not None:
             self._overhead.receive(message)
+
+    def see(self, sightings: Sightings) -> None:
+        """Take in what a base station has read from an overhead exposure."""
+        if self._overhead is not None:
+            self._overhead.see(sightings)
 
     def step(self, now_ns: int) -> Action:
         """Return the action of one control instant."""

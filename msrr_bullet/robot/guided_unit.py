@@ -12,6 +12,7 @@ from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_control.staging.registry import build_guided
 from msrr_control.staging.setup import AssemblySetup
+from msrr_perception.estimation.body_track import Sightings
 from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.messages import (
     Action,
@@ -145,6 +146,11 @@ class GuidedUnit:
         if self._program is not None:
             self._program.receive(message)
 
+    def see(self, sightings: Sightings) -> None:
+        """Take in what the base station has read from an overhead exposure."""
+        if self._program is not None:
+            self._program.see(sightings)
+
     def authorise(self, authority: Authority) -> None:
         """Process an authority that arrives now; one that is older than another has no effect."""
         if self._newest is not None and authority.seq <= self._newest.seq:
@@ -177,6 +183,7 @@ class GuidedUnit:
 
     def report(self, now_ns: int) -> UnitReport:
         """Return what is told to the base station."""
+        guard = self._program.guard if self._program is not None and self.active else None
         return UnitReport(
             unit=self._unit,
             stamp_ns=now_ns,
@@ -185,21 +192,14 @@ class GuidedUnit:
             progress=self._covered,
             mode=self._mode(),
             docked_to=self.docked_to,
-            stopping=self._stopping(now_ns),
+            stopping=() if guard is None else guard.stopping(self.arena, now_ns),
             reason=self._action.reason,
         )
 
-    def _stopping(self, now_ns: int) -> tuple[tuple[float, float, float], ...]:
-        """Return the poses that the unit would still pass if it stopped now; none at rest."""
-        if self._program is None or self._program.guard is None or not self.active:
-            return ()
-        return self._program.guard.stopping(self._program.arena, now_ns)
-
     def _brief_guard(self) -> None:
         """Tell the collision monitor what the newest authority says of others."""
-        guard = None if self._program is None else self._program.guard
-        if guard is not None and self._newest is not None:
-            guard.brief(self._newest)
+        if self._program is not None and self._program.guard is not None and self._newest is not None:
+            self._program.guard.brief(self._newest)
 
     def _mode(self) -> UnitMode:
         if self._action.phase is Phase.FAILED:
@@ -236,7 +236,7 @@ class GuidedUnit:
             return
         if docked is None or docked.belief.conviction is not Conviction.DOCKED:
             assert self.docked_to is not None
-            self.dock_step = self._step_to(self.docked_to)
+            self.dock_step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=self.docked_to)
             guided = self._build_guided(AssemblySetup.of(self._scene, self.dock_step))
             docked = Autonomy(self._scene, self.dock_step, self._profiler, guided=guided, docked=True)
         self._program = self._docking = docked
@@ -254,7 +254,7 @@ class GuidedUnit:
             self._docking = None
             self._program = RouteProgram(self._scene, self._unit, ACTIVE_PORT, self._guided, self._profiler)
             return
-        self.dock_step = self._step_to(newest.to)
+        self.dock_step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=newest.to)
         self._guided = self._build_guided(AssemblySetup.of(self._scene, self.dock_step))
         self._program = self._docking = Autonomy(
             self._scene, self.dock_step, self._profiler, guided=self._guided
@@ -289,9 +289,6 @@ class GuidedUnit:
             elif X is not None:  # without a sight of the port the unit has covered no part of its dock leg
                 covered = length + min(X.X_DU.x + self._offset, 0.0)
         self._covered = max(self._covered, covered)
-
-    def _step_to(self, to: str) -> DockStep:
-        return DockStep(unit=self._unit, port=ACTIVE_PORT, to=to)
 
     def _build_guided(self, setup: AssemblySetup) -> GuidedAssembler[Any]:
         guided = build_guided(self._scene.control.assembly, setup, self._reaction_s)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from msrr_perception.estimation.body_track import Sightings
 from msrr_scenes.messages import (
     Action,
     ArenaEstimate,
@@ -109,6 +110,10 @@ class LedRobot(ObservableRobot, Protocol):
     @property
     def leaving(self) -> bool:
         """Whether the robot is on its way out of a port."""
+        ...
+
+    def see(self, sightings: Sightings) -> None:
+        """Take in what the base station has read from an overhead exposure."""
         ...
 
     def authorise(self, authority: Authority) -> None:

@@ -11,6 +11,7 @@ from msrr_bullet.robot.overhead_localizer import OverheadLocalizer
 from msrr_bullet.robot.wheel_speed import WheelSpeed
 from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.staging.guided_assembler import GuidedAssembler
+from msrr_perception.estimation.body_track import Sightings
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.messages import (
     Action,
@@ -70,6 +71,10 @@ class RouteProgram:
         if isinstance(message, WheelOdometry):
             self._speed.add(message)
         self._overhead.receive(message)
+
+    def see(self, sightings: Sightings) -> None:
+        """Take in what a base station has read from an overhead exposure."""
+        self._overhead.see(sightings)
 
     def step(self, now_ns: int) -> Action:
         """Return the action of one control instant."""

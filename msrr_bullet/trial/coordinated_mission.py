@@ -92,10 +92,10 @@ class CoordinatedMission(Mission):
         for message in self._camera.tick(now_ns, self._base):
             assert isinstance(message, (Detections, GlobalPose))
             with self._profiler("perception"):
-                self._base.receive(message)
+                sightings = self._base.see(message)
                 for member in self._members.values():
                     if member.robot.active:  # a replay knows this as well
-                        member.robot.receive(message)
+                        member.robot.see(sightings)
         for link in self._radio.from_units.values():
             for report in link.arrived(now_ns):
                 assert isinstance(report, UnitReport)

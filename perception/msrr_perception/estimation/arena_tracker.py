@@ -8,10 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
 from scipy.stats import chi2
 
-from msrr_perception.estimation.body_track import BodyTrack, SeenPose, TrackNoise
+from msrr_perception.estimation.body_track import BodyTrack, SeenPose, Sightings, TrackNoise
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import Detections, GlobalPose, ObstacleEstimate
@@ -51,26 +50,17 @@ class ArenaTracker:
         """Forget every body."""
         self._tracks = {}
 
-    def located(self, detections: Detections) -> list[SeenPose]:
-        """Return the measured poses of all known bodies among the detections of the overhead camera."""
-        if detections.exposure.camera != OVERHEAD:
-            return []
-        return [
+    def locate(self, detections: Detections) -> Sightings:
+        """Return the poses of all known bodies among the detections; none among those of other cameras."""
+        located = self._localizer.locate(detections) if detections.exposure.camera == OVERHEAD else ()
+        seen = (
             SeenPose(
                 replace(pose, covariance=pose.covariance + self.model.noise),
                 self._localizer.lasting_share[pose.name] * pose.covariance,
             )
-            for pose in self._localizer.locate(detections)
-        ]
-
-    def add_detections(self, detections: Detections) -> None:
-        """Add the tags of one overhead exposure; those of other cameras change nothing."""
-        for seen in self.located(detections):
-            self.add(seen)
-
-    def add_pose(self, pose: GlobalPose) -> None:
-        """Add a measured pose whose errors are drawn anew each time, as those of parametric perception."""
-        self.add(SeenPose(pose, np.zeros((3, 3))))
+            for pose in located
+        )
+        return Sightings(detections.exposure.stamp_ns, tuple(seen))
 
     def add(self, seen: SeenPose) -> None:
         """Add a measured pose."""

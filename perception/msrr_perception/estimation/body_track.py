@@ -90,6 +90,24 @@ class SeenPose:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Sightings:
+    """What one overhead exposure shows, read once for all who want to know.
+
+    Attributes:
+        stamp_ns: Time of the exposure.
+        poses: Measured poses of the bodies that it shows.
+    """
+
+    stamp_ns: int
+    poses: tuple[SeenPose, ...]
+
+
+def drawn_anew(pose: GlobalPose) -> Sightings:
+    """Return a measured pose whose errors are drawn anew each time, as those of parametric perception."""
+    return Sightings(pose.stamp_ns, (SeenPose(pose, np.zeros((3, 3))),))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Place:
     """The place at which a body was seen, and how often in a row.
 

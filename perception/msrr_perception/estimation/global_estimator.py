@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from msrr_perception.estimation.arena_tracker import ArenaTracker
-from msrr_perception.estimation.body_track import Place, SeenPose
+from msrr_perception.estimation.body_track import Place, SeenPose, Sightings, drawn_anew
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.motion import MotionNoise
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
@@ -111,12 +111,16 @@ class GlobalEstimator:
 
     def add_detections(self, detections: Detections) -> None:
         """Add the tags of one overhead exposure; those of other cameras change nothing."""
-        for seen in self._others.located(detections):
-            self._add(seen)
+        self.add_sightings(self._others.locate(detections))
 
     def add_pose(self, pose: GlobalPose) -> None:
         """Add a measured pose whose errors are drawn anew each time, as those of parametric perception."""
-        self._add(SeenPose(pose, np.zeros((3, 3))))
+        self.add_sightings(drawn_anew(pose))
+
+    def add_sightings(self, sightings: Sightings) -> None:
+        """Add what an overhead exposure shows."""
+        for seen in sightings.poses:
+            self._add(seen)
 
     def _add(self, seen: SeenPose) -> None:
         pose = seen.pose

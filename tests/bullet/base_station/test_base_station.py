@@ -28,7 +28,7 @@ def scene(line_of_three: Path) -> Scene:
 def see(base: BaseStation, scene: Scene, now_ns: int) -> None:
     """Show the base station all units where the scene places them."""
     for name, unit in scene.units.items():
-        base.receive(GlobalPose(name, now_ns, unit.pose.nominal, 1e-6 * np.eye(3)), now_ns)
+        base.see(GlobalPose(name, now_ns, unit.pose.nominal, 1e-6 * np.eye(3)))
 
 
 def test_nothing_is_granted_before_all_units_are_known(scene: Scene) -> None:
@@ -56,7 +56,7 @@ def test_only_seen_poses_count(scene: Scene) -> None:
         for step in range(20):
             for name, unit in scene.units.items():
                 X = SE2(shift, shift) @ unit.pose.nominal
-                base.receive(GlobalPose(name, step * PERIOD_NS, X, 1e-6 * np.eye(3)), step * PERIOD_NS)
+                base.see(GlobalPose(name, step * PERIOD_NS, X, 1e-6 * np.eye(3)))
             legs = [a.legs for a in base.step(step * PERIOD_NS) if a.legs]
             if legs:
                 starts.append(legs[0][0].start)
