@@ -55,7 +55,7 @@ ROBOT_TABLES = (
             port="its active port",
             to="port that it docks to or leaves",
         ),
-        lambda record, m: [(time(record.stamp_ns), m.index, m.unit, m.port, m.to)],
+        lambda record, m: [] if m.in_the_open else [(time(record.stamp_ns), m.index, m.unit, m.port, m.to)],
     ),
     Table(
         "decisions",

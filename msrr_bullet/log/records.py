@@ -47,9 +47,14 @@ class StepStart:
     port: str = ""
     to: str = ""
 
+    @property
+    def in_the_open(self) -> bool:
+        """Whether a base station sends the unit on a route into the open."""
+        return self.index < 0
+
     def step(self, scene: Scene) -> DockStep | None:
         """Return the step: that of the scene's plan, or one of a base station; None without one."""
-        if self.index < 0:
+        if self.in_the_open:
             return None
         if scene.coordinated:
             return DockStep(unit=self.unit, port=self.port, to=self.to)

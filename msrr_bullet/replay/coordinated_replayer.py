@@ -66,7 +66,8 @@ class CoordinatedReplayer(Replayer):
             self._deliver_by_radio(record)
 
     def _start(self, record: LogRecord) -> None:
-        self._counts["steps"] += 1
+        if not record.message.in_the_open:
+            self._counts["steps"] += 1
 
     def _reader_of(self, record: LogRecord) -> CameraReader:
         """Return the base station for the overhead camera, else the robot of the camera's unit."""

@@ -49,8 +49,10 @@ class Routes:
         self._known: dict[tuple[str, int], Route] = {}
 
     def of(self, authority: Authority) -> Route:
-        """Return the route of an authority that has one."""
+        """Return the route of an authority; of no length where the unit stands already where it is to be."""
         key = authority.unit, authority.route
+        if not authority.legs:
+            return Route(np.zeros(1), np.zeros((1, 2)))
         if key not in self._known:
             start = SE2(*authority.legs[0].start)
             track = track_of(authority.legs, start, self._offset[authority.unit])

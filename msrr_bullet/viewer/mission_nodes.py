@@ -133,8 +133,9 @@ class MissionNodes:
         return commands, tracks
 
     def _line(self, node: str, unit: str, points: Array) -> Iterator[Command]:
-        band = shapes.band(points, ROUTE_WIDTH, ROUTE_Z)
-        yield set_object(node, band, shapes.flat_material(self._colours[unit], 0.8))
+        if len(points) > 1:
+            band = shapes.band(points, ROUTE_WIDTH, ROUTE_Z)
+            yield set_object(node, band, shapes.flat_material(self._colours[unit], 0.8))
 
     def _granted(self, node: str, unit: str, points: Array) -> Iterator[Command]:
         if len(points) > 1:

@@ -155,8 +155,10 @@ def change(rng: random.Random, document: dict[str, Any], way: float) -> None:
     elif way < 0.73:
         far = {"x_m": rng.choice([1e15, 99.0, -50.0]), "y_m": rng.uniform(-1.0, 1.0)}
         put(document, ("units", rng.choice(list(document["units"])), "pose"), far)
-    elif way < 0.83:
+    elif way < 0.79:
         change_plan(rng, document)
+    elif way < 0.83:
+        change_mission(rng, document)
     elif way < 0.90:
         change_law(rng, document)
     else:
@@ -164,12 +166,37 @@ def change(rng: random.Random, document: dict[str, Any], way: float) -> None:
 
 
 def change_plan(rng: random.Random, document: dict[str, Any]) -> None:
-    names, plan = list(document["units"]), document["plan"]
+    names, plan = list(document["units"]), document.setdefault("plan", [])
     ports = [f"{name}.{port}" for name in names for port in ("rear", "left", "right", "front")]
-    plan.append({"unit": rng.choice(names), "to": rng.choice(ports)})
+    unit = rng.choice(names)
+    moved = {"move": unit, "pose": {"x_m": rng.uniform(-1.5, 1.5), "y_m": rng.uniform(-1.0, 1.0)}}
+    plan.append(rng.choice([{"unit": unit, "to": rng.choice(ports)}, {"undock": unit}, moved]))
     rng.shuffle(plan)
     if rng.random() < 0.5:
         del plan[rng.randrange(len(plan))]
+
+
+def change_mission(rng: random.Random, document: dict[str, Any]) -> None:
+    """Let a base station lead the units: with a shape, a start as an assembly, or a bad radio."""
+    names = list(document["units"])
+    if rng.random() < 0.6:
+        shapes = [
+            {pattern: rng.randint(0, 9)}
+            for pattern in rng.sample(["line", "tee", "cross", "comb", "zigzag"], 2)
+        ]
+        document["shape"] = rng.choice([shapes[0], shapes])
+        if rng.random() < 0.8:
+            document.pop("plan", None)
+    if rng.random() < 0.4:
+        port = rng.choice(["rear", "left", "right", "front"])
+        document["assembled"] = [f"{rng.choice(names)}.front-{rng.choice(names)}.{port}"]
+    document["radio"] = {
+        "loss": rng.choice([0.0, 0.3, 1.0]),
+        "latency_ms": rng.choice([0, 200, 900]),
+        "silences": [
+            {"from_s": 1.0, "until_s": rng.choice([0.5, 4.0]), "units": [rng.choice([*names, "zz"])]}
+        ],
+    }
 
 
 def change_law(rng: random.Random, document: dict[str, Any]) -> None:
@@ -203,7 +230,7 @@ def generated(seed: int) -> str:
     """Return the text of a scene file."""
     rng = random.Random(seed)
     document = row(rng) if rng.random() < 0.5 else yaml.safe_load(TEXTS[rng.choice(list(TEXTS))])
-    if len(document["plan"]) == 1:
+    if len(document.get("plan", ())) == 1:
         document["time_limit_s"] = rng.choice([0.05, 0.3, 1.0, 3.0])
     if rng.random() < 0.7:  # pixels and contact take longest
         document |= {"plant": rng.choice(["bullet", "unicycle"]), "perception": "parametric"}
