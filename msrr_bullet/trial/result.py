@@ -56,11 +56,11 @@ class MissionFigures(Record):
 def decisive_step(steps: Sequence[StepResult]) -> StepResult:
     """Return the first step to end without success; the last one if all have succeeded.
 
-    A step that was aborted decides nothing, for it ended because of another one.
+    A step that was aborted decides nothing, for it ended because of something else.
     """
-    failed = [step for step in steps if not step.succeeded]
-    decisive = [step for step in failed if step.outcome is not Outcome.ABORTED] or failed
-    return min(decisive, key=lambda step: step.ended_s, default=steps[-1])
+    failed = [step for step in steps if not step.succeeded and step.outcome is not Outcome.ABORTED]
+    succeeded = [step for step in steps if step.succeeded]
+    return min(failed, key=lambda step: step.ended_s, default=(succeeded or steps)[-1])
 
 
 class TrialResult(Record):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 from scipy.stats import chi2
@@ -134,7 +135,7 @@ class Place:
         return self.times >= noise.stands_after and bool(left.all())
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class BodyTrack:
     """The state of the filter of one body after its last measurement inside the gate.
 
@@ -170,14 +171,20 @@ class BodyTrack:
         P[:3, :3] = seen.pose.covariance
         return cls(_state(seen), P, seen, Motion.DRIVES, Place(seen))
 
+    @cached_property
+    def X_WB(self) -> SE2:
+        """Pose after the last measurement."""
+        return SE2(*self.state[:3].tolist())
+
     def pose(self, stamp_ns: int, noise: TrackNoise) -> GlobalPose:
         """Return the pose at an instant; before the last measurement it is that of the measurement."""
+        seen_ns, name = self.seen.pose.stamp_ns, self.seen.pose.name
+        if self.motion is Motion.STANDS:  # asked for at every control instant of every unit
+            covariance = self._drifted(self.covariance[:3, :3], seconds(max(stamp_ns - seen_ns, 0)), noise)
+            covariance += self.seen.lasting
+            return GlobalPose(name, max(stamp_ns, seen_ns), self.X_WB, covariance)
         mean, P = self._predicted(stamp_ns, noise, self.motion)
-        covariance = P[:3, :3]
-        if self.motion is Motion.STANDS:
-            covariance = covariance + self.seen.lasting
-        stamp_ns = max(stamp_ns, self.seen.pose.stamp_ns)
-        return GlobalPose(self.seen.pose.name, stamp_ns, SE2(*mean[:3].tolist()), covariance)
+        return GlobalPose(name, max(stamp_ns, seen_ns), SE2(*mean[:3].tolist()), P[:3, :3])
 
     def after(self, seen: SeenPose, noise: TrackNoise) -> BodyTrack:
         """Return the track after another measurement.
@@ -211,17 +218,23 @@ class BodyTrack:
         place = self.place if stands else self.place.after(seen)
         return BodyTrack(mean, P, seen, Motion.STANDS if stands else Motion.DRIVES, place, self.sightings + 1)
 
+    @staticmethod
+    def _drifted(covariance: Array, dt: float, noise: TrackNoise) -> Array:
+        """Return the covariance of a body that stands, ``dt`` [s] after its last measurement."""
+        unseen = max(dt - noise.unseen_after_s, 0.0)
+        way = noise.drift**2 * dt + noise.unseen_drift**2 * unseen
+        P = covariance.copy()
+        P[0, 0] += way
+        P[1, 1] += way
+        P[2, 2] += noise.turn_drift**2 * dt + noise.unseen_turn_drift**2 * unseen
+        return P
+
     def _predicted(self, stamp_ns: int, noise: TrackNoise, motion: Motion) -> tuple[Array, Array]:
         """Return mean and covariance of the state at an instant, if the body moves so until then."""
         dt = max(seconds(stamp_ns - self.seen.pose.stamp_ns), 0.0)
         unseen = max(dt - noise.unseen_after_s, 0.0)
         if motion is Motion.STANDS:
-            way = noise.drift**2 * dt + noise.unseen_drift**2 * unseen
-            P = self.covariance.copy()
-            P[0, 0] += way
-            P[1, 1] += way
-            P[2, 2] += noise.turn_drift**2 * dt + noise.unseen_turn_drift**2 * unseen
-            return self.state, P
+            return self.state, self._drifted(self.covariance, dt, noise)
         share = noise.usual if motion is Motion.DRIVES else 1.0
         drive = (
             noise.lasts_s * (share * noise.limits.a_max_mps2) ** 2,
