@@ -53,8 +53,13 @@ def draw_mission_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -
         _write(
             axes, last.units[unit], f"{unit} failed" if failed else unit, css(ALARM if failed else BLACK), 10
         )
-    axes.legend(
-        handles=_legend(never_granted, bool(pairs), waits), loc="best", fontsize=7, framealpha=0.85, ncols=2
+    axes.legend(  # below the axes: units may start anywhere in them
+        handles=_legend(never_granted, bool(pairs), waits),
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.13),
+        frameon=False,
+        fontsize=7,
+        ncols=3,
     )
 
 

@@ -132,7 +132,7 @@ class Judge:
     def port_pose(self) -> PortPose:
         """Return the true pose of the docking port in the dock frame."""
         X_WU, X_WT = self._plant.pose3(self.step.unit), self._plant.pose3(self.step.target_unit)
-        # X_DT X_WT^-1 X_WU X_UP, of which only a point and a direction are needed, at every tick near the port.
+        # X_DT X_WT^-1 X_WU X_UP, of which only a point and a direction are needed, at every tick near a port.
         p_T = (X_WU.R @ self._X_UP.p + X_WU.p - X_WT.p) @ X_WT.R
         x, y, _ = (self._X_DT.R @ p_T + self._X_DT.p).tolist()
         ahead = self._X_DT.R @ ((X_WU.R @ self._X_UP.R[:, 0]) @ X_WT.R)
