@@ -33,8 +33,8 @@ ZONE_YAW_RAD = math.radians(20.0)
 #: Smallest clearance of a pair that has parted after docking [m]; the minimum clearance applies as well.
 PARTED_M = 0.005
 
-#: More than a unit can drive between two control instants [m].
-_MAX_STEP_M = 0.05
+#: Distance that a unit may move between two control instants beside what its drive allows [m].
+_PUSH_M = 0.01
 
 #: Largest lateral and yaw error of a seated unit.
 SEATED_LATERAL_M = 0.003
@@ -111,6 +111,7 @@ class Judge:
         self.pair: Pair = frozenset({step.unit, step.target_unit})
         self._neighbour_limits: Mapping[Pair, float] = {}
         self._known_locks: list[DockStep] = []
+        self._travel = _PUSH_M + scene.limits.v_max_mps / scene.control.rate_hz
         self._attempt = 0
         self._close = False
         self.docking = False
@@ -169,7 +170,7 @@ class Judge:
             self._attempt = attempt
             self._deepest, self._deepest_pose = math.inf, None
             self._seated_since, self._was_seated = None, False
-        if self.port is not None and self.port.gap > ZONE_DEPTH_M + _MAX_STEP_M:
+        if self.port is not None and self.port.gap > ZONE_DEPTH_M + self._travel:
             return  # the unit cannot reach the zone before the next control instant
         port = self.port_pose()
         if not port.in_zone:

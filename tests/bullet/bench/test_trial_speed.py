@@ -56,7 +56,9 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
     assert report.control_step_ms == pytest.approx(report.stages_ms_per_s["control"] / 50.0)
     assert json.loads(report.to_json())["control_step_ms"] == report.control_step_ms
     assert report.naive_ratio == report.naive_ratio_one_sample  # the scene has one sample a pixel itself
+    assert report.naive_ratio is not None
     assert report.naive_ratio > 1.0
+    assert 0.9 < report.units_under_way <= 1.0
     assert 30.0 < report.peak_mb < 4_000.0
     assert json.loads(report.to_json())["naive_ratio"] == report.naive_ratio
     assert trial_speed_table(report).row_count == len(report.stages_ms_per_s) + 6
