@@ -115,8 +115,9 @@ class BulletWorld:
             self.obstacles[name] = self._add_obstacle(name)
 
     def pose3(self, name: str) -> SE3:
-        """Return the true ``X_WU``, cached until the world changes: the middle of the axle on the ground,
-        pitch and roll included.
+        """Return the true ``X_WU``, pitch and roll included, which is cached until the world changes.
+
+        The origin of U is the middle of the axle on the ground.
         """
         pose = self._spatial.get(name)
         if pose is None:
