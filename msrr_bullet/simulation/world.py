@@ -60,8 +60,7 @@ class BulletWorld:
         self._tags = tags
         self.units: dict[str, UnitBody] = {}
         self.obstacles: dict[str, int] = {}
-        self._planar: dict[str, SE2] = {}  # poses since the world has changed
-        self._spatial: dict[str, SE3] = {}
+        self._planar: dict[str, SE2] = {}
         # The next obstacle to appear is last; obstacles that appear together keep the order of the scene.
         self._waiting = sorted(
             ((spec.appears_at_s, name) for name, spec in reversed(scene.obstacles.items())),
@@ -98,7 +97,6 @@ class BulletWorld:
     def step(self) -> None:
         """Advance the physics by one tick of 1 / ``scene.physics_hz``."""
         self._planar.clear()
-        self._spatial.clear()
         pybullet.stepSimulation(physicsClientId=self.client)
 
     def unit(self, name: str) -> UnitBody:
@@ -115,16 +113,10 @@ class BulletWorld:
             self.obstacles[name] = self._add_obstacle(name)
 
     def pose3(self, name: str) -> SE3:
-        """Return the true ``X_WU``, pitch and roll included, which is cached until the world changes.
-
-        The origin of U is the middle of the axle on the ground.
-        """
-        pose = self._spatial.get(name)
-        if pose is None:
-            unit = self.unit(name)
-            p, q = pybullet.getBasePositionAndOrientation(unit.body, physicsClientId=self.client)
-            pose = self._spatial[name] = SE3.from_quaternion_xyzw(p, q) @ unit.X_IU
-        return pose
+        """Return the true ``X_WU``: the middle of the axle on the ground, pitch and roll included."""
+        unit = self.unit(name)
+        position, quaternion = pybullet.getBasePositionAndOrientation(unit.body, physicsClientId=self.client)
+        return SE3.from_quaternion_xyzw(position, quaternion) @ unit.X_IU
 
     def pose(self, name: str) -> SE2:
         """Return the true ``X_WU`` in the plane, which is cached until the world changes."""
@@ -187,7 +179,6 @@ class BulletWorld:
         """Put a unit on the floor at ``X_WU`` and at rest, the wheels (left, right) at these angles [rad]."""
         unit = self.unit(name)
         self._planar.clear()
-        self._spatial.clear()
         # PyBullet sets the pose of the centre of mass, not of the link frame.
         X_WI = SE3.from_se2(X_WU) @ unit.X_IU.inverse()
         pybullet.resetBasePositionAndOrientation(

@@ -61,7 +61,7 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
     assert 0.9 < report.units_under_way <= 1.0
     assert 30.0 < report.peak_mb < 4_000.0
     assert json.loads(report.to_json())["naive_ratio"] == report.naive_ratio
-    assert trial_speed_table(report).row_count == len(report.stages_ms_per_s) + 6
+    assert trial_speed_table(report).row_count == len(report.stages_ms_per_s) + 7
 
 
 def test_the_guard_is_a_stage_of_its_own() -> None:

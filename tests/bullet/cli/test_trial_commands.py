@@ -183,6 +183,7 @@ def test_dock_and_replay_of_a_mission(line_of_three: Path, tmp_path: Path, capsy
     assert sum(map(int, counts.groups())) == result.mission.messages_sent
 
 
+@pytest.mark.nightly
 def test_a_sweep_of_missions_counts_what_is_complete(
     line_of_three: Path, tmp_path: Path, capsys: Capture
 ) -> None:

@@ -153,6 +153,7 @@ def test_an_overhead_frame_shows_ways_routes_waiting_and_docked_pairs(count_pixe
     assert frame.titled().shape[1] > frame.image.shape[1]
 
 
+@pytest.mark.nightly
 def test_all_frames_of_a_mission_and_its_film_are_written(mission_run, monkeypatch, capsys):
     """Frames of units whose step the plan does not hold, and of units that have no step at all."""
     monkeypatch.setattr(frame_files, "FILM_RATE", 0.5)

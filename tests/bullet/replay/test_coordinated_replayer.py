@@ -163,7 +163,7 @@ from msrr_bullet.log import LogHeader, McapRecorder
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.loading.load import load_scene
 
-for name, overrides in {{"mission": {{"time_limit_s": "20"}}, "images": {WITH_IMAGES}}}.items():
+for name, overrides in {{"mission": {{"time_limit_s": "8"}}, "images": {WITH_IMAGES}}}.items():
     scene = load_scene(Path(sys.argv[1]), overrides)
     with McapRecorder(Path(sys.argv[2]) / f"{{name}}.mcap", LogHeader.of(scene, 1, {{}})) as recorder:
         Trial(scene, 1, recorder=recorder).run()
