@@ -181,7 +181,7 @@ class _Writer:
         for name, content in header.files.items():
             kind = "application/xml" if name.endswith(".urdf") else "application/octet-stream"
             self._mcap.add_attachment(0, 0, name, kind, content)
-        self._mcap.flush()  # type: ignore[no-untyped-call]  # mcap annotates its others
+        self._mcap.flush()
 
     def write(self, batch: list[_Entry], flush: bool) -> None:
         for entry in batch:
@@ -196,10 +196,10 @@ class _Writer:
                 data=content,
             )
         if flush:
-            self._mcap.flush()  # type: ignore[no-untyped-call]  # mcap annotates its others
+            self._mcap.flush()
 
     def finish(self) -> None:
-        self._mcap.finish()  # type: ignore[no-untyped-call]  # mcap annotates its others
+        self._mcap.finish()
         self._file.flush()
 
     def _channel(self, topic: str, message_format: Format) -> int:

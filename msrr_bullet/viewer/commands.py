@@ -13,7 +13,7 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-import umsgpack  # type: ignore[import-untyped]  # no types, no stubs package
+import umsgpack
 from meshcat.geometry import Geometry, Material, Mesh, Object
 from numpy.typing import NDArray
 

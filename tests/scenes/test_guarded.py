@@ -43,7 +43,7 @@ class Faulty(Doubler):
         return x
 
     @property
-    def state(self) -> int:  # type: ignore[override]
+    def state(self) -> int:
         raise AttributeError("no state")
 
     def for_large(self) -> Any:

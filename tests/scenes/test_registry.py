@@ -130,7 +130,7 @@ def test_a_class_that_fails_while_it_is_built_is_named_with_file_and_line(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     module = types.ModuleType("fragile_gadget")
-    module.Fragile = Fragile  # type: ignore[attr-defined]
+    module.Fragile = Fragile
     monkeypatch.setitem(sys.modules, "fragile_gadget", module)
     name = "fragile_gadget:Fragile"
     with pytest.raises(ProgramFailedError, match=r"Fragile', test_registry.py line \d+: __init__"):

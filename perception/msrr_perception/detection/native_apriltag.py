@@ -109,7 +109,8 @@ _LIBRARY_DEFAULTS = {
 }
 
 
-class _KeptDetector(bindings.Detector):  # type: ignore[misc]  # untyped, so a base class of type Any
+# pupil-apriltags ships no types: its class is Any to mypy, whose strict mode forbids to inherit from that.
+class _KeptDetector(bindings.Detector):  # type: ignore[misc]
     """A wrapper that leaves the native memory to the end of the process."""
 
     def __del__(self) -> None:

@@ -31,8 +31,7 @@ def test_equal_bytes_mean_equal_bits() -> None:
 
 
 def test_numbers_of_numpy_are_taken_as_numbers() -> None:
-    # NumPy's numbers are not int and float by their annotations, which is what is tried here.
-    odd = WheelOdometry("a", np.int64(7), np.float64(0.1), np.float32(0.5))  # type: ignore[arg-type]
+    odd = WheelOdometry("a", np.int64(7), np.float64(0.1), np.float32(0.5))
     message_format = format_of(odd)
     assert message_format.decode(json.loads(to_bytes(message_format.encode(odd, TOPIC)))) == WheelOdometry(
         "a", 7, 0.1, 0.5
@@ -40,9 +39,8 @@ def test_numbers_of_numpy_are_taken_as_numbers() -> None:
 
 
 def test_values_without_a_json_form_are_refused() -> None:
-    # An array of the wrong type is wrong by its annotation, too.
     with pytest.raises(LogError, match="float32"):
-        codec(TagDetection).encode(TagDetection(1, np.zeros((4, 2), dtype=np.float32)))  # type: ignore[arg-type]
+        codec(TagDetection).encode(TagDetection(1, np.zeros((4, 2), dtype=np.float32)))
     with pytest.raises(LogError, match="not empty"):
         codec(TagDetection).encode(TagDetection(1, np.zeros((0, 2))))
     with pytest.raises(TypeError, match="no JSON form"):

@@ -119,7 +119,7 @@ def rewritten(log: Log, path: Path, change: type, edit: object) -> Path:
             if record.topic == "/frames":
                 continue  # the recorder adds these itself
             message = record.message
-            recorder.write(record.topic, record.stamp_ns, edit(message) if record.kind is change else message)  # type: ignore[operator]
+            recorder.write(record.topic, record.stamp_ns, edit(message) if record.kind is change else message)
     return path
 
 

@@ -53,7 +53,7 @@ def test_it_stands_still_from_its_failure_on(fails_in: str) -> None:
     assert robot.uses_camera("a/onboard")
 
     inner.fails_in = fails_in
-    robot.expose(EXPOSURE, lambda window: None)  # type: ignore[arg-type, return-value]
+    robot.expose(EXPOSURE, lambda window: None)
     robot.receive(WheelOdometry("a", 2, 0.0, 0.0))
     for now_ns in (2, 3):  # the lock stays as it was: whatever hangs on it must not fall
         stop = Action(now_ns, Phase.LOCK, 2, Twist(), lock=True, reason=str(FAILURE))
@@ -63,7 +63,7 @@ def test_it_stands_still_from_its_failure_on(fails_in: str) -> None:
     assert shown == (None,) * 6
     assert robot.belief == Belief(reason=str(FAILURE))
     assert not robot.uses_camera("a/onboard"), "no more frames are exposed"
-    assert robot.expose(EXPOSURE, lambda window: None) is None  # type: ignore[arg-type, return-value]
+    assert robot.expose(EXPOSURE, lambda window: None) is None
 
 
 def test_one_that_cannot_be_built_stands_still_too() -> None:

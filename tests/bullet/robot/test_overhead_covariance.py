@@ -79,7 +79,7 @@ def test_nees_on_rendered_frames(open_arena: Callable, noise_grey: float, blur_p
         own, other = twists(rng), twists(rng)
         arena.law, arena.drivers = lambda t, known, own=own: own(t), {"c": other}
 
-        def watch(arena=arena) -> None:  # type: ignore[no-untyped-def]
+        def watch(arena=arena) -> None:
             if SETS_OFF_S + UNKNOWN_S < arena.now_s < STOPS_S:
                 squares["own drives"].append(compare(arena.known.own, arena.plant.pose("a")))
                 squares["other drives"].append(compare(arena.known.others[0], arena.plant.pose("c")))

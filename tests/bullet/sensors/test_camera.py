@@ -219,7 +219,7 @@ def test_the_lost_frames_depend_on_seed_and_blackouts_alone() -> None:
     """2,000 frames at 30 %: a fair stream leaves 600 +- 103 (5 sigma) once in 1.7 million seeds."""
 
     def lost(**options: object) -> list[bool]:
-        camera = small(ColumnRenderer(), dropout=0.3, **options)  # type: ignore[arg-type]  # any of its keywords
+        camera = small(ColumnRenderer(), dropout=0.3, **options)  # any of its keywords
         return [camera.expose(k * 40_000_000) is None for k in range(2000)]
 
     plain = lost()

@@ -113,7 +113,7 @@ def test_a_lost_frame_gives_no_message_and_the_robot_is_not_asked() -> None:
 
 def test_a_robot_that_detects_nothing_sends_nothing() -> None:
     class Blind(_FullFrameReader):
-        def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:  # type: ignore[override]
+        def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
             return None
 
     scene = _scene(0.0)

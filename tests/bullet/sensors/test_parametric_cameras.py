@@ -47,8 +47,8 @@ def onboard(of: Scene, X: SE2 = X_DU, dropout: float = 0.0, count: int = N) -> l
     """Frames of a unit that stands at X in the dock frame; None where there is no measurement."""
     lost = FrameDropout("a/onboard", dropout, stream(1, "dropout"))
     camera = ParametricOnboardCamera(of, of.plan[0], lambda: X, stream(1, "parametric"), lost)
-    frames = [camera.capture(k, None) for k in range(count)]  # type: ignore[arg-type]  # the robot is not asked
-    return [m[0] if m else None for m in frames]  # type: ignore[misc]
+    frames = [camera.capture(k, None) for k in range(count)]  # the robot is not asked
+    return [m[0] if m else None for m in frames]
 
 
 def assert_sigma(errors: np.ndarray, sigma: float) -> None:
@@ -116,8 +116,8 @@ def test_lost_frames_and_a_hidden_marker_do_not_change_the_errors() -> None:
     kept = [i for i, m in enumerate(lossy) if m is not None]
     assert 0.6 * N < len(kept) < 0.8 * N
     for i in kept:
-        assert lossy[i].X_DU == plain[i].X_DU  # type: ignore[union-attr]
-        assert lossy[i].exposure.frame == i  # type: ignore[union-attr]
+        assert lossy[i].X_DU == plain[i].X_DU
+        assert lossy[i].exposure.frame == i
 
 
 POSES = {"a": SE2(-1.0, 0.2, 0.5), "b": SE2(1.0, -0.3, 2.0), "late": SE2(0.1, 0.4, 0.0)}
@@ -128,7 +128,7 @@ def overhead(of: Scene, poses: Mapping[str, SE2], dropout: float = 0.0) -> list[
     assert spec is not None
     lost = FrameDropout("overhead", dropout, stream(1, "dropout"))
     camera = ParametricOverheadCamera(of, spec, lambda: poses, stream(1, "parametric"), lost)
-    frames = [camera.capture(k, None) for k in range(N)]  # type: ignore[arg-type]
+    frames = [camera.capture(k, None) for k in range(N)]
     return [{m.name: m for m in messages if isinstance(m, GlobalPose)} for messages in frames]
 
 

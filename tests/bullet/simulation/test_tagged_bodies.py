@@ -99,7 +99,7 @@ def test_files_named_relative_to_the_urdf_are_still_found(scene: Scene, tmp_path
     folder.mkdir()
     write_plate(home, "shell", 0.1, None)
     tree = ElementTree.parse(scene.geometry("a").urdf)
-    visual = ElementTree.SubElement(tree.getroot().find("link"), "visual")  # type: ignore[arg-type]
+    visual = ElementTree.SubElement(tree.getroot().find("link"), "visual")
     ElementTree.SubElement(ElementTree.SubElement(visual, "geometry"), "mesh", filename="shell.obj")
     tree.write(home / "mine.urdf")
     own = scene.model_copy(

@@ -70,7 +70,7 @@ def test_a_controller_by_import_path(facts: DockSetup, monkeypatch: pytest.Monke
     import types
 
     module = types.ModuleType("users_own")
-    module.Crawler, module.Half = Crawler, Half  # type: ignore[attr-defined]
+    module.Crawler, module.Half = Crawler, Half
     monkeypatch.setitem(sys.modules, "users_own", module)
     controller = build_controller(Choice(name="users_own:Crawler", params={"speed_mps": 0.04}), facts)
     assert controller.step(_inputs()) == Twist(0.04, -0.2)

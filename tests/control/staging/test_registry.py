@@ -44,7 +44,7 @@ def test_an_assembler_of_one_s_own_needs_the_whole_interface(
     setup: AssemblySetup, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module = types.ModuleType("users_assembler")
-    module.NoReport = _NoReport  # type: ignore[attr-defined]
+    module.NoReport = _NoReport
     monkeypatch.setitem(sys.modules, "users_assembler", module)
     with pytest.raises(SceneError, match="no property progress"):
         build_assembler(Choice(name="users_assembler:NoReport"), setup)

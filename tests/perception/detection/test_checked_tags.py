@@ -21,7 +21,7 @@ TAG = TagDetection(7, CORNERS, 50.0, 0)
 
 
 def test_a_tag_passes_and_its_numbers_become_plain_ones() -> None:
-    numpy = TagDetection(np.int64(7), CORNERS.astype(np.float32), np.float32(50.0), np.int8(0))  # type: ignore[arg-type]
+    numpy = TagDetection(np.int64(7), CORNERS.astype(np.float32), np.float32(50.0), np.int8(0))
     (tag,) = checked_tags([numpy], PIXELS, WINDOW)
     assert (type(tag.tag_id), type(tag.decision_margin), type(tag.hamming)) == (int, float, int)
     assert tag.corners.dtype == float

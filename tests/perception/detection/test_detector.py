@@ -157,7 +157,7 @@ def test_misuse_is_named() -> None:
         PupilDetector().detect(np.zeros((10, 12), np.uint8), Window(0, 0, 10, 12))
     for wrong in ({"quad_decimate": 0.5}, {"quad_sigma": -1.0}, {"min_white_black_diff": 0}):
         with pytest.raises(DetectorError):
-            PupilDetector(**wrong)  # type: ignore[arg-type]
+            PupilDetector(**wrong)
 
 
 class Blind:

@@ -17,7 +17,7 @@ check = ESTIMATORS.methods["estimate"]
 
 
 def test_a_pose_passes_and_its_numbers_become_plain_ones() -> None:
-    numpy = PoseEstimate(np.int64(20), POSE.X_DU, POSE.covariance.astype(np.float32), np.int64(10))  # type: ignore[arg-type]
+    numpy = PoseEstimate(np.int64(20), POSE.X_DU, POSE.covariance.astype(np.float32), np.int64(10))
     pose = check(numpy, 20)
     assert (type(pose.stamp_ns), pose.covariance.dtype) == (int, float)
     assert pose.X_DU == POSE.X_DU

@@ -150,7 +150,7 @@ def make(scene: Scene, model: OverheadModel) -> Make:
     def build(seed: int = 0, delay_compensation: bool = True, **options: object) -> Arena:
         estimator = estimator_of(scene, model, delay_compensation=delay_compensation)
         drive = TargetModel.from_scene(scene, scene.docks[0])
-        return Arena(model, drive, estimator, seed, **options)  # type: ignore[arg-type]
+        return Arena(model, drive, estimator, seed, **options)
 
     return build
 

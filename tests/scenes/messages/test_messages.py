@@ -15,7 +15,7 @@ def test_every_message_is_frozen() -> None:
     assert len(data) > 15
     assert all(c.__dataclass_params__.frozen for c in data)
     with pytest.raises(dataclasses.FrozenInstanceError):
-        Twist().v = 1.0  # type: ignore[misc]
+        Twist().v = 1.0
 
 
 def test_times_are_whole_nanoseconds() -> None:
