@@ -9,6 +9,7 @@ limits each axis of the world separately, so the strength would depend on the he
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -30,6 +31,10 @@ SIDES = ("left", "right")
 MAX_CONSTRAINT_FORCE = 1e4
 #: After unlocking, contact between the units is restored once they overlap by less than this [m].
 RELEASE_OVERLAP = 0.0002
+
+
+#: A collision shape of PyBullet with position [m] and quaternion xyzw in the inertial frame of a unit's root.
+_Shape = tuple[int, tuple[list[float], list[float]]]
 
 
 class LockPlant(Protocol):
@@ -67,15 +72,29 @@ class PinLock(PortMechanism):
         self._world = world
         self._plant = plant
         self._unit, self._target = world.unit(step.unit), world.unit(step.target_unit)
-        names = [(f"pin_{side}", f"port_{step.target_port}_hole_{side}") for side in SIDES]
-        for pin, hole in names:
-            if pin not in self._unit.links or hole not in self._target.links:
-                raise GeometryError(
-                    f"{step.unit} -> {step.to}: the URDFs need the links {pin!r} and {hole!r}"
-                )
-        self._pairs = tuple((self._unit.link(pin), self._target.link(hole)) for pin, hole in names)
+        self._pairs = tuple(self._pair(side) for side in SIDES)
         self._constraint: int | None = None
         self._contact_disabled = False
+
+    def _pair(self, side: str) -> tuple[int, tuple[_Shape, ...]]:
+        """Return the link of a pin and the shapes at the bottom of its hole."""
+        step, target = self.dock_step, self._target
+        pin, hole = f"pin_{side}", f"port_{step.target_port}_hole_{side}"
+        solids = [solid for solid in target.geometry.solids if solid.link == hole]
+        if pin not in self._unit.links or not solids or any(solid.kind != "box" for solid in solids):
+            raise GeometryError(
+                f"{step.unit} -> {step.to}: the URDFs need a link {pin!r}, and {hole!r} made of boxes"
+            )
+        bottom = []
+        for solid in solids:
+            shape = pybullet.createCollisionShape(
+                pybullet.GEOM_BOX,
+                halfExtents=[0.5 * edge for edge in solid.size],
+                physicsClientId=self._world.client,
+            )
+            X_IG = target.X_IU @ solid.X_UG
+            bottom.append((shape, (X_IG.p.tolist(), X_IG.quaternion_xyzw().tolist())))
+        return self._unit.link(pin), tuple(bottom)
 
     @property
     def engaged(self) -> bool:
@@ -172,16 +191,25 @@ class PinLock(PortMechanism):
 
     def _depth_left(self, pair: int) -> float:
         """Return the distance of a pin from the bottom of the hole [m]; infinite beyond the lock reach."""
-        pin, hole = self._pairs[pair]
-        points = pybullet.getClosestPoints(
-            self._unit.body,
-            self._target.body,
-            LOCK_REACH,
-            linkIndexA=pin,
-            linkIndexB=hole,
-            physicsClientId=self._world.client,
-        )
-        return min((float(point[8]) for point in points), default=float("inf"))
+        pin, bottom = self._pairs[pair]
+        body, client = self._target.body, self._world.client
+        X_WI = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
+        depth_left = math.inf
+        for shape, X_IG in bottom:
+            position, quaternion = pybullet.multiplyTransforms(*X_WI, *X_IG, physicsClientId=client)
+            # The bottom is welded to the unit, so that the query places shapes of its own there.
+            points = pybullet.getClosestPoints(
+                self._unit.body,
+                -1,
+                LOCK_REACH,
+                linkIndexA=pin,
+                collisionShapeB=shape,
+                collisionShapePositionB=position,
+                collisionShapeOrientationB=quaternion,
+                physicsClientId=client,
+            )
+            depth_left = min([depth_left, *(float(point[8]) for point in points)])
+        return depth_left
 
     def _catch(self) -> None:
         if not all(self._depth_left(i) <= LOCK_REACH for i in range(2)):

@@ -60,7 +60,7 @@ class TagVisuals:
             shown = None if unit in self._hidden else tag_id
             mesh, _ = write_plate(self._folder, f"{unit}_{slot}", scene.tag_size(slot), shown)
             _add_visual(links[slot], mesh)
-        weld(tree, geometry.mechanism)
+        weld(tree, geometry.pins)
         path = self._folder / f"{unit}.urdf"
         tree.write(path, encoding="utf-8", xml_declaration=True)
         return path

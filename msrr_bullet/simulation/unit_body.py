@@ -83,7 +83,7 @@ def load_unit(client: int, geometry: UnitGeometry, welded: Path | None = None) -
 
 def _weld_and_load(geometry: UnitGeometry, client: int) -> int:
     tree = read_urdf(geometry.urdf)
-    weld(tree, geometry.mechanism)
+    weld(tree, geometry.pins)
     with tempfile.TemporaryDirectory(prefix="msrr-") as folder:
         path = Path(folder) / geometry.urdf.name
         tree.write(path, encoding="utf-8", xml_declaration=True)

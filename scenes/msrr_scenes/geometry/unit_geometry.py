@@ -144,9 +144,9 @@ class UnitGeometry:
         return tuple(slots)
 
     @cached_property
-    def mechanism(self) -> tuple[str, ...]:
-        """Links of the lock: the pins of the active port and the bottoms of the passive ports' holes."""
-        return tuple(name for name in self.frames if name.startswith("pin_") or "_hole_" in name)
+    def pins(self) -> tuple[str, ...]:
+        """Links of the pins of the active port."""
+        return tuple(name for name in self.frames if name.startswith("pin_"))
 
     @cached_property
     def footprint(self) -> Array:

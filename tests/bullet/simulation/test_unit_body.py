@@ -48,7 +48,7 @@ def test_links_are_found_by_name(client: int, geometry: UnitGeometry) -> None:
     unit = load_unit(client, geometry)
     assert [name for name, index in unit.links.items() if index == ROOT] == ["base"]
     assert (unit.link("wheel_left"), unit.link("wheel_right")) == unit.wheels
-    assert set(geometry.mechanism) <= set(unit.links)
+    assert set(geometry.pins) <= set(unit.links)
     with pytest.raises(UnknownNameError, match="unknown link 'pin_lft'; did you mean 'pin_left'"):
         unit.link("pin_lft")
 

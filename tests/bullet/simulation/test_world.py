@@ -58,9 +58,9 @@ def test_every_setting_of_the_urdf_reaches_the_physics(world):
     }
     assert friction["caster_front"] == friction["caster_rear"] == 0.0
     assert friction["wheel_left"] == friction["wheel_right"] == 1.0
-    mechanism = set(world.unit("a").geometry.mechanism)
-    assert set(friction) - mechanism == {"base", "wheel_left", "wheel_right", "caster_front", "caster_rear"}
-    assert {friction[name] for name in ("base", *mechanism)} == {0.35}
+    pins = set(world.unit("a").geometry.pins)
+    assert set(friction) - pins == {"base", "wheel_left", "wheel_right", "caster_front", "caster_rear"}
+    assert {friction[name] for name in ("base", *pins)} == {0.35}
 
 
 def test_the_wheels_carry_the_unit(world):
