@@ -11,6 +11,8 @@ SWITCH_TRAVEL = 0.002
 #: The lock catches a pin that is this close to the bottom of the hole [m]: a little more than the travel of
 #: the switch, so that a closed switch means a pin in reach.
 LOCK_REACH = 0.0025
+#: Distance by which pitch and roll move a port over the floor, at most [m].
+TILT_M = 0.01
 #: A lock whose units come apart by this much under the pull has failed [m].
 MAX_PULL_DISPLACEMENT = 0.002
 

@@ -40,11 +40,11 @@ class WheelEncoders:
     def read(self, wheel_angles: tuple[float, float], stamp_ns: int) -> WheelOdometry:
         """Return the reading for true wheel angles [rad]; the first reading is zero."""
         # The number of draws per reading does not depend on the motion.
-        noise = self._rng.standard_normal(2)
+        noise = self._rng.standard_normal(2).tolist()
         before = self._true or wheel_angles
         for i in range(2):
             turned = wheel_angles[i] - before[i]
-            walk = self._spec.noise_rad * math.sqrt(abs(turned)) * float(noise[i])
+            walk = self._spec.noise_rad * math.sqrt(abs(turned)) * noise[i]
             self._measured[i] += self.scale[i] * turned + walk
         self._true = wheel_angles
         tick = 2.0 * math.pi / self._spec.ticks_per_turn

@@ -16,7 +16,13 @@ from typing import Protocol
 import numpy as np
 import pybullet
 
-from msrr_bullet.plant.lock_actuator import LOCK_REACH, MAX_PULL_DISPLACEMENT, SWITCH_TRAVEL, PullResult
+from msrr_bullet.plant.lock_actuator import (
+    LOCK_REACH,
+    MAX_PULL_DISPLACEMENT,
+    SWITCH_TRAVEL,
+    TILT_M,
+    PullResult,
+)
 from msrr_bullet.plant.plant import PortMechanism
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody
 from msrr_bullet.simulation.world import BulletWorld
@@ -73,6 +79,10 @@ class PinLock(PortMechanism):
         self._plant = plant
         self._unit, self._target = world.unit(step.unit), world.unit(step.target_unit)
         self._pairs = tuple(self._pair(side) for side in SIDES)
+        # Pins lie inside the circle about their unit, the bottoms of holes inside that about the target.
+        self._reach = (
+            self._unit.geometry.circumradius + self._target.geometry.circumradius + LOCK_REACH + TILT_M
+        )
         self._constraint: int | None = None
         self._contact_disabled = False
 
@@ -191,6 +201,9 @@ class PinLock(PortMechanism):
 
     def _depth_left(self, pair: int) -> float:
         """Return the distance of a pin from the bottom of the hole [m]; infinite beyond the lock reach."""
+        X_WU, X_WT = self._world.pose(self.dock_step.unit), self._world.pose(self.dock_step.target_unit)
+        if math.hypot(X_WU.x - X_WT.x, X_WU.y - X_WT.y) > self._reach:
+            return math.inf
         pin, bottom = self._pairs[pair]
         body, client = self._target.body, self._world.client
         X_WI = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)

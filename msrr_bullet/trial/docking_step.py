@@ -112,7 +112,7 @@ class DockingStep:
     def observe(self, now_ns: int) -> None:
         """Let the judge observe pins and seat after a tick of the physics."""
         if not self.undocks:
-            self.judge.tick(now_ns, self.action.attempt, self.robot.estimate)
+            self.judge.tick(now_ns, self.action.attempt, lambda: self.robot.estimate)
 
     def note_clearance(self, distance: float) -> None:
         """Take note of the smallest clearance of all bodies at this instant [m]."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from msrr_bullet.collision.clearance import Pair
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.collision.locked_group import neighbour_limits
+from msrr_bullet.plant.lock_actuator import TILT_M
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.step_result import Contact, PlanarPose, Seating
@@ -105,7 +106,8 @@ class Judge:
         self.step = step
         self._plant = simulation.plant
         geometry = scene.geometry(step.unit)
-        self._X_UP = SE3.from_se2(geometry.port(step.port), geometry.pin_height)
+        self._X_UP_plane = geometry.port(step.port)
+        self._X_UP = SE3.from_se2(self._X_UP_plane, geometry.pin_height)
         self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._X_DT = SE3.from_se2(self.X_TD).inverse()
         self.pair: Pair = frozenset({step.unit, step.target_unit})
@@ -131,7 +133,13 @@ class Judge:
         return self.X_WD().inverse() @ self._plant.pose(self.step.unit)
 
     def port_pose(self) -> PortPose:
-        """Return the true pose of the docking port in the dock frame."""
+        """Return the true pose of the docking port in the dock frame.
+
+        Near the target it is that at the height of the pins, by pitch and roll; elsewhere that in the plane.
+        """
+        X_DP = self.X_DU() @ self._X_UP_plane
+        if X_DP.x < -(ZONE_DEPTH_M + self._travel + TILT_M):
+            return PortPose(-X_DP.x, X_DP.y, X_DP.yaw)
         X_WU, X_WT = self._plant.pose3(self.step.unit), self._plant.pose3(self.step.target_unit)
         # X_DT X_WT^-1 X_WU X_UP, of which only a point and a direction are needed, at every tick near a port.
         p_T = (X_WU.R @ self._X_UP.p + X_WU.p - X_WT.p) @ X_WT.R
@@ -158,13 +166,13 @@ class Judge:
             and abs(port.yaw) <= SEATED_YAW_RAD
         )
 
-    def tick(self, now_ns: int, attempt: int, estimate: PoseEstimate | None) -> None:
+    def tick(self, now_ns: int, attempt: int, estimate: Callable[[], PoseEstimate | None]) -> None:
         """Observe pins and seat at one physics tick.
 
         Args:
             now_ns: Simulated time.
             attempt: Number of the attempt of the robot; a new one resets the seat.
-            estimate: Estimate of the robot, which is compared with the truth at the first contact.
+            estimate: Returns the estimate of the robot, to be compared with the truth at the first contact.
         """
         if attempt != self._attempt:
             self._attempt = attempt
@@ -180,7 +188,7 @@ class Judge:
                 time_s=seconds(now_ns),
                 lateral_m=abs(port.lateral),
                 yaw_rad=abs(port.yaw),
-                estimate_error=self._error(estimate),
+                estimate_error=self._error(estimate()),
             )
         if port.gap < self._deepest:
             self._deepest, self._deepest_pose = port.gap, port

@@ -21,6 +21,9 @@ from msrr_scenes.messages.coordination import Authority, LegKind
 #: Speed below which a unit stands still [m/s], [rad/s].
 _STILL_MPS, _STILL_RADPS = 0.02, 0.05
 
+#: Distance from where it has to wait within which a unit at rest stays where it is [m].
+_HOLD_M = 0.005
+
 #: Heading error at which a turn on the spot ends [rad].
 _ALIGNED_RAD = math.radians(2.0)
 
@@ -179,8 +182,13 @@ class GuidedAssembler(Generic[State]):
         if not follower.started:
             follower.start(arena.X_WU, observation.twist, now)
         allowed = limit - begin + offset
+        if allowed < follower.s + _HOLD_M and allowed < follower.route.path.length:
+            # The law would creep after the noise of the estimate for as long as the unit waits.
+            lag = math.dist(follower.tip(arena.X_WU), follower.position)
+            if lag < 2.0 * _HOLD_M and self._rests(observation):
+                return STILL
         twist = follower.step(arena, follower.s, self._dt, limit=allowed)
-        lag = math.dist(follower.tip(arena.X_WU), follower.route.path.at(follower.s).point.tolist())
+        lag = math.dist(follower.tip(arena.X_WU), follower.position)
         self.covered = max(self.covered, min(begin + follower.s - offset - lag, leg.end))
         remaining = float(follower.route.path.length) - follower.s
         if remaining > 2e-3:

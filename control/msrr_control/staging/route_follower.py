@@ -64,6 +64,11 @@ class RouteFollower(Generic[State]):
         """Arc length of the desired point [m]; 0 before the law is at work."""
         return 0.0 if self._state is None else float(self._state.pace.s)
 
+    @property
+    def position(self) -> tuple[float, float]:
+        """Point of the path at the arc length :attr:`s` in W [m]."""
+        return _as_tuple(self.route.path.at(self.s).point)
+
     def tip(self, X_WU: SE2) -> tuple[float, float]:
         """Return the controlled point in W [m]."""
         return _as_tuple(offset_point(X_WU.as_array(), self._setup.offset))

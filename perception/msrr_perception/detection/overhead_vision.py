@@ -48,7 +48,8 @@ class OverheadVision:
        a row only in every ``standing_every``-th. A tag that is not found is read for once more in a wider
        window.
     2. A part of the frame, searched for unknown bodies, so that within ``search_period_s`` the whole frame is
-       searched once.
+       searched once. Nothing is searched for while all tags of the catalogue are read where they are
+       expected.
     3. The full frame, at most every ``missing_period_s``, when one of the units that matter is unknown or
        missing.
 
@@ -234,7 +235,7 @@ class OverheadVision:
         if missing and _is_past(stamp_ns, self._last_frame_ns, self._missing_period_ns):
             self._last_frame_ns = self._last_part_ns = stamp_ns
             part = self.model.camera.frame
-        elif _is_past(stamp_ns, self._last_part_ns, self._part_period_ns):
+        elif _is_past(stamp_ns, self._last_part_ns, self._part_period_ns) and not self._knows_all(expected):
             self._last_part_ns = stamp_ns
             part = self._parts[self._next_part % len(self._parts)]
             self._next_part += 1
@@ -248,6 +249,10 @@ class OverheadVision:
             if e is None or not e.window(self._policy).contains(Window.around(pixels, 0.0)):
                 unread.append(ExpectedTag(tag_id, pixels, _EXACT))
         self._read(reader, unread)
+
+    def _knows_all(self, expected: Mapping[int, ExpectedTag]) -> bool:
+        """Return whether every tag of the catalogue was found where it was expected when last read."""
+        return all(i in expected and i in self._offsets for i in self.model.tags)
 
     def _remember(
         self, reader: FrameReader, due: Mapping[int, ExpectedTag], predictions: Mapping[str, GlobalPose]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 
 from scipy.stats import chi2
 
@@ -14,6 +15,28 @@ from msrr_perception.estimation.body_track import BodyTrack, SeenPose, Sightings
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import Detections, GlobalPose, ObstacleEstimate
+from msrr_scenes.specs.vehicle import LimitsSpec
+
+# The trackers of all units in a mission are given the same measurements. Tracks never change, so that what
+# one tracker has computed serves the others.
+
+
+@lru_cache(maxsize=64)
+def _noise(limits: LimitsSpec, gate: float, restart_after: int) -> TrackNoise:
+    """Return the same object for the same values."""
+    return TrackNoise(limits, gate=gate, restart_after=restart_after)
+
+
+@lru_cache(maxsize=256)
+def _track_after(track: BodyTrack | None, seen: SeenPose, noise: TrackNoise) -> BodyTrack:
+    """Return the track after a measurement, a new one if there was none."""
+    return track.after(seen, noise) if track else BodyTrack.at_rest(seen)
+
+
+@lru_cache(maxsize=256)
+def _pose(track: BodyTrack, stamp_ns: int, noise: TrackNoise) -> GlobalPose:
+    """Return the pose of a body at an instant."""
+    return track.pose(stamp_ns, noise)
 
 
 class ArenaTracker:
@@ -42,7 +65,7 @@ class ArenaTracker:
             raise SceneError("arena tracker: restart_after must be at least 1")
         self.model = model
         gate = float(chi2.ppf(gate_probability, 3))
-        self.noise = TrackNoise(model.limits, gate=gate, restart_after=restart_after)
+        self.noise = _noise(model.limits, gate, restart_after)
         self._localizer = model.localizer()
         self._tracks: dict[str, BodyTrack] = {}
 
@@ -64,8 +87,7 @@ class ArenaTracker:
 
     def add(self, seen: SeenPose) -> None:
         """Add a measured pose."""
-        track = self._tracks.get(seen.pose.name)
-        self._tracks[seen.pose.name] = track.after(seen, self.noise) if track else BodyTrack.at_rest(seen)
+        self._tracks[seen.pose.name] = _track_after(self._tracks.get(seen.pose.name), seen, self.noise)
 
     def knows(self, name: str) -> bool:
         """Return whether a body has been seen."""
@@ -73,7 +95,7 @@ class ArenaTracker:
 
     def poses(self, stamp_ns: int) -> dict[str, GlobalPose]:
         """Return the pose of every body that has been seen, at an instant."""
-        return {name: track.pose(stamp_ns, self.noise) for name, track in self._tracks.items()}
+        return {name: _pose(track, stamp_ns, self.noise) for name, track in self._tracks.items()}
 
     def seen_ns(self, name: str) -> int:
         """Return the time of the exposure in which a body was seen last."""

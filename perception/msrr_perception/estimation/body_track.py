@@ -23,7 +23,7 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 _SAME_PLACE = float(chi2.ppf(0.99, 3))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class TrackNoise:
     """The assumed motion of a body, and the gate for its measurements.
 

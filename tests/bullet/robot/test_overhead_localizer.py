@@ -49,7 +49,7 @@ def test_a_drive_is_localised_from_few_pixels(open_arena: Callable) -> None:
     assert all(0 in ids(look) for look in arena.looks)
     pixels = arena.pixels(arena.looks)
     whole = [p for p in pixels if p >= FULL]
-    assert len(whole) == 5
+    assert len(whole) == 1, "nothing is searched for while every tag is read where it is expected"
     assert max(p for p in pixels if p < FULL) < 50_000
     assert np.median(pixels) < 12_000
     frame = arena.camera.pinhole.frame

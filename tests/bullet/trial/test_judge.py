@@ -152,7 +152,7 @@ def test_a_pair_that_docks_is_exempt_and_its_neighbours_are_not(scene: Scene) ->
 
 def keep_seated(judge: Judge, ticks: int = 200) -> Judge:
     for k in range(ticks):
-        judge.tick(k * 4_166_667, 1, None)
+        judge.tick(k * 4_166_667, 1, lambda: None)
     return judge
 
 
@@ -187,7 +187,7 @@ def test_a_new_attempt_resets_the_seat(scene: Scene) -> None:
     crowded.simulation.plant.begin_dock(scene.plan[0])
     judge = keep_seated(crowded.judge())
     assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is Outcome.FALSE_ABORT
-    judge.tick(10**9, 2, None)
+    judge.tick(10**9, 2, lambda: None)
     assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is not Outcome.FALSE_ABORT
 
 
@@ -201,15 +201,15 @@ def test_the_time_in_the_seat_begins_anew_after_a_break(scene: Scene) -> None:
     # Two stays of 0.8 of the time, with a break of one tick: more than enough together, neither by itself.
     for start_ns in (0, share_ns + 2):
         for at_ns in (start_ns, start_ns + share_ns):
-            judge.tick(at_ns, 1, None)
+            judge.tick(at_ns, 1, lambda: None)
         judge._plant = off.simulation.plant
-        judge.tick(start_ns + share_ns + 1, 1, None)
+        judge.tick(start_ns + share_ns + 1, 1, lambda: None)
         judge._plant = seat.simulation.plant
         verdict = judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True)
         assert verdict is not Outcome.FALSE_ABORT
     third_ns = 2 * share_ns + 4
     for at_ns in (third_ns, third_ns + round(1.01e9 * FALSE_ABORT_TIME_S)):
-        judge.tick(at_ns, 1, None)
+        judge.tick(at_ns, 1, lambda: None)
     assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is Outcome.FALSE_ABORT
 
 
