@@ -33,7 +33,20 @@ def shipped() -> ShippedScene:
 
 #: Files that take longest. With ``--dist loadfile --no-loadscope-reorder`` they are begun first, so that no
 #: worker is left alone with one of them at the end.
-LONGEST = ("test_wheel.py", "test_docking.py", "test_camera.py", "test_replayer.py", "test_trial.py")
+LONGEST = (
+    "test_trial_commands.py",
+    "test_coordinated_replayer.py",
+    "test_run.py",
+    "test_readme.py",
+    "test_recorded_robot.py",
+    "test_docking.py",
+    "test_live.py",
+    "test_replay_page.py",
+    "test_collision_monitor.py",
+    "test_csv_files.py",
+    "test_mission_figures.py",
+    "test_worker_pool.py",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -6,7 +6,9 @@ import ast
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -71,6 +73,24 @@ def test_imports_run_one_way(package: str) -> None:
     for path in sources(package):
         foreign = set(imported(ast.parse(path.read_text()))) & GUARDED - allowed
         assert not foreign, f"{path.relative_to(ROOT)} imports {', '.join(sorted(foreign))}"
+
+
+def test_what_is_imported_is_a_dependency_and_nothing_else_is() -> None:
+    def normal(name: str) -> str:
+        return re.sub(r"[-_.]+", "-", name).lower()
+
+    names = {
+        name
+        for package in PACKAGES
+        for path in sources(package)
+        for name in imported(ast.parse(path.read_text()))
+    }
+    names.discard("pydantic_core")  # comes with pydantic, which pins it
+    foreign = names - sys.stdlib_module_names - PACKAGES.keys()
+    providers = packages_distributions()
+    needed = {normal(provider) for name in foreign for provider in providers[name]}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert needed == {normal(re.split(r"[^\w.-]", text)[0]) for text in project["dependencies"]}
 
 
 def test_the_linters_contracts_are_kept() -> None:

@@ -175,17 +175,26 @@ class MissionRun:
         return found[len(found) // 2]
 
 
-@pytest.fixture(scope="session")
-def mission_run(tmp_path_factory: pytest.TempPathFactory) -> MissionRun:
-    """A mission of four units, seen by the cameras, watched while it runs and read from its log."""
-    folder = tmp_path_factory.mktemp("mission_run")
+def record_mission(folder: Path, **overrides: str) -> MissionRun:
     (folder / "tee.yaml").write_text(MISSION)
-    scene = load_scene(folder / "tee.yaml")
+    scene = load_scene(folder / "tee.yaml", overrides)
     viewer = KeepingViewer()
     with McapRecorder(folder / LOG_NAME, LogHeader.of(scene, 1, {})) as recorder:
         Trial(scene, 1, recorder=recorder, viewer=viewer).run()
     log = read_log(folder)
     return MissionRun(folder, log, viewer.snapshots, read_snapshots(log))
+
+
+@pytest.fixture(scope="session")
+def mission_run(tmp_path_factory: pytest.TempPathFactory) -> MissionRun:
+    """A mission of four units without any pixels, watched while it runs and read from its log."""
+    return record_mission(tmp_path_factory.mktemp("mission_run"), perception="parametric")
+
+
+@pytest.fixture(scope="session")
+def mission_by_images(tmp_path_factory: pytest.TempPathFactory) -> MissionRun:
+    """The same mission, seen by the cameras."""
+    return record_mission(tmp_path_factory.mktemp("mission_by_images"))
 
 
 class KeepingViewer:

@@ -125,48 +125,45 @@ class Law:
 
 
 def test_a_user_s_class_in_the_current_folder_that_fails_is_bad_input(
-    short_trial: list[str], tmp_path: Path
+    short_trial: list[str], tmp_path: Path, capsys: Capture
 ) -> None:
     """It was not found without PYTHONPATH, and its failure asked to be reported as ours."""
     (tmp_path / "broken_law.py").write_text(BROKEN)
     (tmp_path / "mcap.py").write_text("raise RuntimeError('not the package')\n")  # replaces nothing
-    sources = os.pathsep.join(path for path in sys.path if path)
-
-    def msrr(*arguments: str) -> subprocess.CompletedProcess[str]:
-        # -P: as with the console script, the current folder is not on the path.
-        return subprocess.run(
-            [sys.executable, "-P", "-m", "msrr_bullet.cli", *arguments],
-            capture_output=True,
-            text=True,
-            check=False,
-            env={**os.environ, "PYTHONPATH": sources},
-        )
-
     law = [*short_trial, "--set", "control.docking=broken_law:Law"]
     says = "controller 'broken_law:Law', broken_law.py line 6: step raised ZeroDivisionError"
-    done = msrr("dock", "close_range", *law, "--out", "run")
+    done = subprocess.run(
+        # -P: as with the console script, the current folder is not on the path.
+        [sys.executable, "-P", "-m", "msrr_bullet.cli", "dock", "close_range", *law, "--out", "run"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+    )
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert done.stderr.startswith(f"msrr: {says}")
     assert "report" not in done.stderr
 
-    refused = msrr("replay", "run")
-    assert refused.returncode == 2
-    assert "the log names broken_law:Law by import path" in refused.stderr
-    trusted = msrr("replay", "run", "--trust")
-    assert (trusted.returncode, trusted.stderr) == (0, "")
-    assert "run: identical" in trusted.stdout
+    # Replays and sweeps start processes of their own, in which the class runs.
+    assert run(["replay", "run"]) == 2
+    assert "the log names broken_law:Law by import path" in capsys.readouterr().err
+    assert run(["replay", "run", "--trust"]) == 0
+    out, err = capsys.readouterr()
+    assert "run: identical" in out
+    assert err == ""
 
-    swept = msrr("sweep", "close_range", *law, "--seeds", "0:3", "--jobs", "1", "--json", "-")
-    assert swept.returncode == 2
-    assert "the program of the unit failed in 3 of 3 trials" in swept.stderr
-    summary = json.loads(swept.stdout)
+    assert run(["sweep", "close_range", *law, "--seeds", "0:3", "--jobs", "1", "--json", "-"]) == 2
+    out, err = capsys.readouterr()
+    assert "the program of the unit failed in 3 of 3 trials" in err
+    summary = json.loads(out)
     assert (summary["outcomes"], summary["failures"]) == ({"program_failed": 3}, [])
     assert (summary["trials"], summary["success"]["rate"]) == (3, 0.0)
 
 
 def test_dock_and_replay_of_a_mission(line_of_three: Path, tmp_path: Path, capsys: Capture) -> None:
     run_folder = tmp_path / "run"
-    assert run(["dock", str(line_of_three), "--seed", "1", "--out", str(run_folder)]) == 0
+    line_of_two = ["--set", "shape={line: 2}"]
+    assert run(["dock", str(line_of_three), *line_of_two, "--seed", "1", "--out", str(run_folder)]) == 0
     shown = capsys.readouterr().out
     assert "complete, run folder" in shown
     assert "all tasks are done" in shown

@@ -18,7 +18,6 @@ from msrr_scenes.loading.load import load_scene
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.bodies import BoxSpec, CylinderSpec
 
-PAIRS = 5_000
 #: FCL represents a point by a sphere of a nanometre; a few of those are rounding here [m].
 NANO = 2e-8
 UNIT = read_unit(find_urdf("unit.urdf"))
@@ -86,9 +85,11 @@ def measure(a, X_WA, b, X_WB) -> Clearance:
     return only
 
 
-def test_clearances_of_5000_pairs_are_exact(pairs, exact_clearance):
+@pytest.mark.parametrize("count", [1000, pytest.param(5000, marks=pytest.mark.nightly)])
+def test_clearances_of_many_pairs_are_exact(pairs, exact_clearance, count):
+    """FCL's own boxes of different heights err in one of ten pairs, which a sample of 1000 cannot miss."""
     errors, apart, touching, overlapping = [], 0, 0, 0
-    for a, X_WA, b, X_WB in pairs("oracle", PAIRS):
+    for a, X_WA, b, X_WB in pairs("oracle", count):
         expected, _ = exact_clearance(a, X_WA, b, X_WB)
         clearance = measure(a, X_WA, b, X_WB)
         errors.append(abs(clearance.distance - expected))
@@ -97,7 +98,7 @@ def test_clearances_of_5000_pairs_are_exact(pairs, exact_clearance):
         overlapping += expected < -1e-9
         if expected < -1e-9:
             assert clearance.distance <= 0.0
-    assert min(apart, touching, overlapping) > PAIRS // 8, "the sample covers all three cases"
+    assert min(apart, touching, overlapping) > count // 8, "the sample covers all three cases"
     assert max(errors) < 1e-6
 
 

@@ -154,13 +154,13 @@ def test_an_overhead_frame_shows_ways_routes_waiting_and_docked_pairs(count_pixe
 
 
 @pytest.mark.nightly
-def test_all_frames_of_a_mission_and_its_film_are_written(mission_run, monkeypatch, capsys):
+def test_all_frames_of_a_mission_and_its_film_are_written(mission_by_images, monkeypatch, capsys):
     """Frames of units whose step the plan does not hold, and of units that have no step at all."""
     monkeypatch.setattr(frame_files, "FILM_RATE", 0.5)
-    assert run(["frames", str(mission_run.folder), "--count", "2", "--video"]) == 0
-    folder = mission_run.folder / "frames"
+    assert run(["frames", str(mission_by_images.folder), "--count", "2", "--video"]) == 0
+    folder = mission_by_images.folder / "frames"
     cameras = {path.name.rsplit("_", 1)[0] for path in folder.glob("*.png")} - {"sheet.png"}
-    docked = [u for u in "abcd" if mission_run.snapshots[-1].mission.docked_to(u)]
+    docked = [u for u in "abcd" if mission_by_images.snapshots[-1].mission.docked_to(u)]
     assert {"overhead", *(f"{unit}_onboard" for unit in docked)} <= cameras
     film = cv2.VideoCapture(str(folder / "film.webm"))
     read, image = film.read()

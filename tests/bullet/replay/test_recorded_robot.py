@@ -21,7 +21,6 @@ from msrr_bullet.log import (
 from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_of
 from msrr_bullet.replay import replay, replay_isolated
-from msrr_bullet.run import run_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.loading.load import load_scene
@@ -41,8 +40,10 @@ def record(scene: Scene, seed: int, path: Path) -> TrialResult:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One docking by rendered images, from the start to the pull test."""
-    out = tmp_path_factory.mktemp("docking") / "run"
-    assert run_trial(load_scene("close_range"), SEED, out=out).outcome is Outcome.DOCKED
+    out = tmp_path_factory.mktemp("docking")
+    result = record(load_scene("close_range"), SEED, out / "trial.mcap")
+    assert result.outcome is Outcome.DOCKED
+    (out / "result.json").write_text(result.to_json())
     return out
 
 
@@ -99,9 +100,14 @@ def test_a_replay_without_the_simulator_is_identical(run: Path, log: Log) -> Non
 def test_another_process_writes_the_same_log(run: Path, log: Log, tmp_path: Path) -> None:
     code = (
         "import sys; from pathlib import Path\n"
-        "from msrr_bullet.run import run_trial\n"
+        "from msrr_bullet.log import LogHeader, McapRecorder\n"
+        "from msrr_bullet.trial.trial import Trial\n"
         "from msrr_scenes.loading.load import load_scene\n"
-        f"run_trial(load_scene('close_range'), {SEED}, out=Path(sys.argv[1]))\n"
+        "scene = load_scene('close_range')\n"
+        f"header = LogHeader.of(scene, {SEED}, {{}})\n"
+        "with McapRecorder(Path(sys.argv[1]) / 'trial.mcap', header) as recorder:\n"
+        f"    result = Trial(scene, {SEED}, recorder=recorder).run()\n"
+        "(Path(sys.argv[1]) / 'result.json').write_text(result.to_json())\n"
     )
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, check=False)
     assert done.returncode == 0, done.stderr.decode()
@@ -178,14 +184,14 @@ def test_every_message_of_a_trial_is_encoded_again_to_the_same_bytes(log: Log) -
 
 def test_a_log_of_an_earlier_version_can_be_replayed() -> None:
     """The first 0.4 s of a trial, written by version 0.1.0."""
-    report = replay_isolated(Path(__file__).parent / "data" / "close_range_0_1_0.mcap")
+    report = replay(Path(__file__).parent / "data" / "close_range_0_1_0.mcap")
     assert report.identical
     assert report.windows > 0
 
 
 def test_the_replay_of_an_earlier_version_shows_how_the_overhead_estimates_have_changed() -> None:
     """The first 0.4 s of a trial without pixels, by version 0.1.0: covariances differ, poses by little."""
-    report = replay_isolated(Path(__file__).parent / "data" / "two_units_0_1_0.mcap")
+    report = replay(Path(__file__).parent / "data" / "two_units_0_1_0.mcap")
     assert report.complete
     assert report.commands > 10
     estimates = [m for m in report.mismatches if m.what == "situation"]

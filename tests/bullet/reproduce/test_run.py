@@ -1,28 +1,91 @@
-"""The files of a reproduction: report, figures and the JSON from which both are made."""
+"""A whole reproduction on unicycles: its studies, its findings, and the files that are made from it."""
 
 from pathlib import Path
 
 import pytest
 
+from msrr_bullet.reproduce import unicycle_studies
 from msrr_bullet.reproduce.progress import ProgressListener
+from msrr_bullet.reproduce.report.findings import requirements
+from msrr_bullet.reproduce.report.ranking import COLUMNS, default_controller_text, ranking_text
 from msrr_bullet.reproduce.run import contenders, joined, reproduce, write_all
+from msrr_bullet.studies.ablations import VARIANTS
 from msrr_bullet.studies.model import Reproduction
+from msrr_bullet.studies.settings import HARD, STANDARD
+from msrr_scenes.specs.spec import Choice
 
 
-def test_report_figures_and_json(unicycle_results: Reproduction, tmp_path: Path) -> None:
-    text = write_all(unicycle_results, tmp_path).read_text()
-    images = sorted(tmp_path.glob("*.png"))
-    assert text.count("data:image/png;base64,") == len(images) > 8
-    assert 'src="http' not in text
-    for image in images:
-        assert image.read_bytes().startswith(b"\x89PNG")
-    loaded = Reproduction.model_validate_json((tmp_path / "reproduction.json").read_text())
-    assert loaded == unicycle_results
-    again = tmp_path / "again"
-    again.mkdir()
-    assert write_all(loaded, again).read_text() == text
-    for image in images:
-        assert (again / image.name).read_bytes() == image.read_bytes()
+@pytest.fixture(scope="module")
+def unicycle_results() -> Reproduction:
+    """A whole reproduction on unicycles with three trials and a map of four cells."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(unicycle_studies, "GAINS", (0.8, 6.0))
+        patch.setattr(unicycle_studies, "LATENCIES", (0.0, 0.1))
+        patch.setattr(unicycle_studies, "TABLES", (STANDARD, HARD))
+        patch.setattr("msrr_bullet.studies.ablations.SETTINGS", (STANDARD,))
+        contenders = {
+            "long": {"C1": Choice(name="c1")},
+            "close": {"C1": Choice(name="c1"), "CBF": Choice(name="cbf")},
+        }
+        return unicycle_studies.reproduce_unicycle(range(3), contenders)
+
+
+def test_every_study_is_in_the_results(unicycle_results: Reproduction) -> None:
+    tables = [(t.phase, t.setting, [r.label for r in t.rows]) for t in unicycle_results.tables]
+    close = ["C1", "CBF"]
+    assert tables == [
+        ("long", "standard", ["C1"]),
+        ("long", "hard", ["C1"]),
+        ("close", "standard", close),
+        ("close", "hard", close),
+    ]
+    assert {p.phase: list(p.series) for p in unicycle_results.panels} == {"long": ["C1"], "close": close}
+    for ablations in unicycle_results.ablations:
+        (table,) = ablations.tables
+        assert table.phase == ablations.phase
+        assert [r.label for r in table.rows] == list(VARIANTS[ablations.phase])
+    assert [(m.compensated, len(m.gains)) for m in unicycle_results.maps] == [(False, 2), (True, 1)]
+    assert unicycle_results.seeds == {"unicycle": (0, 3)}
+
+
+def test_requirements_are_answered_from_the_tables(unicycle_results: Reproduction) -> None:
+    answered = requirements(unicycle_results)
+    assert sum("C1, unicycle" in r.text for r in answered) == 5
+    table = unicycle_results.table("close", "unicycle", "standard")
+    assert table is not None
+    final = table.rows[0].measures["final"].quantiles.p95
+    assert final is not None
+    assert any(f"/ {1e3 * final:.3g} mm" in r.result for r in answered)
+
+
+def test_the_laws_are_ranked_by_the_tables(unicycle_results: Reproduction) -> None:
+    assert "CBF" in default_controller_text(unicycle_results)
+    head, rule, *rows = ranking_text(unicycle_results).splitlines()
+    assert {line.count("|") for line in (head, rule, *rows)} == {len(COLUMNS) + 1}
+    assert len(rows) == 2
+
+
+def test_the_same_results_give_the_same_files(unicycle_results: Reproduction, tmp_path: Path) -> None:
+    """Also those that were read from the JSON file; with one figure of each kind."""
+    every = unicycle_results
+    results = every.model_copy(
+        update={
+            "tables": every.tables[:1],
+            "panels": every.panels[:1],
+            "maps": every.maps[:1],
+            "ablations": every.ablations[:1],
+        }
+    )
+    folders = (tmp_path / "first", tmp_path / "again")
+    for folder in folders:
+        folder.mkdir()
+    write_all(results, folders[0])
+    loaded = Reproduction.model_validate_json((folders[0] / "reproduction.json").read_text())
+    assert loaded == results
+    write_all(loaded, folders[1])
+    first, again = ({path.name: path.read_bytes() for path in folder.iterdir()} for folder in folders)
+    assert first == again
+    assert len(first) == 2 + 5
 
 
 def test_several_reproductions_are_joined(unicycle_results: Reproduction) -> None:
@@ -39,7 +102,7 @@ def test_the_contenders_are_shipped_then_tuned() -> None:
     assert all(label.endswith(", tuned") for label in labels[5:])
 
 
-def test_progress_goes_to_the_listener_and_to_a_file(
+def test_a_reproduction_writes_report_figures_and_json_and_tells_its_progress(
     unicycle_results: Reproduction, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     def quick(seeds: range, compared: object, pool: object, on_progress: ProgressListener) -> Reproduction:
@@ -48,8 +111,14 @@ def test_progress_goes_to_the_listener_and_to_a_file(
 
     monkeypatch.setattr("msrr_bullet.reproduce.run.reproduce_unicycle", quick)
     lines: list[str] = []
-    assert reproduce(tmp_path / "out", unicycle=range(3), on_progress=lines.append) == unicycle_results
+    out = tmp_path / "out"
+    assert reproduce(out, unicycle=range(3), on_progress=lines.append) == unicycle_results
     assert lines == ["one study", "figures and report"]
-    written = (tmp_path / "out" / "progress.txt").read_text().splitlines()
+    written = (out / "progress.txt").read_text().splitlines()
     assert [line.split(maxsplit=2)[2] for line in written] == lines
-    assert (tmp_path / "out" / "report.html").is_file()
+    text, images = (out / "report.html").read_text(), sorted(out.glob("*.png"))
+    assert text.count("data:image/png;base64,") == len(images) > 8
+    assert 'src="http' not in text
+    for image in images:
+        assert image.read_bytes().startswith(b"\x89PNG")
+    assert Reproduction.model_validate_json((out / "reproduction.json").read_text()) == unicycle_results

@@ -34,7 +34,7 @@ def plugged(post_x_m: float | None, **changes: Any) -> Scene:
             "name": "plugged",
             "units": {"b": {"number": 1, "pose": {"x_m": 0.6}}, "a": {"number": 0, "pose": {"x_m": -0.6}}},
             "obstacles": {"post": post} if post_x_m is not None else {},
-            "cameras": {"overhead": {}, "onboard": {"renderer": "raster"}},
+            "cameras": {"overhead": {"samples": 1}, "onboard": {"renderer": "raster", "samples": 1}},
             "faults": [{"kind": "port_plugged", "unit": "b", "port": "rear", "attempts": [1]}],
             "docking": {"attempts": 1},
             "plan": [{"unit": "a", "to": "b.rear"}],

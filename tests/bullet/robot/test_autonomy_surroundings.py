@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from msrr_bullet.log import LOG_NAME, LogHeader, McapRecorder
 from msrr_bullet.replay import replay
-from msrr_bullet.run import run_trial
 from msrr_bullet.trial.telemetry import Progress
+from msrr_bullet.trial.trial import Trial
 from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_scenes.messages import Detections, Phase
 from msrr_scenes.outcome import Outcome
@@ -28,7 +29,7 @@ def scene_with_post(**changes: Any) -> Scene:
             "name": "lane",
             "units": {"b": {"number": 1, "pose": {"x_m": 0.6}}, "a": {"number": 0, "pose": {"x_m": -0.6}}},
             "obstacles": {"post": post},
-            "cameras": {"overhead": {}, "onboard": {"renderer": "raster"}},
+            "cameras": {"overhead": {"samples": 1}, "onboard": {"renderer": "raster", "samples": 1}},
             "docking": {"attempts": 1},
             "plan": [{"unit": "a", "to": "b.rear"}],
             **changes,
@@ -53,7 +54,8 @@ def test_a_unit_stops_before_a_post_that_appears_beside_the_lane(
     monkeypatch.setattr(OverheadVision, "detect_near", recorded)
     instants: list[Progress] = []
     scene = scene_with_post(**models)
-    result = run_trial(scene, 1, observer=instants.append, out=tmp_path / "run" if not models else None)
+    with McapRecorder(tmp_path / LOG_NAME, LogHeader.of(scene, 1, {})) as recorder:
+        result = Trial(scene, 1, recorder=recorder, observer=instants.append).run()
     docking = [p.time_s for p in instants if p.phase is Phase.DOCK]
     assert docking[0] < 4.0 < docking[-1]
     assert result.outcome is Outcome.GAVE_UP
@@ -65,4 +67,4 @@ def test_a_unit_stops_before_a_post_that_appears_beside_the_lane(
         assert len(times) >= 4
         assert 0.99 < np.diff(times).min() <= np.diff(times).max() < 1.11
         assert max(sum(w.area for w in check.windows) for check in checks) < FULL / 6
-        assert replay(tmp_path / "run").identical
+    assert replay(tmp_path).identical

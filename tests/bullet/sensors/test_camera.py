@@ -60,10 +60,10 @@ def open_camera(client: int, spec: CameraSpec, X_WC: SE3, name: str = "a/onboard
     return Camera(name, spec, renderer, lambda: X_WC, seed)
 
 
-def test_corners_appear_at_the_exact_projection_in_200_views(client: int, scene: Scene) -> None:
+def test_corners_appear_at_the_exact_projection_in_120_views(client: int, scene: Scene) -> None:
     """Detected corners against the exact projection; default camera with noise and blur.
 
-    Corners of one view share errors; with 200 views of 3 tags the standard error of a mean is below 0.008 px.
+    Corners of one view share errors; with 120 views of 3 tags the standard error of a mean is below 0.011 px.
     The detector itself is biased by 0.02 to 0.04 px.
     """
     geometry, ids, detector = scene.geometry("b"), scene.tag_ids("b"), PupilDetector()
@@ -71,7 +71,7 @@ def test_corners_appear_at_the_exact_projection_in_200_views(client: int, scene:
     spec = CameraSpec()
     rng = np.random.default_rng(2024)
     errors = []
-    for _ in range(200):
+    for _ in range(120):
         gap, side = rng.uniform(0.15, 0.9), rng.uniform(-0.45, 0.45)
         lateral = gap * math.tan(side)
         tilt = SE3.from_xyz_rpy([0.0, 0.0, 0.0], rng.normal(0.0, 0.02, 3))
@@ -93,7 +93,7 @@ def test_corners_appear_at_the_exact_projection_in_200_views(client: int, scene:
     e = np.concatenate(errors)
     mean, rms = e.mean(axis=0), np.sqrt((e**2).mean(axis=0))
     print(f"{len(e)} corners: mean {mean.round(4)} px, RMS {rms.round(4)} px")
-    assert len(errors) > 500
+    assert len(errors) > 300
     assert np.abs(mean).max() < 0.05, mean
     assert rms.max() < 0.35, rms
 

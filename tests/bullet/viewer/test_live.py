@@ -172,15 +172,21 @@ OWNER = """
 import os, sys, time
 from msrr_bullet.viewer.live import LiveViewer
 from msrr_scenes.loading.load import load_scene
-how = sys.argv[1]
+# What takes long is to import; each owner is a process that begins with the imports done.
+for how in sys.argv[1:]:
+    if os.fork() == 0:
+        break
+else:
+    while True:
+        try:
+            os.wait()
+        except ChildProcessError:
+            sys.exit()
 viewer = LiveViewer(load_scene("close_range"), port=0)
-child = 0
-if how == "forked":
-    child = os.fork()
-    if child == 0:  # holds copies of all pipes, and outlives its parent
-        time.sleep(30)
-        os._exit(0)
-print(viewer._process.pid, child, flush=True)
+if how == "forked" and os.fork() == 0:  # holds copies of all pipes, and outlives its parent
+    time.sleep(30)
+    os._exit(0)
+print(how, os.getpid(), viewer._process.pid, sep=",", flush=True)
 if how == "closed":
     viewer.close()
 elif how == "exception":
@@ -215,41 +221,44 @@ def gone(pid):
         return True
 
 
-def end_owner(owner, end):
+def end_owner(owner, server, end):
     """End an owner; return the seconds that its server outlived it."""
-    server, child = (int(pid) for pid in owner.stdout.readline().split())
-    try:
-        if end is not None:
-            assert not gone(server)
-            owner.send_signal(end)
-        owner.wait(30)
-        ended = time.monotonic()
-        while not gone(server) and time.monotonic() < ended + 15.0:
-            time.sleep(0.02)
-        return time.monotonic() - ended
-    finally:
-        if child:
-            os.kill(child, signal.SIGKILL)
+    if end is not None:
+        assert not gone(server)
+        os.kill(owner, end)
+    wait_until(lambda: gone(owner), 30.0)
+    assert gone(owner)
+    return wait_until(lambda: gone(server), 15.0)
+
+
+def wait_until(true, limit_s):
+    """Wait until a condition is true, and return how long that took; give up after a time."""
+    start = time.monotonic()
+    while not true() and time.monotonic() < start + limit_s:
+        time.sleep(0.02)
+    return time.monotonic() - start
 
 
 def test_no_server_outlives_its_owner_whatever_ends_it(tmp_path):
     script = tmp_path / "owner.py"
     script.write_text(OWNER)
-    owners = {}
+    program = subprocess.Popen(
+        [sys.executable, str(script), *ENDS],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+        # A shell's background jobs are deaf to Ctrl-C, and so are these tests when they run in one.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    outlived = {}
     try:
-        for how in ENDS:  # all at once: what takes long is to import
-            owners[how] = subprocess.Popen(
-                [sys.executable, str(script), how],
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-                text=True,
-                # A shell's background jobs are deaf to Ctrl-C, and so are these tests when they run in one.
-                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-            )
-        outlived = {how: end_owner(owner, ENDS[how]) for how, owner in owners.items()}
+        for _ in ENDS:
+            how, owner, server = program.stdout.readline().strip().split(",")
+            outlived[how] = end_owner(int(owner), int(server), ENDS[how])
     finally:
-        for owner in owners.values():
-            owner.kill()
-            owner.wait()
-            owner.stdout.close()
+        os.killpg(program.pid, signal.SIGKILL)
+        program.wait()
+        program.stdout.close()
+    assert outlived.keys() == ENDS.keys()
     assert max(outlived.values()) < 10.0, outlived

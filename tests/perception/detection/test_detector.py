@@ -116,12 +116,18 @@ def test_the_wrapper_would_say_the_same(
         np.testing.assert_array_equal(a.corners, b.corners - EDGE_TO_CENTRE_PX)
 
 
-def test_half_the_resolution_gives_the_same_corners_of_large_tags(target: TargetModel, draw: Draw) -> None:
-    """40 views with noise: none missed, corners a few hundredths of a pixel apart at most."""
+@pytest.mark.parametrize("views", [12, pytest.param(40, marks=pytest.mark.nightly)])
+def test_half_the_resolution_gives_the_same_corners_of_large_tags(
+    target: TargetModel, draw: Draw, views: int
+) -> None:
+    """Views with noise: no tag missed, corners a few hundredths of a pixel apart at most.
+
+    A detector that misses one of ten tags passes 12 views of three large tags each in 2 % of all cases.
+    """
     rng, whole = np.random.default_rng(4), PupilDetector()
     half = for_large_tags(whole)
     assert half is not whole
-    for _ in range(40):
+    for _ in range(views):
         window = target.camera.frame
         pixels = draw(SE2(rng.uniform(-0.5, -0.25), *rng.normal(0.0, [0.02, 0.1])), window)
         noisy = np.clip(pixels + rng.normal(0.0, 2.0, pixels.shape), 0, 255).astype(np.uint8)

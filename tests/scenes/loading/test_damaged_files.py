@@ -1,4 +1,4 @@
-"""A hundred damaged scene files: each is answered with one message and exit code 2, never with a traceback.
+"""Damaged scene files: each is answered with one message and exit code 2, never with a traceback.
 
 A mutation that happens to leave a good scene (a removed optional key) has to load; nothing in between exists.
 """
@@ -104,10 +104,13 @@ def mutant(seed: int) -> str:
     return yaml.safe_dump(document, sort_keys=False)
 
 
-def test_a_hundred_damaged_scene_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("files", [30, pytest.param(300, marks=pytest.mark.nightly)])
+def test_a_damaged_scene_file_is_answered_with_one_message(
+    files: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "damaged.yaml"
     refused = 0
-    for seed in range(100):
+    for seed in range(files):
         path.write_text(mutant(seed))
         code = run(["check", str(path)])
         out, err = capsys.readouterr()
@@ -121,4 +124,4 @@ def test_a_hundred_damaged_scene_files(tmp_path: Path, capsys: pytest.CaptureFix
         assert err.count("msrr: ") == 1, f"seed {seed}: {err}"
         assert "damaged.yaml" in err, f"seed {seed}: {err}"
     # The rest only lost an optional key or a comment.
-    assert refused >= 60
+    assert refused >= 0.6 * files

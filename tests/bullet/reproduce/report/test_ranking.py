@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from msrr_bullet.reproduce.report.ranking import COLUMNS, default_controller_text, ranking, ranking_text
+from msrr_bullet.reproduce.report.ranking import default_controller_text, ranking, ranking_text
 from msrr_bullet.studies.model import Measured, Reproduction, Row, Table, rates_of
 
 CONE, TIME, LATERAL, BESIDE = 3, 4, 5, 7
@@ -96,9 +96,5 @@ def test_the_best_controller_is_named_with_those_that_cannot_be_told_from_it() -
     assert "Worse are C1 (100.0 % docked, 100.0 % in view, 20.0 % in the cone, 1 mm)." in text
 
 
-def test_without_tables_nothing_is_ranked(unicycle_results: Reproduction) -> None:
+def test_without_tables_nothing_is_ranked() -> None:
     assert default_controller_text(results()) == ranking_text(results()) == ""
-    assert "CBF" in default_controller_text(unicycle_results)
-    head, rule, *rows = ranking_text(unicycle_results).splitlines()
-    assert {line.count("|") for line in (head, rule, *rows)} == {len(COLUMNS) + 1}
-    assert len(rows) == 3
