@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pydantic import BaseModel
 from rich.table import Table
 
+from msrr_bullet.bench.unit_cost import UnitCost, measure_unit_cost
 from msrr_bullet.profiler import StageProfiler
 from msrr_bullet.run import run_trial
 from msrr_bullet.trial.result import TrialResult
@@ -59,6 +60,7 @@ class TrialSpeed(BaseModel, frozen=True):
         stages_ms_per_s: Wall-clock time of each stage of the loop per simulated second.
         control_step_ms: Time of one control step: estimator query, laws and phase machine, without the
             collision monitor [ms].
+        unit_cost: What one unit costs in a mission of a base station of three and more; None otherwise.
         start_up_s: Time that the first trial of a process takes longer than the next ones.
         peak_mb: Largest memory of the process before the naive loop began [10^6 bytes].
         versions: Versions of the packages.
@@ -77,6 +79,7 @@ class TrialSpeed(BaseModel, frozen=True):
     other_ms_per_s: float
     stages_ms_per_s: dict[str, float]
     control_step_ms: float
+    unit_cost: UnitCost | None
     start_up_s: float
     peak_mb: float
     versions: dict[str, str]
@@ -145,6 +148,10 @@ def measure_trial_speed(scene: Scene, seed: int = 0) -> TrialSpeed:
         if scene.cameras.onboard.samples > 1:
             coarse = _run_timed(naive_loop(scene, samples=1), seed)
     result = trial.result
+    under_way = sum(step.ended_s - step.started_s for step in result.steps) / result.duration_s
+    cost = None
+    if scene.coordinated and len(scene.units) > 2 and under_way > 0.0:
+        cost = measure_unit_cost(scene, seed, trial.ms_per_s / under_way, _ms_per_s)
     physics = trial.stages_ms_per_s.get(_PHYSICS, 0.0)
     return TrialSpeed(
         scene=scene.name,
@@ -152,7 +159,7 @@ def measure_trial_speed(scene: Scene, seed: int = 0) -> TrialSpeed:
         outcome=result.outcome,
         duration_s=result.duration_s,
         real_time_factor=1e3 / trial.ms_per_s,
-        units_under_way=sum(step.ended_s - step.started_s for step in result.steps) / result.duration_s,
+        units_under_way=under_way,
         naive_ratio=None if slow is None else slow.ms_per_s / trial.ms_per_s,
         naive_ratio_one_sample=None if coarse is None else coarse.ms_per_s / trial.ms_per_s,
         naive_outcome=None if slow is None else slow.result.outcome,
@@ -160,6 +167,7 @@ def measure_trial_speed(scene: Scene, seed: int = 0) -> TrialSpeed:
         other_ms_per_s=trial.ms_per_s - physics,
         stages_ms_per_s=trial.stages_ms_per_s,
         control_step_ms=trial.stages_ms_per_s.get(_CONTROL, 0.0) / scene.control.rate_hz,
+        unit_cost=cost,
         start_up_s=1e-3 * (first.ms_per_s - trial.ms_per_s) * result.duration_s,
         peak_mb=peak,
         versions=package_versions(),
@@ -178,6 +186,9 @@ def trial_speed_table(report: TrialSpeed) -> Table:
     table.add_row("one control step, without the collision monitor", f"{report.control_step_ms:.3f} ms")
     table.add_row("real time factor", f"{report.real_time_factor:.1f}")
     table.add_row("units under way, on average", f"{report.units_under_way:.1f}")
+    if report.unit_cost is not None:
+        table.add_row("a unit under way, over that of two_units", f"{report.unit_cost.mover_ratio:.2f}")
+        table.add_row("a unit that stands by", f"{report.unit_cost.parked_ms_per_s:.1f} ms")
     if report.naive_ratio is not None and report.naive_ratio_one_sample is not None:
         table.add_row("times faster than the naive loop", f"{report.naive_ratio:.1f}")
         table.add_row("... than a naive loop with one sample a pixel", f"{report.naive_ratio_one_sample:.1f}")
@@ -195,6 +206,10 @@ def _run_timed(scene: Scene, seed: int) -> _Timing:
     stages = {name: ns * per_s for name, ns in profiler.spent_ns.items()}
     stages[_REST] = (profiler.span_ns - profiler.total_ns) * per_s
     return _Timing(result, profiler.span_ns * per_s, stages)
+
+
+def _ms_per_s(scene: Scene, seed: int) -> float:
+    return _run_timed(scene, seed).ms_per_s
 
 
 def _peak_mb() -> float:

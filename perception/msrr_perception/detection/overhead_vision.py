@@ -156,14 +156,15 @@ class OverheadVision:
             Every tag read, by ascending id, and all windows in the order in which they were fetched.
         """
         reader = FrameReader(fetch)
-        expected = self._expected(predictions)
         driving = self._units[:1] if driving is None else driving
-        due = {i: e for i, e in expected.items() if self._is_due(i, exposure.frame, driving)}
+        wanted = [i for i in self.model.tags if self._is_due(i, exposure.frame, driving)]
+        due = self._expected(predictions, wanted)
         sigma = np.full((4, 2), self._stray_px / self._policy.sigmas)
         strays = [ExpectedTag(i, pixels, sigma) for i, pixels in self._strays.items()]
         self._read(reader, [*due.values(), *strays])
         self._read(reader, [e for i, e in due.items() if i not in reader.found], self._retry_widen)
-        self._search(reader, exposure.stamp_ns, expected)
+        if len(due) < len(wanted) or not self._knows_all():
+            self._search(reader, exposure.stamp_ns, predictions)
         self._remember(reader, due, predictions)
         return reader.detections(exposure)
 
@@ -195,11 +196,12 @@ class OverheadVision:
             return True
         return (frame + tag_id) % self._standing_every == 0
 
-    def _expected(self, predictions: Mapping[str, GlobalPose]) -> dict[int, ExpectedTag]:
-        """Return the tags that should be wholly in the image at a place that is known well enough."""
+    def _expected(self, predictions: Mapping[str, GlobalPose], tags: Iterable[int]) -> dict[int, ExpectedTag]:
+        """Return those of ``tags`` that should be wholly in the image at a place known well enough."""
         found = {}
         frame = self.model.camera.frame
-        for tag_id, tag in self.model.tags.items():
+        for tag_id in tags:
+            tag = self.model.tags[tag_id]
             prediction = predictions.get(tag.name)
             if prediction is None:
                 continue
@@ -226,8 +228,9 @@ class OverheadVision:
         windows = (e.window(self._policy, widen) for e in tags)
         reader.read(merged_windows(windows, self.model.camera.frame, self._policy), self._detector)
 
-    def _search(self, reader: FrameReader, stamp_ns: int, expected: Mapping[int, ExpectedTag]) -> None:
+    def _search(self, reader: FrameReader, stamp_ns: int, predictions: Mapping[str, GlobalPose]) -> None:
         """Search for unknown and missing tags, and read those that turn up."""
+        expected = self._expected(predictions, self.model.tags)
         missing = any(
             i not in reader.found and (i not in expected or self._settled.get(i, 0) == 0)
             for i in self._essential
@@ -235,7 +238,7 @@ class OverheadVision:
         if missing and _is_past(stamp_ns, self._last_frame_ns, self._missing_period_ns):
             self._last_frame_ns = self._last_part_ns = stamp_ns
             part = self.model.camera.frame
-        elif _is_past(stamp_ns, self._last_part_ns, self._part_period_ns) and not self._knows_all(expected):
+        elif _is_past(stamp_ns, self._last_part_ns, self._part_period_ns):
             self._last_part_ns = stamp_ns
             part = self._parts[self._next_part % len(self._parts)]
             self._next_part += 1
@@ -250,9 +253,9 @@ class OverheadVision:
                 unread.append(ExpectedTag(tag_id, pixels, _EXACT))
         self._read(reader, unread)
 
-    def _knows_all(self, expected: Mapping[int, ExpectedTag]) -> bool:
+    def _knows_all(self) -> bool:
         """Return whether every tag of the catalogue was found where it was expected when last read."""
-        return all(i in expected and i in self._offsets for i in self.model.tags)
+        return self._offsets.keys() >= self.model.tags.keys()
 
     def _remember(
         self, reader: FrameReader, due: Mapping[int, ExpectedTag], predictions: Mapping[str, GlobalPose]

@@ -7,10 +7,12 @@ import json
 import pytest
 
 from msrr_bullet.bench.trial_speed import BenchError, measure_trial_speed, naive_loop, trial_speed_table
+from msrr_bullet.bench.unit_cost import measure_unit_cost, pair_of
 from msrr_bullet.log import CameraWindow, MemoryRecorder
 from msrr_bullet.profiler import StageProfiler
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.loading.load import load_scene
+from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Choice
 
@@ -62,6 +64,20 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
     assert 30.0 < report.peak_mb < 4_000.0
     assert json.loads(report.to_json())["naive_ratio"] == report.naive_ratio
     assert trial_speed_table(report).row_count == len(report.stages_ms_per_s) + 7
+
+
+def test_what_a_unit_costs_is_measured_where_one_docks_and_all_others_stand_by() -> None:
+    scene = load_scene("assemble_tee")
+    crowd, pair = pair_of(scene, parked=True), pair_of(scene, parked=False)
+    first, *_, last = scene.units
+    assert crowd.coordinated
+    assert pair.coordinated
+    assert (tuple(crowd.units), tuple(pair.units)) == (tuple(scene.units), (first, last))
+    assert crowd.plan == pair.plan == (DockStep(unit=first, to=f"{last}.rear"),)
+    times = {len(crowd.units): [40.0, 38.0, 39.0], 2: [26.0, 16.0, 21.0, 20.0, 22.0]}  # the last: two_units
+    cost = measure_unit_cost(scene, 0, 32.0, lambda timed, _: times[len(timed.units)].pop())
+    assert cost.mover_ratio == 2.0
+    assert cost.parked_ms_per_s == pytest.approx((38.0 - 20.0) / 6)
 
 
 def test_the_guard_is_a_stage_of_its_own() -> None:

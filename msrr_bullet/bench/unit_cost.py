@@ -1,0 +1,76 @@
+"""What one unit more costs in a mission: one that is under way, and one that stands by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from pydantic import BaseModel
+
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
+
+#: Shipped scene in which one unit docks to another one.
+REFERENCE = "two_units"
+
+#: Simulated time of the trials that are compared for a unit that stands by [s], and times each is run: the
+#: smallest times are compared, which a busy machine changes least.
+_PARKED_S = 8.0
+_REPEATS = 3
+
+
+class UnitCost(BaseModel, frozen=True):
+    """Cost of a unit in a mission of a base station, in wall-clock time per simulated second.
+
+    Attributes:
+        mover_ms_per_s: The mission over the number of units under way, on average over the mission.
+        reference_ms_per_s: The shipped scene ``two_units``, in which one unit is under way.
+        parked_ms_per_s: A unit of the mission that stands by, seen by the base station, while another docks.
+    """
+
+    mover_ms_per_s: float
+    reference_ms_per_s: float
+    parked_ms_per_s: float
+
+    @property
+    def mover_ratio(self) -> float:
+        """Cost of a unit under way over that of the one in ``two_units``."""
+        return self.mover_ms_per_s / self.reference_ms_per_s
+
+
+def pair_of(scene: Scene, parked: bool) -> Scene:
+    """Return the beginning of a mission in which only the first unit moves, and docks to the last one.
+
+    Args:
+        scene: Scene of a mission with at least three units.
+        parked: Whether the units between the two stand by; else they are left out.
+    """
+    first, *_, last = scene.units
+    units = scene.units if parked else {name: scene.units[name] for name in (first, last)}
+    alone = {"shape": None, "assembled": (), "faults": (), "units": units, "radio": scene.radio or {}}
+    step = DockStep(unit=first, to=f"{last}.rear")
+    return Scene.model_validate(
+        {**dict(scene), **alone, "plan": (step,), "time_limit_s": min(_PARKED_S, scene.time_limit_s)}
+    )
+
+
+def measure_unit_cost(
+    scene: Scene, seed: int, mover_ms_per_s: float, time_ms_per_s: Callable[[Scene, int], float]
+) -> UnitCost:
+    """Measure what a unit costs.
+
+    Args:
+        scene: Scene of a mission with at least three units.
+        seed: Seed of all trials.
+        mover_ms_per_s: The mission over the number of units under way.
+        time_ms_per_s: Runs a trial and returns its wall-clock time per simulated second [ms].
+    """
+    crowd, pair = pair_of(scene, parked=True), pair_of(scene, parked=False)
+    times = [(time_ms_per_s(crowd, seed), time_ms_per_s(pair, seed)) for _ in range(_REPEATS)]
+    with_all, with_two = (min(column) for column in zip(*times, strict=True))
+    reference = load_scene(REFERENCE)
+    return UnitCost(
+        mover_ms_per_s=mover_ms_per_s,
+        reference_ms_per_s=min(time_ms_per_s(reference, seed) for _ in range(2)),
+        parked_ms_per_s=(with_all - with_two) / (len(scene.units) - 2),
+    )
