@@ -31,6 +31,10 @@ from msrr_scenes.specs.scene import Scene
 #: Name of the base station in logs.
 BASE_STATION = "base_station"
 
+#: Period with which bodies that stand still are read [frames]: once a second, because only a rare push moves
+#: them.
+_STANDING_EVERY = 10
+
 
 class BaseStation:
     """Leads all units of a scene through its mission.
@@ -54,7 +58,7 @@ class BaseStation:
         units = tuple(scene.units)
         model = OverheadModel.from_scene(scene, units)
         detector: Detector = build("detector", scene.control.detector, DETECTORS)
-        self._vision = OverheadVision(model, units, detector)
+        self._vision = OverheadVision(model, units, detector, standing_every=_STANDING_EVERY)
         self._tracker = ArenaTracker(model)
         self._coordinator = Coordinator(mission_of(scene), units, knowledge_of(scene))
         self._units = units

@@ -15,8 +15,8 @@ REFERENCE = "two_units"
 
 #: Simulated time of the trials that are compared for a unit that stands by [s], and times each is run: the
 #: smallest times are compared, which a busy machine changes least.
-_PARKED_S = 8.0
-_REPEATS = 3
+_PARKED_S = 20.0
+_REPEATS = 2
 
 
 class UnitCost(BaseModel, frozen=True):

@@ -34,8 +34,7 @@ class BulletPlant(Plant):
 
     def step(self) -> None:
         """Advance by one tick: drives, physics, locks."""
-        driven = {name: self._is_driven(name) for name in self._motors}
-        self._sleeping.step(driven)
+        self._sleeping.step(self._is_driven)
         for name, motors in self._motors.items():
             if not self._sleeping.is_asleep(name):
                 motors.drive(self._drive(name))

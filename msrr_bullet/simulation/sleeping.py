@@ -8,7 +8,7 @@ locked together sleep and wake together.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import combinations
 
 import pybullet
@@ -75,15 +75,16 @@ class SleepingUnits:
                 del self._asleep[name]
                 self._set_state(name, pybullet.ACTIVATION_STATE_DISABLE_SLEEPING)
 
-    def step(self, driven: Mapping[str, bool]) -> None:
+    def step(self, is_driven: Callable[[str], bool]) -> None:
         """Advance by one tick, before the physics is stepped.
 
         Args:
-            driven: Whether the drive of a unit is commanded to move or still moves, by unit.
+            is_driven: Returns whether the drive of a unit is commanded to move or still moves.
         """
         self._tick += 1
         if self._tick % self._period:
             return
+        driven = {unit: is_driven(unit) for unit in self._groups}
         for unit, moves in driven.items():
             if moves:
                 self.rouse(unit)

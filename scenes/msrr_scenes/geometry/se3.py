@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -55,18 +56,27 @@ class SE3:
         return cls(rotation_from_rpy(roll, pitch, yaw), np.asarray(xyz, dtype=np.float64))
 
     @classmethod
-    def from_quaternion_xyzw(cls, p: ArrayLike, quaternion_xyzw: ArrayLike) -> SE3:
+    def from_quaternion_xyzw(cls, p: ArrayLike, quaternion_xyzw: Iterable[float]) -> SE3:
         """Build from a translation (3,) [m] and a quaternion (4,) ordered x, y, z, w (any length > 0)."""
-        q = np.asarray(quaternion_xyzw, dtype=np.float64)
-        x, y, z, w = (float(a) for a in q / np.linalg.norm(q))
+        x, y, z, w = (float(a) for a in quaternion_xyzw)
+        k = 2.0 / (x * x + y * y + z * z + w * w)
         R = np.array(
             [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+                [1.0 - k * (y * y + z * z), k * (x * y - z * w), k * (x * z + y * w)],
+                [k * (x * y + z * w), 1.0 - k * (x * x + z * z), k * (y * z - x * w)],
+                [k * (x * z - y * w), k * (y * z + x * w), 1.0 - k * (x * x + y * y)],
             ]
         )
-        return cls(R, np.asarray(p, dtype=np.float64))
+        return cls._of(R, np.array(p, dtype=np.float64))
+
+    @classmethod
+    def _of(cls, R: Array, p: Array) -> SE3:
+        """Build from arrays that nobody else holds, without a copy: poses are made at every tick."""
+        X = object.__new__(cls)
+        R.flags.writeable = p.flags.writeable = False
+        object.__setattr__(X, "R", R)
+        object.__setattr__(X, "p", p)
+        return X
 
     @classmethod
     def from_se2(cls, X: SE2, z: float = 0.0) -> SE3:
@@ -97,11 +107,11 @@ class SE3:
 
     def __matmul__(self, other: SE3) -> SE3:
         """Compose: ``X_AC = X_AB @ X_BC``."""
-        return SE3(self.R @ other.R, self.R @ other.p + self.p)
+        return SE3._of(self.R @ other.R, self.R @ other.p + self.p)
 
     def inverse(self) -> SE3:
         """Return ``X_BA`` of this ``X_AB``."""
-        return SE3(self.R.T, -self.R.T @ self.p)
+        return SE3._of(self.R.T.copy(), -self.R.T @ self.p)
 
     def act(self, points: ArrayLike) -> Array:
         """Map points of frame B, shape (..., 3) [m], into frame A."""

@@ -74,7 +74,7 @@ def test_what_a_unit_costs_is_measured_where_one_docks_and_all_others_stand_by()
     assert pair.coordinated
     assert (tuple(crowd.units), tuple(pair.units)) == (tuple(scene.units), (first, last))
     assert crowd.plan == pair.plan == (DockStep(unit=first, to=f"{last}.rear"),)
-    times = {len(crowd.units): [40.0, 38.0, 39.0], 2: [26.0, 16.0, 21.0, 20.0, 22.0]}  # the last: two_units
+    times = {len(crowd.units): [40.0, 38.0], 2: [26.0, 16.0, 21.0, 20.0]}  # the last: two_units
     cost = measure_unit_cost(scene, 0, 32.0, lambda timed, _: times[len(timed.units)].pop())
     assert cost.mover_ratio == 2.0
     assert cost.parked_ms_per_s == pytest.approx((38.0 - 20.0) / 6)
