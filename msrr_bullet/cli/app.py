@@ -103,7 +103,9 @@ def check(
             code = report_error(str(error), BAD_INPUT)
             continue
         bodies = f"{len(loaded.units)} units, {len(loaded.obstacles)} obstacles"
-        typer.echo(f"{file}: ok ({bodies}; {_task(loaded)}; {scene_hash(loaded)})")
+        typer.echo(
+            f"{file}: ok ({bodies}; {_task(loaded)}; as built: {loaded.as_built}; {scene_hash(loaded)})"
+        )
     raise typer.Exit(code)
 
 

@@ -41,7 +41,7 @@ def _metres(clearance: float | None) -> str:
 
 
 def _title(result: TrialResult) -> str:
-    return f"{result.scene}, seed {result.seed} ({result.plant}, {result.perception})"
+    return f"{result.scene}, seed {result.seed} ({result.plant}, {result.perception}, {result.as_built})"
 
 
 def _name(step: StepResult) -> str:
@@ -134,7 +134,8 @@ def _error(value: float | None, factor: float, unit: str) -> str:
 
 def sweep_table(summary: SweepSummary) -> Table:
     """Return the table of a sweep."""
-    title = f"{summary.scene}, {summary.trials} trials ({summary.plant}, {summary.perception})"
+    kind = f"{summary.plant}, {summary.perception}, {summary.as_built}"
+    title = f"{summary.scene}, {summary.trials} trials ({kind})"
     s = summary.success
     interval = f"95 % interval {100 * s.low:.1f} .. {100 * s.high:.1f} %"
     rate = f"{goal(summary.mission is not None)}: {100 * s.rate:.1f} %, {interval}"

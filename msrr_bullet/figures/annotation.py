@@ -21,6 +21,7 @@ from msrr_bullet.timeline.series import port_in_dock
 from msrr_bullet.timeline.snapshot import Snapshot, phase_name
 from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.as_built import AsBuilt, draw_as_built
 from msrr_scenes.messages import Phase, seconds
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
@@ -52,9 +53,14 @@ class DrawingContext:
     _targets: dict[DockStep, TargetModel] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
+    def built(self) -> AsBuilt:
+        """What was not as the scene says."""
+        return draw_as_built(self.scene, self.seed)
+
+    @cached_property
     def solids(self) -> Mapping[str, Solids]:
         """Solids of every body of the scene by name."""
-        return scene_solids(self.scene)
+        return scene_solids(self.scene, self.built)
 
     @cached_property
     def colours(self) -> Mapping[str, int]:

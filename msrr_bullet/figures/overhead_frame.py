@@ -79,7 +79,7 @@ def draw_overhead(
         snapshot: Trial at the time of exposure.
         past: Trial up to that time.
     """
-    perspective = Perspective.overhead(context.scene)
+    perspective = Perspective.overhead(context.scene, context.built)
     canvas = draw_frame(context, view, perspective, snapshot)
     if snapshot.mission is not None:
         _draw_mission(canvas, perspective, context, snapshot, snapshot.mission, past)

@@ -12,11 +12,12 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from msrr_bullet.simulation.simulation import camera_pose
+from msrr_bullet.simulation.simulation import camera_pose, overhead_camera_pose
 from msrr_bullet.simulation.tag_plates import PLATE_RATIO
+from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
 from msrr_bullet.timeline.palette import OBSTACLE, link_colour, unit_colours
-from msrr_perception.pose.global_pose import flat_tags, overhead_pose
 from msrr_scenes.arrays import Array
+from msrr_scenes.as_built import AsBuilt
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -42,16 +43,16 @@ class Perspective:
     X_WC: SE3
 
     @classmethod
-    def overhead(cls, scene: Scene) -> Perspective:
-        """Return the overhead camera of a scene that has one."""
-        assert scene.cameras.overhead is not None
-        return cls(scene.cameras.overhead.pinhole, overhead_pose(scene.cameras.overhead))
+    def overhead(cls, scene: Scene, built: AsBuilt) -> Perspective:
+        """Return the overhead camera of a scene that has one, as it was built."""
+        assert built.overhead is not None
+        return cls(built.overhead.pinhole, overhead_camera_pose(scene, built))
 
     @classmethod
-    def onboard(cls, scene: Scene, unit: str, X_WU: SE2) -> Perspective:
-        """Return the onboard camera of a unit at its true pose, errors of its mounting included."""
-        X_WC = SE3.from_se2(X_WU) @ optical_pose(camera_pose(scene, unit))
-        return cls(scene.cameras.onboard.pinhole, X_WC)
+    def onboard(cls, scene: Scene, built: AsBuilt, unit: str, X_WU: SE2) -> Perspective:
+        """Return the onboard camera of a unit at its true pose, as it was built."""
+        X_WC = SE3.from_se2(X_WU) @ optical_pose(camera_pose(scene, built, unit))
+        return cls(built.units[unit].camera.pinhole, X_WC)
 
     def pixels(self, points_W: ArrayLike) -> Array:
         """Project points, shape (N, 3) [m], to pixels (N, 2); NaN for those not in front of the camera."""
@@ -127,21 +128,20 @@ class Solids:
             yield X_WT, X_WT.act(tag_corners(PLATE_RATIO * size)), X_WT.act(tag_corners(size))
 
 
-def scene_solids(scene: Scene) -> dict[str, Solids]:
-    """Return the solids of every body of a scene by name, without covered tags."""
+def scene_solids(scene: Scene, built: AsBuilt) -> dict[str, Solids]:
+    """Return the solids of every body of a scene by name, without covered tags, as they were built."""
     hidden = {fault.unit for fault in scene.faults if isinstance(fault, MarkerHidden)}
     solids = {}
     for unit, colour in unit_colours(scene).items():
-        geometry = scene.geometry(unit)
+        geometry, scale = built.units[unit].geometry, built.units[unit].print_scale
         shapes = tuple((solid.points(), link_colour(solid.link, colour)) for solid in geometry.solids)
         slots = () if unit in hidden else geometry.tag_slots
-        solids[unit] = Solids(shapes, tuple((geometry.frame(s), scene.tag_size(s)) for s in slots))
-    top_tags = {tag.name: tag for tag in flat_tags(scene).values()}
+        solids[unit] = Solids(shapes, tuple((geometry.frame(s), scale * scene.tag_size(s)) for s in slots))
     for name, spec in scene.obstacles.items():
         tags: tuple[tuple[SE3, float], ...] = ()
-        if name in top_tags:
-            X_BT = SE3(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, top_tags[name].height]))
-            tags = ((X_BT, spec.tag_m),)
+        if name in built.obstacle_tags:
+            tag = built.obstacle_tags[name]
+            tags = ((obstacle_tag_pose(spec.height_m, tag), tag.print_scale * spec.tag_m),)
         solids[name] = Solids(((_prism(spec), OBSTACLE),), tags)
     return solids
 

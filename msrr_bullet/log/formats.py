@@ -13,6 +13,7 @@ import numpy as np
 from msrr_bullet.log import foxglove, topics
 from msrr_bullet.log.codec import Json, LogError, codec, log_name
 from msrr_bullet.log.records import (
+    BuiltErrors,
     CameraWindow,
     ClearanceRecord,
     Event,
@@ -142,7 +143,7 @@ _FORMATS: dict[type, Format] = {
     for f in (
         *map(_plain, (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, Detections, Exposure)),
         *map(_plain, (Localisation, LosObservation, ArenaEstimate, Action, AssemblyProgress, AssemblyPath)),
-        *map(_plain, (Belief, CollisionMonitorState, ClearanceRecord, StepStart, StartPoses)),
+        *map(_plain, (Belief, CollisionMonitorState, ClearanceRecord, StepStart, StartPoses, BuiltErrors)),
         *map(_plain, (Authority, UnitReport, MissionStatus, RadioReceipt)),
         _well_known(PoseEstimate, "foxglove.PoseInFrame", _estimate_to_foxglove),
         _well_known(GlobalPose, "foxglove.PoseInFrame", _body_to_foxglove),

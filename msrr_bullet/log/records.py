@@ -98,6 +98,18 @@ class StartPoses:
     poses: dict[str, SE2]
 
 
+@dataclass(frozen=True, slots=True)
+class BuiltErrors:
+    """What is not as the scene says; a log without this record is of a trial in which all was as drawn.
+
+    Attributes:
+        errors: True minus told value of every quantity that was given or drawn, by part and quantity, in the
+            unit in which the name ends (``unit/a/onboard/yaw_deg``).
+    """
+
+    errors: dict[str, float]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ClearanceRecord:
     """Smallest distance between two bodies that may not touch, from their true poses.

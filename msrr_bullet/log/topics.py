@@ -18,6 +18,7 @@ FRAMES = "/frames"
 STEPS = "/plan/step"
 CLEARANCE = "/truth/clearance"
 STARTS = "/truth/start"
+AS_BUILT = "/truth/as_built"
 MISSION = "/coordination/mission"
 
 _SENSORS: dict[type, str] = {

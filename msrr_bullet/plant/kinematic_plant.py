@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Protocol
 
 from msrr_bullet.plant.kinematic_port import CaptureRange, KinematicPort
-from msrr_bullet.plant.limited_drive import wheel_speeds
 from msrr_bullet.plant.plant import Plant
+from msrr_scenes.as_built import AsBuilt, as_drawn
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Twist
@@ -45,6 +45,7 @@ class KinematicPlant(Plant):
         world: Scenery | None = None,
         *,
         capture: CaptureRange | None = None,
+        built: AsBuilt | None = None,
     ) -> None:
         """Place the units.
 
@@ -53,8 +54,9 @@ class KinematicPlant(Plant):
             placement: Start poses of the units.
             world: Bodies that follow the units, for the cameras; None when no camera is rendered.
             capture: The idealised funnel; None stands for that of the shipped unit.
+            built: What is not as the scene says; None if all is.
         """
-        super().__init__(scene)
+        super().__init__(scene, built or as_drawn(scene))
         self._world = world
         self._capture = capture or CaptureRange()
         # Asking the scene means to look for the file of the URDF, which takes longer than a tick.
@@ -70,7 +72,9 @@ class KinematicPlant(Plant):
         dt = self._dt
         before = dict(self._poses)
         for name in self._scene.units:
-            velocity = self._drive(name)
+            velocity, drivetrain = self._drive(name), self._drivetrains[name]
+            if not drivetrain.ideal:
+                velocity = drivetrain.motion(drivetrain.step(velocity, dt))
             self._poses[name] = self._poses[name] @ SE2.exp(velocity.v * dt, 0.0, velocity.w * dt)
         constrained: set[str] = set()
         for name in self._ports:
@@ -79,7 +83,7 @@ class KinematicPlant(Plant):
             motion = (before[name].inverse() @ X_WU).log()
             self._twists[name] = Twist(float(motion[0]) / dt, float(motion[2]) / dt)
             # Wheels turn as far as their unit moves: their motors are too weak to slip against a port.
-            rates = wheel_speeds(self._twists[name], self._geometries[name])
+            rates = self._drivetrains[name].rolling(self._twists[name])
             left, right = (angle + rate * dt for angle, rate in zip(self._wheels[name], rates, strict=True))
             self._wheels[name] = left, right
         self.tick += 1
@@ -125,7 +129,8 @@ class KinematicPlant(Plant):
     def _build_mechanism(self, step: DockStep) -> KinematicPort:
         own, target = self._geometries[step.unit], self._geometries[step.target_unit]
         X_TU = self.pose(step.target_unit).inverse() @ self.pose(step.unit)
-        port = KinematicPort(step, own, target, self._scene.lock, self._capture, X_TU)
+        travel = self._switch_travel(step)
+        port = KinematicPort(step, own, target, self._scene.lock, self._capture, X_TU, travel)
         port.plugged = (step.target_unit, step.target_port) in self._plugged
         self._ports[step.unit] = port
         return port

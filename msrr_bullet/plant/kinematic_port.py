@@ -92,6 +92,7 @@ class KinematicPort(PortMechanism):
         spec: LockSpec,
         capture: CaptureRange,
         X_TU: SE2,
+        switch_travel: float = SWITCH_TRAVEL,
     ) -> None:
         """Start with an open lock.
 
@@ -103,8 +104,9 @@ class KinematicPort(PortMechanism):
             capture: Dimensions of the funnel.
             X_TU: Start pose of the docking unit in the frame of the target unit; pins that are in the funnel
                 at the start are held there.
+            switch_travel: Distance from the bottom of the hole at which the seat switches close [m].
         """
-        super().__init__(step, spec)
+        super().__init__(step, spec, switch_travel)
         self._capture = capture
         self._length = pin_length(geometry, step.port)
         self._X_UP = geometry.port(step.port)
@@ -143,7 +145,7 @@ class KinematicPort(PortMechanism):
 
     def switches(self) -> tuple[bool, bool]:
         """Return whether the seat switches (left, right) are closed; an ideal port closes both or none."""
-        closed = self._inside and self._gap <= SWITCH_TRAVEL
+        closed = self._inside and self._gap <= self._switch_travel
         return closed, closed
 
     def pins_touch(self) -> bool:

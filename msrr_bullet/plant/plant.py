@@ -9,8 +9,10 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 
+from msrr_bullet.plant.drivetrain import Drivetrain
 from msrr_bullet.plant.limited_drive import LimitedDrive
-from msrr_bullet.plant.lock_actuator import LockActuator, PullResult
+from msrr_bullet.plant.lock_actuator import SWITCH_TRAVEL, LockActuator, PullResult
+from msrr_scenes.as_built import AsBuilt
 from msrr_scenes.errors import MsrrError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -29,10 +31,17 @@ class PortMechanism(ABC):
         jams: Whether the lock does not open any more once it is closed.
     """
 
-    def __init__(self, dock_step: DockStep, spec: LockSpec) -> None:
-        """Start with an open lock that closes and holds as ``spec`` says."""
+    def __init__(self, dock_step: DockStep, spec: LockSpec, switch_travel: float) -> None:
+        """Start with an open lock.
+
+        Args:
+            dock_step: Step of the plan: which port docks to which.
+            spec: Closing time and strength of the lock.
+            switch_travel: Distance from the bottom of the hole at which the seat switches close [m].
+        """
         self.dock_step = dock_step
         self._spec = spec
+        self._switch_travel = switch_travel
         self._actuator = LockActuator(spec.close_time_s)
         self.jams = False
 
@@ -89,13 +98,22 @@ class Plant(ABC):
         tick: Number of physics ticks since the start.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        """Start with all drives at rest and no port mechanism."""
+    def __init__(self, scene: Scene, built: AsBuilt) -> None:
+        """Start with all drives at rest and no port mechanism.
+
+        Args:
+            scene: A checked scene.
+            built: What is not as the scene says.
+        """
         self.tick = 0
         self._scene = scene
+        self._built = built
         self._dt = 1.0 / scene.physics_hz
         self._commands = dict.fromkeys(scene.units, Twist())
         self._drives = {name: LimitedDrive(scene.limits) for name in scene.units}
+        self._drivetrains = {
+            name: Drivetrain(scene.geometry(name), unit.drive) for name, unit in built.units.items()
+        }
         self._mechanisms: dict[str, PortMechanism] = {}
         seized = (fault for fault in scene.faults if isinstance(fault, UnitSeized))
         self._seized_tick = {fault.unit: fault.from_s * scene.physics_hz for fault in seized}
@@ -125,6 +143,16 @@ class Plant(ABC):
     @abstractmethod
     def wheel_angles(self, unit: str) -> tuple[float, float]:
         """Return the true angles of the left and the right wheel [rad]."""
+
+    def motor_angles(self, unit: str) -> tuple[float, float]:
+        """Return the true angles of the left and the right motor behind its gear [rad].
+
+        They are what encoders measure: angles of the wheels but for the play of the gear.
+        """
+        (left, right), drivetrain = self.wheel_angles(unit), self._drivetrains[unit]
+        if drivetrain.ideal:
+            return left, right
+        return left + drivetrain.play[0], right + drivetrain.play[1]
 
     @abstractmethod
     def twist(self, unit: str) -> Twist:
@@ -200,6 +228,10 @@ class Plant(ABC):
             drive.velocity = Twist()
             return drive.velocity
         return drive.step(self._commands[unit], self._dt)
+
+    def _switch_travel(self, step: DockStep) -> float:
+        """Return the true travel of the seat switches of the port that a step docks to [m]."""
+        return max(SWITCH_TRAVEL + self._built.units[step.target_unit].switch_travel_error_m, 0.0)
 
     def _check_unit(self, unit: str) -> None:
         if unit not in self._commands:

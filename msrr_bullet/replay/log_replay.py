@@ -34,7 +34,7 @@ def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool =
             "give --trust if you trust the log and the code"
         )
     with tempfile.TemporaryDirectory(prefix="msrr-replay-") as folder:
-        scene = log.header.unpacked(Path(folder)).scene
+        scene = log.header.unpacked(Path(folder)).scene.told()
         check_scene(scene)  # a trial was run of it, but the log may have been changed since
         if scene.coordinated:
             return CoordinatedReplayer(log, scene).run()

@@ -46,7 +46,7 @@ class RecordedReader(Generic[Reader]):
 
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
         """Record an exposure and the windows that the program fetches from it."""
-        self._recorder.write(topics.exposure(exposure.camera), exposure.stamp_ns, exposure)
+        self._recorder.write(topics.exposure(exposure.camera), self._now_ns(), exposure)
 
         def fetch_and_record(window: Window) -> Pixels:
             try:

@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterable
 
 from msrr_bullet.render.renderer import Renderer
 from msrr_bullet.sensors.frame_dropout import FrameDropout
+from msrr_bullet.sensors.frame_timing import FrameTiming
 from msrr_bullet.sensors.image_noise import ImageNoise
+from msrr_scenes.as_built import BuiltCamera
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
@@ -25,6 +27,12 @@ class Camera:
 
     An exposure takes the pose; the pixels of a window are rendered when the window is fetched. This has to
     happen before the next physics tick, because the renderer sees the present state of the world.
+
+    Attributes:
+        name: Name of the camera.
+        spec: Data sheet of the camera.
+        pinhole: True intrinsics.
+        timing: Clock and latency.
     """
 
     def __init__(
@@ -35,6 +43,7 @@ class Camera:
         pose: Callable[[], SE3],
         seed: int,
         faults: Iterable[Fault] = (),
+        built: BuiltCamera | None = None,
     ) -> None:
         """Set up a camera.
 
@@ -45,10 +54,13 @@ class Camera:
             pose: Returns the true ``X_WC`` at the instant of exposure.
             seed: Seed of the trial; noise and dropout use separate random streams.
             faults: Faults of the scene; blackouts of other cameras are ignored.
+            built: True intrinsics and true clock; None if they are those of ``spec``.
         """
         self.name = name
         self.spec = spec
-        self.pinhole: PinholeCamera = spec.pinhole
+        built = built or BuiltCamera(spec.pinhole)
+        self.pinhole: PinholeCamera = built.pinhole
+        self.timing = FrameTiming(spec, built, stream(seed, f"camera/{name}/jitter"))
         self._renderer = renderer
         self._pose = pose
         key = stream_key(seed, f"camera/{name}/noise")
@@ -59,13 +71,13 @@ class Camera:
         self._read_out: list[tuple[Window, Pixels]] = []
 
     def expose(self, stamp_ns: int) -> Exposure | None:
-        """Expose the frame that is due at ``stamp_ns``; return None when the frame is lost.
+        """Expose the frame that is due at time ``stamp_ns``; return None when the frame is lost.
 
         Lost frames are numbered too, so that the number of a frame does not depend on losses.
         """
         frame, lost = self._dropout.next_frame(stamp_ns)
         self._read_out = []
-        self._exposure = None if lost else Exposure(self.name, frame, stamp_ns)
+        self._exposure = None if lost else Exposure(self.name, frame, self.timing.stamp(stamp_ns))
         if not lost:
             self._X_WC = self._pose()
         return self._exposure

@@ -30,6 +30,10 @@ class CameraSensor(Protocol):
         """Expose one frame and return the measurements; none when the frame was lost or shows no tag."""
         ...
 
+    def next_latency_ns(self) -> int:
+        """Return how long the frame that was captured last is under way; called once for each frame."""
+        ...
+
 
 class RenderedCameraSensor:
     """A rendered camera, whose pixels a program reads."""
@@ -71,6 +75,10 @@ class RenderedCameraSensor:
         if detections is None:
             return ()
         return (detections,) if self._error_model is None else (Localisation(self._error_model(detections)),)
+
+    def next_latency_ns(self) -> int:
+        """Return how long the frame that was captured last is under way."""
+        return self.camera.timing.next_latency_ns()
 
     def _fetch(self, window: Window) -> Pixels:
         with self._profiler("render"):

@@ -8,17 +8,19 @@ import numpy as np
 
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.render import RenderContext, Renderer, build_renderer
+from msrr_bullet.sensors.calibrated_sight import OnboardSight, OverheadSight
 from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.sensors.camera_sensors import CameraSensor, RenderedCameraSensor
 from msrr_bullet.sensors.command_link import CommandLink
 from msrr_bullet.sensors.frame_dropout import FrameDropout
+from msrr_bullet.sensors.frame_timing import FrameTiming
 from msrr_bullet.sensors.localisation_error import LocalisationError
 from msrr_bullet.sensors.parametric_cameras import ParametricOnboardCamera, ParametricOverheadCamera
 from msrr_bullet.sensors.radio import Radio
 from msrr_bullet.sensors.wheel_encoders import WheelEncoders
-from msrr_bullet.simulation.simulation import Simulation, camera_pose
-from msrr_perception.pose.global_pose import overhead_pose
+from msrr_bullet.simulation.simulation import Simulation, camera_pose, overhead_camera_pose
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_scenes.as_built import BuiltCamera
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se2 import SE2
@@ -57,6 +59,7 @@ class Devices:
         self.radio = Radio(spec, tuple(scene.units), seed) if scene.coordinated else None
         self._cameras: dict[str, Camera] = {}
         self._dropouts: dict[str, FrameDropout] = {}
+        self._timings: dict[str, FrameTiming] = {}
         self._generators: dict[str, np.random.Generator] = {}
         self._localisation: LocalisationError | None = None
 
@@ -87,16 +90,23 @@ class Devices:
 
     def _onboard(self, step: DockStep, profiler: Profiler) -> CameraSensor:
         scene, plant, unit = self._simulation.scene, self._simulation.plant, step.unit
-        X_UC = optical_pose(camera_pose(scene, unit))
-        camera = self._camera(f"{unit}/onboard", scene.cameras.onboard, lambda: plant.pose3(unit) @ X_UC)
+        built = self._simulation.built
+        X_UC = optical_pose(camera_pose(scene, built, unit))
+        camera = self._camera(
+            f"{unit}/onboard",
+            scene.cameras.onboard,
+            built.units[unit].camera,
+            lambda: plant.pose3(unit) @ X_UC,
+        )
         return RenderedCameraSensor(camera, profiler)
 
     def _overhead(self, step: DockStep | None, profiler: Profiler) -> CameraSensor:
         scene = self._simulation.scene
-        spec = scene.cameras.overhead
+        built, spec = self._simulation.built, scene.cameras.overhead
         assert spec is not None, "the scene has an overhead camera"
-        X_WC = overhead_pose(spec)
-        camera = self._camera(OVERHEAD, spec, lambda: X_WC)
+        assert built.overhead is not None, "an overhead camera was built"
+        X_WC = overhead_camera_pose(scene, built)
+        camera = self._camera(OVERHEAD, spec, built.overhead, lambda: X_WC)
         if step is None or spec.localisation == type(spec.localisation)():
             return RenderedCameraSensor(camera, profiler)
         error = self._localisation = self._localisation or LocalisationError(spec.localisation, self._seed)
@@ -104,29 +114,40 @@ class Devices:
         return RenderedCameraSensor(camera, profiler, lambda detections: error.apply(detections, model, own))
 
     def _parametric_onboard(self, step: DockStep, X_DU: Callable[[], SE2]) -> CameraSensor:
-        name, spec = f"{step.unit}/onboard", self._simulation.scene.cameras.onboard
+        scene, built = self._simulation.scene, self._simulation.built
+        name, spec = f"{step.unit}/onboard", scene.cameras.onboard
         return ParametricOnboardCamera(
-            self._simulation.scene, step, X_DU, self._errors(name), self._dropout(name, spec)
+            scene,
+            step,
+            X_DU,
+            self._errors(name),
+            self._dropout(name, spec),
+            self._timing(name, spec, built.units[step.unit].camera),
+            None if built.is_as_drawn else OnboardSight(scene, built, step),
         )
 
     def _parametric_overhead(self) -> CameraSensor:
-        spec = self._simulation.scene.cameras.overhead
+        scene, built = self._simulation.scene, self._simulation.built
+        spec = scene.cameras.overhead
         assert spec is not None, "the scene has an overhead camera"
+        assert built.overhead is not None, "an overhead camera was built"
         return ParametricOverheadCamera(
-            self._simulation.scene,
+            scene,
             spec,
             self._simulation.poses,
             self._errors(OVERHEAD),
             self._dropout(OVERHEAD, spec),
+            self._timing(OVERHEAD, spec, built.overhead),
+            None if built.is_as_drawn else OverheadSight(scene, built),
         )
 
-    def _camera(self, name: str, spec: CameraSpec, pose: Callable[[], SE3]) -> Camera:
+    def _camera(self, name: str, spec: CameraSpec, built: BuiltCamera, pose: Callable[[], SE3]) -> Camera:
         if name not in self._cameras:
             world = self._simulation.world
             assert world is not None, "a simulation with images has a world"
             renderer = _renderer(spec, world.client)
             self._cameras[name] = Camera(
-                name, spec, renderer, pose, self._seed, self._simulation.scene.faults
+                name, spec, renderer, pose, self._seed, self._simulation.scene.faults, built
             )
         return self._cameras[name]
 
@@ -134,6 +155,13 @@ class Devices:
         """Return the generator of the errors of a parametric camera; all steps share the sequence."""
         name = f"camera/{camera}/parametric"
         return self._generators.setdefault(name, stream(self._seed, name))
+
+    def _timing(self, camera: str, spec: CameraSpec, built: BuiltCamera) -> FrameTiming:
+        """Return clock and latency of a parametric camera; all steps share the sequence of its jitter."""
+        if camera not in self._timings:
+            rng = stream(self._seed, f"camera/{camera}/jitter")
+            self._timings[camera] = FrameTiming(spec, built, rng)
+        return self._timings[camera]
 
     def _dropout(self, camera: str, spec: CameraSpec) -> FrameDropout:
         if camera not in self._dropouts:

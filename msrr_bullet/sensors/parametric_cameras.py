@@ -12,8 +12,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from msrr_bullet.robot.interface import CameraReader
+from msrr_bullet.sensors.calibrated_sight import Bearings, OnboardSight, OverheadSight
 from msrr_bullet.sensors.frame_dropout import FrameDropout
-from msrr_bullet.simulation.simulation import camera_pose
+from msrr_bullet.sensors.frame_timing import FrameTiming
 from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Exposure, GlobalPose, PoseMeasurement, SensorMessage
@@ -37,6 +38,8 @@ class ParametricOnboardCamera:
         X_DU: Callable[[], SE2],
         rng: np.random.Generator,
         dropout: FrameDropout,
+        timing: FrameTiming,
+        sight: OnboardSight | None = None,
     ) -> None:
         """Measure the docking unit of ``step`` in the dock frame of the target.
 
@@ -46,12 +49,16 @@ class ParametricOnboardCamera:
             X_DU: Returns the true pose of the docking unit in the dock frame.
             rng: Generator of the measurement errors, used by no other object.
             dropout: Draws the lost frames of this camera.
+            timing: Clock and latency of this camera.
+            sight: What the robot makes of what was built; None if all is as drawn.
         """
         self.name = f"{step.unit}/onboard"
         self.spec: CameraSpec = scene.cameras.onboard
         self._los = scene.los
         self._X_DU = X_DU
-        self._X_UC = camera_pose(scene, step.unit).to_se2()
+        self._X_UC = scene.geometry(step.unit).frame("camera").to_se2()
+        self._timing = timing
+        self._sight = sight
         self._rng = rng
         self._dropout = dropout
         self._hidden = any(isinstance(f, MarkerHidden) and f.unit == step.target_unit for f in scene.faults)
@@ -64,19 +71,32 @@ class ParametricOnboardCamera:
         """Draw one measurement; none when the frame was lost or neither edge of the target is in view."""
         frame, lost = self._dropout.next_frame(now_ns)
         noise = self._rng.standard_normal(5).tolist()  # as many for every frame, whatever is seen
-        X_DU = self._X_DU()
-        true = edge_bearings(X_DU @ self._X_UC, self._los)
-        in_view = [abs(bearing) <= self.spec.pinhole.half_fov for bearing in true]
-        if lost or self._hidden or not any(in_view):
+        X_DU, bearings = self._see(self._X_DU())
+        if lost or self._hidden or X_DU is None or bearings == (None, None):
             return ()
         left, right = (
-            bearing + self._sigma_bearing * n if seen else None
-            for bearing, n, seen in zip(true, noise[3:], in_view, strict=True)
+            None if bearing is None else bearing + self._sigma_bearing * n
+            for bearing, n in zip(bearings, noise[3:], strict=True)
         )
         dx, dy, dyaw = (sigma * n for sigma, n in zip(self._sigma_pose, noise[:3], strict=True))
         X_measured = SE2(X_DU.x + dx, X_DU.y + dy, X_DU.yaw + dyaw)
-        exposure = Exposure(self.name, frame, now_ns)
+        exposure = Exposure(self.name, frame, self._timing.stamp(now_ns))
         return (PoseMeasurement(exposure, X_measured, self._covariance, (left, right)),)
+
+    def next_latency_ns(self) -> int:
+        """Return how long the frame that was captured last is under way."""
+        return self._timing.next_latency_ns()
+
+    def _see(self, X_DU: SE2) -> tuple[SE2 | None, Bearings]:
+        """Return pose and bearings without their random errors; None where there are none."""
+        if self._sight is not None:
+            return self._sight.see(X_DU)
+        half_fov = self.spec.pinhole.half_fov
+        left, right = (
+            bearing if abs(bearing) <= half_fov else None
+            for bearing in edge_bearings(X_DU @ self._X_UC, self._los)
+        )
+        return X_DU, (left, right)
 
 
 def edge_bearings(X_DC: SE2, los: LosSpec) -> tuple[float, float]:
@@ -101,6 +121,8 @@ class ParametricOverheadCamera:
         poses: Callable[[], Mapping[str, SE2]],
         rng: np.random.Generator,
         dropout: FrameDropout,
+        timing: FrameTiming,
+        sight: OverheadSight | None = None,
     ) -> None:
         """Measure every body that stands in the world.
 
@@ -110,6 +132,8 @@ class ParametricOverheadCamera:
             poses: Returns the true ``X_WB`` of every body that stands in the world now.
             rng: Generator of the measurement errors, used by no other object.
             dropout: Draws the lost frames of this camera.
+            timing: Clock and latency of this camera.
+            sight: What the robot makes of what was built; None if all is as drawn.
         """
         self.name = OVERHEAD
         self.spec = spec
@@ -117,6 +141,7 @@ class ParametricOverheadCamera:
         self._poses = poses
         self._rng = rng
         self._dropout = dropout
+        self._timing, self._sight = timing, sight
         xy, yaw = scene.parametric.sigma_xy_m, math.radians(scene.parametric.sigma_yaw_deg)
         self._sigma = np.array([xy, xy, yaw])
         self._covariance = np.diag(np.maximum(self._sigma, MIN_SIGMA) ** 2)
@@ -128,12 +153,23 @@ class ParametricOverheadCamera:
         errors = {name: self._sigma * self._rng.standard_normal(3) for name in self._bodies}
         if lost:
             return ()
+        stamp_ns = self._timing.stamp(now_ns)
+        seen = {name: self._see(name, X_WB) for name, X_WB in self._poses().items()}
         return tuple(
             GlobalPose(
                 name,
-                now_ns,
+                stamp_ns,
                 SE2(X.x + errors[name][0], X.y + errors[name][1], X.yaw + errors[name][2]),
                 self._covariance,
             )
-            for name, X in self._poses().items()
+            for name, X in seen.items()
+            if X is not None
         )
+
+    def next_latency_ns(self) -> int:
+        """Return how long the frame that was captured last is under way."""
+        return self._timing.next_latency_ns()
+
+    def _see(self, name: str, X_WB: SE2) -> SE2 | None:
+        """Return the pose of a body without its random error; None if it is not seen."""
+        return X_WB if self._sight is None else self._sight.see(name, X_WB)

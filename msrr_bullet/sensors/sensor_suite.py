@@ -11,7 +11,7 @@ from msrr_bullet.plant.plant import Plant
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.robot.interface import CameraReader, Robot
 from msrr_bullet.sensors.camera_sensors import CameraSensor
-from msrr_bullet.sensors.schedule import Delayed, Periodic, duration_ns
+from msrr_bullet.sensors.schedule import Delayed, Periodic
 from msrr_bullet.sensors.wheel_encoders import WheelEncoders
 from msrr_scenes.messages import (
     Detections,
@@ -33,14 +33,17 @@ class MountedCamera:
         """Start now; the first frame is due at once."""
         self.sensor = sensor
         self._frames = Periodic(sensor.spec.rate_hz, now_ns)
-        self._latency_ns = duration_ns(sensor.spec.latency_ms * 1e-3)
+        self._arrival_ns = 0
         self._queue: Delayed[SensorMessage] = Delayed()
 
     def tick(self, now_ns: int, reader: CameraReader) -> list[SensorMessage]:
         """Capture a frame if one is due and the reader uses it; return the messages that have arrived."""
         if self._frames.due(now_ns) and reader.uses_camera(self.sensor.name):
-            for message in self.sensor.capture(now_ns, reader):
-                self._queue.send(now_ns + self._latency_ns, message)
+            messages = self.sensor.capture(now_ns, reader)
+            # Frames are read one after the other: none overtakes the one before.
+            self._arrival_ns = max(now_ns + self.sensor.next_latency_ns(), self._arrival_ns)
+            for message in messages:
+                self._queue.send(self._arrival_ns, message)
         return self._queue.arrived(now_ns)
 
 
@@ -67,7 +70,7 @@ class SensorSuite:
             scene: Rates, faults and the tags of the target.
             unit: Name of the unit.
             step: The step in which it docks or undocks; None without a target.
-            plant: Source of the true wheel angles, switches and lock positions.
+            plant: Source of the true motor angles, switches and lock positions.
             encoders: Wheel encoders of the unit.
             cameras: Cameras that the unit can read.
             profiler: Measures the time of the odometry and of perception.
@@ -94,7 +97,7 @@ class SensorSuite:
         """Make the measurements that are due at this tick and deliver the messages that have arrived."""
         if self._encoder_timer.due(now_ns):
             with self._profiler("odometry"):
-                robot.receive(self._encoders.read(self._plant.wheel_angles(self._unit), now_ns))
+                robot.receive(self._encoders.read(self._plant.motor_angles(self._unit), now_ns))
             # Switches and lock are polled at the rate of the encoders and report changes only.
             self._report_mechanism(now_ns, robot)
         for camera in self._cameras:

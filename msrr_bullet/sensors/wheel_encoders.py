@@ -37,16 +37,16 @@ class WheelEncoders:
         self._true: tuple[float, float] | None = None
         self._measured = [0.0, 0.0]
 
-    def read(self, wheel_angles: tuple[float, float], stamp_ns: int) -> WheelOdometry:
-        """Return the reading for true wheel angles [rad]; the first reading is zero."""
+    def read(self, angles: tuple[float, float], stamp_ns: int) -> WheelOdometry:
+        """Return the reading for true angles of the motors behind gears [rad]; the first one is zero."""
         # The number of draws per reading does not depend on the motion.
         noise = self._rng.standard_normal(2).tolist()
-        before = self._true or wheel_angles
+        before = self._true or angles
         for i in range(2):
-            turned = wheel_angles[i] - before[i]
+            turned = angles[i] - before[i]
             walk = self._spec.noise_rad * math.sqrt(abs(turned)) * noise[i]
             self._measured[i] += self.scale[i] * turned + walk
-        self._true = wheel_angles
+        self._true = angles
         tick = 2.0 * math.pi / self._spec.ticks_per_turn
         left, right = (tick * math.floor(angle / tick) for angle in self._measured)
         return WheelOdometry(self._unit, stamp_ns, left, right)

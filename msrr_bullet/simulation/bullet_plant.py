@@ -21,7 +21,7 @@ class BulletPlant(Plant):
 
     def __init__(self, world: BulletWorld) -> None:
         """Take over ``world``; :meth:`close` closes it."""
-        super().__init__(world.scene)
+        super().__init__(world.scene, world.built)
         self.world = world
         self._motors = {
             name: WheelMotors(world.client, unit, world.scene.motors) for name, unit in world.units.items()
@@ -37,7 +37,9 @@ class BulletPlant(Plant):
         self._sleeping.step(self._is_driven)
         for name, motors in self._motors.items():
             if not self._sleeping.is_asleep(name):
-                motors.drive(self._drive(name))
+                velocity, drivetrain = self._drive(name), self._drivetrains[name]
+                speeds = drivetrain.step(velocity, self._dt)
+                motors.drive(speeds, held=is_standstill(velocity) and drivetrain.at_rest)
         self._advance()
 
     def step_freewheeling(self) -> None:
@@ -105,7 +107,7 @@ class BulletPlant(Plant):
         self.world.close()
 
     def _build_mechanism(self, step: DockStep) -> PinLock:
-        lock = PinLock(self.world, step, self._scene.lock, self)
+        lock = PinLock(self.world, step, self._scene.lock, self, self._switch_travel(step))
         if step.unit in self._locks:
             self._parting.append(self._locks[step.unit])
         self._locks[step.unit] = lock
@@ -127,4 +129,6 @@ class BulletPlant(Plant):
 
     def _is_driven(self, unit: str) -> bool:
         """Return whether the drive of a unit is commanded to move or has not come to rest."""
-        return self._commands[unit] != Twist() or not is_standstill(self._drives[unit].velocity)
+        if self._commands[unit] != Twist() or not is_standstill(self._drives[unit].velocity):
+            return True
+        return not self._drivetrains[unit].at_rest

@@ -62,7 +62,14 @@ class LockPlant(Protocol):
 class PinLock(PortMechanism):
     """The mechanism between an active port and a passive port in PyBullet."""
 
-    def __init__(self, world: BulletWorld, step: DockStep, spec: LockSpec, plant: LockPlant) -> None:
+    def __init__(
+        self,
+        world: BulletWorld,
+        step: DockStep,
+        spec: LockSpec,
+        plant: LockPlant,
+        switch_travel: float = SWITCH_TRAVEL,
+    ) -> None:
         """Look up the pins of the docking unit and the holes of the port that it docks to.
 
         Args:
@@ -70,18 +77,20 @@ class PinLock(PortMechanism):
             step: Step of the plan: which port docks to which.
             spec: Closing time, strength and pull test of the lock.
             plant: The plant that steps the world.
+            switch_travel: Distance from the bottom of the hole at which the seat switches close [m].
 
         Raises:
             GeometryError: A URDF has no pins, or no holes at the passive port.
         """
-        super().__init__(step, spec)
+        super().__init__(step, spec, switch_travel)
         self._world = world
         self._plant = plant
         self._unit, self._target = world.unit(step.unit), world.unit(step.target_unit)
         self._pairs = tuple(self._pair(side) for side in SIDES)
+        self._query_m = max(LOCK_REACH, switch_travel)
         # Pins lie inside the circle about their unit, the bottoms of holes inside that about the target.
         self._reach = (
-            self._unit.geometry.circumradius + self._target.geometry.circumradius + LOCK_REACH + TILT_M
+            self._unit.geometry.circumradius + self._target.geometry.circumradius + self._query_m + TILT_M
         )
         self._constraint: int | None = None
         self._contact_disabled = False
@@ -118,7 +127,7 @@ class PinLock(PortMechanism):
 
     def switches(self) -> tuple[bool, bool]:
         """Return whether the seat switches (left, right) are closed: pins near the bottom of the holes."""
-        left, right = (self._depth_left(i) <= SWITCH_TRAVEL for i in range(2))
+        left, right = (self._depth_left(i) <= self._switch_travel for i in range(2))
         return left, right
 
     def pins_touch(self) -> bool:
@@ -200,7 +209,7 @@ class PinLock(PortMechanism):
             self._constraint = None
 
     def _depth_left(self, pair: int) -> float:
-        """Return the distance of a pin from the bottom of the hole [m]; infinite beyond the lock reach."""
+        """Return the distance of a pin from the bottom of the hole [m]; infinite beyond lock and switch."""
         X_WU, X_WT = self._world.pose(self.dock_step.unit), self._world.pose(self.dock_step.target_unit)
         if math.hypot(X_WU.x - X_WT.x, X_WU.y - X_WT.y) > self._reach:
             return math.inf
@@ -214,7 +223,7 @@ class PinLock(PortMechanism):
             points = pybullet.getClosestPoints(
                 self._unit.body,
                 -1,
-                LOCK_REACH,
+                self._query_m,
                 linkIndexA=pin,
                 collisionShapeB=shape,
                 collisionShapePositionB=position,

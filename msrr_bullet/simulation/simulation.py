@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -14,11 +13,13 @@ from msrr_bullet.plant.plant import Plant
 from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
+from msrr_perception.pose.global_pose import overhead_pose
+from msrr_scenes.as_built import AsBuilt, as_drawn
+from msrr_scenes.geometry.pinhole import body_pose, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import seconds
 from msrr_scenes.placement.placement import Placement
-from msrr_scenes.specs.faults import CameraMisaligned
 from msrr_scenes.specs.scene import Scene
 
 
@@ -27,13 +28,15 @@ class Simulation:
     """The true state of a running trial.
 
     Attributes:
-        scene: The scene.
+        scene: The scene, which everybody is told.
+        built: What is not as the scene says, which no robot is told.
         placement: Start poses of all bodies.
         plant: The plant that moves the units.
         world: The PyBullet world; None when neither the plant nor a camera needs one.
     """
 
     scene: Scene
+    built: AsBuilt
     placement: Placement
     plant: Plant
     world: BulletWorld | None
@@ -49,34 +52,45 @@ class Simulation:
 
 
 @contextmanager
-def open_simulation(scene: Scene, placement: Placement) -> Iterator[Simulation]:
-    """Build the plant of a scene and, if a renderer or the plant needs it, the PyBullet world."""
+def open_simulation(scene: Scene, placement: Placement, built: AsBuilt | None = None) -> Iterator[Simulation]:
+    """Build the plant of a scene and, if a renderer or the plant needs it, the PyBullet world.
+
+    Args:
+        scene: A checked scene.
+        placement: Start poses of all bodies.
+        built: What is not as the scene says; None if all is.
+    """
+    built = built or as_drawn(scene)
     with ExitStack() as stack:
         world = None
         if scene.plant == "bullet" or scene.perception == "images":
             tags = None
             if scene.perception == "images":
                 folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="msrr-"))
-                tags = TagVisuals(scene, Path(folder))
-            world = stack.enter_context(BulletWorld(scene, placement, tags=tags))
+                tags = TagVisuals(scene, Path(folder), built)
+            world = stack.enter_context(BulletWorld(scene, placement, tags=tags, built=built))
         plant: Plant
         if scene.plant == "bullet":
             assert world is not None, "the bullet plant has a world"
             plant = BulletPlant(world)
         else:
-            plant = KinematicPlant(scene, placement, world)
+            plant = KinematicPlant(scene, placement, world, built=built)
         for step in scene.assembled_docks:
             plant.assemble(step)
-        yield Simulation(scene, placement, plant, world)
+        yield Simulation(scene, built, placement, plant, world)
 
 
-def camera_pose(scene: Scene, unit: str) -> SE3:
+def camera_pose(scene: Scene, built: AsBuilt, unit: str) -> SE3:
     """Return the true pose ``X_UB`` of the camera body of a unit; x of B is the optical axis.
 
-    It differs from the pose in the URDF, which the robot knows, by the fault ``camera_misaligned``.
+    It differs from the pose in the URDF, which the robot knows, by what was built and by the fault
+    ``camera_misaligned``.
     """
-    X_UB = scene.geometry(unit).frame("camera")
-    for fault in scene.faults:
-        if isinstance(fault, CameraMisaligned) and fault.unit == unit:
-            X_UB = X_UB @ SE3.from_se2(SE2(0.0, 0.0, math.radians(fault.yaw_deg)))
-    return X_UB
+    return built.units[unit].camera.mounted(scene.geometry(unit).frame("camera"))
+
+
+def overhead_camera_pose(scene: Scene, built: AsBuilt) -> SE3:
+    """Return the true pose ``X_WC`` of the optical frame of the overhead camera of a scene that has one."""
+    assert scene.cameras.overhead is not None, "the scene has an overhead camera"
+    assert built.overhead is not None, "an overhead camera was built"
+    return optical_pose(built.overhead.mounted(body_pose(overhead_pose(scene.cameras.overhead))))

@@ -10,8 +10,10 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import pybullet
 
-from msrr_bullet.simulation.tag_plates import load_tag_plate, set_texture, write_plate
+from msrr_bullet.simulation.built_urdf import build
+from msrr_bullet.simulation.tag_plates import PLATE_RATIO, load_tag_plate, set_texture, write_plate
 from msrr_bullet.simulation.urdf_welding import read_urdf, weld
+from msrr_scenes.as_built import AsBuilt, BuiltTag, as_drawn
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
@@ -26,9 +28,10 @@ PLATE_LIFT_M = 0.002
 R_BT = rotation_from_rpy(math.pi, 0.0, 0.0)
 
 
-def obstacle_tag_pose(height_m: float) -> SE3:
-    """Return ``X_BT`` of the tag on the lid of an obstacle; the origin of B is the middle of the base."""
-    return SE3(R_BT, np.array([0.0, 0.0, height_m + PLATE_LIFT_M]))
+def obstacle_tag_pose(height_m: float, built: BuiltTag) -> SE3:
+    """Return the true ``X_BT`` of the tag on the lid of an obstacle; B lies in the middle of the base."""
+    X_BT = SE3(R_BT, np.array([0.0, 0.0, height_m + PLATE_LIFT_M]))
+    return X_BT if built.X_TX is None else X_BT @ built.X_TX
 
 
 class TagVisuals:
@@ -37,9 +40,16 @@ class TagVisuals:
     The folder holds meshes, textures and URDFs; it has to exist for as long as the world.
     """
 
-    def __init__(self, scene: Scene, folder: Path) -> None:
-        """Use the tags of ``scene``; units with the fault ``marker_hidden`` get blank plates."""
+    def __init__(self, scene: Scene, folder: Path, built: AsBuilt | None = None) -> None:
+        """Use the tags of ``scene``; units with the fault ``marker_hidden`` get blank plates.
+
+        Args:
+            scene: A checked scene.
+            folder: Existing folder for the files.
+            built: True sizes and places of the tags; None if all are as drawn.
+        """
         self._scene = scene
+        self._built = built or as_drawn(scene)
         self._folder = folder
         self._hidden = {f.unit for f in scene.faults if isinstance(f, MarkerHidden)}
 
@@ -49,17 +59,21 @@ class TagVisuals:
         Raises:
             GeometryError: A tag slot has no link in the URDF.
         """
-        scene, geometry = self._scene, self._scene.geometry(unit)
+        scene, geometry, built = self._scene, self._scene.geometry(unit), self._built.units[unit]
         tree = read_urdf(geometry.urdf)
         links = {e.attrib["name"]: e for e in tree.getroot().findall("link")}
+        plates: dict[str, float] = {}
         for slot, tag_id in scene.tag_ids(unit).items():
             if slot not in links:
                 raise GeometryError(
                     f"{geometry.urdf}: no link for tag {tag_id} at {slot!r}; tag links: {geometry.tag_slots}"
                 )
             shown = None if unit in self._hidden else tag_id
-            mesh, _ = write_plate(self._folder, f"{unit}_{slot}", scene.tag_size(slot), shown)
+            size = built.print_scale * scene.tag_size(slot)
+            mesh, _ = write_plate(self._folder, f"{unit}_{slot}", size, shown)
             _add_visual(links[slot], mesh)
+            plates[slot] = PLATE_RATIO * size
+        build(tree, geometry, built, plates)
         weld(tree, geometry.pins)
         path = self._folder / f"{unit}.urdf"
         tree.write(path, encoding="utf-8", xml_declaration=True)
@@ -88,8 +102,9 @@ class TagVisuals:
         """Put the tag of an obstacle, if it has one, on the lid of the obstacle that stands at ``X_WO``."""
         spec = self._scene.obstacles[obstacle]
         if spec.tag_id is not None:
-            X_WT = SE3.from_se2(X_WO) @ obstacle_tag_pose(spec.height_m)
-            load_tag_plate(client, self._folder, spec.tag_id, spec.tag_m, X_WT)
+            built = self._built.obstacle_tags[obstacle]
+            X_WT = SE3.from_se2(X_WO) @ obstacle_tag_pose(spec.height_m, built)
+            load_tag_plate(client, self._folder, spec.tag_id, built.print_scale * spec.tag_m, X_WT)
 
 
 def _add_visual(link: Element, mesh: Path) -> None:

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pybullet
 
+from msrr_bullet.simulation.built_urdf import build
 from msrr_bullet.simulation.urdf_welding import read_urdf, weld
+from msrr_scenes.as_built import BuiltUnit
 from msrr_scenes.errors import GeometryError, UnknownNameError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
@@ -27,7 +29,7 @@ class UnitBody:
         body: Body id of PyBullet.
         links: Index of every link that remains after welding (:mod:`msrr_bullet.simulation.urdf_welding`);
             that of the root link is :data:`ROOT`.
-        geometry: Geometry of the URDF.
+        geometry: Geometry of the URDF, with the true frames of the tags.
         X_IU: Pose of frame U in the inertial frame of the root, whose pose PyBullet calls the base pose.
         wheels: Indices of the joints of the left and the right wheel.
     """
@@ -58,7 +60,9 @@ class UnitBody:
             raise UnknownNameError("link", name, self.links) from None
 
 
-def load_unit(client: int, geometry: UnitGeometry, welded: Path | None = None) -> UnitBody:
+def load_unit(
+    client: int, geometry: UnitGeometry, welded: Path | None = None, built: BuiltUnit | None = None
+) -> UnitBody:
     """Load a unit at the origin of the world.
 
     Args:
@@ -66,11 +70,12 @@ def load_unit(client: int, geometry: UnitGeometry, welded: Path | None = None) -
         geometry: Geometry of the URDF of the unit.
         welded: A welded copy of the URDF (:mod:`msrr_bullet.simulation.urdf_welding`); None makes a temporary
             one.
+        built: What is not as drawn, which ``welded`` has been given already; None if all is.
 
     Raises:
         GeometryError: PyBullet cannot load the URDF.
     """
-    body = _weld_and_load(geometry, client) if welded is None else _load(welded, client)
+    body = _weld_and_load(geometry, client, built) if welded is None else _load(welded, client)
     root = pybullet.getBodyInfo(body, physicsClientId=client)[0].decode()
     links = {root: ROOT}
     for joint in range(pybullet.getNumJoints(body, physicsClientId=client)):
@@ -78,11 +83,14 @@ def load_unit(client: int, geometry: UnitGeometry, welded: Path | None = None) -
     info = pybullet.getDynamicsInfo(body, ROOT, physicsClientId=client)
     X_RI = SE3.from_quaternion_xyzw(info[3], info[4])
     X_IU = X_RI.inverse() @ geometry.frame(root).inverse()
-    return UnitBody(body, links, geometry, X_IU, (links["wheel_left"], links["wheel_right"]))
+    true = geometry if built is None else built.geometry
+    return UnitBody(body, links, true, X_IU, (links["wheel_left"], links["wheel_right"]))
 
 
-def _weld_and_load(geometry: UnitGeometry, client: int) -> int:
+def _weld_and_load(geometry: UnitGeometry, client: int, built: BuiltUnit | None) -> int:
     tree = read_urdf(geometry.urdf)
+    if built is not None:
+        build(tree, geometry, built)
     weld(tree, geometry.pins)
     with tempfile.TemporaryDirectory(prefix="msrr-") as folder:
         path = Path(folder) / geometry.urdf.name

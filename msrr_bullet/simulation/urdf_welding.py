@@ -62,13 +62,13 @@ def weld(tree: ElementTree[Element], separate: Collection[str]) -> None:
         if link.find("collision") is not None and carrier.find("collision") is None:
             _copy_contact(carrier, link)
         for shape in (*link.findall("visual"), *link.findall("collision")):
-            _set_origin(shape, X_CL @ urdf_origin(shape.find("origin")))
+            set_origin(shape, X_CL @ urdf_origin(shape.find("origin")))
             carrier.append(shape)
         for other in joints.values():
             parent = _end(other, "parent")
             if parent.attrib["link"] == name:
                 parent.set("link", carrier.attrib["name"])
-                _set_origin(other, X_CL @ urdf_origin(other.find("origin")))
+                set_origin(other, X_CL @ urdf_origin(other.find("origin")))
         robot.remove(link)
         robot.remove(joint)
         del joints[name]
@@ -147,7 +147,13 @@ def _add_mass(carrier: Element, link: Element, X_CL: SE3) -> None:
     SubElement(inertial, "inertia", {name: repr(float(j)) for name, j in zip(_INERTIA, upper, strict=True)})
 
 
-def _set_origin(element: Element, X: SE3) -> None:
+def joint_of(robot: Element, link: str) -> Element:
+    """Return the joint that carries a link, given the root of a URDF that has one."""
+    return next(joint for joint in robot.findall("joint") if _end(joint, "child").attrib["link"] == link)
+
+
+def set_origin(element: Element, X: SE3) -> None:
+    """Set the pose of a joint, a shape or an inertia of a URDF."""
     for old in element.findall("origin"):
         element.remove(old)
     with warnings.catch_warnings():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pybullet
 
-from msrr_bullet.plant.limited_drive import wheel_speeds
 from msrr_bullet.simulation.unit_body import UnitBody
 from msrr_scenes.messages import Twist
 from msrr_scenes.specs.vehicle import WheelMotorSpec
@@ -29,13 +28,16 @@ class WheelMotors:
         self._torque = spec.torque_nm
         self._holding = spec.holding_torque_nm
         self._last_target: tuple[tuple[float, float], float] | None = None
-        self.drive(Twist())
+        self.drive((0.0, 0.0), held=True)
 
-    def drive(self, twist: Twist) -> None:
-        """Turn the wheels at the speeds of ``twist`` with limited torque."""
-        # A drive at rest is held by the gear, which is stronger than the motor.
-        torque = self._holding if is_standstill(twist) else self._torque
-        self._control(wheel_speeds(twist, self._unit.geometry), torque)
+    def drive(self, speeds: tuple[float, float], *, held: bool = False) -> None:
+        """Turn the wheels with limited torque.
+
+        Args:
+            speeds: Speeds of the left and the right wheel [rad/s].
+            held: Whether the drive is at rest: the gear then holds the wheels, with more than the motor.
+        """
+        self._control(speeds, self._holding if held else self._torque)
 
     def release(self) -> None:
         """Let the wheels roll freely."""

@@ -14,8 +14,10 @@ from types import TracebackType
 import numpy as np
 import pybullet
 
+from msrr_bullet.simulation.floor import add_floor, gravity
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody, load_unit
+from msrr_scenes.as_built import AsBuilt, as_drawn
 from msrr_scenes.errors import MsrrError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -24,9 +26,6 @@ from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.bodies import CylinderSpec
 from msrr_scenes.specs.scene import Scene
 
-GRAVITY_MPS2 = 9.80665
-#: Friction of the floor; PyBullet multiplies it with that of the other body.
-FLOOR_FRICTION = 1.0
 OBSTACLE_FRICTION = 0.5
 #: A link higher than this above the floor cannot reach it, because wheels and casters keep the unit from
 #: tipping [m]. A driving unit costs a fifth less when such links are not tested against the floor.
@@ -45,20 +44,30 @@ class BulletWorld:
     Attributes:
         client: Physics client id of PyBullet, an argument of every PyBullet call.
         scene: The scene of the world.
+        built: What is not as the scene says.
         floor: Body id of the floor.
         units: Every unit, by name.
         obstacles: Body id of every obstacle that stands in the world now, by name.
     """
 
-    def __init__(self, scene: Scene, placement: Placement, *, tags: TagVisuals | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        placement: Placement,
+        *,
+        tags: TagVisuals | None = None,
+        built: AsBuilt | None = None,
+    ) -> None:
         """Build the world.
 
         Args:
             scene: A checked scene.
             placement: Start poses of units and obstacles.
             tags: Adds tags to the visual shapes of units and obstacles; None adds none.
+            built: What is not as the scene says; None if all is. ``tags`` have to be built the same.
         """
         self.scene = scene
+        self.built = built or as_drawn(scene)
         self._placement = placement
         self._tags = tags
         self.units: dict[str, UnitBody] = {}
@@ -74,7 +83,7 @@ class BulletWorld:
             raise MsrrError("PyBullet opens no further DIRECT client; too many are open in this process")
         try:
             self._configure()
-            self.floor = self._add_floor()
+            self.floor = add_floor(self.client, self.built.floor, scene.arena)
             for name in scene.units:
                 self._add_unit(name, placement.units[name])
             self.reveal(0.0)
@@ -191,7 +200,7 @@ class BulletWorld:
             pybullet.resetJointState(unit.body, joint, angle, 0.0, physicsClientId=self.client)
 
     def _configure(self) -> None:
-        pybullet.setGravity(0.0, 0.0, -GRAVITY_MPS2, physicsClientId=self.client)
+        pybullet.setGravity(*gravity(self.built.floor), physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / self.scene.physics_hz,
             numSubSteps=0,
@@ -200,29 +209,10 @@ class BulletWorld:
             physicsClientId=self.client,
         )
 
-    def _add_floor(self) -> int:
-        shape = pybullet.createCollisionShape(
-            pybullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], physicsClientId=self.client
-        )
-        # Without a visual shape PyBullet would draw the collision shape; this one is too small to be seen.
-        invisible = pybullet.createVisualShape(
-            pybullet.GEOM_SPHERE,
-            radius=1e-6,
-            visualFramePosition=[0.0, 0.0, -1.0],
-            physicsClientId=self.client,
-        )
-        floor: int = pybullet.createMultiBody(
-            baseMass=0.0,
-            baseCollisionShapeIndex=shape,
-            baseVisualShapeIndex=invisible,
-            physicsClientId=self.client,
-        )
-        pybullet.changeDynamics(floor, ROOT, lateralFriction=FLOOR_FRICTION, physicsClientId=self.client)
-        return floor
-
     def _add_unit(self, name: str, X_WU: SE2) -> None:
         urdf = self._tags.unit_urdf(name) if self._tags else None
-        unit = self.units[name] = load_unit(self.client, self.scene.geometry(name), urdf)
+        built = self.built.units[name]
+        unit = self.units[name] = load_unit(self.client, self.scene.geometry(name), urdf, built)
         self.place(name, X_WU, (0.0, 0.0))
         for link in unit.links.values():
             (_, _, bottom), _ = pybullet.getAABB(unit.body, link, physicsClientId=self.client)

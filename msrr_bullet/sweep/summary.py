@@ -109,6 +109,7 @@ class SweepSummary(BaseModel):
         code: Fingerprint of the code, see :mod:`msrr_bullet.sweep.provenance`.
         plant: Plant that moved the units.
         perception: Kind of perception of the robots.
+        as_built: Grade of the workmanship; see :class:`~msrr_bullet.trial.result.TrialResult`.
         trials: Number of trials, failures of the program included.
         outcomes: Number of trials by outcome; failures of the program are not included.
         success: Rate of ``docked``, or of ``complete`` for missions, among all trials, with the 95 % Wilson
@@ -131,6 +132,7 @@ class SweepSummary(BaseModel):
     code: str
     plant: Plant
     perception: Perception
+    as_built: str = "perfect"
     trials: int
     outcomes: dict[str, int]
     success: Rate
@@ -177,6 +179,7 @@ def summarise(
         code=code,
         plant=scene.plant,
         perception=scene.perception,
+        as_built=str(scene.as_built),
         trials=len(trials) + len(failures),
         outcomes=_counts(outcomes),
         success=wilson(sum(r.docked for r in trials), len(trials) + len(failures)),

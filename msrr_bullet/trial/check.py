@@ -13,6 +13,7 @@ from msrr_bullet.trial.mission import begin_planned
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_control.staging.feasibility import check_assembly, check_time
 from msrr_control.staging.registry import ASSEMBLERS
+from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.errors import MsrrError, ProgramFailedError, SceneError
 from msrr_scenes.loading.load import check_scene
 from msrr_scenes.placement.placement import draw_placement
@@ -56,7 +57,7 @@ def _check(scene: Scene) -> None:
         resolve("renderer", camera.renderer.name, RENDERERS)
     telemetry = Telemetry(NullRecorder(), scene)
     placement = draw_placement(scene, lambda name: stream(0, name))
-    with open_environment(scene, 0, placement) as environment:
+    with open_environment(scene, 0, placement, draw_as_built(scene, 0)) as environment:
         if scene.coordinated:
             CoordinatedMission(environment, telemetry, NullProfiler())
         for index in () if scene.coordinated else in_order(scene.docks):

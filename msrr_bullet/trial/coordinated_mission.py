@@ -34,7 +34,7 @@ class _Member:
 
     def __init__(self, environment: Environment, unit: str, telemetry: Telemetry, profiler: Profiler) -> None:
         simulation = environment.simulation
-        self.robot = led_robot(simulation.scene, unit, profiler)
+        self.robot = led_robot(simulation.scene.told(), unit, profiler)
         self.recorded = RecordedLedRobot(self.robot, unit, telemetry.recorder, simulation.plant.now_ns)
         self.runner = UnitRunner(environment, unit, self.recorded, profiler)
         self.step: DockingStep | None = None
@@ -62,7 +62,9 @@ class CoordinatedMission(Mission):
         scene, plant, devices = self._scene, self._plant, environment.devices
         assert devices.radio is not None, "a scene with a base station has a radio"
         self._radio = devices.radio
-        self._base = RecordedBaseStation(BaseStation(scene, profiler), telemetry.recorder, plant.now_ns)
+        self._base = RecordedBaseStation(
+            BaseStation(scene.told(), profiler), telemetry.recorder, plant.now_ns
+        )
         self._camera = MountedCamera(devices.overhead(profiler), plant.now_ns())
         self._members = {u: _Member(environment, u, telemetry, profiler) for u in scene.units}
         self._base_timer = Periodic(_BASE_RATE_HZ, plant.now_ns())

@@ -12,6 +12,7 @@ from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.plant.plant import Plant
 from msrr_bullet.sensors.devices import Devices
 from msrr_bullet.simulation.simulation import Simulation, open_simulation
+from msrr_scenes.as_built import AsBuilt
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
@@ -68,9 +69,18 @@ class Environment:
 
 
 @contextmanager
-def open_environment(scene: Scene, seed: int, placement: Placement) -> Iterator[Environment]:
-    """Build the environment of a trial of ``scene`` with ``seed``, and close it at the end."""
-    with open_simulation(scene, placement) as simulation:
+def open_environment(
+    scene: Scene, seed: int, placement: Placement, built: AsBuilt | None = None
+) -> Iterator[Environment]:
+    """Build the environment of a trial, and close it at the end.
+
+    Args:
+        scene: A checked scene.
+        seed: Seed of the trial.
+        placement: Start poses of all bodies.
+        built: What is not as the scene says; None if all is.
+    """
+    with open_simulation(scene, placement, built) as simulation:
         clearance = ClearanceModel.from_scene(scene)
         locked = LockedPairs()
         for step in scene.assembled_docks:

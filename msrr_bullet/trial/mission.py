@@ -186,8 +186,8 @@ def begin_planned(
 ) -> DockingStep:
     """Begin a step of the plan with a new robot that is on its own."""
     simulation, recorder = environment.simulation, telemetry.recorder
-    scene, step = simulation.scene, simulation.scene.docks[index]
-    robot = FailSafeRobot(lambda: Autonomy(scene, step, profiler))
+    told, step = simulation.scene.told(), simulation.scene.docks[index]
+    robot = FailSafeRobot(lambda: Autonomy(told, step, profiler))
     recorded = RecordedRobot(robot, step.unit, recorder, simulation.plant.now_ns)
     runner = UnitRunner(environment, step.unit, recorded, profiler)
     begun = DockingStep(environment, index, step, robot, runner, recorder)

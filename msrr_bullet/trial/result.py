@@ -73,6 +73,7 @@ class TrialResult(Record):
         seed: Seed of all random streams.
         plant: Kind of the plant.
         perception: Kind of the perception.
+        as_built: Grade of the workmanship, with the quantities that are not as the grade has them.
         versions: Installed versions, from :func:`package_versions`.
         outcome: Verdict of the judge on the whole plan.
         duration_s: Simulated time [s].
@@ -87,6 +88,7 @@ class TrialResult(Record):
     seed: int
     plant: Plant
     perception: Perception
+    as_built: str = "perfect"
     versions: dict[str, str] = Field(default_factory=package_versions)
     outcome: Outcome
     duration_s: Distance

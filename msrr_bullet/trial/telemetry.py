@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
-from msrr_bullet.log.records import JUDGE, ClearanceRecord, Event, Level, StartPoses, TruePose
+from msrr_bullet.log.records import JUDGE, BuiltErrors, ClearanceRecord, Event, Level, StartPoses, TruePose
 from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.timeline.snapshot_builder import SnapshotBuilder
 from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.environment import Environment
 from msrr_perception.estimation.global_estimator import pose_in_dock_frame
+from msrr_scenes.as_built import AsBuilt
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, Exposure, Phase, Pixels, seconds
@@ -66,10 +67,12 @@ class Telemetry:
         self._observer = observer
         self._last_actions: dict[int, Action] = {}  # by the index of the step
 
-    def begin(self, placement: Placement) -> None:
-        """Record the start poses of all bodies."""
+    def begin(self, placement: Placement, built: AsBuilt) -> None:
+        """Record the start poses of all bodies, and what is not as the scene says."""
         poses = {**placement.units, **placement.obstacles}
         self.recorder.write(topics.STARTS, 0, StartPoses(placement.redraws, poses))
+        if built.errors:
+            self.recorder.write(topics.AS_BUILT, 0, BuiltErrors(dict(built.errors)))
 
     def report(
         self,

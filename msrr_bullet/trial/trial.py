@@ -14,6 +14,7 @@ from msrr_bullet.trial.result import TrialResult, decisive_step
 from msrr_bullet.trial.step_result import StepResult
 from msrr_bullet.trial.telemetry import Progress, Telemetry
 from msrr_bullet.wall_limit import wall_limit
+from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.messages import seconds
 from msrr_scenes.outcome import Outcome
@@ -64,9 +65,10 @@ class Trial:
 
     def _run(self, check_clock: Callable[[], None]) -> TrialResult:
         placement = draw_placement(self.scene, lambda name: stream(self.seed, name))
-        self._telemetry.begin(placement)
+        built = draw_as_built(self.scene, self.seed)
+        self._telemetry.begin(placement, built)
         mission_class = CoordinatedMission if self.scene.coordinated else PlannedMission
-        with open_environment(self.scene, self.seed, placement) as environment:
+        with open_environment(self.scene, self.seed, placement, built) as environment:
             mission = mission_class(environment, self._telemetry, self._profiler)
             steps = mission.run(check_clock)
             result = self._result(mission, steps, placement.redraws)
@@ -82,6 +84,7 @@ class Trial:
             seed=self.seed,
             plant=self.scene.plant,
             perception=self.scene.perception,
+            as_built=str(self.scene.as_built),
             outcome=_verdict(mission, steps),
             duration_s=seconds(mission.ended_ns),
             start_redraws=redraws,

@@ -74,8 +74,8 @@ class Rasterizer:
         draw(
             View(
                 camera.focal,
-                0.5 * camera.width,
-                0.5 * camera.height,
+                camera.cx + 0.5,  # kernels count from pixel edges
+                camera.cy + 0.5,
                 window.x,
                 window.y,
                 window.width,

@@ -81,11 +81,13 @@ class PinholeCamera:
         width: Image width [px].
         height: Image height [px].
         focal: Focal length [px].
+        offset: Place (column, row) of the principal point from the middle of the image [px].
     """
 
     width: int
     height: int
     focal: float
+    offset: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def from_hfov(cls, width: int, height: int, hfov: float) -> PinholeCamera:
@@ -94,17 +96,17 @@ class PinholeCamera:
 
     @property
     def cx(self) -> float:
-        """Column of the principal point [px], the middle of the image."""
-        return 0.5 * (self.width - 1)
+        """Column of the principal point [px]."""
+        return 0.5 * (self.width - 1) + self.offset[0]
 
     @property
     def cy(self) -> float:
         """Row of the principal point [px]."""
-        return 0.5 * (self.height - 1)
+        return 0.5 * (self.height - 1) + self.offset[1]
 
     @property
     def half_fov(self) -> float:
-        """Half the horizontal field of view [rad]."""
+        """Half the horizontal field of view [rad], with the principal point in the middle of the image."""
         return math.atan(0.5 * self.width / self.focal)
 
     @property
@@ -141,14 +143,24 @@ class PinholeCamera:
         p = np.asarray(p_C, dtype=np.float64)
         front = p[..., 2] > 1e-6
         u = self.project(np.where(front[..., None], p, np.array([0.0, 0.0, 1.0])))
-        inside = (
-            (u[..., 0] >= margin - 0.5)
-            & (u[..., 0] <= self.width - 0.5 - margin)
-            & (u[..., 1] >= margin - 0.5)
-            & (u[..., 1] <= self.height - 0.5 - margin)
-        )
-        seen: NDArray[np.bool_] = front & inside
+        seen: NDArray[np.bool_] = front & self.contains(u, margin)
         return seen
+
+    def contains(self, pixels: Array, margin: float = 0.0) -> NDArray[np.bool_]:
+        """Return which pixels, shape (..., 2), lie inside the image by at least ``margin`` [px]."""
+        u, v = pixels[..., 0], pixels[..., 1]
+        inside: NDArray[np.bool_] = (
+            (u >= margin - 0.5)
+            & (u <= self.width - 0.5 - margin)
+            & (v >= margin - 0.5)
+            & (v <= self.height - 0.5 - margin)
+        )
+        return inside
+
+
+def body_pose(X_UC: SE3) -> SE3:
+    """Return the body-style camera frame B (x forward) at an optical frame C: ``X_UB`` from ``X_UC``."""
+    return X_UC @ SE3(R_BODY_OPTICAL.T, np.zeros(3))
 
 
 def optical_pose(X_UB: SE3) -> SE3:

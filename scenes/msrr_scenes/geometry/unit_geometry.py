@@ -107,7 +107,7 @@ class UnitGeometry:
     @cached_property
     def passive_ports(self) -> tuple[str, ...]:
         """Ports that carry a marker, in the order of the URDF."""
-        return tuple(p for p in self.ports if self.frames.keys() & _marker(p))
+        return tuple(p for p in self.ports if self.frames.keys() & marker_links(p))
 
     def port(self, name: str) -> SE2:
         """Return ``X_UP`` of a port: the origin is on the face, x points out of the unit."""
@@ -140,7 +140,7 @@ class UnitGeometry:
         """Links that carry a tag, in the order of the tag ids: top, then per port left, middle, right."""
         slots = ["tag_top"] if "tag_top" in self.frames else []
         for port in self.passive_ports:
-            slots += _marker(port)
+            slots += marker_links(port)
         return tuple(slots)
 
     @cached_property
@@ -159,7 +159,7 @@ class UnitGeometry:
         return float(np.linalg.norm(self.footprint, axis=1).max())
 
 
-def _marker(port: str) -> list[str]:
+def marker_links(port: str) -> list[str]:
     """Return the links of the tags of a passive port."""
     return [f"port_{port}_marker_{side}" for side in ("left", "middle", "right")]
 
@@ -213,7 +213,7 @@ def read_unit(path: Path) -> UnitGeometry:
 def _check_markers(path: Path, links: Collection[str]) -> None:
     """Refuse a port with a part of a marker, or with holes and no marker: a link has a wrong name."""
     for port in (name.removeprefix("port_") for name in links if re.fullmatch("port_[^_]+", name)):
-        missing = [name for name in _marker(port) if name not in links]
+        missing = [name for name in marker_links(port) if name not in links]
         passive = len(missing) < 3 or any(name.startswith(f"port_{port}_hole_") for name in links)
         if passive and missing:
             near = nearest(missing[0], links)

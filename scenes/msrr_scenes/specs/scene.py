@@ -9,6 +9,7 @@ from typing import Annotated
 from pydantic import Field
 
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
+from msrr_scenes.specs.as_built import AsBuiltSpec
 from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
 from msrr_scenes.specs.faults import Fault
 from msrr_scenes.specs.mission import AssembledPair, RadioSpec, Shapes
@@ -88,6 +89,9 @@ class Scene(Spec):
     without this key, every unit is on its own."""
     one_by_one: bool = False
     """Whether a base station lets only one unit move at a time, for comparison."""
+    as_built: AsBuiltSpec = AsBuiltSpec()
+    """What is not as this scene says: tolerances, which robots may know, and true errors; by its grade alone,
+    ``as_built: careful``."""
     faults: tuple[Fault, ...] = Field(default=(), max_length=100)
     """Deliberate faults."""
     source: Path | None = Field(default=None, exclude=True)
@@ -108,6 +112,10 @@ class Scene(Spec):
         """The docks that are closed when the trial begins, each as the step that would have closed it."""
         parts = ((*pair.active.partition("."), pair.passive) for pair in self.assembled)
         return tuple(DockStep(unit=unit, port=port, to=to) for unit, _, port, to in parts)
+
+    def told(self) -> Scene:
+        """Return the scene as robots and base station are told it: without true errors and without faults."""
+        return self.model_copy(update={"as_built": self.as_built.told(), "faults": ()})
 
     def start_pose(self, body: str) -> PoseSpec:
         """Return the start pose of a unit or an obstacle: that of an assembled unit is its seat."""

@@ -60,7 +60,7 @@ def false_dock() -> TrialResult:
 
 def test_a_step_shows_belief_beside_truth(false_dock: TrialResult) -> None:
     shown = text(step_table(false_dock, false_dock.steps[0]))
-    assert "close_range, seed 3 (bullet, images): a to b.rear" in shown
+    assert "close_range, seed 3 (bullet, images, perfect): a to b.rear" in shown
     assert "verdict docked false_dock" in shown
     assert "contact: lateral - 1.50 mm" in shown
     assert "contact: yaw - 0.57 deg" in shown

@@ -35,8 +35,8 @@ def test_belief_is_drawn_where_it_is(views, trial, context, with_step):
         replace(snapshot, clearance=None), estimate=snapshot.estimate @ SE2(0.0, 0.2), assembly=None
     )
     image = draw_overhead(context, CameraView(view.exposure, view.camera), wrong, ()).image
-    ghost = SE3.from_se2(wrong.estimate).act(scene_solids(context.scene)["a"].points)
-    hull = Perspective.overhead(context.scene).hull(ghost)
+    ghost = SE3.from_se2(wrong.estimate).act(scene_solids(context.scene, context.built)["a"].points)
+    hull = Perspective.overhead(context.scene, context.built).hull(ghost)
     for x, y in hull:
         near = image[int(y) - 2 : int(y) + 4, int(x) - 2 : int(x) + 4]
         assert (np.abs(near.astype(int) - bgr(palette.BELIEF)).max(axis=2) < 60).any()

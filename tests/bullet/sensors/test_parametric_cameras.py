@@ -11,6 +11,7 @@ import pytest
 from scipy.stats import chi2
 
 from msrr_bullet.sensors.frame_dropout import FrameDropout
+from msrr_bullet.sensors.frame_timing import FrameTiming
 from msrr_bullet.sensors.parametric_cameras import (
     MIN_SIGMA,
     ParametricOnboardCamera,
@@ -19,10 +20,12 @@ from msrr_bullet.sensors.parametric_cameras import (
 )
 from msrr_perception.estimation.los import edge_bearings as bearings_of_the_robot
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.as_built import BuiltCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, PoseMeasurement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import CameraSpec
 
 X_DU = SE2(-0.5, 0.02, 0.05)
 N = 2000
@@ -43,10 +46,15 @@ def scene(faults: tuple[Mapping[str, Any], ...] = (), **errors: float) -> Scene:
     )
 
 
+def timing_of(spec: CameraSpec) -> FrameTiming:
+    return FrameTiming(spec, BuiltCamera(spec.pinhole), stream(1, "jitter"))
+
+
 def onboard(of: Scene, X: SE2 = X_DU, dropout: float = 0.0, count: int = N) -> list[PoseMeasurement | None]:
     """Frames of a unit that stands at X in the dock frame; None where there is no measurement."""
     lost = FrameDropout("a/onboard", dropout, stream(1, "dropout"))
-    camera = ParametricOnboardCamera(of, of.plan[0], lambda: X, stream(1, "parametric"), lost)
+    timing = timing_of(of.cameras.onboard)
+    camera = ParametricOnboardCamera(of, of.plan[0], lambda: X, stream(1, "parametric"), lost, timing)
     frames = [camera.capture(k, None) for k in range(count)]  # the robot is not asked
     return [m[0] if m else None for m in frames]
 
@@ -127,7 +135,7 @@ def overhead(of: Scene, poses: Mapping[str, SE2], dropout: float = 0.0) -> list[
     spec = of.cameras.overhead
     assert spec is not None
     lost = FrameDropout("overhead", dropout, stream(1, "dropout"))
-    camera = ParametricOverheadCamera(of, spec, lambda: poses, stream(1, "parametric"), lost)
+    camera = ParametricOverheadCamera(of, spec, lambda: poses, stream(1, "parametric"), lost, timing_of(spec))
     frames = [camera.capture(k, None) for k in range(N)]
     return [{m.name: m for m in messages if isinstance(m, GlobalPose)} for messages in frames]
 

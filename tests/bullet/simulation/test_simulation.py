@@ -12,6 +12,7 @@ import pytest
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.simulation import camera_pose, open_simulation
+from msrr_scenes.as_built import as_drawn
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Twist
@@ -81,7 +82,8 @@ def test_a_misaligned_camera_is_turned_and_the_geometry_of_the_robot_is_not() ->
     """The fault changes the simulated world; the robot gets the geometry of the URDF."""
     faulty = scene("unicycle", "parametric")
     X_UB = faulty.geometry("a").frame("camera")
-    between = (X_UB.inverse() @ camera_pose(faulty, "a")).to_se2()
+    built = as_drawn(faulty)
+    between = (X_UB.inverse() @ camera_pose(faulty, built, "a")).to_se2()
     assert (between.x, between.y, between.yaw) == pytest.approx((0.0, 0.0, math.radians(5.0)))
-    assert isinstance(camera_pose(faulty, "b"), SE3)
-    assert camera_pose(faulty, "b").to_se2() == X_UB.to_se2()
+    assert isinstance(camera_pose(faulty, built, "b"), SE3)
+    assert camera_pose(faulty, built, "b").to_se2() == X_UB.to_se2()

@@ -16,6 +16,7 @@ from msrr_bullet.render.tiny_renderer import TinyRenderer
 from msrr_bullet.simulation.tag_plates import write_plate
 from msrr_bullet.simulation.tagged_bodies import TagVisuals, obstacle_tag_pose
 from msrr_perception.detection.detector import PupilDetector
+from msrr_scenes.as_built import BuiltTag
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
@@ -136,7 +137,7 @@ def test_the_tag_of_an_obstacle_lies_on_its_lid_and_an_obstacle_without_a_tag_ge
     assert pybullet.getNumBodies(physicsClientId=client) == 0
     tags.add_to_obstacle(client, "post", X_WO)
     spec = scene.obstacles["post"]
-    X_WT = SE3.from_se2(X_WO) @ obstacle_tag_pose(spec.height_m)
+    X_WT = SE3.from_se2(X_WO) @ obstacle_tag_pose(spec.height_m, BuiltTag())
     image = TinyRenderer(RenderContext(client, 2, GREY)).render(CAMERA, look_at(X_WT, 0.3), CAMERA.frame)
     (tag,) = PupilDetector().detect(image, CAMERA.frame)
     assert tag.tag_id == 500

@@ -47,7 +47,7 @@ def test_a_weak_motor_accelerates_slowly(two_units):
     weak = two_units(motors={"torque_nm": 0.003})
     with BulletWorld(weak, PLACEMENT) as world:
         motors = WheelMotors(world.client, world.unit("a"), weak.motors)
-        motors.drive(Twist(0.3, 0.0))
+        motors.drive(wheel_speeds(Twist(0.3, 0.0), weak.geometry("a")))
         for _ in range(240):
             world.step()
         assert 0.04 < world.twist("a").v < 0.08

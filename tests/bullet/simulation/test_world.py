@@ -6,8 +6,9 @@ import numpy as np
 import pybullet
 import pytest
 
+from msrr_bullet.simulation.floor import GRAVITY_MPS2
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
-from msrr_bullet.simulation.world import GRAVITY_MPS2, BulletWorld
+from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3

@@ -13,6 +13,7 @@ from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.arena_judge import ArenaJudge, Safety
 from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.judge import FALSE_ABORT_TIME_S, Judge
+from msrr_scenes.as_built import as_drawn
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, FailureReason, Phase
 from msrr_scenes.outcome import Outcome
@@ -56,7 +57,7 @@ class Crowd:
 
 def crowd(scene: Scene, model: ClearanceModel, units: dict[str, SE2], post: SE2) -> Crowd:
     placement = Placement(units, {"post": post})
-    return Crowd(Simulation(scene, placement, KinematicPlant(scene, placement), None), model)
+    return Crowd(Simulation(scene, as_drawn(scene), placement, KinematicPlant(scene, placement), None), model)
 
 
 def check_all_pairs(judge: Judge, crowded: Crowd, docking: bool) -> tuple[Outcome | None, float | None]:

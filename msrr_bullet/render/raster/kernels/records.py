@@ -67,7 +67,7 @@ class View(NamedTuple):
     """The intrinsics of the camera, the window that is drawn, and the near plane."""
 
     focal: float  # [px]
-    middle_x: float  # half the frame's width [px]
+    middle_x: float  # column of the principal point from the left edge of the frame [px]
     middle_y: float  # half the frame's height [px]
     x: int  # the window, in pixels of the frame
     y: int

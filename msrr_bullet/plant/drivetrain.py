@@ -1,0 +1,93 @@
+"""The way from the drive of a unit to the turning of its wheels, as the drivetrain was built."""
+
+from __future__ import annotations
+
+import math
+
+from msrr_bullet.plant.limited_drive import wheel_speeds
+from msrr_scenes.as_built import BuiltDrive
+from msrr_scenes.geometry.unit_geometry import UnitGeometry
+from msrr_scenes.messages import Twist
+
+#: Speed of a wheel below which a motor that is to stop has stopped [rad/s]: a tenth of a millimetre a second.
+STOPPED_RADPS = 3e-3
+
+Sides = tuple[float, float]
+
+
+class Drivetrain:
+    """Two motors with gears and wheels.
+
+    The drive turns a velocity into speeds of the motors by the *drawn* radius and track. A motor follows with
+    a lag of first order and does not turn in its dead zone. The gear has play: a wheel stands until its motor
+    has taken it up. How far the unit moves is decided by the true radii and the true track.
+
+    Attributes:
+        ideal: Whether all of it is as drawn.
+        play: Angle of the left and the right motor ahead of the wheel [rad].
+    """
+
+    def __init__(self, drawn: UnitGeometry, built: BuiltDrive) -> None:
+        """Start at rest, with the motors in the middle of their play.
+
+        Args:
+            drawn: Geometry by which the drive computes the speeds of its motors.
+            built: What is not as drawn.
+        """
+        self._drawn, self._built = drawn, built
+        self._motors: Sides = (0.0, 0.0)
+        self.ideal = built.ideal
+        self.play: Sides = (0.0, 0.0)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether both motors have stopped."""
+        return self._motors == (0.0, 0.0)
+
+    def step(self, velocity: Twist, dt: float) -> Sides:
+        """Advance by ``dt`` [s]; return the speeds of the left and the right wheel [rad/s].
+
+        Args:
+            velocity: Velocity that the drive wants.
+            dt: Time [s].
+        """
+        wanted = wheel_speeds(velocity, self._drawn)
+        if self.ideal:
+            return wanted
+        self._motors = (
+            self._motor(self._motors[0], wanted[0], dt),
+            self._motor(self._motors[1], wanted[1], dt),
+        )
+        (left, play_left), (right, play_right) = (
+            self._gear(speed, play, dt) for speed, play in zip(self._motors, self.play, strict=True)
+        )
+        self.play = play_left, play_right
+        return left, right
+
+    def motion(self, speeds: Sides) -> Twist:
+        """Return the velocity of a unit whose wheels roll at these speeds (left, right) [rad/s]."""
+        radius, scale = self._drawn.wheel_radius, self._built.radius_scale
+        left, right = radius * scale[0] * speeds[0], radius * scale[1] * speeds[1]
+        return Twist(0.5 * (left + right), (right - left) / (self._built.track_scale * self._drawn.track))
+
+    def rolling(self, motion: Twist) -> Sides:
+        """Return the speeds of the wheels [rad/s] that roll as a unit moves; inverse of :meth:`motion`."""
+        if self.ideal:
+            return wheel_speeds(motion, self._drawn)
+        left, right = wheel_speeds(Twist(motion.v, self._built.track_scale * motion.w), self._drawn)
+        return left / self._built.radius_scale[0], right / self._built.radius_scale[1]
+
+    def _motor(self, speed: float, wanted: float, dt: float) -> float:
+        """Return the speed of a motor after ``dt`` [s]."""
+        if abs(wanted) < self._built.dead_zone_radps:
+            wanted = 0.0
+        if self._built.lag_s > 0.0:
+            wanted += (speed - wanted) * math.exp(-dt / self._built.lag_s)
+        return 0.0 if abs(wanted) < STOPPED_RADPS else wanted
+
+    def _gear(self, speed: float, play: float, dt: float) -> tuple[float, float]:
+        """Return the speed of a wheel and the play that its motor is ahead afterwards."""
+        limit = 0.5 * self._built.backlash_rad
+        ahead = play + speed * dt
+        taken = min(max(ahead, -limit), limit)
+        return (ahead - taken) / dt, taken

@@ -1,0 +1,125 @@
+"""What a robot makes of an error-free image of what was built, by the drawing that it was told.
+
+The models of cameras without pixels use it for the systematic part of their errors: true corners are
+projected by the true camera, and the poses are those that the software of the robot computes from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from msrr_bullet.simulation.simulation import camera_pose, overhead_camera_pose
+from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
+from msrr_perception.pose.joint_pose import joint_pose
+from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.arrays import Array
+from msrr_scenes.as_built import AsBuilt, BuiltCamera
+from msrr_scenes.geometry.pinhole import optical_pose
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import marker_links, tag_corners
+from msrr_scenes.messages import Detections, Exposure, TagDetection
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
+
+#: Distance in front of the camera below which nothing is seen [m].
+_NEAR_M = 0.01
+
+Bearings = tuple[float | None, float | None]
+
+
+class OnboardSight:
+    """The sight of the target port by the onboard camera of a unit."""
+
+    def __init__(self, scene: Scene, built: AsBuilt, step: DockStep) -> None:
+        """Prepare the true and the told geometry of a step.
+
+        Args:
+            scene: The scene.
+            built: What is not as the scene says.
+            step: Step of the plan: which port docks to which.
+        """
+        target, drawn = built.units[step.target_unit], scene.geometry(step.target_unit)
+        self._told = TargetModel.from_scene(scene.told(), step)
+        self._camera = built.units[step.unit].camera
+        self._X_CU = optical_pose(camera_pose(scene, built, step.unit)).inverse()
+        X_DT = SE3.from_se2(drawn.dock_frame(step.target_port)).inverse()
+        ids = scene.tag_ids(step.target_unit)
+        self._corners_D = {
+            ids[slot]: (X_DT @ target.geometry.frame(slot)).act(
+                tag_corners(target.print_scale * scene.tag_size(slot))
+            )
+            for slot in marker_links(step.target_port)
+        }
+
+    def see(self, X_DU: SE2) -> tuple[SE2 | None, Bearings]:
+        """Return the pose that the robot computes and the bearings (left, right) that it measures [rad].
+
+        Args:
+            X_DU: True pose of the unit in the dock frame.
+
+        Returns:
+            The pose, or None if no tag of the port is in view as a whole; None for an edge out of view.
+        """
+        tags = _detections(self._camera, self._X_CU @ SE3.from_se2(X_DU.inverse()), self._corners_D)
+        pose = joint_pose(self._told, tags)
+        seen = {tag.tag_id: tag.corners for tag in tags}
+        left, right = (
+            float(self._told.camera.bearing(seen[edge.tag_id][list(edge.corners), 0].mean()))
+            if edge.tag_id in seen
+            else None
+            for edge in self._told.edges
+        )
+        return None if pose is None else pose.X_DU, (left, right)
+
+
+class OverheadSight:
+    """The sight of all bodies by the overhead camera."""
+
+    def __init__(self, scene: Scene, built: AsBuilt) -> None:
+        """Prepare the true and the told geometry.
+
+        Args:
+            scene: The scene, with an overhead camera.
+            built: What is not as the scene says.
+        """
+        assert built.overhead is not None, "an overhead camera was built"
+        model = OverheadModel.from_scene(scene.told(), ())
+        self._localizer, self._tag_of = model.localizer(), model.tag_of
+        self._camera, self._X_CW = built.overhead, overhead_camera_pose(scene, built).inverse()
+        self._corners_B: dict[str, Array] = {}
+        for name in model.tag_of:
+            if name in built.units:
+                unit, size = built.units[name], scene.tag_size("tag_top")
+                self._corners_B[name] = unit.geometry.frame("tag_top").act(
+                    tag_corners(unit.print_scale * size)
+                )
+            else:
+                obstacle, tag = scene.obstacles[name], built.obstacle_tags[name]
+                X_BT = obstacle_tag_pose(obstacle.height_m, tag)
+                self._corners_B[name] = X_BT.act(tag_corners(tag.print_scale * obstacle.tag_m))
+
+    def see(self, name: str, X_WB: SE2) -> SE2 | None:
+        """Return the pose that the robot computes of a body at ``X_WB``.
+
+        It is None if the tag of the body is not in view, or does not look like that tag.
+        """
+        tag_id = self._tag_of[name]
+        X_CB = self._X_CW @ SE3.from_se2(X_WB)
+        tags = _detections(self._camera, X_CB, {tag_id: self._corners_B[name]})
+        poses = self._localizer.locate(Detections(Exposure(OVERHEAD, 0, 0), tags, ()))
+        return poses[0].X_WB if poses else None
+
+
+def _detections(camera: BuiltCamera, X_CA: SE3, corners_A: Mapping[int, Array]) -> tuple[TagDetection, ...]:
+    """Return the tags, given by their corners in A, that a camera sees as a whole."""
+    tags = []
+    for tag_id, corners in corners_A.items():
+        p_C = X_CA.act(corners)
+        if p_C[:, 2].min() <= _NEAR_M:
+            continue
+        pixels = camera.project(p_C)
+        if camera.pinhole.contains(pixels).all():
+            tags.append(TagDetection(tag_id, pixels))
+    return tuple(tags)

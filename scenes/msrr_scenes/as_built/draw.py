@@ -1,0 +1,197 @@
+"""The draw of what was built, for one trial.
+
+Every error has a random stream of its own, named by part and quantity (``as_built/unit/a/onboard/yaw_deg``):
+adding an effect, a unit or a tag changes no other draw.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+
+from msrr_scenes.as_built.as_built import (
+    AsBuilt,
+    BuiltCamera,
+    BuiltDrive,
+    BuiltFloor,
+    BuiltTag,
+    BuiltUnit,
+    Distortion,
+)
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import UnitGeometry, marker_links
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.as_built import CameraDeviations, Deviation, FrictionDeviation, MountDeviations
+from msrr_scenes.specs.faults import CameraMisaligned
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import CameraSpec
+
+#: Least friction of a drawn floor over that of the drawing.
+LEAST_FRICTION = 0.1
+
+#: Distance between two joints of the floor [m].
+JOINT_SPACING_M = 0.5
+
+_NS_PER_MS = 1_000_000
+
+
+class _Draw:
+    """Draws errors by name and keeps them."""
+
+    def __init__(self, seed: int) -> None:
+        self.errors: dict[str, float] = {}
+        self._seed = seed
+
+    def stream(self, name: str) -> np.random.Generator:
+        """Return the generator of an error."""
+        return stream(self._seed, f"as_built/{name}")
+
+    def error(self, deviation: Deviation, name: str) -> float:
+        """Return the error of a quantity, in its unit: as given, or drawn; 0 if it has none."""
+        if deviation.error is None and deviation.sigma == 0.0:
+            return 0.0
+        error = self._drawn(deviation, name) if deviation.error is None else deviation.error
+        self.errors[name] = error
+        return error
+
+    def _drawn(self, deviation: Deviation, name: str) -> float:
+        drawn = deviation.sigma * float(self.stream(name).standard_normal())
+        if isinstance(deviation, FrictionDeviation):
+            return 100.0 * (max(math.exp(-abs(drawn) / 100.0), LEAST_FRICTION) - 1.0)
+        return abs(drawn) if deviation.one_sided else drawn
+
+    def scale(self, deviation: Deviation, name: str) -> float:
+        """Return true over drawn value of a quantity whose deviation is in percent."""
+        return 1.0 + 0.01 * self.error(deviation, name)
+
+    def mount(self, deviations: MountDeviations, name: str) -> SE3 | None:
+        """Return the pose of a part in the frame where it should be; None if it is there."""
+        x, y, z = (self.error(getattr(deviations, q), f"{name}/{q}") for q in ("x_m", "y_m", "z_m"))
+        turns = [
+            math.radians(self.error(getattr(deviations, q), f"{name}/{q}"))
+            for q in ("roll_deg", "pitch_deg", "yaw_deg")
+        ]
+        return SE3.from_xyz_rpy((x, y, z), turns) if any((x, y, z, *turns)) else None
+
+
+def draw_as_built(scene: Scene, seed: int) -> AsBuilt:
+    """Draw what was built in a trial.
+
+    Quantities that the plant of the scene does not have, such as the floor of a unicycle, stay as drawn.
+
+    Args:
+        scene: A checked scene.
+        seed: Seed of the trial.
+    """
+    draw = _Draw(seed)
+    spec, overhead = scene.as_built, scene.cameras.overhead
+    units = {unit: _unit(scene, unit, draw) for unit in scene.units}
+    tags = {
+        name: _obstacle_tag(scene, name, draw)
+        for name, obstacle in scene.obstacles.items()
+        if obstacle.tag_id is not None
+    }
+    return AsBuilt(
+        units=MappingProxyType(units),
+        overhead=None if overhead is None else _camera(overhead, spec.overhead, "overhead", draw),
+        obstacle_tags=MappingProxyType(tags),
+        floor=_floor(scene, draw) if scene.plant == "bullet" else BuiltFloor(),
+        errors=MappingProxyType(draw.errors),
+    )
+
+
+def as_drawn(scene: Scene) -> AsBuilt:
+    """Return everything as it is drawn, but for the faults of the scene."""
+    return draw_as_built(scene.model_copy(update={"as_built": type(scene.as_built)()}), 0)
+
+
+def _unit(scene: Scene, unit: str, draw: _Draw) -> BuiltUnit:
+    spec, name, drawn = scene.as_built, f"unit/{unit}", scene.geometry(unit)
+    camera = _camera(scene.cameras.onboard, spec.onboard, f"{name}/onboard", draw)
+    for fault in scene.faults:
+        if isinstance(fault, CameraMisaligned) and fault.unit == unit:
+            X_BX = SE3.from_se2(SE2(0.0, 0.0, math.radians(fault.yaw_deg)))
+            camera = replace(camera, X_BX=X_BX if camera.X_BX is None else X_BX @ camera.X_BX)
+    drive = spec.drive
+    return BuiltUnit(
+        geometry=_with_true_tags(scene, drawn, name, draw),
+        camera=camera,
+        print_scale=draw.scale(spec.tags.print_percent, f"{name}/tags/print_percent"),
+        drive=BuiltDrive(
+            radius_scale=(
+                draw.scale(drive.radius_left_percent, f"{name}/drive/radius_left_percent"),
+                draw.scale(drive.radius_right_percent, f"{name}/drive/radius_right_percent"),
+            ),
+            track_scale=draw.scale(drive.track_percent, f"{name}/drive/track_percent"),
+            lag_s=1e-3 * draw.error(drive.lag_ms, f"{name}/drive/lag_ms"),
+            dead_zone_radps=draw.error(drive.dead_zone_radps, f"{name}/drive/dead_zone_radps"),
+            backlash_rad=math.radians(draw.error(drive.backlash_deg, f"{name}/drive/backlash_deg")),
+        ),
+        mass_scale=(
+            draw.scale(spec.body.mass_percent, f"{name}/body/mass_percent")
+            if scene.plant == "bullet"
+            else 1.0
+        ),
+        switch_travel_error_m=draw.error(spec.body.switch_travel_m, f"{name}/body/switch_travel_m"),
+    )
+
+
+def _with_true_tags(scene: Scene, drawn: UnitGeometry, name: str, draw: _Draw) -> UnitGeometry:
+    """Return the geometry with the tags where they are: brackets first, then every tag on its bracket."""
+    spec, moved = scene.as_built, dict[str, SE3]()
+    for port in drawn.passive_ports:
+        X_MX = draw.mount(spec.bracket, f"{name}/bracket/{port}")
+        if X_MX is None:
+            continue
+        slots = marker_links(port)
+        middle = np.mean([drawn.frame(slot).p for slot in slots], axis=0)
+        X_UM = SE3(SE3.from_se2(drawn.dock_frame(port)).R, middle)
+        X_moved = X_UM @ X_MX @ X_UM.inverse()
+        moved |= {slot: X_moved @ drawn.frame(slot) for slot in slots}
+    for slot in drawn.tag_slots:
+        X_TX = draw.mount(spec.tags, f"{name}/tags/{slot}")
+        if X_TX is not None:
+            moved[slot] = moved.get(slot, drawn.frame(slot)) @ X_TX
+    return replace(drawn, frames={**drawn.frames, **moved}) if moved else drawn
+
+
+def _obstacle_tag(scene: Scene, name: str, draw: _Draw) -> BuiltTag:
+    """Return the tag of an obstacle, which lies flat on the lid."""
+    spec, prefix = scene.as_built.tags, f"obstacle/{name}/tag"
+    x, y = (draw.error(getattr(spec, q), f"{prefix}/{q}") for q in ("x_m", "y_m"))
+    yaw = math.radians(draw.error(spec.yaw_deg, f"{prefix}/yaw_deg"))
+    X_TX = SE3.from_se2(SE2(x, y, yaw)) if any((x, y, yaw)) else None
+    return BuiltTag(X_TX, draw.scale(spec.print_percent, f"{prefix}/print_percent"))
+
+
+def _camera(told: CameraSpec, spec: CameraDeviations, name: str, draw: _Draw) -> BuiltCamera:
+    pinhole = told.pinhole
+    focal = draw.scale(spec.focal_percent, f"{name}/focal_percent")
+    offset = tuple(draw.error(getattr(spec, q), f"{name}/{q}") for q in ("cx_px", "cy_px"))
+    coefficients: Mapping[str, float] = {
+        q: draw.error(getattr(spec, q), f"{name}/{q}") for q in Distortion.__dataclass_fields__
+    }
+    return BuiltCamera(
+        pinhole=replace(pinhole, focal=focal * pinhole.focal, offset=(offset[0], offset[1])),
+        X_BX=draw.mount(spec, name),
+        distortion=Distortion(**coefficients),
+        clock_ahead_ns=round(_NS_PER_MS * draw.error(spec.clock_ms, f"{name}/clock_ms")),
+        jitter_ns=round(_NS_PER_MS * draw.error(spec.jitter_ms, f"{name}/jitter_ms")),
+    )
+
+
+def _floor(scene: Scene, draw: _Draw) -> BuiltFloor:
+    spec = scene.as_built.floor
+    slope = [math.radians(draw.error(getattr(spec, q), f"floor/{q}")) for q in ("slope_x_deg", "slope_y_deg")]
+    joint = draw.stream("floor/first_joint").uniform(0.0, JOINT_SPACING_M, 2).tolist()
+    return BuiltFloor(
+        friction_scale=draw.scale(spec.friction_percent, "floor/friction_percent"),
+        slope=(slope[0], slope[1]),
+        ridge_m=draw.error(spec.ridge_m, "floor/ridge_m"),
+        first_joint=(joint[0], joint[1]),
+    )

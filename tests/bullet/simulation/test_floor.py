@@ -1,0 +1,86 @@
+"""The floor as it was built: friction, slope and ridges."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pybullet
+import pytest
+
+from msrr_bullet.simulation.bullet_plant import BulletPlant
+from msrr_bullet.simulation.floor import GRAVITY_MPS2, gravity
+from msrr_bullet.simulation.world import BulletWorld
+from msrr_scenes.as_built import BuiltFloor, draw_as_built
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.messages import Twist
+from msrr_scenes.placement.placement import Placement
+
+PLACEMENT = Placement({"a": SE2(-0.6, 0.1, 0.0), "b": SE2(1.5, -1.0, 0.0)}, {})
+
+
+def open_world(floor: str) -> BulletWorld:
+    scene = load_scene("close_range", {"as_built": f"{{floor: {floor}}}"})
+    return BulletWorld(scene, PLACEMENT, built=draw_as_built(scene, 0))
+
+
+def test_gravity_leans_by_the_slope_and_keeps_its_size() -> None:
+    assert gravity(BuiltFloor()) == (0.0, 0.0, -GRAVITY_MPS2)
+    g = np.array(gravity(BuiltFloor(slope=(math.radians(3.0), math.radians(-4.0)))))
+    assert float(np.linalg.norm(g)) == pytest.approx(GRAVITY_MPS2)
+    assert math.degrees(math.atan2(g[0], g[2])) == pytest.approx(-177.0)
+    assert math.degrees(math.atan2(g[1], -g[2])) == pytest.approx(4.0)
+
+
+def test_a_unit_with_free_wheels_rolls_down_the_slope() -> None:
+    """It gains less than g sin(3 deg) = 0.51 m/s in a second, because its wheels have inertia."""
+    with open_world("{slope_x_deg: 3}") as world:
+        plant = BulletPlant(world)
+        for _ in range(240):
+            plant.step_freewheeling()
+        assert -0.51 < plant.twist("a").v < -0.4
+
+
+def test_wheels_slip_on_a_floor_with_less_friction() -> None:
+    """With a tenth of the friction no unit brakes at 2 m/s^2; the drawn floor holds it."""
+    way = []
+    for floor in ("{}", "{friction_percent: -90}"):
+        with open_world(floor) as world:
+            plant = BulletPlant(world)
+            plant.command("a", Twist(0.4, 0.0))
+            for _ in range(960):
+                plant.step()
+            x = plant.pose("a").x
+            for motor in plant._motors.values():
+                motor.drive((0.0, 0.0), held=True)
+            for _ in range(120):
+                world.step()
+            way.append(world.pose("a").x - x)
+    assert way[0] < 0.03
+    assert way[1] > 2.0 * way[0]
+
+
+def test_a_unit_climbs_over_ridges_at_every_joint() -> None:
+    """It is lifted at two joints or three, half a metre apart, and gets across."""
+    with open_world("{ridge_m: 0.002}") as world:
+        plant = BulletPlant(world)
+        plant.command("a", Twist(0.3, 0.0))
+        heights = []
+        for _ in range(1200):
+            plant.step()
+            heights.append((plant.pose("a").x, plant.pose3("a").p[2]))
+        x, z = np.array(heights).T
+    assert x[-1] > 0.4
+    lifted = np.unique(np.round(x[z > 0.0015] / 0.5, 1))
+    assert z.max() < 0.006
+    assert len(lifted) >= 2
+
+
+def test_a_level_floor_has_no_ridges() -> None:
+    with open_world("{}") as even, open_world("{ridge_m: 0.001}") as ridged:
+        counts = [pybullet.getNumBodies(physicsClientId=world.client) for world in (even, ridged)]
+    arena = even.scene.arena
+    expected = sum(math.floor((high - low) / 0.5) for low, high in (arena.x_m, arena.y_m))
+    assert counts[0] == 3
+    assert expected <= counts[1] - counts[0] <= expected + 2

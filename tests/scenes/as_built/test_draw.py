@@ -1,0 +1,184 @@
+"""The draw of what was built: its laws, the independence of its streams, and where the errors go."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from msrr_scenes.as_built import AsBuilt, Distortion, as_drawn, draw_as_built
+from msrr_scenes.as_built.draw import LEAST_FRICTION
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import marker_links
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.specs.scene import Scene
+
+
+def scene(as_built: str = "careful", name: str = "close_range", **changes: str) -> Scene:
+    return load_scene(name, {"as_built": as_built, **changes})
+
+
+def errors(quantity: str, as_built: str, seeds: int = 400) -> np.ndarray:
+    of = scene(as_built)
+    return np.array([draw_as_built(of, seed).errors[quantity] for seed in range(seeds)])
+
+
+def test_a_perfect_grade_and_no_fault_leave_everything_as_drawn() -> None:
+    of = scene("perfect", "two_units")
+    built = draw_as_built(of, 7)
+    assert built.is_as_drawn
+    assert built.errors == {}
+    for name, unit in built.units.items():
+        assert unit.geometry is of.geometry(name)
+        assert unit.drive.ideal
+        assert (unit.camera.pinhole, unit.print_scale, unit.mass_scale) == (
+            of.cameras.onboard.pinhole,
+            1.0,
+            1.0,
+        )
+
+
+def test_the_same_seed_gives_the_same_trial_and_another_one_gives_another() -> None:
+    of = scene(name="two_units")
+    first, again, other = (draw_as_built(of, seed).errors for seed in (3, 3, 4))
+    assert first == again
+    assert not set(first.values()) & set(other.values())
+    assert len(set(first.values())) == len(first)  # no two quantities share a stream
+
+
+def test_adding_an_effect_a_unit_or_a_quantity_changes_no_other_draw() -> None:
+    def drawn(of: Scene) -> Mapping[str, float]:
+        return draw_as_built(of, 5).errors
+
+    plain = drawn(scene())
+    more = drawn(scene("{grade: careful, floor: {ridge_m: {sigma: 0.001}}, onboard: {yaw_deg: 2}}"))
+    assert more.keys() - plain.keys() == {"floor/ridge_m"}
+    changed = {name for name in plain if more[name] != plain[name]}
+    assert changed == {f"unit/{unit}/onboard/yaw_deg" for unit in "ab"}
+    bystander = drawn(scene(name="bystander"))
+    assert bystander.keys() > plain.keys()
+    assert {name: bystander[name] for name in plain} == plain
+
+
+def test_a_normal_error_has_the_stated_deviation() -> None:
+    """The interval contains all but 1 in 10,000 samples; the seeds are fixed."""
+    low, high = chi2.ppf([5e-5, 1 - 5e-5], 400)
+    for quantity, sigma in (
+        ("onboard/yaw_deg", 0.3),
+        ("tags/print_percent", 0.4),
+        ("drive/track_percent", 1.0),
+    ):
+        assert low < float((errors(f"unit/a/{quantity}", "careful") ** 2).sum()) / sigma**2 < high
+    assert (errors("unit/a/onboard/yaw_deg", "careful") < 0.0).any()
+
+
+def test_lag_and_backlash_are_magnitudes_and_friction_is_lost() -> None:
+    assert (errors("unit/a/drive/lag_ms", "careful") >= 0.0).all()
+    friction = 1.0 + 0.01 * errors("floor/friction_percent", "careful")
+    assert friction.max() <= 1.0
+    assert np.median(friction) == pytest.approx(math.exp(-0.5 * 0.6745), abs=0.05)
+    rough = 1.0 + 0.01 * errors("floor/friction_percent", "rough")
+    assert rough.min() == pytest.approx(LEAST_FRICTION)
+
+
+def test_what_the_plant_does_not_have_is_not_drawn() -> None:
+    bullet, unicycle = (draw_as_built(scene(plant=plant), 1) for plant in ("bullet", "unicycle"))
+    assert {name for name in bullet.errors if name not in unicycle.errors} == {
+        "floor/friction_percent",
+        "floor/slope_x_deg",
+        "floor/slope_y_deg",
+    }
+    assert all(unicycle.errors[name] == bullet.errors[name] for name in unicycle.errors)
+
+
+def built(group: str, **given: float) -> AsBuilt:
+    inner = ", ".join(f"{key}: {value}" for key, value in given.items())
+    return draw_as_built(scene(f"{{{group}: {{{inner}}}}}"), 0)
+
+
+def test_a_given_error_is_the_true_one() -> None:
+    assert built("onboard", yaw_deg=2.0).errors == {f"unit/{unit}/onboard/yaw_deg": 2.0 for unit in "ab"}
+    told = scene().cameras.onboard.pinhole
+    true = built("onboard", focal_percent=3.0, cx_px=8.0, cy_px=-2.0, clock_ms=50.0).units["a"].camera
+    assert true.pinhole.focal == pytest.approx(1.03 * told.focal)
+    assert (true.pinhole.cx - told.cx, true.pinhole.cy - told.cy) == (8.0, -2.0)
+    assert true.stamp(100_000_000) == 150_000_000
+    early = built("onboard", clock_ms=-50.0).units["a"].camera
+    assert (early.stamp(0), early.stamp(60_000_000)) == (0, 10_000_000)
+
+
+def test_a_camera_is_mounted_in_its_own_frame() -> None:
+    """X along the optical axis: yaw turns the view to the left, x moves it forward."""
+    camera = built("onboard", x_m=0.01, yaw_deg=10.0).units["a"].camera
+    X_AX = camera.mounted(SE3.from_se2(SE2(1.0, 2.0, math.radians(90.0)))).to_se2()
+    assert (X_AX.x, X_AX.y) == pytest.approx((1.0, 2.01))
+    assert math.degrees(X_AX.yaw) == pytest.approx(100.0)
+
+
+def test_a_misaligned_camera_is_turned_and_is_not_as_drawn() -> None:
+    faulty = scene("perfect", faults="[{kind: camera_misaligned, unit: a, yaw_deg: 7}]")
+    X_BX = as_drawn(faulty).units["a"].camera.X_BX
+    assert X_BX is not None
+    assert math.degrees(X_BX.to_se2().yaw) == pytest.approx(7.0)
+    assert not as_drawn(faulty).is_as_drawn
+    assert as_drawn(faulty).units["b"].camera.X_BX is None
+
+
+def test_a_bracket_moves_its_tags_together_about_their_middle() -> None:
+    of, port = scene("perfect"), "rear"
+    drawn = of.geometry("b")
+    moved = built("bracket", roll_deg=1.0, y_m=0.003).units["b"].geometry
+    X_DU = SE3.from_se2(drawn.dock_frame(port)).inverse()
+    middles = []
+    for geometry in (drawn, moved):
+        middles.append(np.mean([(X_DU @ geometry.frame(slot)).p for slot in marker_links(port)], axis=0))
+    np.testing.assert_allclose(middles[1] - middles[0], [0.0, 0.003, 0.0], atol=1e-12)
+    turns = [(X_DU @ moved.frame(slot)).R @ (X_DU @ drawn.frame(slot)).R.T for slot in marker_links(port)]
+    for turn in turns:
+        np.testing.assert_allclose(turn, SE3.from_xyz_rpy((0, 0, 0), (math.radians(1.0), 0, 0)).R, atol=1e-12)
+    others = moved.frames.keys() - {slot for p in drawn.passive_ports for slot in marker_links(p)}
+    assert all(moved.frame(name) is drawn.frame(name) for name in others)
+
+
+def test_a_tag_moves_in_its_own_frame_and_the_top_tag_as_well() -> None:
+    drawn = scene("perfect").geometry("a")
+    moved = built("tags", x_m=0.001, z_m=-0.002).units["a"].geometry
+    for slot in drawn.tag_slots:
+        X_TX = drawn.frame(slot).inverse() @ moved.frame(slot)
+        np.testing.assert_allclose(X_TX.p, [0.001, 0.0, -0.002], atol=1e-12)
+    assert built("tags", print_percent=3.0).units["a"].print_scale == pytest.approx(1.03)
+
+
+def test_the_tag_of_an_obstacle_stays_flat_on_its_lid() -> None:
+    tags = draw_as_built(scene("rough", "two_units"), 0).obstacle_tags
+    assert tags.keys() == {"post"}
+    X_TX = tags["post"].X_TX
+    assert X_TX is not None
+    assert X_TX.p[2] == 0.0
+    np.testing.assert_allclose(X_TX.R[2], [0.0, 0.0, 1.0])
+    assert tags["post"].print_scale != 1.0
+
+
+def test_the_lens_is_that_of_opencv() -> None:
+    lens, rng = Distortion(k1=-0.2, k2=0.05, p1=0.002, p2=-0.003, k3=0.01), np.random.default_rng(1)
+    points = np.column_stack([rng.uniform(-0.7, 0.7, 50), rng.uniform(-0.5, 0.5, 50), np.ones(50)])
+    camera = (
+        draw_as_built(
+            scene(
+                "{onboard: {k1: -0.2, k2: 0.05, p1: 0.002, p2: -0.003, k3: 0.01}}", perception="parametric"
+            ),
+            0,
+        )
+        .units["a"]
+        .camera
+    )
+    assert camera.distortion == lens
+    expected, _ = cv2.projectPoints(
+        points, np.zeros(3), np.zeros(3), camera.pinhole.matrix(), np.array([-0.2, 0.05, 0.002, -0.003, 0.01])
+    )
+    np.testing.assert_allclose(camera.project(points), expected[:, 0], atol=1e-9)
