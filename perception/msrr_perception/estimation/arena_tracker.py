@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 
-from scipy.stats import chi2
-
 from msrr_perception.estimation.body_track import BodyTrack, SeenPose, Sightings, TrackNoise
+from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import Detections, GlobalPose, ObstacleEstimate
@@ -64,7 +63,7 @@ class ArenaTracker:
         if restart_after < 1:
             raise SceneError("arena tracker: restart_after must be at least 1")
         self.model = model
-        gate = float(chi2.ppf(gate_probability, 3))
+        gate = chi_squared_quantile(gate_probability, 3)
         self.noise = _noise(model.limits, gate, restart_after)
         self._localizer = model.localizer()
         self._tracks: dict[str, BodyTrack] = {}

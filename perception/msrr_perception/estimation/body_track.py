@@ -11,8 +11,8 @@ from enum import Enum
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import chi2
 
+from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.kernels.track import coast, fuse
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
@@ -20,7 +20,7 @@ from msrr_scenes.messages import GlobalPose, seconds
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 #: Squared Mahalanobis distance (3 degrees of freedom) up to which two measurements show a body that stands.
-_SAME_PLACE = float(chi2.ppf(0.99, 3))
+_SAME_PLACE = chi_squared_quantile(0.99, 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

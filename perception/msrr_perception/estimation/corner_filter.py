@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.estimation.motion import DEFAULT_NOISE, STATE_SIZE, DriveMotion, FilterState, MotionNoise
 from msrr_perception.estimation.wheel_history import WheelHistory
 from msrr_perception.kernels.fit import gate_distances
@@ -119,8 +119,8 @@ class CornerEkf:
             odometry,
             replace(motion or MotionNoise(slip=slip), tilt_sigma=self._noise.tilt_sigma),
         )
-        self._tag_gate = float(chi2.ppf(gate_probability, 8))
-        self._pose_gate = float(chi2.ppf(gate_probability, 3))
+        self._tag_gate = chi_squared_quantile(gate_probability, 8)
+        self._pose_gate = chi_squared_quantile(gate_probability, 3)
         self._reset_after = reset_after
         self._horizon_ns = round(horizon_s * NS_PER_S)
         self._start_inflation = start_inflation
