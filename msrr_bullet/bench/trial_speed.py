@@ -46,8 +46,8 @@ class TrialSpeed(BaseModel, frozen=True):
         scene: Name of the scene.
         seed: Seed of the trial.
         outcome: How the trial ended.
-        duration_s: Simulated time.
-        real_time_factor: Simulated time over wall-clock time of the loop.
+        duration_s: Simulated time, without the pull tests at the end.
+        real_time_factor: Simulated time, with the pull tests, over wall-clock time of the loop.
         units_under_way: Number of units that dock or are on their way to a port, on average over the trial.
         naive_ratio: Wall-clock time that the naive loop takes per simulated second, over that of the trial;
             None for a mission of a base station, for which it would take an hour.
@@ -202,7 +202,8 @@ def _run_timed(scene: Scene, seed: int) -> _Timing:
     result = run_trial(scene, seed, profiler=profiler)
     if result.duration_s <= 0.0:
         raise BenchError(f"{scene.name}, seed {seed}: ended at once, {result.outcome.value}")
-    per_s = 1e-6 / result.duration_s
+    pulls = sum(step.pull_test_passed is not None for step in result.steps)
+    per_s = 1e-6 / (result.duration_s + pulls * scene.lock.pull_time_s)
     stages = {name: ns * per_s for name, ns in profiler.spent_ns.items()}
     stages[_REST] = (profiler.span_ns - profiler.total_ns) * per_s
     return _Timing(result, profiler.span_ns * per_s, stages)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msrr_control.kinematics.drive_limits import nested_limit
+from msrr_control.kinematics.drive_limits import nested_limiter
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.messages import Twist
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -23,18 +23,17 @@ class LimitedDrive:
         velocity: Velocity that the wheels are commanded; not a measurement.
     """
 
-    def __init__(self, limits: LimitsSpec) -> None:
-        """Start at rest; ``v`` and ``w`` are limited separately."""
-        self._limits = limits
+    def __init__(self, limits: LimitsSpec, dt: float) -> None:
+        """Start at rest; ``v`` and ``w`` are limited separately, in steps of ``dt`` [s]."""
+        kappa = limits.kappa_per_s
+        self._limited_v = nested_limiter(limits.v_max_mps, limits.a_max_mps2, kappa, dt)
+        self._limited_w = nested_limiter(limits.w_max_radps, limits.dw_max_radps2, kappa, dt)
         self.velocity = Twist()
 
-    def step(self, command: Twist, dt: float) -> Twist:
-        """Advance the velocity towards ``command`` by ``dt`` [s] and return it."""
-        if self.velocity == command == _AT_REST:
-            return self.velocity
-        lim, v, w = self._limits, float(command.v), float(command.w)
-        self.velocity = Twist(
-            nested_limit(self.velocity.v, v, lim.v_max_mps, lim.a_max_mps2, lim.kappa_per_s, dt),
-            nested_limit(self.velocity.w, w, lim.w_max_radps, lim.dw_max_radps2, lim.kappa_per_s, dt),
-        )
+    def step(self, command: Twist) -> Twist:
+        """Advance the velocity towards ``command`` by one step and return it."""
+        before = self.velocity
+        if not before == command == _AT_REST:
+            v, w = float(command.v), float(command.w)
+            self.velocity = Twist(self._limited_v(before.v, v), self._limited_w(before.w, w))
         return self.velocity

@@ -110,7 +110,7 @@ class Plant(ABC):
         self._built = built
         self._dt = 1.0 / scene.physics_hz
         self._commands = dict.fromkeys(scene.units, Twist())
-        self._drives = {name: LimitedDrive(scene.limits) for name in scene.units}
+        self._drives = {name: LimitedDrive(scene.limits, self._dt) for name in scene.units}
         self._drivetrains = {
             name: Drivetrain(scene.geometry(name), unit.drive) for name, unit in built.units.items()
         }
@@ -227,7 +227,7 @@ class Plant(ABC):
         if self.tick >= self._seized_tick.get(unit, math.inf):
             drive.velocity = Twist()
             return drive.velocity
-        return drive.step(self._commands[unit], self._dt)
+        return drive.step(self._commands[unit])
 
     def _switch_travel(self, step: DockStep) -> float:
         """Return the true travel of the seat switches of the port that a step docks to [m]."""

@@ -100,6 +100,13 @@ def sqrt(x: Number) -> Number:
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
 
 
+def sinc(x: Number) -> Number:
+    """Return sin(x) / x, which is 1 at 0."""
+    if isinstance(x, float):
+        return sin(x) / x if x != 0.0 else 1.0
+    return np.where(x != 0.0, np.sin(x) / np.where(x != 0.0, x, 1.0), 1.0)
+
+
 def hypot(x: Number, y: Number) -> Number:
     """Return the length of the vector (x, y)."""
     return float(np.hypot(x, y)) if isinstance(x, float) else np.hypot(x, y)

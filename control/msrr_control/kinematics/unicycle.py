@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from msrr_control.kinematics.elementwise import cos, join, number, sin, sinc, split
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -53,7 +54,8 @@ def advance_pose(pose: Array, length: Array, turn: Array) -> Array:
         length: Lengths of the arcs, negative backwards, shape (...) [m].
         turn: Angles of the arcs, counter-clockwise positive, same shape [rad].
     """
+    x, y, yaw = split(pose)
+    turn, length = number(turn), number(length)
     half = 0.5 * turn
-    chord = length * np.sinc(half / np.pi)
-    direction = pose[..., 2] + half
-    return pose + np.stack([chord * np.cos(direction), chord * np.sin(direction), turn], axis=-1)
+    chord, direction = length * sinc(half), yaw + half
+    return join(x + chord * cos(direction), y + chord * sin(direction), yaw + turn)

@@ -79,6 +79,9 @@ def from_line(tip: Array, line: Array) -> Array:
     if len(line) == 1:
         return deviation(tip, line[0])
     begin, segment = line[:-1], np.diff(line, axis=0)
+    moved = np.any(segment != 0.0, axis=-1)  # a line has many equal points where something waited
+    if moved.any():
+        begin, segment = begin[moved], segment[moved]
     squared = np.sum(segment**2, axis=-1)
     offset = tip[:, None] - begin
     share = np.sum(offset * segment, axis=-1) / np.where(squared > 0.0, squared, 1.0)

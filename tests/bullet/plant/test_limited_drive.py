@@ -13,10 +13,11 @@ NORMAL = LimitsSpec.model_validate({})
 @given(st.lists(st.tuples(st.floats(-2, 2), st.floats(-9, 9)), min_size=1, max_size=40))
 @settings(max_examples=60, deadline=None)
 def test_no_command_makes_a_drive_faster_or_quicker_than_its_limits(commands):
-    drive, dt = LimitedDrive(NORMAL), 1.0 / 240.0
+    dt = 1.0 / 240.0
+    drive = LimitedDrive(NORMAL, dt)
     for v, w in commands:
         before = drive.velocity
-        after = drive.step(Twist(v, w), dt)
+        after = drive.step(Twist(v, w))
         assert abs(after.v) <= NORMAL.v_max_mps + 1e-12
         assert abs(after.w) <= NORMAL.w_max_radps + 1e-12
         assert abs(after.v - before.v) <= NORMAL.a_max_mps2 * dt + 1e-12

@@ -15,7 +15,7 @@ TRIALS = 40
 DT = 0.02
 
 
-@pytest.mark.parametrize("name", ["sin", "cos", "tan", "tanh", "exp", "log1p", "sqrt", "tanh_tan"])
+@pytest.mark.parametrize("name", ["sin", "cos", "tan", "tanh", "exp", "log1p", "sqrt", "sinc", "tanh_tan"])
 def test_a_function_of_a_number_is_that_of_an_array_to_the_bit(name: str) -> None:
     x = np.random.default_rng(0).uniform(0.0, 1.5, 4000)
     function = getattr(elementwise, name)
