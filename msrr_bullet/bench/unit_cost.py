@@ -13,9 +13,11 @@ from msrr_scenes.specs.scene import Scene
 #: Shipped scene in which one unit docks to another one.
 REFERENCE = "two_units"
 
-#: Simulated time of the trials that are compared for a unit that stands by [s], and times each is run: the
-#: smallest times are compared, which a busy machine changes least.
-_PARKED_S = 20.0
+#: Simulated times between which the trials are compared for a unit that stands by [s]: at the start all units
+#: are searched for and the mission is planned.
+_FROM_S, _TO_S = 5.0, 20.0
+
+#: Times each trial is run. The smallest times are compared, which a busy machine changes least.
 _REPEATS = 2
 
 
@@ -38,20 +40,19 @@ class UnitCost(BaseModel, frozen=True):
         return self.mover_ms_per_s / self.reference_ms_per_s
 
 
-def pair_of(scene: Scene, parked: bool) -> Scene:
+def pair_of(scene: Scene, parked: bool, time_limit_s: float) -> Scene:
     """Return the beginning of a mission in which only the first unit moves, and docks to the last one.
 
     Args:
         scene: Scene of a mission with at least three units.
         parked: Whether the units between the two stand by; else they are left out.
+        time_limit_s: Simulated time of the beginning.
     """
     first, *_, last = scene.units
     units = scene.units if parked else {name: scene.units[name] for name in (first, last)}
     alone = {"shape": None, "assembled": (), "faults": (), "units": units, "radio": scene.radio or {}}
     step = DockStep(unit=first, to=f"{last}.rear")
-    return Scene.model_validate(
-        {**dict(scene), **alone, "plan": (step,), "time_limit_s": min(_PARKED_S, scene.time_limit_s)}
-    )
+    return Scene.model_validate({**dict(scene), **alone, "plan": (step,), "time_limit_s": time_limit_s})
 
 
 def measure_unit_cost(
@@ -65,12 +66,17 @@ def measure_unit_cost(
         mover_ms_per_s: The mission over the number of units under way.
         time_ms_per_s: Runs a trial and returns its wall-clock time per simulated second [ms].
     """
-    crowd, pair = pair_of(scene, parked=True), pair_of(scene, parked=False)
-    times = [(time_ms_per_s(crowd, seed), time_ms_per_s(pair, seed)) for _ in range(_REPEATS)]
-    with_all, with_two = (min(column) for column in zip(*times, strict=True))
+    scenes = {
+        (parked, end): pair_of(scene, parked, end) for parked in (True, False) for end in (_FROM_S, _TO_S)
+    }
+    times = [
+        {key: key[1] * time_ms_per_s(each, seed) for key, each in scenes.items()} for _ in range(_REPEATS)
+    ]
+    least = {key: min(each[key] for each in times) for key in scenes}
+    crowd, pair = (least[parked, _TO_S] - least[parked, _FROM_S] for parked in (True, False))
     reference = load_scene(REFERENCE)
     return UnitCost(
         mover_ms_per_s=mover_ms_per_s,
         reference_ms_per_s=min(time_ms_per_s(reference, seed) for _ in range(2)),
-        parked_ms_per_s=(with_all - with_two) / (len(scene.units) - 2),
+        parked_ms_per_s=(crowd - pair) / (_TO_S - _FROM_S) / (len(scene.units) - 2),
     )

@@ -68,16 +68,20 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
 
 def test_what_a_unit_costs_is_measured_where_one_docks_and_all_others_stand_by() -> None:
     scene = load_scene("assemble_tee")
-    crowd, pair = pair_of(scene, parked=True), pair_of(scene, parked=False)
+    crowd, pair = (pair_of(scene, parked, 20.0) for parked in (True, False))
     first, *_, last = scene.units
     assert crowd.coordinated
     assert pair.coordinated
     assert (tuple(crowd.units), tuple(pair.units)) == (tuple(scene.units), (first, last))
     assert crowd.plan == pair.plan == (DockStep(unit=first, to=f"{last}.rear"),)
-    times = {len(crowd.units): [40.0, 38.0], 2: [26.0, 16.0, 21.0, 20.0]}  # the last: two_units
-    cost = measure_unit_cost(scene, 0, 32.0, lambda timed, _: times[len(timed.units)].pop())
-    assert cost.mover_ratio == 2.0
-    assert cost.parked_ms_per_s == pytest.approx((38.0 - 20.0) / 6)
+
+    def ms_per_s(timed: Scene, seed: int) -> float:
+        """A start that takes 100 ms, 10 ms a second for each unit, and 20 ms a second for all."""
+        return 100.0 / timed.time_limit_s + 20.0 + 10.0 * len(timed.units)
+
+    cost = measure_unit_cost(scene, 0, 82.0, ms_per_s)
+    assert cost.parked_ms_per_s == pytest.approx(10.0)
+    assert cost.mover_ratio == pytest.approx(82.0 / (100.0 / 90.0 + 40.0))  # two_units may take 90 s
 
 
 def test_the_guard_is_a_stage_of_its_own() -> None:
