@@ -44,7 +44,7 @@ class BuiltCamera:
         pinhole: True intrinsics.
         X_BX: Pose of the true frame of the camera's body (x along the optical axis) in that by calibration;
             None if they are the same.
-        distortion: True distortion of the lens. No renderer draws it yet.
+        distortion: True distortion of the lens.
         clock_ahead_ns: Time that the clock of the camera is ahead of that of the computer.
         jitter_ns: Largest delay of a frame beyond the latency of the data sheet.
     """

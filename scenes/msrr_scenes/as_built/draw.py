@@ -7,7 +7,6 @@ adding an effect, a unit or a tag changes no other draw.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -82,7 +81,8 @@ class _Draw:
 def draw_as_built(scene: Scene, seed: int) -> AsBuilt:
     """Draw what was built in a trial.
 
-    Quantities that the plant of the scene does not have, such as the floor of a unicycle, stay as drawn.
+    Quantities that plant or perception of the scene do not have, such as the floor of a unicycle, or the lens
+    of rendered images, stay as drawn.
 
     Args:
         scene: A checked scene.
@@ -98,7 +98,7 @@ def draw_as_built(scene: Scene, seed: int) -> AsBuilt:
     }
     return AsBuilt(
         units=MappingProxyType(units),
-        overhead=None if overhead is None else _camera(overhead, spec.overhead, "overhead", draw),
+        overhead=None if overhead is None else _camera(scene, overhead, spec.overhead, "overhead", draw),
         obstacle_tags=MappingProxyType(tags),
         floor=_floor(scene, draw) if scene.plant == "bullet" else BuiltFloor(),
         errors=MappingProxyType(draw.errors),
@@ -112,7 +112,7 @@ def as_drawn(scene: Scene) -> AsBuilt:
 
 def _unit(scene: Scene, unit: str, draw: _Draw) -> BuiltUnit:
     spec, name, drawn = scene.as_built, f"unit/{unit}", scene.geometry(unit)
-    camera = _camera(scene.cameras.onboard, spec.onboard, f"{name}/onboard", draw)
+    camera = _camera(scene, scene.cameras.onboard, spec.onboard, f"{name}/onboard", draw)
     for fault in scene.faults:
         if isinstance(fault, CameraMisaligned) and fault.unit == unit:
             X_BX = SE3.from_se2(SE2(0.0, 0.0, math.radians(fault.yaw_deg)))
@@ -169,13 +169,12 @@ def _obstacle_tag(scene: Scene, name: str, draw: _Draw) -> BuiltTag:
     return BuiltTag(X_TX, draw.scale(spec.print_percent, f"{prefix}/print_percent"))
 
 
-def _camera(told: CameraSpec, spec: CameraDeviations, name: str, draw: _Draw) -> BuiltCamera:
+def _camera(scene: Scene, told: CameraSpec, spec: CameraDeviations, name: str, draw: _Draw) -> BuiltCamera:
     pinhole = told.pinhole
     focal = draw.scale(spec.focal_percent, f"{name}/focal_percent")
     offset = tuple(draw.error(getattr(spec, q), f"{name}/{q}") for q in ("cx_px", "cy_px"))
-    coefficients: Mapping[str, float] = {
-        q: draw.error(getattr(spec, q), f"{name}/{q}") for q in Distortion.__dataclass_fields__
-    }
+    lens = Distortion.__dataclass_fields__ if scene.perception == "parametric" else ()
+    coefficients = {q: draw.error(getattr(spec, q), f"{name}/{q}") for q in lens}
     return BuiltCamera(
         pinhole=replace(pinhole, focal=focal * pinhole.focal, offset=(offset[0], offset[1])),
         X_BX=draw.mount(spec, name),

@@ -1,0 +1,152 @@
+"""What a robot makes of what was built: laws of single errors, and agreement with rendered images."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from msrr_bullet.profiler import NullProfiler
+from msrr_bullet.sensors.calibrated_sight import OnboardSight, OverheadSight
+from msrr_bullet.sensors.parametric_cameras import edge_bearings
+from msrr_bullet.trial.environment import Environment, open_environment
+from msrr_perception.detection.detector import PupilDetector
+from msrr_perception.pose.joint_pose import joint_pose
+from msrr_perception.pose.overhead_model import OverheadModel
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.as_built import draw_as_built
+from msrr_scenes.geometry.pinhole import PinholeCamera
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.messages import Detections, Exposure, Fetch, TagDetection
+from msrr_scenes.placement.placement import Placement
+from msrr_scenes.specs.scene import Scene
+
+X_DU = SE2(-0.35, 0.03, -0.08)
+
+
+def scene(as_built: str, name: str = "close_range", **changes: str) -> Scene:
+    return load_scene(name, {"as_built": as_built, "plant": "unicycle", **changes})
+
+
+def sight(as_built: str) -> OnboardSight:
+    of = scene(as_built, perception="parametric")
+    return OnboardSight(of, draw_as_built(of, 0), of.docks[0])
+
+
+def seen(of: OnboardSight, X: SE2) -> SE2:
+    pose, _ = of.see(X)
+    assert pose is not None
+    return pose
+
+
+def assert_near(X: SE2, Y: SE2, m: float, rad: float) -> None:
+    assert math.hypot(X.x - Y.x, X.y - Y.y) < m
+    assert abs(X.yaw - Y.yaw) < rad
+
+
+def test_of_what_is_as_drawn_the_robot_makes_the_truth() -> None:
+    true, of = sight("perfect"), scene("perfect")
+    assert_near(seen(true, X_DU), X_DU, 1e-6, 1e-6)
+    _, bearings = true.see(X_DU)
+    X_UC = of.geometry("a").frame("camera").to_se2()
+    assert bearings == pytest.approx(edge_bearings(X_DU @ X_UC, of.los), abs=5e-4)  # of rounded edges
+
+
+@pytest.mark.parametrize(
+    ("key", "E"), [("yaw_deg: 1", SE2(0, 0, math.radians(1))), ("y_m: 0.003", SE2(0, 0.003))]
+)
+def test_an_error_of_the_mount_moves_the_pose_by_as_much(key: str, E: SE2) -> None:
+    """The camera sits over the axle, so that robot and camera are wrong by the same motion."""
+    assert_near(seen(sight(f"{{onboard: {{{key}}}}}"), X_DU), X_DU @ E, 2e-5, 1e-4)
+
+
+def test_roll_is_taken_for_a_roll_of_the_unit() -> None:
+    """A camera 155 mm above the floor is believed to stand beside the unit by its height times the angle."""
+    pose = seen(sight("{onboard: {roll_deg: 1}}"), SE2(-0.25, 0.0, 0.0))
+    assert pose.y == pytest.approx(0.155 * math.radians(1.0), rel=0.05)
+
+
+def test_a_print_that_is_too_large_looks_near() -> None:
+    assert seen(sight("{tags: {print_percent: 3}}"), X_DU).x > X_DU.x + 0.002
+
+
+def test_a_tag_out_of_view_gives_no_pose() -> None:
+    assert sight("careful").see(SE2(-0.35, 0.0, math.pi)) == (None, (None, None))
+
+
+class Photographer:
+    """A reader that detects the tags of whole frames."""
+
+    def __init__(self, camera: PinholeCamera) -> None:
+        self.frame = camera.frame
+        self.tags: tuple[TagDetection, ...] = ()
+
+    def uses_camera(self, camera: str) -> bool:
+        return True
+
+    def expose(self, exposure: Exposure, fetch: Fetch) -> Detections:
+        self.tags = PupilDetector().detect(fetch(self.frame), self.frame)
+        return Detections(exposure, self.tags, ())
+
+
+def environment_of(of: Scene, seed: int, placement: Placement) -> Environment:
+    return open_environment(of, seed, placement, draw_as_built(of, seed))
+
+
+def test_rendered_images_tell_the_robot_the_same() -> None:
+    """Six careful draws: within the noise of one frame, where the truth is up to several millimetres away."""
+    of = scene("careful")
+    step, told = of.docks[0], TargetModel.from_scene(of.told(), of.docks[0])
+    X_WB = of.units["b"].pose.nominal
+    X_WA = X_WB @ of.geometry("b").dock_frame("rear") @ X_DU
+    off = []
+    for seed in range(6):
+        reader = Photographer(of.cameras.onboard.pinhole)
+        with environment_of(of, seed, Placement({"b": X_WB, "a": X_WA}, {})) as environment:
+            environment.devices.onboard(step, lambda: X_DU, NullProfiler()).capture(0, reader)
+            expected = seen(OnboardSight(of, environment.simulation.built, step), X_DU)
+        found = joint_pose(told, [tag for tag in reader.tags if tag.tag_id in told.port_tags])
+        assert found is not None
+        assert_near(found.X_DU, expected, 2e-3, math.radians(0.4))
+        off.append(math.hypot(expected.x - X_DU.x, expected.y - X_DU.y))
+    assert max(off) > 4e-3
+
+
+def test_rendered_images_from_above_tell_the_base_station_the_same() -> None:
+    of = scene("careful", "two_units")
+    model = OverheadModel.from_scene(of.told(), ())
+    poses = {"a": SE2(-0.8, -0.5, 0.4), "b": SE2(1.0, 0.6, -0.3)}
+    post = SE2(0.1, 0.5, 1.0)
+    off = []
+    for seed in range(3):
+        reader = Photographer(model.camera)
+        with environment_of(of, seed, Placement(poses, {"post": post})) as environment:
+            environment.devices.overhead(NullProfiler()).capture(0, reader)
+            overhead = OverheadSight(of, environment.simulation.built)
+        located = model.localizer().locate(Detections(Exposure("overhead", 0, 0), reader.tags, ()))
+        assert {pose.name for pose in located} == {"a", "b", "post"}
+        for pose in located:
+            true = {**poses, "post": post}[pose.name]
+            expected = overhead.see(pose.name, true)
+            assert expected is not None
+            assert_near(pose.X_WB, expected, 1e-3, math.radians(0.5))
+            off.append(math.hypot(expected.x - true.x, expected.y - true.y))
+    assert max(off) > 5e-3
+
+
+def test_the_parametric_camera_measures_what_the_sight_says() -> None:
+    quiet = {f"parametric.sigma_{q}": "0" for q in ("xy_m", "yaw_deg", "bearing_deg")}
+    of = scene("workshop", perception="parametric", **quiet)
+    step = of.docks[0]
+    X_WB = of.units["b"].pose.nominal
+    X_WA = X_WB @ of.geometry("b").dock_frame("rear") @ X_DU
+    with environment_of(of, 2, Placement({"b": X_WB, "a": X_WA}, {})) as environment:
+        (message,) = environment.devices.onboard(step, lambda: X_DU, NullProfiler()).capture(10**9, None)
+        pose, bearings = OnboardSight(of, environment.simulation.built, step).see(X_DU)
+        clock_ns = environment.simulation.built.units["a"].camera.clock_ahead_ns
+    assert (message.X_DU, message.edge_bearings) == (pose, bearings)
+    assert message.exposure.stamp_ns == 10**9 + clock_ns
+    assert clock_ns != 0
+    assert not np.allclose(message.X_DU.as_array(), X_DU.as_array(), atol=1e-4)
