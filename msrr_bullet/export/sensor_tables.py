@@ -20,7 +20,7 @@ from msrr_bullet.export.table import (
     time,
     unit,
 )
-from msrr_bullet.log import CameraWindow, ClearanceRecord, Event, LogRecord, StartPoses, TruePose
+from msrr_bullet.log import BuiltErrors, CameraWindow, ClearanceRecord, Event, LogRecord, StartPoses, TruePose
 from msrr_scenes.messages import (
     Detections,
     Exposure,
@@ -66,6 +66,16 @@ SENSOR_TABLES = (
         StartPoses,
         columns(body="name of the body", **POSE, redraws="number of random starts that were rejected"),
         lambda record, m: [(name, *pose(X_WB), m.redraws) for name, X_WB in m.poses.items()],
+    ),
+    Table(
+        "as_built",
+        "What was not as the scene says.",
+        BuiltErrors,
+        columns(
+            quantity="part and quantity, which ends in its unit",
+            error="true minus told value, in that unit",
+        ),
+        lambda record, m: list(m.errors.items()),
     ),
     Table(
         "truth",

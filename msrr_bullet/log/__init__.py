@@ -7,6 +7,7 @@ from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.reader import LOG_NAME, Log, LogRecord, read_log, unpacked_log
 from msrr_bullet.log.recorder import MemoryRecorder, NullRecorder, Recorder
 from msrr_bullet.log.records import (
+    BuiltErrors,
     CameraWindow,
     ClearanceRecord,
     Event,
@@ -20,6 +21,7 @@ from msrr_bullet.log.records import (
 
 __all__ = [
     "LOG_NAME",
+    "BuiltErrors",
     "CameraWindow",
     "ClearanceRecord",
     "Event",
