@@ -25,7 +25,8 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, marker_links
 from msrr_scenes.random_streams import stream
-from msrr_scenes.specs.as_built import CameraDeviations, Deviation, FrictionDeviation, MountDeviations
+from msrr_scenes.specs.as_built import CameraDeviations, MountDeviations
+from msrr_scenes.specs.deviations import Deviation, FrictionDeviation
 from msrr_scenes.specs.faults import CameraMisaligned
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec

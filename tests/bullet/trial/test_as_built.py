@@ -26,7 +26,7 @@ from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement, draw_placement
 from msrr_scenes.random_streams import stream
-from msrr_scenes.specs.as_built import Deviation
+from msrr_scenes.specs.deviations import Deviation
 from msrr_scenes.specs.faults import CameraMisaligned
 from msrr_scenes.specs.scene import Scene
 
