@@ -30,6 +30,7 @@ from msrr_scenes.specs.deviations import Deviation, FrictionDeviation
 from msrr_scenes.specs.faults import CameraMisaligned
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
+from msrr_scenes.specs.spec import Spec
 
 #: Least friction of a drawn floor over that of the drawing.
 LEAST_FRICTION = 0.1
@@ -51,11 +52,18 @@ class _Draw:
         """Return the generator of an error."""
         return stream(self._seed, f"as_built/{name}")
 
-    def error(self, deviation: Deviation, name: str) -> float:
-        """Return the error of a quantity, in its unit: as given, or drawn; 0 if it has none."""
+    def error(self, group: Spec, quantity: str, part: str) -> float:
+        """Return the error of a quantity of a part, in its unit: as given, or drawn; 0 if it has none.
+
+        Args:
+            group: Group of deviations.
+            quantity: Name of the quantity in the group.
+            part: Name of the part, which begins the name of the error.
+        """
+        deviation, name = getattr(group, quantity), f"{part}/{quantity}"
         if deviation.error is None and deviation.sigma == 0.0:
             return 0.0
-        error = self._drawn(deviation, name) if deviation.error is None else deviation.error
+        error: float = self._drawn(deviation, name) if deviation.error is None else deviation.error
         self.errors[name] = error
         return error
 
@@ -65,18 +73,19 @@ class _Draw:
             return 100.0 * (max(math.exp(-abs(drawn) / 100.0), LEAST_FRICTION) - 1.0)
         return abs(drawn) if deviation.one_sided else drawn
 
-    def scale(self, deviation: Deviation, name: str) -> float:
+    def scale(self, group: Spec, quantity: str, part: str) -> float:
         """Return true over drawn value of a quantity whose deviation is in percent."""
-        return 1.0 + 0.01 * self.error(deviation, name)
+        return 1.0 + 0.01 * self.error(group, quantity, part)
 
-    def mount(self, deviations: MountDeviations, name: str) -> SE3 | None:
+    def angle(self, group: Spec, quantity: str, part: str) -> float:
+        """Return the error [rad] of a quantity whose deviation is in degrees."""
+        return math.radians(self.error(group, quantity, part))
+
+    def mount(self, group: MountDeviations, part: str) -> SE3 | None:
         """Return the pose of a part in the frame where it should be; None if it is there."""
-        x, y, z = (self.error(getattr(deviations, q), f"{name}/{q}") for q in ("x_m", "y_m", "z_m"))
-        turns = [
-            math.radians(self.error(getattr(deviations, q), f"{name}/{q}"))
-            for q in ("roll_deg", "pitch_deg", "yaw_deg")
-        ]
-        return SE3.from_xyz_rpy((x, y, z), turns) if any((x, y, z, *turns)) else None
+        place = [self.error(group, quantity, part) for quantity in ("x_m", "y_m", "z_m")]
+        turn = [self.angle(group, quantity, part) for quantity in ("roll_deg", "pitch_deg", "yaw_deg")]
+        return SE3.from_xyz_rpy(place, turn) if any((*place, *turn)) else None
 
 
 def draw_as_built(scene: Scene, seed: int) -> AsBuilt:
@@ -118,27 +127,24 @@ def _unit(scene: Scene, unit: str, draw: _Draw) -> BuiltUnit:
         if isinstance(fault, CameraMisaligned) and fault.unit == unit:
             X_BX = SE3.from_se2(SE2(0.0, 0.0, math.radians(fault.yaw_deg)))
             camera = replace(camera, X_BX=X_BX if camera.X_BX is None else X_BX @ camera.X_BX)
-    drive = spec.drive
+    drive, on_drive = spec.drive, f"{name}/drive"
+    weighs = scene.plant == "bullet"
     return BuiltUnit(
         geometry=_with_true_tags(scene, drawn, name, draw),
         camera=camera,
-        print_scale=draw.scale(spec.tags.print_percent, f"{name}/tags/print_percent"),
+        print_scale=draw.scale(spec.tags, "print_percent", f"{name}/tags"),
         drive=BuiltDrive(
             radius_scale=(
-                draw.scale(drive.radius_left_percent, f"{name}/drive/radius_left_percent"),
-                draw.scale(drive.radius_right_percent, f"{name}/drive/radius_right_percent"),
+                draw.scale(drive, "radius_left_percent", on_drive),
+                draw.scale(drive, "radius_right_percent", on_drive),
             ),
-            track_scale=draw.scale(drive.track_percent, f"{name}/drive/track_percent"),
-            lag_s=1e-3 * draw.error(drive.lag_ms, f"{name}/drive/lag_ms"),
-            dead_zone_radps=draw.error(drive.dead_zone_radps, f"{name}/drive/dead_zone_radps"),
-            backlash_rad=math.radians(draw.error(drive.backlash_deg, f"{name}/drive/backlash_deg")),
+            track_scale=draw.scale(drive, "track_percent", on_drive),
+            lag_s=1e-3 * draw.error(drive, "lag_ms", on_drive),
+            dead_zone_radps=draw.error(drive, "dead_zone_radps", on_drive),
+            backlash_rad=draw.angle(drive, "backlash_deg", on_drive),
         ),
-        mass_scale=(
-            draw.scale(spec.body.mass_percent, f"{name}/body/mass_percent")
-            if scene.plant == "bullet"
-            else 1.0
-        ),
-        switch_travel_error_m=draw.error(spec.body.switch_travel_m, f"{name}/body/switch_travel_m"),
+        mass_scale=draw.scale(spec.body, "mass_percent", f"{name}/body") if weighs else 1.0,
+        switch_travel_error_m=draw.error(spec.body, "switch_travel_m", f"{name}/body"),
     )
 
 
@@ -163,35 +169,38 @@ def _with_true_tags(scene: Scene, drawn: UnitGeometry, name: str, draw: _Draw) -
 
 def _obstacle_tag(scene: Scene, name: str, draw: _Draw) -> BuiltTag:
     """Return the tag of an obstacle, which lies flat on the lid."""
-    spec, prefix = scene.as_built.tags, f"obstacle/{name}/tag"
-    x, y = (draw.error(getattr(spec, q), f"{prefix}/{q}") for q in ("x_m", "y_m"))
-    yaw = math.radians(draw.error(spec.yaw_deg, f"{prefix}/yaw_deg"))
+    spec, part = scene.as_built.tags, f"obstacle/{name}/tag"
+    x, y, yaw = (
+        draw.error(spec, "x_m", part),
+        draw.error(spec, "y_m", part),
+        draw.angle(spec, "yaw_deg", part),
+    )
     X_TX = SE3.from_se2(SE2(x, y, yaw)) if any((x, y, yaw)) else None
-    return BuiltTag(X_TX, draw.scale(spec.print_percent, f"{prefix}/print_percent"))
+    return BuiltTag(X_TX, draw.scale(spec, "print_percent", part))
 
 
 def _camera(scene: Scene, told: CameraSpec, spec: CameraDeviations, name: str, draw: _Draw) -> BuiltCamera:
     pinhole = told.pinhole
-    focal = draw.scale(spec.focal_percent, f"{name}/focal_percent")
-    offset = tuple(draw.error(getattr(spec, q), f"{name}/{q}") for q in ("cx_px", "cy_px"))
     lens = Distortion.__dataclass_fields__ if scene.perception == "parametric" else ()
-    coefficients = {q: draw.error(getattr(spec, q), f"{name}/{q}") for q in lens}
     return BuiltCamera(
-        pinhole=replace(pinhole, focal=focal * pinhole.focal, offset=(offset[0], offset[1])),
+        pinhole=replace(
+            pinhole,
+            focal=draw.scale(spec, "focal_percent", name) * pinhole.focal,
+            offset=(draw.error(spec, "cx_px", name), draw.error(spec, "cy_px", name)),
+        ),
         X_BX=draw.mount(spec, name),
-        distortion=Distortion(**coefficients),
-        clock_ahead_ns=round(_NS_PER_MS * draw.error(spec.clock_ms, f"{name}/clock_ms")),
-        jitter_ns=round(_NS_PER_MS * draw.error(spec.jitter_ms, f"{name}/jitter_ms")),
+        distortion=Distortion(**{quantity: draw.error(spec, quantity, name) for quantity in lens}),
+        clock_ahead_ns=round(_NS_PER_MS * draw.error(spec, "clock_ms", name)),
+        jitter_ns=round(_NS_PER_MS * draw.error(spec, "jitter_ms", name)),
     )
 
 
 def _floor(scene: Scene, draw: _Draw) -> BuiltFloor:
     spec = scene.as_built.floor
-    slope = [math.radians(draw.error(getattr(spec, q), f"floor/{q}")) for q in ("slope_x_deg", "slope_y_deg")]
     joint = draw.stream("floor/first_joint").uniform(0.0, JOINT_SPACING_M, 2).tolist()
     return BuiltFloor(
-        friction_scale=draw.scale(spec.friction_percent, "floor/friction_percent"),
-        slope=(slope[0], slope[1]),
-        ridge_m=draw.error(spec.ridge_m, "floor/ridge_m"),
+        friction_scale=draw.scale(spec, "friction_percent", "floor"),
+        slope=(draw.angle(spec, "slope_x_deg", "floor"), draw.angle(spec, "slope_y_deg", "floor")),
+        ridge_m=draw.error(spec, "ridge_m", "floor"),
         first_joint=(joint[0], joint[1]),
     )
