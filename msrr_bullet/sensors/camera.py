@@ -8,6 +8,7 @@ from msrr_bullet.render.renderer import Renderer
 from msrr_bullet.sensors.frame_dropout import FrameDropout
 from msrr_bullet.sensors.frame_timing import FrameTiming
 from msrr_bullet.sensors.image_noise import ImageNoise
+from msrr_bullet.sensors.image_response import image_response, jpeg_round_trip, whole_blocks
 from msrr_scenes.as_built import BuiltCamera
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
@@ -64,7 +65,8 @@ class Camera:
         self._renderer = renderer
         self._pose = pose
         key = stream_key(seed, f"camera/{name}/noise")
-        self._noise = ImageNoise(key, spec.blur_px, spec.noise_grey, spec.shot_grey)
+        response = image_response(spec, self.pinhole)
+        self._noise = ImageNoise(key, spec.blur_px, spec.noise_grey, spec.shot_grey, response)
         self._dropout = FrameDropout(name, spec.dropout, stream(seed, f"camera/{name}/dropout"), faults)
         self._exposure: Exposure | None = None
         self._X_WC = SE3()
@@ -101,8 +103,13 @@ class Camera:
             if region.contains(window):
                 return _crop(region, pixels, window)
         region = window if self.spec.readout == "windows" else self.pinhole.frame
+        quality = self.spec.jpeg_quality
+        if quality is not None:
+            region = whole_blocks(region, self.pinhole.frame)
         ideal = self._renderer.render(self.pinhole, self._X_WC, region.padded(self._noise.margin))
         pixels = self._noise.read_out(ideal, region, self._exposure.frame)
+        if quality is not None:
+            pixels = jpeg_round_trip(pixels, quality)
         pixels.setflags(write=False)  # several readers share the array
         self._read_out.append((region, pixels))
         return _crop(region, pixels, window)

@@ -42,6 +42,18 @@ class CameraSpec(Spec):
     """Standard deviation of the shot noise at white; it falls to zero at black [grey levels]."""
     blur_px: Annotated[float, between(0.0, 20.0)] = 0.4
     """Standard deviation of the Gaussian lens blur [px]; 20 px blur a tag of the port beyond recognition."""
+    gain: Annotated[float, between(0.05, 20.0)] = 1.0
+    """Amplification of light and noise alike; what exceeds white is lost. At 20 the darkest grey is white."""
+    gamma: Annotated[float, between(0.2, 5.0)] = 1.0
+    """Tone curve behind the gain: a value v between black, 0, and white, 1, becomes v ** (1 / gamma)."""
+    vignetting: Annotated[float, between(0.0, 1.0)] = 0.0
+    """Share of the light that is lost in the corners; it grows with the squared distance from the centre."""
+    light_gradient: Annotated[float, between(0.0, 1.0)] = 0.0
+    """Rise of the light, over one width of the image, relative to the light in the middle."""
+    light_gradient_deg: Angle = 0.0
+    """Direction in which the light rises, from image right towards image down [deg]."""
+    jpeg_quality: int | None = Field(default=None, ge=1, le=100)
+    """Quality of JPEG compression on the way to the computer; null for uncompressed frames."""
     dropout: Probability = 0.0
     """Probability that a frame is lost between camera and computer."""
     renderer: Choice = Choice(name="raster")

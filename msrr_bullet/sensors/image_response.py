@@ -1,0 +1,88 @@
+"""The way of light to delivered pixels: shading, gain and tone curve of a camera, and JPEG compression.
+
+As everywhere in the sensor, a pixel depends on its place in the full frame and never on the window that is
+read out. JPEG codes blocks of 8 x 8 pixels each by itself, so this holds for windows of whole blocks.
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.messages import Pixels
+from msrr_scenes.specs.sensors import CameraSpec
+
+#: Edge of a block of JPEG [px].
+_BLOCK = 8
+
+#: Largest number of the analogue-to-digital converter, which has 12 bits as usual; the tone curve maps its
+#: numbers to 8 bits, so that neither gain nor gamma leaves gaps between grey levels.
+_CONVERTER_MAX = 4095
+
+
+class ImageResponse:
+    """Shading of the image, gain and tone curve of a camera."""
+
+    def __init__(self, spec: CameraSpec, pinhole: PinholeCamera) -> None:
+        """Prepare the tone curve.
+
+        Args:
+            spec: Data sheet of the camera.
+            pinhole: True intrinsics; vignetting is centred on the principal point.
+        """
+        corner = math.hypot(0.5 * pinhole.width, 0.5 * pinhole.height)
+        self._loss = spec.vignetting / corner**2
+        self._cx, self._cy = pinhole.cx, pinhole.cy
+        direction = math.radians(spec.light_gradient_deg)
+        rise = spec.light_gradient / pinhole.width
+        self._rise_x, self._rise_y = rise * math.cos(direction), rise * math.sin(direction)
+        self._middle_x, self._middle_y = 0.5 * (pinhole.width - 1), 0.5 * (pinhole.height - 1)
+        self._shades = spec.vignetting > 0.0 or spec.light_gradient > 0.0
+        self._per_grey = np.float32(spec.gain * _CONVERTER_MAX / 255.0)
+        levels = np.arange(_CONVERTER_MAX + 1) / _CONVERTER_MAX
+        self._tone = np.rint(255.0 * levels ** (1.0 / spec.gamma)).astype(np.uint8)
+
+    def shaded(self, light: NDArray[np.float32], window: Window) -> NDArray[np.float32]:
+        """Return the light at the pixels of ``window``, shape (height, width) [grey levels]."""
+        if not self._shades:
+            return light
+        x, y = np.arange(window.x, window.x_end), np.arange(window.y, window.y_end)
+        lost = np.add.outer(self._loss * (y - self._cy) ** 2, self._loss * (x - self._cx) ** 2)
+        lamp = np.add.outer(self._rise_y * (y - self._middle_y), 1.0 + self._rise_x * (x - self._middle_x))
+        shade: NDArray[np.float32] = (np.maximum(1.0 - lost, 0.0) * np.maximum(lamp, 0.0)).astype(np.float32)
+        return light * shade
+
+    def converted(self, light: NDArray[np.float32]) -> Pixels:
+        """Return the pixels for light with noise, both shape (height, width)."""
+        index = np.rint(np.clip(light * self._per_grey, 0.0, _CONVERTER_MAX)).astype(np.uint16)
+        pixels: Pixels = self._tone[index]
+        return pixels
+
+
+def image_response(spec: CameraSpec, pinhole: PinholeCamera) -> ImageResponse | None:
+    """Return the response of a camera; None if light and pixels are the same."""
+    plain = spec.gain == 1.0 and spec.gamma == 1.0 and spec.vignetting == 0.0 and spec.light_gradient == 0.0
+    return None if plain else ImageResponse(spec, pinhole)
+
+
+def whole_blocks(window: Window, frame: Window) -> Window:
+    """Return the smallest window of whole blocks of JPEG around ``window``, cut at the edge of the frame."""
+    x, y = window.x // _BLOCK * _BLOCK, window.y // _BLOCK * _BLOCK
+    x_end, y_end = -(-window.x_end // _BLOCK) * _BLOCK, -(-window.y_end // _BLOCK) * _BLOCK
+    return Window(x, y, min(x_end, frame.x_end) - x, min(y_end, frame.y_end) - y)
+
+
+def jpeg_round_trip(pixels: Pixels, quality: int) -> Pixels:
+    """Return mono8 pixels after compression and decompression.
+
+    Args:
+        pixels: Pixels of a window of :func:`whole_blocks`, shape (height, width).
+        quality: Quality of libjpeg, 1 to 100.
+    """
+    coded = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+    decoded: Pixels = np.asarray(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
+    return decoded
