@@ -111,6 +111,8 @@ def naive_loop(scene: Scene, samples: int | None = None) -> Scene:
             "renderer": Choice(name="tiny", params={"floor": "mesh"}),
             "readout": "frames",
             "samples": samples or camera.samples,
+            "exposure_ms": 0.0,  # TinyRenderer draws one instant only
+            "rolling_shutter_ms": 0.0,
         }
 
     cameras = scene.cameras

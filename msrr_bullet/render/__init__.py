@@ -4,7 +4,15 @@ A renderer of your own is a class with the method of :class:`Renderer`, built fr
 scene names it by its import path.
 """
 
-from msrr_bullet.render.renderer import RenderContext, Renderer
+from msrr_bullet.render.renderer import ExposureRenderer, Instant, RenderContext, Renderer
 from msrr_bullet.render.renderer_registry import RENDERERS, build_renderer, prepare_renderers
 
-__all__ = ["RENDERERS", "RenderContext", "Renderer", "build_renderer", "prepare_renderers"]
+__all__ = [
+    "RENDERERS",
+    "ExposureRenderer",
+    "Instant",
+    "RenderContext",
+    "Renderer",
+    "build_renderer",
+    "prepare_renderers",
+]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 from msrr_bullet.render.floor import Floor
@@ -9,7 +10,7 @@ from msrr_bullet.render.raster.bodies import LoadedBodies, body_ids
 from msrr_bullet.render.raster.floor_texture import pack_floor
 from msrr_bullet.render.raster.kernels.records import FloorTexture
 from msrr_bullet.render.raster.rasterizer import Rasterizer
-from msrr_bullet.render.renderer import RenderContext
+from msrr_bullet.render.renderer import Instant, RenderContext
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
@@ -38,10 +39,29 @@ class RasterRenderer:
         Raises:
             GeometryError: A body was loaded that has a visual shape which cannot be drawn.
         """
+        bodies = self._loaded()
+        return self._rasterizer.draw(camera, X_WC, window, bodies.poses(), self._floor)
+
+    def render_instants(self, camera: PinholeCamera, views: Sequence[tuple[Window, Instant]]) -> list[Pixels]:
+        """Return the mono8 pixels of each window at its instant; see :class:`ExposureRenderer`.
+
+        Raises:
+            GeometryError: A body was loaded that has a visual shape which cannot be drawn.
+        """
+        bodies = self._loaded()
+        poses = bodies.poses()
+        return [
+            self._rasterizer.draw(
+                camera, instant.X_WC, window, bodies.displaced(poses, instant.displaced), self._floor
+            )
+            for window, instant in views
+        ]
+
+    def _loaded(self) -> LoadedBodies:
         if self._bodies is None or self._bodies.ids != body_ids(self._client):
             self._bodies = LoadedBodies(self._client)
             self._rasterizer = Rasterizer(self._bodies.shapes, self._bodies.frame_count)
-        return self._rasterizer.draw(camera, X_WC, window, self._bodies.poses(), self._floor)
+        return self._bodies
 
 
 @lru_cache(maxsize=4)

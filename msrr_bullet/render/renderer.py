@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -20,6 +21,27 @@ class Renderer(Protocol):
         The window may reach outside the frame (the lens blur of a border pixel needs its neighbours); those
         pixels are the scene continued. A window's pixels are the crop of any larger window's.
         """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """An instant shortly before or after that at which the world stands.
+
+    Attributes:
+        X_WC: Pose of the camera at that instant.
+        displaced: Displacement, as a motion of points in W, of each body that is elsewhere, by PyBullet id.
+    """
+
+    X_WC: SE3
+    displaced: Mapping[int, SE3] = field(default_factory=dict)
+
+
+class ExposureRenderer(Renderer, Protocol):
+    """A renderer that draws the instants of an exposure, too."""
+
+    def render_instants(self, camera: PinholeCamera, views: Sequence[tuple[Window, Instant]]) -> list[Pixels]:
+        """Return the noise-free mono8 pixels of each window at its instant; see :class:`Renderer`."""
         ...
 
 

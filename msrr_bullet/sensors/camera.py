@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from typing import cast
 
-from msrr_bullet.render.renderer import Renderer
+import numpy as np
+
+from msrr_bullet.render import ExposureRenderer, Renderer
+from msrr_bullet.sensors.camera_motion import CameraMotion
 from msrr_bullet.sensors.frame_dropout import FrameDropout
 from msrr_bullet.sensors.frame_timing import FrameTiming
 from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_bullet.sensors.image_response import image_response, jpeg_round_trip, whole_blocks
+from msrr_bullet.sensors.shutter import Shutter
+from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import BuiltCamera
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
@@ -45,17 +51,21 @@ class Camera:
         seed: int,
         faults: Iterable[Fault] = (),
         built: BuiltCamera | None = None,
+        motion: Callable[[Array], CameraMotion] | None = None,
     ) -> None:
         """Set up a camera.
 
         Args:
             name: ``overhead`` or ``<unit>/onboard``.
             spec: Optics, noise, blur and dropout of the camera.
-            renderer: Renders the noise-free pixels.
+            renderer: Renders the noise-free pixels; an :class:`ExposureRenderer` if ``motion`` is given and
+                the shutter takes time.
             pose: Returns the true ``X_WC`` at the instant of exposure.
             seed: Seed of the trial; noise and dropout use separate random streams.
             faults: Faults of the scene; blackouts of other cameras are ignored.
             built: True intrinsics and true clock; None if they are those of ``spec``.
+            motion: Returns, for the position of the camera in W, how camera and bodies move at the instant of
+                exposure; None if nothing moves.
         """
         self.name = name
         self.spec = spec
@@ -66,6 +76,9 @@ class Camera:
         self._pose = pose
         key = stream_key(seed, f"camera/{name}/noise")
         response = image_response(spec, self.pinhole)
+        self._shutter = Shutter(spec, self.pinhole)
+        self._observe = None if self._shutter.instantaneous else motion
+        self._motion: CameraMotion | None = None
         self._noise = ImageNoise(key, spec.blur_px, spec.noise_grey, spec.shot_grey, response)
         self._dropout = FrameDropout(name, spec.dropout, stream(seed, f"camera/{name}/dropout"), faults)
         self._exposure: Exposure | None = None
@@ -82,6 +95,7 @@ class Camera:
         self._exposure = None if lost else Exposure(self.name, frame, self.timing.stamp(stamp_ns))
         if not lost:
             self._X_WC = self._pose()
+            self._motion = self._observe(self._X_WC.p) if self._observe else None
         return self._exposure
 
     def fetch(self, window: Window) -> Pixels:
@@ -106,13 +120,27 @@ class Camera:
         quality = self.spec.jpeg_quality
         if quality is not None:
             region = whole_blocks(region, self.pinhole.frame)
-        ideal = self._renderer.render(self.pinhole, self._X_WC, region.padded(self._noise.margin))
+        ideal = self._render(region.padded(self._noise.margin))
         pixels = self._noise.read_out(ideal, region, self._exposure.frame)
         if quality is not None:
             pixels = jpeg_round_trip(pixels, quality)
         pixels.setflags(write=False)  # several readers share the array
         self._read_out.append((region, pixels))
         return _crop(region, pixels, window)
+
+    def _render(self, window: Window) -> Pixels:
+        """Return the noise-free pixels of a window inside or outside the frame."""
+        if self._motion is None or not self._motion.bodies:
+            return self._renderer.render(self.pinhole, self._X_WC, window)
+        exposures = list(self._shutter.exposures(window, self._X_WC, self._motion))
+        renderer = cast(ExposureRenderer, self._renderer)  # as the check of the scene has made sure
+        drawn = renderer.render_instants(self.pinhole, [(e.rows, e.instant) for e in exposures])
+        light = np.zeros((window.height, window.width), dtype=np.float32)
+        for exposure, pixels in zip(exposures, drawn, strict=True):
+            first = exposure.rows.y - window.y
+            light[first : first + exposure.rows.height] += exposure.weights[:, np.newaxis] * pixels
+        mean: Pixels = np.rint(light).astype(np.uint8)
+        return mean
 
 
 def _crop(region: Window, pixels: Pixels, window: Window) -> Pixels:

@@ -10,6 +10,7 @@ from msrr_bullet.profiler import Profiler
 from msrr_bullet.render import RenderContext, Renderer, build_renderer
 from msrr_bullet.sensors.calibrated_sight import OnboardSight, OverheadSight
 from msrr_bullet.sensors.camera import Camera
+from msrr_bullet.sensors.camera_motion import camera_motion
 from msrr_bullet.sensors.camera_sensors import CameraSensor, RenderedCameraSensor
 from msrr_bullet.sensors.command_link import CommandLink
 from msrr_bullet.sensors.frame_dropout import FrameDropout
@@ -97,6 +98,7 @@ class Devices:
             scene.cameras.onboard,
             built.units[unit].camera,
             lambda: plant.pose3(unit) @ X_UC,
+            carrier=unit,
         )
         return RenderedCameraSensor(camera, profiler)
 
@@ -141,13 +143,26 @@ class Devices:
             None if built.is_as_drawn else OverheadSight(scene, built),
         )
 
-    def _camera(self, name: str, spec: CameraSpec, built: BuiltCamera, pose: Callable[[], SE3]) -> Camera:
+    def _camera(
+        self,
+        name: str,
+        spec: CameraSpec,
+        built: BuiltCamera,
+        pose: Callable[[], SE3],
+        carrier: str | None = None,
+    ) -> Camera:
         if name not in self._cameras:
             world = self._simulation.world
             assert world is not None, "a simulation with images has a world"
-            renderer = _renderer(spec, world.client)
             self._cameras[name] = Camera(
-                name, spec, renderer, pose, self._seed, self._simulation.scene.faults, built
+                name,
+                spec,
+                _renderer(spec, world.client),
+                pose,
+                self._seed,
+                self._simulation.scene.faults,
+                built,
+                lambda p_WC: camera_motion(self._simulation, p_WC, carrier),
             )
         return self._cameras[name]
 

@@ -6,7 +6,7 @@ each picture: the base of a body, or a link behind a joint that is not fixed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -64,6 +64,9 @@ class LoadedBodies:
         self._links: dict[int, list[int]] = {}
         for body, link in links:
             self._links.setdefault(body, []).append(link)
+        self._rows: dict[int, list[int]] = {}
+        for row, (body, _) in enumerate(bases + links):
+            self._rows.setdefault(body, []).append(row)
 
     def poses(self) -> Array:
         """Return position [m] and quaternion xyzw of each moving frame in W at this instant, shape (M, 7)."""
@@ -76,6 +79,24 @@ class LoadedBodies:
             states = pybullet.getLinkStates(body, links, computeForwardKinematics=1, physicsClientId=client)
             rows += [state[4] + state[5] for state in states]
         return np.array(rows, dtype=np.float64).reshape(-1, 7)
+
+    def displaced(self, poses: Array, displacements: Mapping[int, SE3]) -> Array:
+        """Return :meth:`poses` after bodies, given by their ids, have been displaced as a whole.
+
+        Args:
+            poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
+            displacements: Motion of points in W, by id of the body; bodies of no moving frame are left out.
+        """
+        if not displacements:
+            return poses
+        out = poses.copy()
+        for body, D in displacements.items():
+            rows = self._rows.get(body, [])
+            out[rows, :3] = D.act(poses[rows, :3])
+            x, y, z, w = D.quaternion_xyzw()
+            product = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
+            out[rows, 3:] = poses[rows, 3:] @ product.T
+        return out
 
 
 def body_ids(client: int) -> tuple[int, ...]:

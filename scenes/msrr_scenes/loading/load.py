@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from msrr_scenes.errors import GeometryError, SceneError, UnknownNameError
 from msrr_scenes.loading.as_built_checks import as_built_problems
+from msrr_scenes.loading.camera_checks import camera_problems
 from msrr_scenes.loading.geometry_checks import geometry_problems
 from msrr_scenes.loading.plan_checks import fault_problems, mission_problems, plan_problems
 from msrr_scenes.loading.problems import Problem, dotted
@@ -139,6 +140,7 @@ def _contradictions(scene: Scene) -> list[Problem]:
         *reference_problems(scene),
         *value_problems(scene),
         *as_built_problems(scene),
+        *camera_problems(scene),
         *fault_problems(scene),
         *mission_problems(scene),
     ]

@@ -42,6 +42,13 @@ class CameraSpec(Spec):
     """Standard deviation of the shot noise at white; it falls to zero at black [grey levels]."""
     blur_px: Annotated[float, between(0.0, 20.0)] = 0.4
     """Standard deviation of the Gaussian lens blur [px]; 20 px blur a tag of the port beyond recognition."""
+    exposure_ms: Annotated[float, between(0.0, 100.0)] = 0.0
+    """Time for which a row collects light [ms], half of it before the time stamp; what moves is blurred."""
+    rolling_shutter_ms: Annotated[float, between(0.0, 100.0)] = 0.0
+    """Time from the exposure of the top row to that of the bottom row [ms]; 0 is a global shutter.
+
+    The frame is stamped with the middle of the exposure of its middle row.
+    """
     gain: Annotated[float, between(0.05, 20.0)] = 1.0
     """Amplification of light and noise alike; what exceeds white is lost. At 20 the darkest grey is white."""
     gamma: Annotated[float, between(0.2, 5.0)] = 1.0

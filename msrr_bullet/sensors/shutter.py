@@ -1,0 +1,107 @@
+"""The shutter of a camera: exposure time, which blurs what moves, and rows that are read out one by one.
+
+Time is cut into cells, on a grid of the whole frame. The picture of the instant in the middle of a cell
+stands for the cell, and a row is the mean of the cells that its exposure covers, each by the share of it that
+is covered. The mean time of a row is then exact: where its exposure begins and ends within a cell, the two
+errors cancel.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_bullet.render import Instant
+from msrr_bullet.sensors.camera_motion import CameraMotion
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.specs.sensors import CameraSpec
+
+#: Cells of an exposure for each pixel that it smears, and the most.
+_CELLS_PER_PX, _MOST_CELLS = 2.0, 8
+
+#: Width of a cell of a rolling shutter whose exposure is short [px]: so far the image moves meanwhile.
+_LEAST_CELL_PX = 0.25
+
+#: Motion of the image between the first and the last row below which they are exposed together [px].
+_LEAST_SHIFT_PX = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class PartialExposure:
+    """What one instant adds to a window.
+
+    Attributes:
+        rows: The part of the window that collects light then, all its columns wide.
+        instant: The instant.
+        weights: Share of the instant in each of the rows, shape (height,).
+    """
+
+    rows: Window
+    instant: Instant
+    weights: NDArray[np.float32]
+
+
+class Shutter:
+    """The instants at which the rows of a frame are exposed.
+
+    The time stamp of a frame is the middle of the exposure of its middle row. Row r of H is exposed for
+    ``exposure_ms`` about the time ``rolling_shutter_ms`` ((r + 0.5) / H - 0.5) after the stamp.
+    """
+
+    def __init__(self, spec: CameraSpec, pinhole: PinholeCamera) -> None:
+        """Prepare for a camera with this data sheet and these true intrinsics."""
+        self._exposure_s = 1e-3 * spec.exposure_ms
+        self._readout_s = 1e-3 * spec.rolling_shutter_ms
+        self._pinhole = pinhole
+
+    @property
+    def instantaneous(self) -> bool:
+        """Whether the whole frame is exposed at one instant."""
+        return self._exposure_s == 0.0 and self._readout_s == 0.0
+
+    def exposures(self, window: Window, X_WC: SE3, motion: CameraMotion) -> Iterator[PartialExposure]:
+        """Yield the instants that a window is the mean of, in their order.
+
+        Instants and weights depend on the frame and on rows of the full frame alone; so a window is the crop
+        of the frame.
+
+        Args:
+            window: Any rectangle, inside or outside the frame.
+            X_WC: Pose of the camera at the time of the stamp.
+            motion: Velocities at the time of the stamp.
+        """
+        speed = self._pinhole.focal * motion.rate(X_WC.p)  # [px/s], in the middle of the image
+        rolls = speed * self._readout_s > _LEAST_SHIFT_PX
+        count = min(max(math.ceil(_CELLS_PER_PX * speed * self._exposure_s), 1), _MOST_CELLS)
+        cell = self._exposure_s / count
+        if rolls and cell * speed < _LEAST_CELL_PX:
+            count, cell = 1, _LEAST_CELL_PX / speed
+        if not rolls and count == 1:
+            yield PartialExposure(
+                window, instant_after(0.0, X_WC, motion), np.ones(window.height, np.float32)
+            )
+            return
+        rows = np.arange(window.y, window.y_end)
+        middle = ((rows + 0.5) / self._pinhole.height - 0.5) * (self._readout_s if rolls else 0.0)
+        # In cells, counted so that the exposure of a global shutter covers whole ones.
+        start = middle / cell - 0.5 * count
+        for k in range(math.floor(start[0]), math.ceil(start[-1] + count)):
+            weights = (np.minimum(start + count, k + 1.0) - np.maximum(start, k)) / count
+            seen = np.flatnonzero(weights > 1e-9)
+            if seen.size:
+                first, end = int(seen[0]), int(seen[-1]) + 1
+                part = Window(window.x, window.y + first, window.width, end - first)
+                instant = instant_after((k + 0.5) * cell, X_WC, motion)
+                yield PartialExposure(part, instant, weights[first:end].astype(np.float32))
+
+
+def instant_after(dt: float, X_WC: SE3, motion: CameraMotion) -> Instant:
+    """Return the instant ``dt`` seconds after that of ``X_WC`` and ``motion``."""
+    displaced = motion.displaced(dt)
+    own = displaced.get(motion.carrier) if motion.carrier is not None else None
+    return Instant(X_WC if own is None else own @ X_WC, displaced)

@@ -1,0 +1,231 @@
+"""The shutter: windows against the frame, closed forms of blur and skew, and the motion that is assumed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pybullet
+import pytest
+
+from msrr_bullet.profiler import NullProfiler
+from msrr_bullet.render import Instant, RenderContext
+from msrr_bullet.render.floor import Floor
+from msrr_bullet.render.raster_renderer import RasterRenderer
+from msrr_bullet.sensors.camera import Camera
+from msrr_bullet.sensors.camera_motion import BodyMotion, CameraMotion, camera_motion
+from msrr_bullet.sensors.shutter import Shutter, instant_after
+from msrr_bullet.trial.environment import Environment, open_environment
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.messages import Pixels, Twist
+from msrr_scenes.placement.placement import draw_placement
+from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import CameraSpec
+
+Load = Callable[..., Scene]
+CLEAN = {"noise_grey": 0.0, "blur_px": 0.0, "width_px": 160, "height_px": 120, "hfov_deg": 60.0}
+
+#: Grey level of the plate's side that the camera faces, and of what is behind it.
+BEHIND = 30.0
+
+
+@pytest.fixture
+def plate() -> Iterator[tuple[int, int]]:
+    """A client with a plate of 1 x 1 m, 1 m in front of the origin, left of y = 0; the ids of both."""
+    client = pybullet.connect(pybullet.DIRECT)
+    shape = pybullet.createVisualShape(
+        pybullet.GEOM_BOX, halfExtents=[0.01, 0.5, 0.5], rgbaColor=[1, 1, 1, 1], physicsClientId=client
+    )
+    body = pybullet.createMultiBody(
+        0.0, baseVisualShapeIndex=shape, basePosition=[1.01, 0.5, 0.0], physicsClientId=client
+    )
+    yield client, body
+    pybullet.disconnect(client)
+
+
+def renderer_of(client: int) -> RasterRenderer:
+    floor = Floor((np.full((1, 1), BEHIND, dtype=np.float32),), 1.0, BEHIND)
+    return RasterRenderer(RenderContext(client, floor=floor))
+
+
+def seen(
+    client: int, motion: CameraMotion, X_WC: SE3, window: Window | None = None, **spec: object
+) -> Pixels:
+    settings = CameraSpec.model_validate(CLEAN | spec)
+    camera = Camera("c", settings, renderer_of(client), lambda: X_WC, 3, motion=lambda _: motion)
+    camera.expose(0)
+    return camera.fetch(window or camera.pinhole.frame)
+
+
+def edge_columns(pixels: Pixels, inside: float) -> np.ndarray:
+    """Return, for each row, the column of the plate's right edge, counted from the frame's left edge."""
+    return (pixels.astype(float) - BEHIND).sum(axis=1) / (inside - BEHIND)
+
+
+def turning(rate: float, carrier: int = -7) -> CameraMotion:
+    """A camera in the origin that turns about the vertical [rad/s]; nothing else moves."""
+    motion = BodyMotion(np.zeros(3), np.zeros(3), np.array([0.0, 0.0, rate]))
+    return CameraMotion({carrier: motion}, carrier, nearest_m=1.0)
+
+
+X_ORIGIN = optical_pose(SE3())
+
+
+def test_what_stands_is_seen_as_at_one_instant(plate: tuple[int, int]) -> None:
+    still = CameraMotion({}, None, 1.0)
+    slow = {"exposure_ms": 20.0, "rolling_shutter_ms": 30.0}
+    np.testing.assert_array_equal(seen(plate[0], still, X_ORIGIN, **slow), seen(plate[0], still, X_ORIGIN))
+
+
+def test_an_exposure_blurs_an_edge_to_a_ramp_of_its_smear(plate: tuple[int, int]) -> None:
+    """A box filter as wide as the smear, from eight instants: a grey level is off by a sixteenth at most."""
+    rate, exposure_s = 1.2, 0.04
+    still = seen(plate[0], CameraMotion({}, None, 1.0), X_ORIGIN)
+    pixels = seen(plate[0], turning(rate), X_ORIGIN, exposure_ms=1e3 * exposure_s).astype(float)
+    inside = float(still[60, 10])
+    focal = CameraSpec.model_validate(CLEAN).pinhole.focal
+    smear = focal * rate * exposure_s
+    assert smear > 5.0
+    columns = np.arange(160)
+    # The share of the exposure in which the plate covers the middle of a pixel of the middle row.
+    share = np.clip(0.5 - (columns + 0.5 - 80.0) / smear, 0.0, 1.0)
+    expected = BEHIND + share * (inside - BEHIND)
+    assert np.abs(pixels[60] - expected).max() < (inside - BEHIND) * (1.0 / 16.0 + 0.5 / smear)
+    assert edge_columns(pixels[60:61], inside) == pytest.approx(80.0, abs=0.05)
+
+
+@pytest.mark.parametrize("rate", [-1.0, 0.4, 1.0])
+def test_a_rolling_shutter_skews_an_edge_by_the_exact_projection(plate: tuple[int, int], rate: float) -> None:
+    readout_s = 0.05
+    inside = float(seen(plate[0], CameraMotion({}, None, 1.0), X_ORIGIN)[60, 10])
+    pixels = seen(plate[0], turning(rate), X_ORIGIN, rolling_shutter_ms=1e3 * readout_s)
+    pinhole = CameraSpec.model_validate(CLEAN).pinhole
+    times = readout_s * ((np.arange(120) + 0.5) / 120 - 0.5)
+    # The plate's edge lies in the vertical plane y = 0; the camera has turned by rate x time.
+    exact = pinhole.cx + 0.5 + pinhole.focal * np.tan(rate * times)
+    error = edge_columns(pixels, inside) - exact
+    assert np.abs(error).max() < 0.05, error
+
+
+def test_a_body_that_moves_alone_is_blurred_alone(plate: tuple[int, int]) -> None:
+    """The plate slides to the left of a camera that stands: its edge is at the closed form at each row."""
+    client, body = plate
+    speed, readout_s = 0.8, 0.05
+    motion = CameraMotion(
+        {body: BodyMotion(np.zeros(3), np.array([0.0, speed, 0.0]), np.zeros(3))}, None, 1.0
+    )
+    inside = float(seen(client, CameraMotion({}, None, 1.0), X_ORIGIN)[60, 10])
+    pixels = seen(client, motion, X_ORIGIN, rolling_shutter_ms=1e3 * readout_s)
+    pinhole = CameraSpec.model_validate(CLEAN).pinhole
+    times = readout_s * ((np.arange(120) + 0.5) / 120 - 0.5)
+    exact = pinhole.cx + 0.5 - pinhole.focal * speed * times
+    assert np.abs(edge_columns(pixels, inside) - exact).max() < 0.05
+
+
+def test_a_frame_of_sub_exposures_is_the_mean_of_its_instants(plate: tuple[int, int]) -> None:
+    motion, spec = turning(0.9), CameraSpec.model_validate(CLEAN | {"exposure_ms": 30.0})
+    exposures = list(Shutter(spec, spec.pinhole).exposures(spec.pinhole.frame, X_ORIGIN, motion))
+    assert [e.rows for e in exposures] == [spec.pinhole.frame] * 8
+    renderer = renderer_of(plate[0])
+    fine = [instant_after(0.03 * ((k + 0.5) / 64 - 0.5), X_ORIGIN, motion) for k in range(64)]
+    exact = np.mean(renderer.render_instants(spec.pinhole, [(spec.pinhole.frame, i) for i in fine]), axis=0)
+    error = np.abs(seen(plate[0], motion, X_ORIGIN, exposure_ms=30.0) - exact)
+    assert error.max() < 0.07 * 225.0
+    assert error.mean() < 0.5
+
+
+def test_a_displaced_body_is_drawn_as_if_it_stood_there(plate: tuple[int, int]) -> None:
+    client, body = plate
+    camera, renderer = PinholeCamera(160, 120, 140.0), renderer_of(client)
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        D = SE3.from_xyz_rpy(rng.normal(0.0, 0.1, 3), rng.normal(0.0, 0.2, 3))
+        displaced = renderer.render_instants(camera, [(camera.frame, Instant(X_ORIGIN, {body: D}))])[0]
+        X_WB = SE3.from_quaternion_xyzw(*pybullet.getBasePositionAndOrientation(body, physicsClientId=client))
+        there = D @ X_WB
+        pybullet.resetBasePositionAndOrientation(
+            body, there.p, there.quaternion_xyzw(), physicsClientId=client
+        )
+        stood = renderer.render(camera, X_ORIGIN, camera.frame)
+        pybullet.resetBasePositionAndOrientation(body, X_WB.p, X_WB.quaternion_xyzw(), physicsClientId=client)
+        # PyBullet normalises the quaternion: an edge may round to the next of 16 shades.
+        assert (displaced != stood).mean() < 1e-3
+        assert np.abs(displaced.astype(int) - stood).max() <= 16
+
+
+def driven(environment: Environment, unit: str, twist: Twist, ticks: int) -> None:
+    plant = environment.simulation.plant
+    plant.command(unit, twist)
+    for _ in range(ticks):
+        plant.step()
+
+
+def test_every_row_is_the_mean_over_its_own_exposure() -> None:
+    """Weights add up to one, and the mean time of a row is the middle of its exposure."""
+    for exposure, readout, rate in ((10.0, 20.0, 0.4), (25.0, 8.0, 2.0), (0.0, 30.0, 1.0), (1.0, 30.0, 0.2)):
+        spec = CameraSpec(exposure_ms=exposure, rolling_shutter_ms=readout)
+        motion = turning(rate)
+        frame = spec.pinhole.frame
+        total, mean = np.zeros(frame.height), np.zeros(frame.height)
+        for part in Shutter(spec, spec.pinhole).exposures(frame, X_ORIGIN, motion):
+            rows = slice(part.rows.y, part.rows.y_end)
+            R = part.instant.X_WC.R @ X_ORIGIN.R.T
+            total[rows] += part.weights
+            mean[rows] += part.weights * math.atan2(R[1, 0], R[0, 0]) / rate
+        np.testing.assert_allclose(total, 1.0, atol=1e-6)
+        middle = 1e-3 * readout * ((np.arange(frame.height) + 0.5) / frame.height - 0.5)
+        np.testing.assert_allclose(mean, middle, atol=1e-8)
+
+
+@pytest.mark.parametrize("plant", ["bullet", "unicycle"])
+def test_a_unit_is_where_its_velocity_takes_it_for_the_next_milliseconds(shipped: Load, plant: str) -> None:
+    """The plant itself, 12.5 ms later, while the unit speeds up; the largest exposure of a row is 50 ms."""
+    scene = shipped("close_range", {"plant": plant})
+    unit = scene.plan[0].unit
+    with open_environment(scene, 0, draw_placement(scene, lambda name: stream(0, name))) as environment:
+        simulation = environment.simulation
+        driven(environment, unit, Twist(0.15, 0.8), 24)
+        X_WU = simulation.plant.pose3(unit)
+        motion = camera_motion(simulation, X_WU.p, unit)
+        assert motion.carrier in motion.bodies
+        ticks = 3
+        driven(environment, unit, Twist(0.15, 0.8), ticks)
+        later = simulation.plant.pose3(unit)
+        predicted = motion.displaced(ticks / scene.physics_hz)[motion.carrier] @ X_WU
+    assert np.linalg.norm(later.p - X_WU.p) > 3e-4
+    assert np.linalg.norm(later.p - predicted.p) < 1e-4
+    turned = float(np.arccos(np.clip(0.5 * (np.trace(later.R.T @ predicted.R) - 1.0), -1.0, 1.0)))
+    assert turned < math.radians(0.1)
+
+
+@pytest.mark.parametrize("count", [25, pytest.param(500, marks=pytest.mark.nightly)])
+def test_windows_of_a_moving_camera_are_the_crop_of_its_frame(shipped: Load, count: int) -> None:
+    keys = {
+        "exposure_ms": "12",
+        "rolling_shutter_ms": "25",
+        "shot_grey": "4",
+        "gain": "1.3",
+        "gamma": "1.2",
+        "vignetting": "0.3",
+        "light_gradient": "0.3",
+        "jpeg_quality": "60",
+    }
+    scene = shipped("close_range", {f"cameras.onboard.{key}": value for key, value in keys.items()})
+    rng = np.random.default_rng(12)
+    with open_environment(scene, 0, draw_placement(scene, lambda name: stream(0, name))) as environment:
+        step = scene.plan[0]
+        driven(environment, step.unit, Twist(0.15, 0.8), 30)
+        camera = environment.devices.onboard(step, SE2, NullProfiler()).camera
+        camera.expose(0)
+        frame = camera.fetch(camera.pinhole.frame).copy()
+        for _ in range(count):
+            camera._read_out = []  # or the frame would be cropped
+            w, h = (int(a) for a in rng.integers(4, 80, 2))
+            x, y = int(rng.integers(250, 521 - w)), int(rng.integers(120, 361 - h))
+            np.testing.assert_array_equal(camera.fetch(Window(x, y, w, h)), frame[y : y + h, x : x + w])
+        assert camera._motion is not None
+        assert camera._motion.bodies

@@ -1,0 +1,34 @@
+"""Cameras that cannot be drawn, or whose times contradict each other, are refused with the mend."""
+
+from __future__ import annotations
+
+import pytest
+
+from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.load import load_scene
+
+
+@pytest.mark.parametrize(
+    ("key", "changes", "message"),
+    [
+        ("exposure_ms", {"exposure_ms": "10", "renderer": "tiny"}, "use renderer raster"),
+        ("rolling_shutter_ms", {"rolling_shutter_ms": "10", "renderer": "tiny"}, "use renderer raster"),
+        ("exposure_ms", {"exposure_ms": "41"}, "time between two frames, 40 ms"),
+        ("latency_ms", {"exposure_ms": "10", "rolling_shutter_ms": "20", "latency_ms": "14"}, "15 ms after"),
+    ],
+)
+@pytest.mark.parametrize("camera", ["onboard", "overhead"])
+def test_a_camera_that_cannot_be_is_refused(
+    camera: str, key: str, changes: dict[str, str], message: str
+) -> None:
+    rate = {f"cameras.{camera}.rate_hz": "25"}
+    prefixed = rate | {f"cameras.{camera}.{name}": value for name, value in changes.items()}
+    with pytest.raises(SceneError, match=message) as refused:
+        load_scene("two_units", prefixed)
+    assert f"cameras.{camera}.{key}" in str(refused.value)
+    load_scene("two_units", prefixed | {"perception": "parametric"})
+
+
+def test_times_that_just_fit_are_accepted() -> None:
+    spec = {"exposure_ms": "40", "rolling_shutter_ms": "40", "latency_ms": "40"}
+    load_scene("two_units", {f"cameras.onboard.{key}": value for key, value in spec.items()})
