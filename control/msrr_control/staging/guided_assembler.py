@@ -21,8 +21,9 @@ from msrr_scenes.messages.coordination import Authority, LegKind
 #: Speed below which a unit stands still [m/s], [rad/s].
 _STILL_MPS, _STILL_RADPS = 0.02, 0.05
 
-#: Distance from where it has to wait within which a unit at rest stays where it is [m].
-_HOLD_M = 0.005
+#: Distance from where it has to wait, and time there, after which a unit stays as it is [m], [s]. By then the
+#: law has brought it there: others may count on the whole way.
+_HOLD_M, _HOLD_AFTER_S = 0.005, 2.0
 
 #: Heading error at which a turn on the spot ends [rad].
 _ALIGNED_RAD = math.radians(2.0)
@@ -71,6 +72,7 @@ class GuidedAssembler(Generic[State]):
         self._leg: int | None = None  # leg that is being driven
         self._previous_ns: int | None = None
         self._unseen_ns: int | None = None
+        self._waits: tuple[float, int] | None = None  # where the unit waits on the path [m], since when [ns]
         self._dt = 1.0 / setup.rate_hz
         self._stage, self._reason = "localise", "waits for an authority"
 
@@ -139,7 +141,7 @@ class GuidedAssembler(Generic[State]):
         return True
 
     def _begin(self, index: int, arena: ArenaMap, now: int) -> None:
-        self._leg = index
+        self._leg, self._waits = index, None
         self._follower.drop_route()
         leg = self.authority.legs[index]
         self._reason = f"leg {index + 1} of {len(self.authority.legs)}: {leg.kind.value}"
@@ -182,11 +184,8 @@ class GuidedAssembler(Generic[State]):
         if not follower.started:
             follower.start(arena.X_WU, observation.twist, now)
         allowed = limit - begin + offset
-        if allowed < follower.s + _HOLD_M and allowed < follower.route.path.length:
-            # The law would creep after the noise of the estimate for as long as the unit waits.
-            lag = math.dist(follower.tip(arena.X_WU), follower.position)
-            if lag < 2.0 * _HOLD_M and self._rests(observation):
-                return STILL
+        if self._has_waited(allowed, now) and self._rests(observation):
+            return STILL  # the law would creep after the noise of the estimate for as long as the unit waits
         twist = follower.step(arena, follower.s, self._dt, limit=allowed)
         lag = math.dist(follower.tip(arena.X_WU), follower.position)
         self.covered = max(self.covered, min(begin + follower.s - offset - lag, leg.end))
@@ -203,6 +202,19 @@ class GuidedAssembler(Generic[State]):
 
     def _stalled(self, now: int, remaining: float) -> bool:
         return self._follower.time_without_progress(self._follower.s, now) > self._watch.settle_s
+
+    def _has_waited(self, allowed: float, now: int) -> bool:
+        """Return whether the unit has been where it has to wait for a while.
+
+        Args:
+            allowed: Arc length of the path at which it has to wait [m].
+            now: Time [ns].
+        """
+        follower = self._follower
+        there = allowed < follower.s + _HOLD_M and allowed < follower.route.path.length
+        if not there or self._waits is None or allowed != self._waits[0]:
+            self._waits = (allowed, now) if there else None
+        return self._waits is not None and seconds(now - self._waits[1]) > _HOLD_AFTER_S
 
     def _start_of(self, index: int) -> float:
         return self.authority.legs[index - 1].end if index else 0.0

@@ -246,6 +246,29 @@ def test_the_unit_rests_where_its_authority_ends_and_goes_on(
     assert math.hypot(unit.X_WU.x - end.x, unit.X_WU.y - end.y) < 0.05
 
 
+def test_a_unit_that_waits_has_come_as_far_as_it_may_and_stands_still(
+    granted: tuple[Unit, Authority],
+) -> None:
+    """Others count on the whole way: one that stopped a centimetre short kept them, and itself, waiting."""
+    unit, message = granted
+    limit = 0.5 * message.legs[-2].end
+    now_ns = follow(unit, message, limit, 25.0, 0)
+    assert unit.assembler.covered > limit - 0.002
+    before, rng = unit.X_WU, np.random.default_rng(4)
+    for _ in range(250):
+        if now_ns % 200_000_000 == 0:
+            renewed = replace(
+                message, seq=message.seq + now_ns, limit=limit, expires_ns=now_ns + 3_000_000_000
+            )
+            unit.assembler.receive(renewed)
+        now_ns += DT_NS
+        arena = arena_of(unit, now_ns)
+        x, y, yaw = rng.normal(0.0, (0.001, 0.001, 0.003))
+        own = replace(arena.own, X_WB=SE2(before.x + x, before.y + y, before.yaw + yaw))
+        unit.step(now_ns, replace(arena, own=own))
+    assert math.hypot(unit.X_WU.x - before.x, unit.X_WU.y - before.y) < 1e-4
+
+
 def test_the_dock_leg_is_entered_whole_or_not_at_all(granted: tuple[Unit, Authority]) -> None:
     unit, message = granted
     follow(unit, message, message.legs[-1].end - 0.05, 40.0, 0)
