@@ -1,8 +1,8 @@
 """Docking of robots that were built with care, by the drawing: every trial is another robot.
 
-The estimator does not use the tolerances that it is told yet. Systematic errors go one to one into the contact,
-and the robot gives up many a seat because what it sees does not agree with the drawing: of 40 trials 25 docked
-and 15 were false aborts, when this was written. So the claims are modest.
+The estimator does not use the tolerances that it is told yet. Systematic errors go one to one into the
+contact, and the robot gives up many a seat because what it sees does not agree with the drawing: of 40 trials
+25 docked and 15 were false aborts, when this was written. So the claims are modest.
 """
 
 from __future__ import annotations
