@@ -42,6 +42,7 @@ def test_the_barrier_is_refused_where_the_simulator_was_imported_before(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "pybullet", ModuleType("pybullet"))
+    monkeypatch.delitem(sys.modules, "pybullet_data", raising=False)
     monkeypatch.setattr(sys, "meta_path", [*sys.meta_path])
     with pytest.raises(ReplayError, match="pybullet was imported before"):
         SimulatorBarrier.install()

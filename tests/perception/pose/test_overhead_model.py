@@ -9,6 +9,7 @@ import pytest
 
 from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
 from msrr_perception.pose.overhead_model import OverheadModel
+from msrr_scenes.as_built import BuiltTag
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.specs.scene import Scene
@@ -74,7 +75,7 @@ def test_obstacle_tags_lie_where_the_simulated_plates_lie() -> None:
     for name in ("post", "late"):
         spec = scene.obstacles[name]
         assert spec.tag_id is not None
-        expected = obstacle_tag_pose(spec.height_m).act(tag_corners(spec.tag_m))
+        expected = obstacle_tag_pose(spec.height_m, BuiltTag()).act(tag_corners(spec.tag_m))
         np.testing.assert_allclose(model.tags[spec.tag_id].corners_B, expected, atol=1e-12)
 
 
