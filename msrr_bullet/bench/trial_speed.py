@@ -20,7 +20,9 @@ from msrr_bullet.run import run_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.as_built import CoefficientDeviation
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 from msrr_scenes.specs.spec import Choice
@@ -123,7 +125,10 @@ def naive_loop(scene: Scene, samples: int | None = None) -> Scene:
             "overhead": overhead.model_copy(update=plain(overhead)) if overhead else None,
         }
     )
-    return scene.model_copy(update={"cameras": slow})
+    lens = {key: CoefficientDeviation() for key in COEFFICIENTS}  # TinyRenderer draws ideal lenses only
+    deviations = scene.as_built
+    ideal = {group: getattr(deviations, group).model_copy(update=lens) for group in ("onboard", "overhead")}
+    return scene.model_copy(update={"cameras": slow, "as_built": deviations.model_copy(update=ideal)})
 
 
 def measure_trial_speed(scene: Scene, seed: int = 0) -> TrialSpeed:

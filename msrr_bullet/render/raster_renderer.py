@@ -11,6 +11,7 @@ from msrr_bullet.render.raster.floor_texture import pack_floor
 from msrr_bullet.render.raster.kernels.records import FloorTexture
 from msrr_bullet.render.raster.rasterizer import Rasterizer
 from msrr_bullet.render.renderer import Instant, RenderContext
+from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
@@ -42,17 +43,28 @@ class RasterRenderer:
         bodies = self._loaded()
         return self._rasterizer.draw(camera, X_WC, window, bodies.poses(), self._floor)
 
-    def render_instants(self, camera: PinholeCamera, views: Sequence[tuple[Window, Instant]]) -> list[Pixels]:
+    def render_instants(
+        self,
+        camera: PinholeCamera,
+        views: Sequence[tuple[Window, Instant]],
+        distortion: Distortion | None = None,
+    ) -> list[Pixels]:
         """Return the mono8 pixels of each window at its instant; see :class:`ExposureRenderer`.
 
         Raises:
-            GeometryError: A body was loaded that has a visual shape which cannot be drawn.
+            GeometryError: A body was loaded that has a visual shape which cannot be drawn, or the polynomial
+                of the lens has no inverse in the frame.
         """
         bodies = self._loaded()
         poses = bodies.poses()
         return [
             self._rasterizer.draw(
-                camera, instant.X_WC, window, bodies.displaced(poses, instant.displaced), self._floor
+                camera,
+                instant.X_WC,
+                window,
+                bodies.displaced(poses, instant.displaced),
+                self._floor,
+                distortion,
             )
             for window, instant in views
         ]

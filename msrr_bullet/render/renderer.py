@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from msrr_bullet.render.floor import Floor, concrete_floor
+from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
@@ -38,10 +39,21 @@ class Instant:
 
 
 class ExposureRenderer(Renderer, Protocol):
-    """A renderer that draws the instants of an exposure, too."""
+    """A renderer that draws the instants of an exposure and the distortion of a lens, too."""
 
-    def render_instants(self, camera: PinholeCamera, views: Sequence[tuple[Window, Instant]]) -> list[Pixels]:
-        """Return the noise-free mono8 pixels of each window at its instant; see :class:`Renderer`."""
+    def render_instants(
+        self,
+        camera: PinholeCamera,
+        views: Sequence[tuple[Window, Instant]],
+        distortion: Distortion | None = None,
+    ) -> list[Pixels]:
+        """Return the noise-free mono8 pixels of each window at its instant; see :class:`Renderer`.
+
+        Args:
+            camera: Intrinsics.
+            views: Windows, each with its instant.
+            distortion: Distortion of the lens; None for an ideal one.
+        """
         ...
 
 

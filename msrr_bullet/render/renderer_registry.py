@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from msrr_bullet.render.renderer import RenderContext, Renderer
+from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.guarded import wrong
@@ -69,4 +70,6 @@ def prepare_renderers(scene: Scene, announce: Callable[[str], None]) -> None:
     if scene.perception == "images" and any(c.renderer.name == "raster" for c in cameras):
         from msrr_bullet.render.raster.rasterizer import compile_kernels
 
-        compile_kernels(announce)
+        lenses = scene.as_built.onboard, scene.as_built.overhead
+        distortion = (getattr(lens, key) for lens in lenses for key in COEFFICIENTS)
+        compile_kernels(announce, lens=any(k.error or k.sigma for k in distortion))

@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from msrr_bullet.render import ExposureRenderer, Renderer
+from msrr_bullet.render import ExposureRenderer, Instant, Renderer
 from msrr_bullet.sensors.camera_motion import CameraMotion
 from msrr_bullet.sensors.frame_dropout import FrameDropout
 from msrr_bullet.sensors.frame_timing import FrameTiming
@@ -17,6 +17,7 @@ from msrr_bullet.sensors.shutter import Shutter
 from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import BuiltCamera
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.geometry.distortion import IDEAL_LENS
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Exposure, Pixels
@@ -58,12 +59,12 @@ class Camera:
         Args:
             name: ``overhead`` or ``<unit>/onboard``.
             spec: Optics, noise, blur and dropout of the camera.
-            renderer: Renders the noise-free pixels; an :class:`ExposureRenderer` if ``motion`` is given and
-                the shutter takes time.
+            renderer: Renders the noise-free pixels; an :class:`ExposureRenderer` if the lens distorts, or if
+                ``motion`` is given and the shutter takes time.
             pose: Returns the true ``X_WC`` at the instant of exposure.
             seed: Seed of the trial; noise and dropout use separate random streams.
             faults: Faults of the scene; blackouts of other cameras are ignored.
-            built: True intrinsics and true clock; None if they are those of ``spec``.
+            built: True intrinsics, lens and clock; None if they are those of ``spec``.
             motion: Returns, for the position of the camera in W, how camera and bodies move at the instant of
                 exposure; None if nothing moves.
         """
@@ -71,6 +72,7 @@ class Camera:
         self.spec = spec
         built = built or BuiltCamera(spec.pinhole)
         self.pinhole: PinholeCamera = built.pinhole
+        self._distortion = None if built.distortion == IDEAL_LENS else built.distortion
         self.timing = FrameTiming(spec, built, stream(seed, f"camera/{name}/jitter"))
         self._renderer = renderer
         self._pose = pose
@@ -130,11 +132,16 @@ class Camera:
 
     def _render(self, window: Window) -> Pixels:
         """Return the noise-free pixels of a window inside or outside the frame."""
-        if self._motion is None or not self._motion.bodies:
+        still = self._motion is None or not self._motion.bodies
+        if still and self._distortion is None:
             return self._renderer.render(self.pinhole, self._X_WC, window)
-        exposures = list(self._shutter.exposures(window, self._X_WC, self._motion))
         renderer = cast(ExposureRenderer, self._renderer)  # as the check of the scene has made sure
-        drawn = renderer.render_instants(self.pinhole, [(e.rows, e.instant) for e in exposures])
+        if self._motion is None or still:
+            views = [(window, Instant(self._X_WC))]
+            return renderer.render_instants(self.pinhole, views, self._distortion)[0]
+        exposures = list(self._shutter.exposures(window, self._X_WC, self._motion))
+        views = [(e.rows, e.instant) for e in exposures]
+        drawn = renderer.render_instants(self.pinhole, views, self._distortion)
         light = np.zeros((window.height, window.width), dtype=np.float32)
         for exposure, pixels in zip(exposures, drawn, strict=True):
             first = exposure.rows.y - window.y

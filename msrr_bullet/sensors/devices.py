@@ -194,6 +194,9 @@ class _FailedRenderer:
     def render(self, camera: PinholeCamera, X_WC: SE3, window: Window) -> Pixels:
         raise self._error
 
+    def render_instants(self, *_: object) -> list[Pixels]:
+        raise self._error
+
 
 def _renderer(spec: CameraSpec, client: int) -> Renderer:
     try:

@@ -9,6 +9,7 @@ import numpy as np
 from msrr_bullet.render.raster.assembly import VisualShape, assemble
 from msrr_bullet.render.raster.floor_texture import pack_floor
 from msrr_bullet.render.raster.kernels.compiler import compiler
+from msrr_bullet.render.raster.kernels.lens_pipeline import draw_through_lens
 from msrr_bullet.render.raster.kernels.pipeline import BAND, draw
 from msrr_bullet.render.raster.kernels.records import (
     Corners,
@@ -22,8 +23,10 @@ from msrr_bullet.render.raster.kernels.records import (
     Workspace,
 )
 from msrr_bullet.render.raster.kernels.sample_positions import CELL_SAMPLES, SAMPLES, sample_positions
+from msrr_bullet.render.raster.lens_map import bounds_of, lens_map
 from msrr_bullet.render.raster.mesh import box
 from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
@@ -52,11 +55,18 @@ class Rasterizer:
         self._geometry, self._textures = assemble(shapes)
         self._frame_count = frame_count
         self._positions, self._cell_positions = sample_positions(SAMPLES), sample_positions(CELL_SAMPLES)
+        self._maps = np.empty((0, 6))
         self._width = 0
         self._workspace = _workspace(self._geometry, frame_count, 0)
 
     def draw(
-        self, camera: PinholeCamera, X_WC: SE3, window: Window, poses: Array, floor: FloorTexture
+        self,
+        camera: PinholeCamera,
+        X_WC: SE3,
+        window: Window,
+        poses: Array,
+        floor: FloorTexture,
+        distortion: Distortion | None = None,
     ) -> Pixels:
         """Return the mono8 pixels of ``window``, shape (height, width).
 
@@ -66,22 +76,20 @@ class Rasterizer:
             window: Any rectangle, inside or outside the frame.
             poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
             floor: Texture of the floor.
+            distortion: Distortion of the lens; None for an ideal one.
+
+        Raises:
+            GeometryError: The polynomial of the lens has no inverse in the window.
         """
         if window.width > self._width:  # kept from picture to picture: fresh memory costs more than drawing
             self._width = window.width
             self._workspace = _workspace(self._geometry, self._frame_count, window.width)
         out = np.empty((window.height, window.width), dtype=np.uint8)
+        if distortion is not None:
+            self._draw_through_lens(camera, X_WC, window, poses, floor, distortion, out)
+            return out
         draw(
-            View(
-                camera.focal,
-                camera.cx + 0.5,  # kernels count from pixel edges
-                camera.cy + 0.5,
-                window.x,
-                window.y,
-                window.width,
-                window.height,
-                _NEAR,
-            ),
+            _view(camera, window),
             poses,
             X_WC.R,
             X_WC.p,
@@ -96,14 +104,57 @@ class Rasterizer:
         )
         return out
 
+    def _draw_through_lens(
+        self,
+        camera: PinholeCamera,
+        X_WC: SE3,
+        window: Window,
+        poses: Array,
+        floor: FloorTexture,
+        distortion: Distortion,
+        out: Pixels,
+    ) -> None:
+        lens = lens_map(camera, distortion).view(window)
+        if len(self._maps) < BAND * window.width + 1:
+            self._maps = np.empty((BAND * window.width + 1, 6))
+        draw_through_lens(
+            _view(camera, bounds_of(lens)),
+            lens,
+            poses,
+            X_WC.R,
+            X_WC.p,
+            _LIGHT,
+            self._geometry,
+            self._textures,
+            floor,
+            self._positions,
+            self._workspace,
+            self._maps,
+            out,
+        )
 
-def compile_kernels(announce: Callable[[str], None]) -> None:
+
+def _view(camera: PinholeCamera, window: Window) -> View:
+    return View(
+        camera.focal,
+        camera.cx + 0.5,  # kernels count from pixel edges
+        camera.cy + 0.5,
+        window.x,
+        window.y,
+        window.width,
+        window.height,
+        _NEAR,
+    )
+
+
+def compile_kernels(announce: Callable[[str], None], lens: bool = False) -> None:
     """Load the kernels' machine code from disk, or compile it and keep it there.
 
     Call it before a pool of workers starts, or every worker compiles for itself.
 
     Args:
         announce: Called with a message before a compilation begins, but not before a load from disk.
+        lens: Whether a lens that distorts is drawn, which needs kernels of its own.
     """
     if not compiler.is_compiled():
         announce(
@@ -113,7 +164,9 @@ def compile_kernels(announce: Callable[[str], None]) -> None:
     rasterizer = Rasterizer([VisualShape(0, SE3(), box(np.ones(3)), grey=1.0)], frame_count=1)
     floor = pack_floor([np.zeros((1, 1), dtype=np.float32)], period=1.0, wall=0.0)
     camera = PinholeCamera(8, 8, 8.0)
-    rasterizer.draw(camera, SE3(), camera.frame, np.array([[0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0]]), floor)
+    poses = np.array([[0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0]])
+    for distortion in (None, Distortion(k1=0.1)) if lens else (None,):
+        rasterizer.draw(camera, SE3(), camera.frame, poses, floor, distortion)
 
 
 def _workspace(geometry: Geometry, frame_count: int, width: int) -> Workspace:

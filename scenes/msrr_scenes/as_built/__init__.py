@@ -10,7 +10,6 @@ from msrr_scenes.as_built.as_built import (
     BuiltFloor,
     BuiltTag,
     BuiltUnit,
-    Distortion,
 )
 from msrr_scenes.as_built.draw import JOINT_SPACING_M, as_drawn, draw_as_built
 
@@ -22,7 +21,6 @@ __all__ = [
     "BuiltFloor",
     "BuiltTag",
     "BuiltUnit",
-    "Distortion",
     "as_drawn",
     "draw_as_built",
 ]

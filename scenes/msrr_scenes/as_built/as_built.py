@@ -8,32 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.distortion import IDEAL_LENS, Distortion
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
-
-
-@dataclass(frozen=True, slots=True)
-class Distortion:
-    """Lens distortion of Brown and Conrady, with the names and the order of OpenCV and ROS."""
-
-    k1: float = 0.0
-    k2: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-    k3: float = 0.0
-
-    def apply(self, points: Array) -> Array:
-        """Return where the lens shows points of the plane z = 1 of an ideal camera, both of shape (N, 2)."""
-        x, y = points[:, 0], points[:, 1]
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
-        return np.column_stack(
-            [
-                radial * x + 2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x),
-                radial * y + self.p1 * (r2 + 2.0 * y * y) + 2.0 * self.p2 * x * y,
-            ]
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +29,7 @@ class BuiltCamera:
 
     pinhole: PinholeCamera
     X_BX: SE3 | None = None
-    distortion: Distortion = Distortion()
+    distortion: Distortion = IDEAL_LENS
     clock_ahead_ns: int = 0
     jitter_ns: int = 0
 

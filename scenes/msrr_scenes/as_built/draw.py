@@ -19,8 +19,8 @@ from msrr_scenes.as_built.as_built import (
     BuiltFloor,
     BuiltTag,
     BuiltUnit,
-    Distortion,
 )
+from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, marker_links

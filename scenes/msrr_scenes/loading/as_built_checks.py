@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from msrr_scenes.loading.problems import Problem
 from msrr_scenes.specs.scene import Scene
 
-_DISTORTION = ("k1", "k2", "p1", "p2", "k3")
-
 
 def as_built_problems(scene: Scene) -> Iterator[Problem]:
     """Yield true errors that nothing in the scene would show.
@@ -26,8 +24,6 @@ def as_built_problems(scene: Scene) -> Iterator[Problem]:
 def _without_effect(scene: Scene, group: str, quantity: str) -> str | None:
     if (group == "floor" or quantity == "mass_percent") and scene.plant != "bullet":
         return f"the plant {scene.plant!r} has no floor and no masses; use plant bullet, or leave it out"
-    if quantity in _DISTORTION and scene.perception == "images":
-        return "no renderer draws the distortion of a lens; use perception parametric, or leave it out"
     if group == "overhead" and scene.cameras.overhead is None:
         return "this scene has no overhead camera; give one under cameras.overhead, or leave it out"
     return None

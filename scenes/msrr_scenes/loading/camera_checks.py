@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from msrr_scenes.geometry.distortion import COEFFICIENTS, Distortion, has_inverse
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 
-#: The renderer that draws the instants of an exposure.
+#: The renderer that draws the instants of an exposure and the distortion of a lens.
 _RENDERER = "raster"
 
 
@@ -16,12 +17,31 @@ def camera_problems(scene: Scene) -> Iterator[Problem]:
     """Yield settings of cameras that cannot be drawn, or that contradict each other."""
     if scene.perception != "images":
         return
-    yield from _problems(("cameras", "onboard"), scene.cameras.onboard)
-    if scene.cameras.overhead is not None:
-        yield from _problems(("cameras", "overhead"), scene.cameras.overhead)
+    for name, spec in (("onboard", scene.cameras.onboard), ("overhead", scene.cameras.overhead)):
+        if spec is not None:
+            yield from _shutter_problems(("cameras", name), spec)
+            yield from _lens_problems(scene, name, spec)
 
 
-def _problems(path: KeyPath, spec: CameraSpec) -> Iterator[Problem]:
+def _lens_problems(scene: Scene, name: str, spec: CameraSpec) -> Iterator[Problem]:
+    deviations = {key: getattr(getattr(scene.as_built, name), key) for key in COEFFICIENTS}
+    distorts = any(deviation.error or deviation.sigma for deviation in deviations.values())
+    if distorts and spec.renderer.name != _RENDERER:
+        text = (
+            f"the renderer {spec.renderer.name!r} draws ideal lenses only, and as_built.{name} distorts; use "
+            f"renderer {_RENDERER}, or leave out {', '.join(COEFFICIENTS)} there"
+        )
+        yield Problem(("cameras", name, "renderer"), text)
+    lens = Distortion(**{key: deviation.error or 0.0 for key, deviation in deviations.items()})
+    if not has_inverse(spec.pinhole, lens):
+        text = (
+            f"with {lens} two points of the scene appear at one pixel of the frame, towards its corners; use "
+            f"smaller coefficients or a smaller cameras.{name}.hfov_deg"
+        )
+        yield Problem(("as_built", name), text)
+
+
+def _shutter_problems(path: KeyPath, spec: CameraSpec) -> Iterator[Problem]:
     interval_ms = 1000.0 / spec.rate_hz
     for key in ("exposure_ms", "rolling_shutter_ms"):
         value = getattr(spec, key)

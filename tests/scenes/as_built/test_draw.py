@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_scenes.as_built import AsBuilt, Distortion, as_drawn, draw_as_built
+from msrr_scenes.as_built import AsBuilt, as_drawn, draw_as_built
 from msrr_scenes.as_built.draw import LEAST_FRICTION
+from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import marker_links

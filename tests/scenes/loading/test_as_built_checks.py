@@ -13,7 +13,6 @@ from msrr_scenes.loading.load import load_scene, shipped_scenes
     [
         ("as_built.floor.ridge_m", {"plant": "unicycle"}, "use plant bullet"),
         ("as_built.body.mass_percent", {"plant": "unicycle"}, "use plant bullet"),
-        ("as_built.onboard.k1", {}, "no renderer draws the distortion"),
         ("as_built.overhead.yaw_deg", {}, "no overhead camera"),
     ],
 )

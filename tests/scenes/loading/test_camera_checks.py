@@ -32,3 +32,20 @@ def test_a_camera_that_cannot_be_is_refused(
 def test_times_that_just_fit_are_accepted() -> None:
     spec = {"exposure_ms": "40", "rolling_shutter_ms": "40", "latency_ms": "40"}
     load_scene("two_units", {f"cameras.onboard.{key}": value for key, value in spec.items()})
+
+
+@pytest.mark.parametrize("deviation", ["-0.05", "{sigma: 0.01}"])
+def test_a_lens_that_the_renderer_does_not_draw_is_refused(deviation: str) -> None:
+    tiny = {"as_built.onboard.k1": deviation, "cameras.onboard.renderer": "tiny"}
+    with pytest.raises(SceneError, match="'tiny' draws ideal lenses only"):
+        load_scene("close_range", tiny)
+    load_scene("close_range", tiny | {"perception": "parametric"})
+    load_scene("close_range", tiny | {"cameras.onboard.renderer": "raster"})
+
+
+def test_a_lens_that_folds_the_frame_is_refused() -> None:
+    """k1 = -0.2 shows nothing beyond 0.86 focal lengths; the corner of a frame of 75 deg is at 0.96."""
+    folded = {"as_built.onboard.k1": "-0.2"}
+    with pytest.raises(SceneError, match="two points of the scene appear at one pixel"):
+        load_scene("close_range", folded)
+    load_scene("close_range", folded | {"cameras.onboard.hfov_deg": "62"})

@@ -39,7 +39,7 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
 
 #: Identities count up from here, so that in a key they are not negative.
-_LEAST = WALL
+LEAST_IDENTITY = WALL
 
 #: Bits of a key that hold the identity.
 _LOW = (1 << 32) - 1
@@ -55,7 +55,7 @@ def sample_key(w: np.float32, identity: np.int32 | int) -> np.int64:
     Read as whole numbers, the bits of floats >= 0 are in the order of the floats. At equal depth the greater
     identity is the greater number, so that no order of drawing can matter.
     """
-    return (np.int64(np.float32(w).view(np.int32)) << 32) | (np.int64(identity) - _LEAST)
+    return (np.int64(np.float32(w).view(np.int32)) << 32) | (np.int64(identity) - LEAST_IDENTITY)
 
 
 @kernel
@@ -164,7 +164,7 @@ def shade_mixed_pixels(
             x = view.x + column[p]
             differs = np.int32(0)
             for s in range(SAMPLES):
-                identity[s] = np.int32((key[p, s] & _LOW) + _LEAST)
+                identity[s] = np.int32((key[p, s] & _LOW) + LEAST_IDENTITY)
                 differs |= identity[s] ^ identity[0]
             f = identity[0] >> REGION_BITS
             total = 0.0

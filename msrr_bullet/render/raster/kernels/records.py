@@ -76,6 +76,18 @@ class View(NamedTuple):
     near: float  # [m]
 
 
+class LensView(NamedTuple):
+    """The corners of the window's pixels behind a lens that distorts: their places in an ideal lens' image.
+
+    u grows along every row and v along every column.
+    """
+
+    u: Array  # (height + 1, width + 1) columns, counted from the edge of the frame [px]
+    v: Array  # (height + 1, width + 1) rows
+    v_low: Array  # (height + 1,) least v of each row of corners
+    v_high: Array  # (height + 1,) greatest
+
+
 class Light(NamedTuple):
     """A distant light and the coefficients of ``ambient + diffuse * max(0, n . direction)``."""
 

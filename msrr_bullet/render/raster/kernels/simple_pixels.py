@@ -32,7 +32,7 @@ from msrr_bullet.render.raster.kernels.textures import (
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
 
-_REGION_MASK = (1 << REGION_BITS) - 1
+REGION_MASK = (1 << REGION_BITS) - 1
 
 
 @inlined
@@ -101,7 +101,7 @@ def shade_simple_pixels(
                 if name >= 0 and kind[f] == 0:
                     value = grey[f]
                 elif name >= 0 and kind[f] == TEXTURED | CELLS:
-                    value = grey[f] * region_grey[cells[f, 3] + (name & _REGION_MASK)]
+                    value = grey[f] * region_grey[cells[f, 3] + (name & REGION_MASK)]
                 elif name == FLOOR:
                     shade_floor(view, floor_texture, floor_view, row_buffers, out, j, first, i)
                     continue

@@ -1,0 +1,117 @@
+"""Lens distortion in the model of Brown and Conrady, with the names and the order of OpenCV and ROS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.pinhole import PinholeCamera
+
+#: Steps of Newton's method. It converges quadratically; the number is fixed so that each point's result is a
+#: function of that point alone.
+_STEPS = 10
+
+#: Largest distance between a point and the image of what :meth:`Distortion.undo` found for it.
+_RESIDUAL = 1e-9
+
+#: Most that neighbouring pixels may be apart in the image of an ideal lens [px]; more is a fold of the lens.
+_MOST_STRETCH = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Distortion:
+    """Lens distortion of Brown and Conrady; it maps points of the plane z = 1 of an ideal camera."""
+
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    k3: float = 0.0
+
+    def apply(self, points: Array) -> Array:
+        """Return where the lens shows points of the plane z = 1 of an ideal camera, both of shape (N, 2)."""
+        x, y = points[:, 0], points[:, 1]
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
+        return np.column_stack(
+            [
+                radial * x + 2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x),
+                radial * y + self.p1 * (r2 + 2.0 * y * y) + 2.0 * self.p2 * x * y,
+            ]
+        )
+
+    def undo(self, points: Array) -> Array:
+        """Return the points of the plane z = 1 that the lens shows at ``points``, both of shape (N, 2).
+
+        A point is NaN where none was found. Where the lens folds the plane, it is one of several.
+        """
+        x, y = points[:, 0], points[:, 1]
+        with np.errstate(all="ignore"):  # where there is no inverse, the steps lead anywhere
+            for _ in range(_STEPS):
+                r2 = x * x + y * y
+                radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
+                slope = 2.0 * (self.k1 + r2 * (2.0 * self.k2 + 3.0 * r2 * self.k3))
+                shown = self.apply(np.column_stack([x, y]))
+                ex, ey = shown[:, 0] - points[:, 0], shown[:, 1] - points[:, 1]
+                a = radial + slope * x * x + 2.0 * self.p1 * y + 6.0 * self.p2 * x
+                b = slope * x * y + 2.0 * self.p1 * x + 2.0 * self.p2 * y
+                d = radial + slope * y * y + 6.0 * self.p1 * y + 2.0 * self.p2 * x
+                determinant = a * d - b * b
+                x, y = x - (d * ex - b * ey) / determinant, y - (a * ey - b * ex) / determinant
+            found = np.column_stack([x, y])
+            error = np.abs(self.apply(found) - points).max(axis=1)
+            return np.where((error < _RESIDUAL)[:, np.newaxis], found, np.nan)
+
+    def ideal_pixels(self, camera: PinholeCamera, pixels: Array) -> Array:
+        """Return where an ideal lens would show what this one shows at ``pixels``, both of shape (N, 2)."""
+        plane = self.undo(camera.rays(pixels)[:, :2])
+        return camera.project(np.column_stack([plane, np.ones(len(plane))]))
+
+    def lens_pixels(self, camera: PinholeCamera, pixels: Array) -> Array:
+        """Return where this lens shows what an ideal one would show at ``pixels``, both of shape (N, 2)."""
+        shown = self.apply(camera.rays(pixels)[:, :2])
+        return camera.project(np.column_stack([shown, np.ones(len(shown))]))
+
+
+#: A lens that does not distort.
+IDEAL_LENS = Distortion()
+
+#: Names of the coefficients, in the order of OpenCV and ROS.
+COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
+
+#: Margin about the frame in which a lens has to have an inverse, for blur [px], and spacing of its test [px].
+_MARGIN, _SPACING = 8, 8.0
+
+
+def has_inverse(camera: PinholeCamera, distortion: Distortion) -> bool:
+    """Return whether every pixel of the frame and of a small margin shows one point of the scene."""
+    columns, rows = (
+        np.append(np.arange(-_MARGIN - 0.5, size + _MARGIN - 0.5, _SPACING), size + _MARGIN - 0.5)
+        for size in (camera.width, camera.height)
+    )
+    return ideal_grid(camera, distortion, columns, rows) is not None
+
+
+def ideal_grid(camera: PinholeCamera, distortion: Distortion, columns: Array, rows: Array) -> Array | None:
+    """Return where an ideal lens would show the nodes of a grid of pixels, shape (rows, columns, 2) [px].
+
+    None if the lens has no inverse there: the polynomial folds the image, so that two points of the scene
+    appear at one pixel, or it reaches some pixels from nowhere.
+
+    Args:
+        camera: Intrinsics.
+        distortion: Distortion of the lens.
+        columns: Increasing columns of the nodes, shape (C,) [px].
+        rows: Increasing rows of the nodes, shape (R,) [px].
+    """
+    nodes = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
+    grid: Array = distortion.ideal_pixels(camera, nodes).reshape(len(rows), len(columns), 2)
+    for rise, step in (
+        (np.diff(grid[..., 0], axis=1), np.diff(columns)[np.newaxis, :]),
+        (np.diff(grid[..., 1], axis=0), np.diff(rows)[:, np.newaxis]),
+    ):
+        if not ((rise > 0.0) & (rise < _MOST_STRETCH * step)).all():  # comparisons with NaN are false
+            return None
+    return grid

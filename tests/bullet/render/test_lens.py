@@ -1,0 +1,179 @@
+"""Pictures through a lens that distorts: windows, an independent warp, and cv2.projectPoints."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import cv2
+import numpy as np
+import pybullet
+import pytest
+from numpy.typing import NDArray
+
+from msrr_bullet.render import Instant, RenderContext
+from msrr_bullet.render.floor import Floor
+from msrr_bullet.render.raster_renderer import RasterRenderer
+from msrr_bullet.simulation.tagged_bodies import TagVisuals
+from msrr_bullet.simulation.world import BulletWorld
+from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.distortion import Distortion
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.messages import Pixels
+from msrr_scenes.placement.placement import draw_placement
+from msrr_scenes.random_streams import stream
+
+LENSES = (
+    Distortion(k1=-0.1),
+    Distortion(k1=0.25, p1=0.004, p2=-0.003),
+    Distortion(k1=-0.25, k2=0.12, k3=-0.01, p1=-0.002),
+)
+
+
+@pytest.fixture(scope="module")
+def units(
+    tmp_path_factory: pytest.TempPathFactory, plain_floor: Callable[[float], Floor]
+) -> Iterator[tuple[RasterRenderer, SE3]]:
+    """Scene ``two_units`` on a floor without texture: its renderer, and the pose of unit b."""
+    scene = load_scene("two_units")
+    placement = draw_placement(scene, lambda name: stream(0, name))
+    tags = TagVisuals(scene, tmp_path_factory.mktemp("tags"))
+    with BulletWorld(scene, placement, tags=tags) as world:
+        yield RasterRenderer(RenderContext(world.client, floor=plain_floor(105.0))), world.pose3("b")
+
+
+def views(X_WB: SE3, count: int, seed: int) -> Iterator[SE3]:
+    """Yield poses of a camera about a unit, from near to a metre away, tilted in every direction."""
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        away, turn, z = rng.uniform(0.25, 1.0), rng.uniform(-math.pi, math.pi), rng.uniform(0.05, 0.5)
+        aim = turn + math.pi + rng.uniform(-0.5, 0.5)
+        pose = SE3.from_xyz_rpy(
+            (away * math.cos(turn), away * math.sin(turn), z),
+            (rng.uniform(-0.2, 0.2), rng.uniform(0.0, 0.5), aim),
+        )
+        yield X_WB @ optical_pose(pose)
+
+
+def through(
+    renderer: RasterRenderer, lens: Distortion, camera: PinholeCamera, X_WC: SE3, window: Window
+) -> Pixels:
+    return renderer.render_instants(camera, [(window, Instant(X_WC))], lens)[0]
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=str)
+@pytest.mark.parametrize("count", [40, pytest.param(500, marks=pytest.mark.nightly)])
+def test_a_window_is_the_crop_of_the_frame(
+    units: tuple[RasterRenderer, SE3], lens: Distortion, count: int
+) -> None:
+    renderer, X_WB = units
+    camera = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
+    rng = np.random.default_rng(8)
+    for X_WC in views(X_WB, count // 20, seed=4):
+        whole = camera.frame.padded(5)  # blur reads beyond the frame
+        frame = through(renderer, lens, camera, X_WC, whole)
+        for _ in range(20):
+            w, h = (int(a) for a in rng.integers(1, 150, 2))
+            x, y = int(rng.integers(-5, 646 - w)), int(rng.integers(-5, 486 - h))
+            part = through(renderer, lens, camera, X_WC, Window(x, y, w, h))
+            np.testing.assert_array_equal(part, frame[y + 5 : y + 5 + h, x + 5 : x + 5 + w])
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=str)
+def test_a_picture_is_the_warp_of_a_finer_one(units: tuple[RasterRenderer, SE3], lens: Distortion) -> None:
+    """4 x 4 points of each pixel, undistorted by OpenCV, looked up in a plain picture of four times the size.
+
+    Both sample: sixteen samples of an edge between black and white are off by a sixteenth of 255 or two.
+    """
+    renderer, X_WB = units
+    camera = PinholeCamera.from_hfov(160, 120, math.radians(75.0))
+    fine = PinholeCamera(160 * 4 + 600, 120 * 4 + 600, 4.0 * camera.focal)
+    y, x = (np.mgrid[0:480, 0:640] + 0.5) / 4.0 - 0.5
+    points = np.stack([x, y], axis=-1).reshape(-1, 1, 2)
+    plane = cv2.undistortPoints(
+        points, camera.matrix(), coefficients(lens), None, None, None, (cv2.TERM_CRITERIA_COUNT, 200, 0.0)
+    )[:, 0]
+    places = fine.project(np.column_stack([plane, np.ones(len(plane))])).astype(np.float32)
+    for X_WC in views(X_WB, 4, seed=11):
+        plain = renderer.render(fine, X_WC, fine.frame)
+        warped = cv2.remap(
+            plain, places[:, 0].reshape(480, 640), places[:, 1].reshape(480, 640), cv2.INTER_LINEAR
+        )
+        expected = warped.reshape(120, 4, 160, 4).mean(axis=(1, 3))
+        error = np.abs(through(renderer, lens, camera, X_WC, camera.frame) - expected)
+        assert error.mean() < 0.3
+        assert np.quantile(error, 0.995) < 2.0 * 255.0 / 16.0
+
+
+def coefficients(lens: Distortion) -> NDArray[np.float64]:
+    return np.array([lens.k1, lens.k2, lens.p1, lens.p2, lens.k3])
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=str)
+@pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.nightly)])
+def test_a_tile_is_where_opencv_projects_it(
+    plain_floor: Callable[[float], Floor], lens: Distortion, count: int
+) -> None:
+    """The centroid of a white tile that faces the camera, against its outline by cv2.projectPoints."""
+    client = pybullet.connect(pybullet.DIRECT)
+    half = 0.012
+    shape = pybullet.createVisualShape(
+        pybullet.GEOM_BOX, halfExtents=[half, half, 1e-5], rgbaColor=[1, 1, 1, 1], physicsClientId=client
+    )
+    tile = pybullet.createMultiBody(0.0, baseVisualShapeIndex=shape, physicsClientId=client)
+    renderer = RasterRenderer(RenderContext(client, floor=plain_floor(0.0)))
+    camera = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
+    X_WC = SE3(np.eye(3), np.array([0.0, 0.0, -5.0]))  # below the floor, which is not seen from there
+    side = np.linspace(-half, half, 41)[:-1]
+    along, across = np.concatenate([side, 0 * side + half, -side, 0 * side - half]), np.zeros(160)
+    outline = np.column_stack([along, np.roll(along, 40), across])
+    rng = np.random.default_rng(6)
+    errors = []
+    for _ in range(count):
+        pixel = rng.uniform((20.0, 20.0), (620.0, 460.0))
+        p_C = rng.uniform(0.4, 0.8) * camera.rays(lens.ideal_pixels(camera, pixel[np.newaxis]))[0]
+        place, turn = (X_WC.p + p_C).tolist(), [0.0, 0.0, 0.0, 1.0]
+        pybullet.resetBasePositionAndOrientation(tile, place, turn, physicsClientId=client)
+        exact = cv2.projectPoints(
+            p_C + outline - [0.0, 0.0, 1e-5], np.zeros(3), np.zeros(3), camera.matrix(), coefficients(lens)
+        )[0][:, 0]
+        window = Window.around(exact, 3)
+        light = through(renderer, lens, camera, X_WC, window).astype(float)
+        rows, columns = np.mgrid[window.y : window.y_end, window.x : window.x_end]
+        seen = np.array([(columns * light).sum(), (rows * light).sum()]) / light.sum()
+        errors.append(seen - centroid(exact))
+    pybullet.disconnect(client)
+    worst = np.abs(errors).max()
+    print(f"{count} tiles: worst {worst:.4f} px")
+    assert worst < 0.05
+
+
+def centroid(outline: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the centroid of a polygon with corners of shape (N, 2)."""
+    origin = outline[0]
+    a, b = outline - origin, np.roll(outline, -1, axis=0) - origin
+    cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
+    middle: NDArray[np.float64] = origin + ((a + b) * cross[:, np.newaxis]).sum(axis=0) / (3.0 * cross.sum())
+    return middle
+
+
+def test_a_lens_without_coefficients_is_the_ideal_one(units: tuple[RasterRenderer, SE3]) -> None:
+    """Not bit for bit: the kernels differ, and edges may fall to the next of 16 shades."""
+    renderer, X_WB = units
+    camera = PinholeCamera.from_hfov(320, 240, math.radians(75.0))
+    for X_WC in views(X_WB, 4, seed=2):
+        error = np.abs(
+            through(renderer, Distortion(), camera, X_WC, camera.frame).astype(int)
+            - renderer.render(camera, X_WC, camera.frame)
+        )
+        assert (error > 2).mean() < 0.01
+        assert error.mean() < 0.1
+
+
+def test_a_lens_that_folds_the_image_is_refused(units: tuple[RasterRenderer, SE3]) -> None:
+    renderer, X_WB = units
+    camera = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
+    with pytest.raises(GeometryError, match="two points of the scene appear at one pixel"):
+        through(renderer, Distortion(k1=-0.2), camera, X_WB, Window(300, 200, 20, 20))
