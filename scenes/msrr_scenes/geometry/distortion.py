@@ -11,7 +11,7 @@ from msrr_scenes.geometry.pinhole import PinholeCamera
 
 #: Steps of Newton's method. It converges quadratically; the number is fixed so that each point's result is a
 #: function of that point alone.
-_STEPS = 10
+_STEPS = 7
 
 #: Largest distance between a point and the image of what :meth:`Distortion.undo` found for it.
 _RESIDUAL = 1e-9

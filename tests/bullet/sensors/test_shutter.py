@@ -17,6 +17,7 @@ from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.sensors.camera_motion import BodyMotion, CameraMotion, camera_motion
 from msrr_bullet.sensors.shutter import Shutter, instant_after
 from msrr_bullet.trial.environment import Environment, open_environment
+from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -203,7 +204,7 @@ def test_a_unit_is_where_its_velocity_takes_it_for_the_next_milliseconds(shipped
 
 
 @pytest.mark.parametrize("count", [25, pytest.param(500, marks=pytest.mark.nightly)])
-def test_windows_of_a_moving_camera_are_the_crop_of_its_frame(shipped: Load, count: int) -> None:
+def test_windows_are_the_crop_of_the_frame_with_every_effect_on(shipped: Load, count: int) -> None:
     keys = {
         "exposure_ms": "12",
         "rolling_shutter_ms": "25",
@@ -214,9 +215,11 @@ def test_windows_of_a_moving_camera_are_the_crop_of_its_frame(shipped: Load, cou
         "light_gradient": "0.3",
         "jpeg_quality": "60",
     }
-    scene = shipped("close_range", {f"cameras.onboard.{key}": value for key, value in keys.items()})
+    lens = {"as_built.onboard.k1": "-0.08", "as_built.onboard.p1": "0.003"}
+    scene = shipped("close_range", lens | {f"cameras.onboard.{key}": value for key, value in keys.items()})
     rng = np.random.default_rng(12)
-    with open_environment(scene, 0, draw_placement(scene, lambda name: stream(0, name))) as environment:
+    placement = draw_placement(scene, lambda name: stream(0, name))
+    with open_environment(scene, 0, placement, draw_as_built(scene, 0)) as environment:
         step = scene.plan[0]
         driven(environment, step.unit, Twist(0.15, 0.8), 30)
         camera = environment.devices.onboard(step, SE2, NullProfiler()).camera
@@ -229,3 +232,4 @@ def test_windows_of_a_moving_camera_are_the_crop_of_its_frame(shipped: Load, cou
             np.testing.assert_array_equal(camera.fetch(Window(x, y, w, h)), frame[y : y + h, x : x + w])
         assert camera._motion is not None
         assert camera._motion.bodies
+        assert camera._distortion is not None
