@@ -10,7 +10,7 @@ import numpy as np
 
 from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
 from msrr_bullet.render.raster.kernels.floor import STEPS, bilinear_grey, floor_texel
-from msrr_bullet.render.raster.kernels.mixed_pixels import LEAST_IDENTITY, sample_key
+from msrr_bullet.render.raster.kernels.mixed_pixels import GREATEST_KEY, LEAST_IDENTITY, sample_key
 from msrr_bullet.render.raster.kernels.records import (
     CELLS,
     FLOOR,
@@ -22,6 +22,7 @@ from msrr_bullet.render.raster.kernels.records import (
     Floats,
     FloorTexture,
     FloorView,
+    Indices,
     LensView,
     ProjectedFaces,
     Samples,
@@ -56,28 +57,35 @@ def floor_grey_at(texture: FloorTexture, seen: FloorView, u: float, v: float) ->
     return float(bilinear_grey(texture.texels[index], ax, ay))
 
 
-@kernel
-def face_grey_at(faces: ProjectedFaces, textures: Textures, f: int, u: float, v: float) -> float:
-    """Return the grey level of face f at a point of the image of the ideal lens."""
-    kind, form = faces.kind[f], faces.inverse_depth[f]
-    value = faces.grey[f]
-    w = form[0] * u + (form[1] * v + form[2])
-    if kind & SMOOTH:
-        value = (faces.shade[f, 0] * u + (faces.shade[f, 1] * v + faces.shade[f, 2])) / w
-    if kind & CELLS:
-        value *= textures.texels[cell_index(faces.uv, faces.cells, f, u, v, w)]
-    elif kind & TEXTURED:
-        value *= filtered_reflectance(
-            faces.inverse_depth,
-            faces.uv,
-            faces.texture,
-            textures.level_start,
-            textures.levels,
-            textures.texels,
-            f,
-            u,
-            v,
-        )
+@inlined
+def face_grey_at(
+    kind: Indices,
+    grey: Array,
+    shade: Array,
+    inverse_depth: Array,
+    cells: Indices,
+    uv: Array,
+    texture: Indices,
+    level_start: Indices,
+    levels: Indices,
+    texels: Floats,
+    f: int,
+    u: float,
+    v: float,
+) -> float:
+    """Return the grey level of face f at a point of the image of the ideal lens.
+
+    The arrays are those of :class:`ProjectedFaces` and :class:`Textures`, passed one by one because numba
+    counts references to the arrays of a tuple.
+    """
+    value = grey[f]
+    w = inverse_depth[f, 0] * u + (inverse_depth[f, 1] * v + inverse_depth[f, 2])
+    if kind[f] & SMOOTH:
+        value = (shade[f, 0] * u + (shade[f, 1] * v + shade[f, 2])) / w
+    if kind[f] & CELLS:
+        value *= texels[cell_index(uv, cells, f, u, v, w)]
+    elif kind[f] & TEXTURED:
+        value *= filtered_reflectance(inverse_depth, uv, texture, level_start, levels, texels, f, u, v)
     return value
 
 
@@ -103,7 +111,10 @@ def shade_lens_simple_pixels(
     """
     u, v, identity = view.u, view.v, corners.identity
     start, column = samples.start, samples.column
-    kind, grey, cells, region_grey = faces.kind, faces.grey, faces.cells, textures.region_grey
+    kind, grey, shade, inverse_depth = faces.kind, faces.grey, faces.shade, faces.inverse_depth
+    cells, uv, texture = faces.cells, faces.uv, faces.texture
+    level_start, levels, texels = textures.level_start, textures.levels, textures.texels
+    region_grey = textures.region_grey
     width = u.shape[1] - 1
     count = 0
     for j in range(height):
@@ -122,7 +133,21 @@ def shade_lens_simple_pixels(
                 elif name >= 0 and kind[f] == TEXTURED | CELLS:
                     value = grey[f] * region_grey[cells[f, 3] + (name & REGION_MASK)]
                 elif name >= 0:
-                    value = face_grey_at(faces, textures, f, middle_u, middle_v)
+                    value = face_grey_at(
+                        kind,
+                        grey,
+                        shade,
+                        inverse_depth,
+                        cells,
+                        uv,
+                        texture,
+                        level_start,
+                        levels,
+                        texels,
+                        f,
+                        middle_u,
+                        middle_v,
+                    )
                 elif name == FLOOR:
                     value = floor_grey_at(floor_texture, floor_view, middle_u, middle_v)
                 out[j, i] = quantised(value)
@@ -140,11 +165,11 @@ def shade_lens_simple_pixels(
 
 
 @inlined
-def pulled_back(a: float, b: float, c: float, to_image: Array) -> tuple[float, float, float]:
-    """Return a form over the image as a form over the unit square of a pixel, given the pixel's map."""
-    x, y = to_image[0], to_image[1]
-    ux, vx, uy, vy = to_image[2], to_image[3], to_image[4], to_image[5]
-    return a * ux + b * vx, a * uy + b * vy, a * x + (b * y + c)
+def pulled_back(a: float, b: float, c: float, maps: Array, p: int) -> tuple[float, float, float]:
+    """Return a form over the image as a form over the unit square of mixed pixel p."""
+    x = a * maps[p, 2] + b * maps[p, 3]
+    y = a * maps[p, 4] + b * maps[p, 5]
+    return x, y, a * maps[p, 0] + (b * maps[p, 1] + c)
 
 
 @kernel
@@ -160,32 +185,38 @@ def cover_lens_samples(
     maps: Array,
 ) -> None:
     """Draw wall, floor and all faces on the samples of the mixed pixels of a band of rows."""
-    start, key = samples.start, samples.key
+    start, key, farthest = samples.start, samples.key, samples.farthest
     inverse_depth, edge_start, edges, box = faces.inverse_depth, faces.edge_start, faces.edges, faces.box
     reach = np.empty(SAMPLES, np.float32)  # how far inside all edges each sample is
     for p in range(start[height]):
-        a, b, c = pulled_back(floor[0], floor[1], floor[2], maps[p])
+        a, b, c = pulled_back(floor[0], floor[1], floor[2], maps, p)
+        farthest[p] = GREATEST_KEY
         for s in range(SAMPLES):
             w = max(np.float32(a * positions[0, s] + (b * positions[1, s] + c)), np.float32(0.0))
             key[p, s] = sample_key(w, FLOOR if w > np.float32(0.0) else WALL)
+            farthest[p] = min(farthest[p], key[p, s])
     for f in range(count):
         first, end = edge_start[f], edge_start[f + 1]
         name = np.int32(f << REGION_BITS)
+        left, right, upper, lower = box[f, 0], box[f, 1], box[f, 2], box[f, 3]
+        fa, fb, fc = inverse_depth[f, 0], inverse_depth[f, 1], inverse_depth[f, 2]
         for j in range(height):
-            if max(view.v_high[top + j], view.v_high[top + j + 1]) < box[f, 2]:
+            if start[j] == start[j + 1] or max(view.v_high[top + j], view.v_high[top + j + 1]) < upper:
                 continue
-            if min(view.v_low[top + j], view.v_low[top + j + 1]) > box[f, 3]:
+            if min(view.v_low[top + j], view.v_low[top + j + 1]) > lower:
                 break
             for p in range(start[j], start[j + 1]):
-                to_image = maps[p]
-                wide = max(to_image[4], 0.0) + to_image[2]
-                if to_image[0] + wide < box[f, 0] or to_image[0] + min(to_image[4], 0.0) > box[f, 1]:
+                if maps[p, 0] + maps[p, 2] + max(maps[p, 4], 0.0) < left:
                     continue
-                outside = False
-                for s in range(SAMPLES):
-                    reach[s] = np.inf
+                if maps[p, 0] + min(maps[p, 4], 0.0) > right:
+                    break
+                a, b, c = pulled_back(fa, fb, fc, maps, p)
+                bound = np.float32(max((c + max(a, 0.0) + max(b, 0.0)) * 1.000001, 0.0))
+                if sample_key(bound, name) <= farthest[p]:  # behind every sample
+                    continue
+                crossed, outside = False, False
                 for e in range(first, end):
-                    ea, eb, ec = pulled_back(edges[e, 0], edges[e, 1], edges[e, 2], to_image)
+                    ea, eb, ec = pulled_back(edges[e, 0], edges[e, 1], edges[e, 2], maps, p)
                     if ec + max(ea, 0.0) + max(eb, 0.0) < 0.0:
                         outside = True
                         break
@@ -193,16 +224,18 @@ def cover_lens_samples(
                         ea32, eb32, ec32 = np.float32(ea), np.float32(eb), np.float32(ec)
                         for s in range(SAMPLES):
                             inside = ec32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
-                            reach[s] = min(reach[s], inside)
+                            reach[s] = min(reach[s], inside) if crossed else inside
+                        crossed = True
                 if outside:
                     continue
-                form = inverse_depth[f]
-                a, b, c = pulled_back(form[0], form[1], form[2], to_image)
-                a32, b32, c32 = np.float32(a), np.float32(b), np.float32(c)
+                a32, b32, c32, least = np.float32(a), np.float32(b), np.float32(c), GREATEST_KEY
                 for s in range(SAMPLES):
                     w = max(c32 + (a32 * positions[0, s] + b32 * positions[1, s]), np.float32(0.0))
-                    w = w if reach[s] >= np.float32(0.0) else np.float32(0.0)
+                    if crossed and reach[s] < np.float32(0.0):
+                        w = np.float32(0.0)
                     key[p, s] = max(key[p, s], sample_key(w, name if w > np.float32(0.0) else WALL))
+                    least = min(least, key[p, s])
+                farthest[p] = least
 
 
 @kernel
@@ -219,22 +252,39 @@ def shade_lens_mixed_pixels(
 ) -> None:
     """Write the mean of the samples of every mixed pixel of a band of rows."""
     start, column, key = samples.start, samples.column, samples.key
+    kind, grey, shade, inverse_depth = faces.kind, faces.grey, faces.shade, faces.inverse_depth
+    cells, uv, texture = faces.cells, faces.uv, faces.texture
+    level_start, levels, texels = textures.level_start, textures.levels, textures.texels
     for j in range(height):
         for p in range(start[j], start[j + 1]):
-            to_image = maps[p]
             last, steady, value, total = WALL, True, floor_texture.wall, 0.0
             for s in range(SAMPLES):
                 name = int((key[p, s] & _LOW) + LEAST_IDENTITY)
-                u = to_image[0] + (to_image[2] * positions[0, s] + to_image[4] * positions[1, s])
-                v = to_image[1] + (to_image[3] * positions[0, s] + to_image[5] * positions[1, s])
+                u = maps[p, 0] + (maps[p, 2] * positions[0, s] + maps[p, 4] * positions[1, s])
+                v = maps[p, 1] + (maps[p, 3] * positions[0, s] + maps[p, 5] * positions[1, s])
                 if name != last or not steady:
                     last = name
-                    steady = name < 0 or bool(faces.kind[name >> REGION_BITS] == 0)
+                    f = name >> REGION_BITS
+                    steady = name < 0 or bool(kind[f] == 0)
                     if name == FLOOR:
                         value = floor_grey_at(floor_texture, floor_view, u, v)
                     elif name == WALL:
                         value = floor_texture.wall
                     else:
-                        value = face_grey_at(faces, textures, name >> REGION_BITS, u, v)
+                        value = face_grey_at(
+                            kind,
+                            grey,
+                            shade,
+                            inverse_depth,
+                            cells,
+                            uv,
+                            texture,
+                            level_start,
+                            levels,
+                            texels,
+                            f,
+                            u,
+                            v,
+                        )
                 total += value
             out[j, column[p]] = quantised(total / SAMPLES)

@@ -45,7 +45,7 @@ LEAST_IDENTITY = WALL
 _LOW = (1 << 32) - 1
 
 #: Greater than any key.
-_GREATEST = (1 << 63) - 1
+GREATEST_KEY = (1 << 63) - 1
 
 
 @inlined
@@ -68,7 +68,7 @@ def clear_samples(view: View, floor: Array, positions: Floats, samples: Samples)
     for j in range(view.height):
         for p in range(start[j], start[j + 1]):
             corner = np.float32(floor[0] * (view.x + column[p]) + (floor[1] * (view.y + j) + floor[2]))
-            least = _GREATEST
+            least = GREATEST_KEY
             for s in range(SAMPLES):
                 w = max(corner + rise[s], np.float32(0.0))
                 key[p, s] = sample_key(w, FLOOR if w > np.float32(0.0) else WALL)
@@ -123,7 +123,7 @@ def cover_samples(view: View, faces: ProjectedFaces, count: int, positions: Floa
                                     inside = value32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
                                     reach[s] = min(reach[s], inside)
                             crossed += 1
-                    corner32, least = np.float32(corner), _GREATEST
+                    corner32, least = np.float32(corner), GREATEST_KEY
                     if crossed == 0:
                         for s in range(SAMPLES):
                             w = max(corner32 + rise[s], np.float32(0.0))
