@@ -22,7 +22,7 @@ from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.specs.as_built import CoefficientDeviation
+from msrr_scenes.specs.deviations import CoefficientDeviation
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 from msrr_scenes.specs.spec import Choice

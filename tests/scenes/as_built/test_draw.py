@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -19,14 +20,21 @@ from msrr_scenes.geometry.unit_geometry import marker_links
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
 
+SEEDS = 400
+
 
 def scene(as_built: str = "careful", name: str = "close_range", **changes: str) -> Scene:
     return load_scene(name, {"as_built": as_built, **changes})
 
 
-def errors(quantity: str, as_built: str, seeds: int = 400) -> np.ndarray:
+@lru_cache
+def drawn(as_built: str) -> list[Mapping[str, float]]:
     of = scene(as_built)
-    return np.array([draw_as_built(of, seed).errors[quantity] for seed in range(seeds)])
+    return [draw_as_built(of, seed).errors for seed in range(SEEDS)]
+
+
+def errors(quantity: str, as_built: str) -> np.ndarray:
+    return np.array([each[quantity] for each in drawn(as_built)])
 
 
 def test_a_perfect_grade_and_no_fault_leave_everything_as_drawn() -> None:
@@ -68,7 +76,7 @@ def test_adding_an_effect_a_unit_or_a_quantity_changes_no_other_draw() -> None:
 
 def test_a_normal_error_has_the_stated_deviation() -> None:
     """The interval contains all but 1 in 10,000 samples; the seeds are fixed."""
-    low, high = chi2.ppf([5e-5, 1 - 5e-5], 400)
+    low, high = chi2.ppf([5e-5, 1 - 5e-5], SEEDS)
     for quantity, sigma in (
         ("onboard/yaw_deg", 0.3),
         ("tags/print_percent", 0.4),
