@@ -20,7 +20,7 @@ from msrr_scenes.as_built.as_built import (
     BuiltTag,
     BuiltUnit,
 )
-from msrr_scenes.geometry.distortion import Distortion
+from msrr_scenes.geometry.distortion import COEFFICIENTS, Distortion
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, marker_links
@@ -91,8 +91,7 @@ class _Draw:
 def draw_as_built(scene: Scene, seed: int) -> AsBuilt:
     """Draw what was built in a trial.
 
-    Quantities that plant or perception of the scene do not have, such as the floor of a unicycle, or the lens
-    of rendered images, stay as drawn.
+    Quantities that the plant of the scene does not have, such as the floor of a unicycle, stay as drawn.
 
     Args:
         scene: A checked scene.
@@ -108,7 +107,7 @@ def draw_as_built(scene: Scene, seed: int) -> AsBuilt:
     }
     return AsBuilt(
         units=MappingProxyType(units),
-        overhead=None if overhead is None else _camera(scene, overhead, spec.overhead, "overhead", draw),
+        overhead=None if overhead is None else _camera(overhead, spec.overhead, "overhead", draw),
         obstacle_tags=MappingProxyType(tags),
         floor=_floor(scene, draw) if scene.plant == "bullet" else BuiltFloor(),
         errors=MappingProxyType(draw.errors),
@@ -122,7 +121,7 @@ def as_drawn(scene: Scene) -> AsBuilt:
 
 def _unit(scene: Scene, unit: str, draw: _Draw) -> BuiltUnit:
     spec, name, drawn = scene.as_built, f"unit/{unit}", scene.geometry(unit)
-    camera = _camera(scene, scene.cameras.onboard, spec.onboard, f"{name}/onboard", draw)
+    camera = _camera(scene.cameras.onboard, spec.onboard, f"{name}/onboard", draw)
     for fault in scene.faults:
         if isinstance(fault, CameraMisaligned) and fault.unit == unit:
             X_BX = SE3.from_se2(SE2(0.0, 0.0, math.radians(fault.yaw_deg)))
@@ -179,9 +178,8 @@ def _obstacle_tag(scene: Scene, name: str, draw: _Draw) -> BuiltTag:
     return BuiltTag(X_TX, draw.scale(spec, "print_percent", part))
 
 
-def _camera(scene: Scene, told: CameraSpec, spec: CameraDeviations, name: str, draw: _Draw) -> BuiltCamera:
+def _camera(told: CameraSpec, spec: CameraDeviations, name: str, draw: _Draw) -> BuiltCamera:
     pinhole = told.pinhole
-    lens = Distortion.__dataclass_fields__ if scene.perception == "parametric" else ()
     return BuiltCamera(
         pinhole=replace(
             pinhole,
@@ -189,7 +187,7 @@ def _camera(scene: Scene, told: CameraSpec, spec: CameraDeviations, name: str, d
             offset=(draw.error(spec, "cx_px", name), draw.error(spec, "cy_px", name)),
         ),
         X_BX=draw.mount(spec, name),
-        distortion=Distortion(**{quantity: draw.error(spec, quantity, name) for quantity in lens}),
+        distortion=Distortion(**{key: draw.error(spec, key, name) for key in COEFFICIENTS}),
         clock_ahead_ns=round(_NS_PER_MS * draw.error(spec, "clock_ms", name)),
         jitter_ns=round(_NS_PER_MS * draw.error(spec, "jitter_ms", name)),
     )
