@@ -9,7 +9,6 @@ limits each axis of the world separately, so the strength would depend on the he
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -20,27 +19,21 @@ from msrr_bullet.plant.lock_actuator import (
     LOCK_REACH,
     MAX_PULL_DISPLACEMENT,
     SWITCH_TRAVEL,
-    TILT_M,
     PullResult,
 )
 from msrr_bullet.plant.plant import PortMechanism
+from msrr_bullet.simulation.pin_depth import SIDES, PinDepths
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.vehicle import LockSpec
 
-SIDES = ("left", "right")
 #: Largest force of the constraint on each axis [N]: far above any load, so that the strength alone decides.
 MAX_CONSTRAINT_FORCE = 1e4
 #: After unlocking, contact between the units is restored once they overlap by less than this [m].
 RELEASE_OVERLAP = 0.0002
-
-
-#: A collision shape of PyBullet with position [m] and quaternion xyzw in the inertial frame of a unit's root.
-_Shape = tuple[int, tuple[list[float], list[float]]]
 
 
 class LockPlant(Protocol):
@@ -86,34 +79,9 @@ class PinLock(PortMechanism):
         self._world = world
         self._plant = plant
         self._unit, self._target = world.unit(step.unit), world.unit(step.target_unit)
-        self._pairs = tuple(self._pair(side) for side in SIDES)
-        self._query_m = max(LOCK_REACH, switch_travel)
-        # Pins lie inside the circle about their unit, the bottoms of holes inside that about the target.
-        self._reach = (
-            self._unit.geometry.circumradius + self._target.geometry.circumradius + self._query_m + TILT_M
-        )
+        self._depths = PinDepths(world, step, max(LOCK_REACH, switch_travel))
         self._constraint: int | None = None
         self._contact_disabled = False
-
-    def _pair(self, side: str) -> tuple[int, tuple[_Shape, ...]]:
-        """Return the link of a pin and the shapes at the bottom of its hole."""
-        step, target = self.dock_step, self._target
-        pin, hole = f"pin_{side}", f"port_{step.target_port}_hole_{side}"
-        solids = [solid for solid in target.geometry.solids if solid.link == hole]
-        if pin not in self._unit.links or not solids or any(solid.kind != "box" for solid in solids):
-            raise GeometryError(
-                f"{step.unit} -> {step.to}: the URDFs need a link {pin!r}, and {hole!r} made of boxes"
-            )
-        bottom = []
-        for solid in solids:
-            shape = pybullet.createCollisionShape(
-                pybullet.GEOM_BOX,
-                halfExtents=[0.5 * edge for edge in solid.size],
-                physicsClientId=self._world.client,
-            )
-            X_IG = target.X_IU @ solid.X_UG
-            bottom.append((shape, (X_IG.p.tolist(), X_IG.quaternion_xyzw().tolist())))
-        return self._unit.link(pin), tuple(bottom)
 
     @property
     def engaged(self) -> bool:
@@ -127,7 +95,7 @@ class PinLock(PortMechanism):
 
     def switches(self) -> tuple[bool, bool]:
         """Return whether the seat switches (left, right) are closed: pins near the bottom of the holes."""
-        left, right = (self._depth_left(i) <= self._switch_travel for i in range(2))
+        left, right = (depth <= self._switch_travel for depth in self._depths.left())
         return left, right
 
     def pins_touch(self) -> bool:
@@ -138,7 +106,7 @@ class PinLock(PortMechanism):
         plugs = self._plant.plug_bodies(self.dock_step.target_unit, self.dock_step.target_port)
         return any(self.switches()) or any(
             contact[8] <= 0.0 or contact[9] > 0.0
-            for pin, _ in self._pairs
+            for pin in self._depths.pins
             for body in (self._target.body, *plugs)
             for contact in pybullet.getContactPoints(
                 bodyA=self._unit.body,
@@ -208,33 +176,8 @@ class PinLock(PortMechanism):
             pybullet.removeConstraint(self._constraint, physicsClientId=self._world.client)
             self._constraint = None
 
-    def _depth_left(self, pair: int) -> float:
-        """Return the distance of a pin from the bottom of the hole [m]; infinite beyond lock and switch."""
-        X_WU, X_WT = self._world.pose(self.dock_step.unit), self._world.pose(self.dock_step.target_unit)
-        if math.hypot(X_WU.x - X_WT.x, X_WU.y - X_WT.y) > self._reach:
-            return math.inf
-        pin, bottom = self._pairs[pair]
-        body, client = self._target.body, self._world.client
-        X_WI = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
-        depth_left = math.inf
-        for shape, X_IG in bottom:
-            position, quaternion = pybullet.multiplyTransforms(*X_WI, *X_IG, physicsClientId=client)
-            # The bottom is welded to the unit, so that the query places shapes of its own there.
-            points = pybullet.getClosestPoints(
-                self._unit.body,
-                -1,
-                self._query_m,
-                linkIndexA=pin,
-                collisionShapeB=shape,
-                collisionShapePositionB=position,
-                collisionShapeOrientationB=quaternion,
-                physicsClientId=client,
-            )
-            depth_left = min([depth_left, *(float(point[8]) for point in points)])
-        return depth_left
-
     def _catch(self) -> None:
-        if not all(self._depth_left(i) <= LOCK_REACH for i in range(2)):
+        if not all(depth <= LOCK_REACH for depth in self._depths.left()):
             return
         X_WP = SE3.from_se2(self._world.pose(self.dock_step.unit)) @ self._unit.geometry.frame(
             f"port_{self.dock_step.port}"

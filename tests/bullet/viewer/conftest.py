@@ -86,5 +86,6 @@ class Browser:
 def browser() -> Browser:
     """Chromium without a window. Tests that use it are skipped where there is none."""
     if CHROMIUM is None and not os.environ.get("MSRR_REQUIRE_CHROMIUM"):
+        # `make test` cannot install Chromium, which is no Python package; CI does, and requires it.
         pytest.skip("no Chromium on this machine to open the page with")
     return Browser()

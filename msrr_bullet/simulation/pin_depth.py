@@ -1,0 +1,96 @@
+"""How deep the pins of an active port are in the holes of a passive port in PyBullet."""
+
+from __future__ import annotations
+
+import math
+
+import pybullet
+
+from msrr_bullet.plant.lock_actuator import TILT_M
+from msrr_bullet.simulation.world import BulletWorld
+from msrr_scenes.errors import GeometryError
+from msrr_scenes.specs.plan import DockStep
+
+SIDES = ("left", "right")
+
+#: A collision shape of PyBullet with position [m] and quaternion xyzw in the inertial frame of a unit's root.
+_Shape = tuple[int, tuple[list[float], list[float]]]
+
+
+class PinDepths:
+    """Measures the distance of both pins from the bottoms of their holes.
+
+    Attributes:
+        pins: Links of the left and the right pin.
+    """
+
+    def __init__(self, world: BulletWorld, step: DockStep, reach_m: float) -> None:
+        """Look up the pins of the docking unit and the holes of the port that it docks to.
+
+        Args:
+            world: The PyBullet world with both units.
+            step: Step of the plan: which port docks to which.
+            reach_m: Distance beyond which a pin counts as infinitely far [m].
+
+        Raises:
+            GeometryError: A URDF has no pins, or no holes at the passive port.
+        """
+        self._world, self._step, self._reach_m = world, step, reach_m
+        self._unit, self._target = world.unit(step.unit), world.unit(step.target_unit)
+        # Pins lie inside the circle about their unit, the bottoms of holes inside that about the target.
+        radii = self._unit.geometry.circumradius + self._target.geometry.circumradius
+        self._near_m = radii + reach_m + TILT_M
+        self.pins = tuple(self._pin(side) for side in SIDES)
+        self._bottoms = tuple(self._bottom(side) for side in SIDES)
+
+    def left(self) -> tuple[float, ...]:
+        """Return the distance of each pin from the bottom of its hole [m]; infinite beyond the reach."""
+        X_WU, X_WT = self._world.pose(self._step.unit), self._world.pose(self._step.target_unit)
+        if math.hypot(X_WU.x - X_WT.x, X_WU.y - X_WT.y) > self._near_m:
+            return (math.inf,) * len(self.pins)
+        return tuple(map(self._distance, self.pins, self._bottoms))
+
+    def _pin(self, side: str) -> int:
+        pin = f"pin_{side}"
+        if pin not in self._unit.links:
+            raise GeometryError(f"{self._step.unit} -> {self._step.to}: the first URDF needs a link {pin!r}")
+        return self._unit.link(pin)
+
+    def _bottom(self, side: str) -> tuple[_Shape, ...]:
+        """Return the shapes at the bottom of a hole."""
+        hole = f"port_{self._step.target_port}_hole_{side}"
+        solids = [solid for solid in self._target.geometry.solids if solid.link == hole]
+        if not solids or any(solid.kind != "box" for solid in solids):
+            raise GeometryError(
+                f"{self._step.unit} -> {self._step.to}: the second URDF needs a link {hole!r} made of boxes"
+            )
+        bottom = []
+        for solid in solids:
+            shape = pybullet.createCollisionShape(
+                pybullet.GEOM_BOX,
+                halfExtents=[0.5 * edge for edge in solid.size],
+                physicsClientId=self._world.client,
+            )
+            X_IG = self._target.X_IU @ solid.X_UG
+            bottom.append((shape, (X_IG.p.tolist(), X_IG.quaternion_xyzw().tolist())))
+        return tuple(bottom)
+
+    def _distance(self, pin: int, bottom: tuple[_Shape, ...]) -> float:
+        client = self._world.client
+        X_WI = pybullet.getBasePositionAndOrientation(self._target.body, physicsClientId=client)
+        distance = math.inf
+        for shape, X_IG in bottom:
+            position, quaternion = pybullet.multiplyTransforms(*X_WI, *X_IG, physicsClientId=client)
+            # The bottom is welded to the unit, so that the query places shapes of its own there.
+            points = pybullet.getClosestPoints(
+                self._unit.body,
+                -1,
+                self._reach_m,
+                linkIndexA=pin,
+                collisionShapeB=shape,
+                collisionShapePositionB=position,
+                collisionShapeOrientationB=quaternion,
+                physicsClientId=client,
+            )
+            distance = min([distance, *(float(point[8]) for point in points)])
+        return distance
