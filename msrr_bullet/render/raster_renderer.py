@@ -8,6 +8,7 @@ from functools import lru_cache
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.raster.bodies import LoadedBodies, body_ids
 from msrr_bullet.render.raster.floor_texture import pack_floor
+from msrr_bullet.render.raster.kept_pictures import KeptPictures
 from msrr_bullet.render.raster.kernels.records import FloorTexture
 from msrr_bullet.render.raster.rasterizer import Rasterizer
 from msrr_bullet.render.renderer import Instant, RenderContext
@@ -40,8 +41,12 @@ class RasterRenderer:
         Raises:
             GeometryError: A body was loaded that has a visual shape which cannot be drawn.
         """
-        bodies = self._loaded()
-        return self._rasterizer.draw(camera, X_WC, window, bodies.poses(), self._floor)
+        poses = self._loaded().poses()
+        pixels = self._kept.find(camera, X_WC, window, poses)
+        if pixels is None:
+            pixels = self._rasterizer.draw(camera, X_WC, window, poses, self._floor)
+            self._kept.keep(camera, X_WC, window, poses, pixels)
+        return pixels
 
     def render_instants(
         self,
@@ -73,6 +78,7 @@ class RasterRenderer:
         if self._bodies is None or self._bodies.ids != body_ids(self._client):
             self._bodies = LoadedBodies(self._client)
             self._rasterizer = Rasterizer(self._bodies.shapes, self._bodies.frame_count)
+            self._kept = KeptPictures(self._rasterizer.geometry, self._bodies.frame_count)
         return self._bodies
 
 

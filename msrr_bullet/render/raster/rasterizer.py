@@ -40,7 +40,11 @@ _LIGHT = Light(_TOWARDS_LIGHT / np.linalg.norm(_TOWARDS_LIGHT), ambient=0.6, dif
 
 
 class Rasterizer:
-    """Draws a fixed set of shapes on moving frames."""
+    """Draws a fixed set of shapes on moving frames.
+
+    Attributes:
+        geometry: All faces of the shapes.
+    """
 
     def __init__(self, shapes: Sequence[VisualShape], frame_count: int) -> None:
         """Prepare the shapes.
@@ -52,12 +56,12 @@ class Rasterizer:
         Raises:
             GeometryError: There are more faces than identities.
         """
-        self._geometry, self._textures = assemble(shapes)
+        self.geometry, self._textures = assemble(shapes)
         self._frame_count = frame_count
         self._positions, self._cell_positions = sample_positions(SAMPLES), sample_positions(CELL_SAMPLES)
         self._maps = np.empty((0, 6))
         self._width = 0
-        self._workspace = _workspace(self._geometry, frame_count, 0)
+        self._workspace = _workspace(self.geometry, frame_count, 0)
 
     def draw(
         self,
@@ -83,7 +87,7 @@ class Rasterizer:
         """
         if window.width > self._width:  # kept from picture to picture: fresh memory costs more than drawing
             self._width = window.width
-            self._workspace = _workspace(self._geometry, self._frame_count, window.width)
+            self._workspace = _workspace(self.geometry, self._frame_count, window.width)
         out = np.empty((window.height, window.width), dtype=np.uint8)
         if distortion is not None:
             self._draw_through_lens(camera, X_WC, window, poses, floor, distortion, out)
@@ -94,7 +98,7 @@ class Rasterizer:
             X_WC.R,
             X_WC.p,
             _LIGHT,
-            self._geometry,
+            self.geometry,
             self._textures,
             floor,
             self._positions,
@@ -124,7 +128,7 @@ class Rasterizer:
             X_WC.R,
             X_WC.p,
             _LIGHT,
-            self._geometry,
+            self.geometry,
             self._textures,
             floor,
             self._positions,

@@ -1,0 +1,108 @@
+"""Pictures that are kept for as long as nothing in them moves, as those of units that are parked.
+
+A picture is a function of the camera, of the window, and of the poses of the bodies that show in it: while
+these are the same, bit for bit, so is the picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_bullet.render.raster.kernels.records import Geometry
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.messages import Pixels
+
+#: Number of pictures that are kept: those of one second in which an overhead camera reads 16 units that
+#: drive at 10 Hz, before it reads again one that is parked.
+_MOST = 256
+
+#: Size from which on a picture is not kept [px]. With it, all kept pictures take 8 MB at most.
+_LARGEST_PX = 1 << 15
+
+
+@dataclass(frozen=True, eq=False)
+class _Picture:
+    """The pixels of a window, and what they show: seen by which camera, with the moving frames where."""
+
+    camera: PinholeCamera
+    X_WC: SE3
+    poses: Array
+    pixels: Pixels
+
+
+class KeptPictures:
+    """The latest picture of each of the windows that were drawn last."""
+
+    def __init__(self, geometry: Geometry, frame_count: int) -> None:
+        """Begin without a picture.
+
+        Args:
+            geometry: All faces, on their moving frames.
+            frame_count: Number of moving frames.
+        """
+        balls = geometry.shape_ball
+        # Radius of a ball about the origin of each moving frame that holds all its shapes, shape (M,).
+        self._radius = np.zeros(frame_count)
+        np.maximum.at(self._radius, geometry.shape_frame, np.linalg.norm(balls[:, :3], axis=1) + balls[:, 3])
+        self._pictures: dict[Window, _Picture] = {}
+
+    def find(self, camera: PinholeCamera, X_WC: SE3, window: Window, poses: Array) -> Pixels | None:
+        """Return the pixels of a window, read-only, if they can be no others than when it was drawn last.
+
+        Args:
+            camera: Intrinsics.
+            X_WC: Pose of the camera.
+            window: Any rectangle, inside or outside the frame.
+            poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
+        """
+        kept = self._pictures.get(window)
+        if kept is None or kept.camera != camera:
+            return None
+        if not (np.array_equal(kept.X_WC.p, X_WC.p) and np.array_equal(kept.X_WC.R, X_WC.R)):
+            return None
+        moved = np.flatnonzero((kept.poses != poses).any(axis=1))
+        if moved.size:
+            places = np.concatenate([kept.poses[moved, :3], poses[moved, :3]])
+            radius = np.tile(self._radius[moved], 2)
+            if _may_show(camera, (places - X_WC.p) @ X_WC.R, radius, window).any():
+                return None
+        return kept.pixels
+
+    def keep(self, camera: PinholeCamera, X_WC: SE3, window: Window, poses: Array, pixels: Pixels) -> None:
+        """Keep the pixels of a window, which become read-only; see :meth:`find`."""
+        if window.area > _LARGEST_PX:
+            return
+        pixels.setflags(write=False)
+        self._pictures.pop(window, None)
+        self._pictures[window] = _Picture(camera, X_WC, poses, pixels)
+        if len(self._pictures) > _MOST:
+            del self._pictures[next(iter(self._pictures))]
+
+
+def _may_show(camera: PinholeCamera, p_C: Array, radius: Array, window: Window) -> NDArray[np.bool_]:
+    """Return which balls may touch a window, shape (N,), by the four planes through its edges; in doubt, all.
+
+    Args:
+        camera: Intrinsics.
+        p_C: Middles of the balls in C, shape (N, 3) [m].
+        radius: Radii, shape (N,) [m].
+        window: The window.
+    """
+    x, y, z = p_C.T
+    slack = radius + 1e-6
+    touches = np.ones(len(p_C), dtype=np.bool_)
+    # A pixel counts from its middle: it spans half a pixel to either side.
+    for edge, middle, sign, along in (
+        (window.x, camera.cx, 1.0, x),
+        (window.x_end, camera.cx, -1.0, x),
+        (window.y, camera.cy, 1.0, y),
+        (window.y_end, camera.cy, -1.0, y),
+    ):
+        slope = (edge - 0.5 - middle) / camera.focal
+        touches &= sign * (along - slope * z) >= -slack * np.sqrt(1.0 + slope * slope)
+    return touches

@@ -1,0 +1,80 @@
+"""Pictures that are kept: they are those that a new renderer draws, and what has not changed is not drawn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from msrr_bullet.render import RenderContext
+from msrr_bullet.render.raster.rasterizer import Rasterizer
+from msrr_bullet.render.raster_renderer import RasterRenderer
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.messages import Pixels
+
+CAMERA = PinholeCamera.from_hfov(320, 240, math.radians(75.0))
+X_OVERHEAD = SE3(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 2.0]))
+WINDOW = Window(130, 90, 60, 60)
+
+AddBox = Callable[..., int]
+Place = Callable[[int, SE3], None]
+
+
+def test_every_picture_is_that_of_a_new_renderer(client: int, add_box: AddBox, place: Place) -> None:
+    """Boxes that jump, creep or stay: into a window, out of it, across its edge, up to the camera."""
+    rng = np.random.default_rng(5)
+    windows = (WINDOW, Window(-4, 60, 70, 50), Window(250, 170, 70, 70))
+    boxes = [add_box([0.3, 0.2, 0.1], SE3(), grey=grey) for grey in (0.3, 0.6, 0.9)]
+    poses = [np.array([*rng.uniform(-1.0, 1.0, 2), 0.5, 0.0]) for _ in boxes]
+    context = RenderContext(client)
+    renderer = RasterRenderer(context)
+    for step in range(100):
+        k = step % 4
+        if k < len(boxes):
+            poses[k] = poses[k] + rng.choice([1e-4, 0.02, 0.4]) * rng.normal(size=4)
+            x, y, z, yaw = poses[k]
+            place(boxes[k], SE3.from_xyz_rpy([x, y, z], [0.0, 0.0, yaw]))
+        for window in windows:
+            expected = RasterRenderer(context).render(CAMERA, X_OVERHEAD, window)
+            np.testing.assert_array_equal(renderer.render(CAMERA, X_OVERHEAD, window), expected)
+
+
+def test_only_what_changes_in_the_window_is_drawn_again(
+    client: int, add_box: AddBox, place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[Window] = []
+    draw = Rasterizer.draw
+
+    def note(self: Rasterizer, camera: PinholeCamera, X_WC: SE3, window: Window, *rest: object) -> Pixels:
+        drawn.append(window)
+        return draw(self, camera, X_WC, window, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Rasterizer, "draw", note)
+    near, far = (add_box([0.2, 0.2, 0.1], SE3(p=np.array([x, 0.0, 0.1]))) for x in (0.0, 1.0))
+    renderer = RasterRenderer(RenderContext(client))
+
+    def is_drawn(camera: PinholeCamera = CAMERA, X_WC: SE3 = X_OVERHEAD, window: Window = WINDOW) -> bool:
+        drawn.clear()
+        renderer.render(camera, X_WC, window)
+        return bool(drawn)
+
+    assert is_drawn()
+    assert not is_drawn()
+    place(far, SE3(p=np.array([1.0, 0.1, 0.1])))
+    assert not is_drawn(), "what moves is not in the window"
+    assert is_drawn(window=Window(130, 90, 60, 61)), "another window"
+    assert is_drawn(X_WC=SE3(X_OVERHEAD.R, np.array([0.0, 0.0, 2.1]))), "the camera has moved"
+    assert is_drawn(camera=PinholeCamera(320, 240, CAMERA.focal + 1.0), X_WC=X_OVERHEAD), "another lens"
+    assert is_drawn()
+    place(near, SE3(p=np.array([1e-12, 0.0, 0.1])))
+    assert is_drawn(), "a body in the window has moved"
+    place(far, SE3(p=np.array([0.3, 0.0, 0.1])))
+    assert is_drawn(), "a body has come"
+    assert not is_drawn()
+    place(far, SE3(p=np.array([1.0, 0.0, 0.1])))
+    assert is_drawn(), "a body has gone"
+    add_box([0.1, 0.1, 0.1], SE3(p=np.array([0.0, 0.0, 0.4])))
+    assert is_drawn(), "a body was added"
