@@ -2,13 +2,13 @@
 
 The clearance of two bodies is the smallest distance between their parts
 (:mod:`msrr_bullet.collision.convex_distance`). Where only the smallest clearance is asked for, only those
-parts are measured that may be the nearest.
+parts are measured that may be the nearest. A pair of bodies of which neither has moved is not measured again.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import combinations
 
 from msrr_bullet.collision.clearance import Clearance, Pair
@@ -38,18 +38,29 @@ class _Body:
 
 
 class _BodyPair:
-    """Two bodies with all pairs of their parts."""
+    """Two bodies with all pairs of their parts.
+
+    Attributes:
+        names: Names of the two bodies.
+    """
 
     def __init__(self, a: _Body, b: _Body) -> None:
         self._a, self._b = a, b
+        self.names: Pair = frozenset((a.name, b.name))
         self._reach = a.reach + b.reach + ROUNDING
         self._parts = tuple(PartPair(p, q) for p in a.parts for q in b.parts)
         self._nearest: PartPair | None = None
+        self._poses: tuple[SE2, SE2] | None = None  # those for which the next two hold
+        self._bound = 0.0
+        self._measured: Clearance | None = None
 
-    def circle_distance(self) -> float:
-        """Return a lower bound of the distance of the two bodies [m], from circles about them."""
+    def lower_bound(self) -> float:
+        """Return a lower bound of the clearance [m]: from circles about the bodies, or as it was measured."""
         a, b = self._a.pose, self._b.pose
-        return math.hypot(a.x - b.x, a.y - b.y) - self._reach
+        if self._poses is None or a is not self._poses[0] or b is not self._poses[1]:
+            self._poses, self._measured = (a, b), None
+            self._bound = math.hypot(a.x - b.x, a.y - b.y) - self._reach
+        return self._bound
 
     def clearance(self, below: float) -> Clearance | None:
         """Return the clearance of the two bodies, or None when it is not below ``below`` [m].
@@ -57,6 +68,14 @@ class _BodyPair:
         The pair of parts that was nearest the last time is measured first, because it excludes most of the
         others. The result does not depend on the order.
         """
+        if self.lower_bound() >= below:
+            return None
+        if self._measured is None:
+            self._measured = self._measure(below)
+            self._bound = below if self._measured is None else self._measured.distance
+        return self._measured
+
+    def _measure(self, below: float) -> Clearance | None:
         first = self._nearest or min(self._parts, key=PartPair.circle_distance)
         first_gap = None if first.farther_than(below) else first.measure()
         nearest, gap = None, None
@@ -87,6 +106,8 @@ class ClearanceModel:
         self._bodies = {name: _Body(name, parts) for name, parts in footprints.items()}
         self._fixed = frozenset(fixed)
         self._body_pairs: dict[tuple[str, str], _BodyPair] = {}
+        # Names of the bodies that were present the last time, and all pairs of them.
+        self._present: tuple[tuple[str, ...], list[_BodyPair]] | None = None
 
     @classmethod
     def from_scene(cls, scene: Scene) -> ClearanceModel:
@@ -137,20 +158,30 @@ class ClearanceModel:
             pair = self._body_pairs[names] = _BodyPair(a, b)
         return pair
 
-    def _pairs(self, poses: Mapping[str, SE2], exempt: Collection[Pair]) -> Iterator[_BodyPair]:
-        present = [self._placed(name, X_WB) for name, X_WB in poses.items()]
-        for a, b in combinations(present, 2):
-            if a.name in self._fixed and b.name in self._fixed:
-                continue
-            if not exempt or frozenset((a.name, b.name)) not in exempt:
-                yield self._pair(a, b)
+    def _pairs(self, poses: Mapping[str, SE2], exempt: Collection[Pair]) -> list[_BodyPair]:
+        """Place all bodies, and return the pairs that are to be measured."""
+        for name, X_WB in poses.items():
+            self._placed(name, X_WB)
+        names = tuple(poses)
+        if self._present is None or names != self._present[0]:
+            bodies = [self._bodies[name] for name in names]
+            pairs = [
+                self._pair(a, b)
+                for a, b in combinations(bodies, 2)
+                if not (a.name in self._fixed and b.name in self._fixed)
+            ]
+            self._present = names, pairs
+        return [pair for pair in self._present[1] if pair.names not in exempt]
 
     def _smallest(self, pairs: Iterable[_BodyPair]) -> Clearance | None:
         """Return the smallest clearance; pairs are measured in order of lower bounds, as far as needed."""
-        best: Clearance | None = None
-        bounded = sorted(((pair.circle_distance(), i, pair) for i, pair in enumerate(pairs)))
-        for bound, _, pair in bounded:
-            if best is not None and bound >= best.distance:
+        bounded = [(pair.lower_bound(), i, pair) for i, pair in enumerate(pairs)]
+        best = min(bounded)[2].clearance(math.inf) if bounded else None
+        if best is None:
+            return None
+        # Most pairs are farther than this one is, and need not be put in order.
+        for bound, _, pair in sorted(each for each in bounded if each[0] < best.distance):
+            if bound >= best.distance:
                 break
-            best = pair.clearance(best.distance if best else math.inf) or best
+            best = pair.clearance(best.distance) or best
         return best

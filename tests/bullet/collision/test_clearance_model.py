@@ -10,6 +10,7 @@ import pytest
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.collision.convex_distance import PartPair
 from msrr_bullet.collision.footprint import Part, obstacle_parts, unit_parts
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
@@ -162,8 +163,27 @@ def test_earlier_measurements_change_no_result(body, pose):
     for i in range(300):
         name, size = "abc"[i % 3], 0.3 if i % 50 == 0 else 0.01
         poses[name] = poses[name] @ SE2(*rng.normal(0.0, size, 3))
-        assert old.query(poses) == ClearanceModel(bodies).query(poses)
-        assert old.minimum(poses) == old.query(poses)[0]
+        everything = ClearanceModel(bodies).query(poses)
+        assert old.minimum(poses) == everything[0]
+        if i % 4 == 0:  # else what the search for the smallest has found out stays as it is
+            assert old.query(poses) == everything
+
+
+def test_a_pair_of_which_neither_has_moved_is_not_measured_again(body, pose, monkeypatch):
+    rng = stream(11, "test_clearance/parked")
+    bodies = {name: body(rng) for name in "abcd"}
+    poses = {name: pose(rng, spread=2.0) for name in bodies}
+    model = ClearanceModel(bodies)
+    nearest, everything = model.minimum(poses), model.query(poses)
+    measured, measure = [], PartPair.measure
+    monkeypatch.setattr(PartPair, "measure", lambda pair: measured.append(pair) or measure(pair))
+    assert model.minimum(poses) is nearest
+    assert model.query(poses) == everything
+    assert not measured
+    last = everything[-1]
+    poses[last.body_a] = poses[last.body_a] @ SE2(0.01, 0.0, 0.0)
+    assert model.query(poses) != everything
+    assert measured
 
 
 def test_the_footprint_includes_the_pins():
