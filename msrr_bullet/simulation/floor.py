@@ -75,4 +75,7 @@ def _add(client: int, shape: int, position: list[float], floor: BuiltFloor) -> i
     )
     friction = floor.friction_scale * FLOOR_FRICTION
     pybullet.changeDynamics(body, ROOT, lateralFriction=friction, physicsClientId=client)
+    # PyBullet leaves out the contacts of two bodies that sleep, so of units that sleep on a sleeping floor.
+    for state in (pybullet.ACTIVATION_STATE_ENABLE_SLEEPING, pybullet.ACTIVATION_STATE_SLEEP):
+        pybullet.changeDynamics(body, ROOT, activationState=state, physicsClientId=client)
     return body

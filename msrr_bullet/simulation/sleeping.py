@@ -84,7 +84,8 @@ class SleepingUnits:
         self._tick += 1
         if self._tick % self._period:
             return
-        driven = {unit: is_driven(unit) for unit in self._groups}
+        # A unit that sleeps is not driven: it would have been roused before.
+        driven = {unit: unit not in self._asleep and is_driven(unit) for unit in self._groups}
         for unit, moves in driven.items():
             if moves:
                 self.rouse(unit)

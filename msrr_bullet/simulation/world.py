@@ -36,6 +36,10 @@ OBSTACLE_RGBA = (0.55, 0.55, 0.55, 1.0)
 SOLVER_ITERATIONS = 150
 
 
+#: Position [m] and quaternion xyzw of a body in W.
+_Place = tuple[tuple[float, float, float], tuple[float, float, float, float]]
+
+
 class BulletWorld:
     """Floor, units and obstacles of a scene.
 
@@ -72,7 +76,8 @@ class BulletWorld:
         self._tags = tags
         self.units: dict[str, UnitBody] = {}
         self.obstacles: dict[str, int] = {}
-        self._planar: dict[str, SE2] = {}
+        self._planar: dict[str, SE2] = {}  # of the present tick
+        self._places: dict[str, tuple[_Place, SE2]] = {}  # where the units were when they were asked for last
         # The next obstacle to appear is last; obstacles that appear together keep the order of the scene.
         self._waiting = sorted(
             ((spec.appears_at_s, name) for name, spec in reversed(scene.obstacles.items())),
@@ -131,26 +136,16 @@ class BulletWorld:
         return SE3.from_quaternion_xyzw(position, quaternion) @ unit.X_IU
 
     def pose(self, name: str) -> SE2:
-        """Return the true ``X_WU`` in the plane, which is cached until the world changes."""
+        """Return the true ``X_WU`` in the plane, the same object until the unit has moved."""
         pose = self._planar.get(name)
         if pose is None:
-            pose = self._planar[name] = self._pose_in_plane(self.unit(name))
+            unit = self.unit(name)
+            place = pybullet.getBasePositionAndOrientation(unit.body, physicsClientId=self.client)
+            known = self._places.get(name)
+            if known is None or known[0] != place:
+                known = self._places[name] = place, _pose_in_plane(unit, place)
+            pose = self._planar[name] = known[1]
         return pose
-
-    def _pose_in_plane(self, unit: UnitBody) -> SE2:
-        (px, py, _), (x, y, z, w) = pybullet.getBasePositionAndOrientation(
-            unit.body, physicsClientId=self.client
-        )
-        # Only the first two rows of R_WI are needed; with matrices this would take ten times as long.
-        r00, r01, r02 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
-        r10, r11, r12 = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
-        ax, ay, az = unit.origin
-        bx, by, bz = unit.forward
-        return SE2(
-            px + r00 * ax + r01 * ay + r02 * az,
-            py + r10 * ax + r11 * ay + r12 * az,
-            math.atan2(r10 * bx + r11 * by + r12 * bz, r00 * bx + r01 * by + r02 * bz),
-        )
 
     def link_pose(self, name: str, link: str) -> SE3:
         """Return the true pose ``X_WL`` of a link of a unit, the wheels by their present angles."""
@@ -255,3 +250,18 @@ class BulletWorld:
         if self._tags and spec.tag_id is not None:
             self._tags.add_to_obstacle(self.client, name, X_WB)
         return body
+
+
+def _pose_in_plane(unit: UnitBody, place: _Place) -> SE2:
+    """Return ``X_WU`` in the plane from the pose of the unit's inertial frame."""
+    (px, py, _), (x, y, z, w) = place
+    # Only the first two rows of R_WI are needed; with matrices this would take ten times as long.
+    r00, r01, r02 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
+    r10, r11, r12 = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
+    ax, ay, az = unit.origin
+    bx, by, bz = unit.forward
+    return SE2(
+        px + r00 * ax + r01 * ay + r02 * az,
+        py + r10 * ax + r11 * ay + r12 * az,
+        math.atan2(r10 * bx + r11 * by + r12 * bz, r00 * bx + r01 * by + r02 * bz),
+    )

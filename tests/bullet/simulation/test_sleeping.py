@@ -3,10 +3,12 @@
 import math
 
 import numpy as np
+import pybullet
 import pytest
 
 from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.sleeping import SleepingUnits
+from msrr_bullet.simulation.unit_body import ROOT
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
@@ -112,6 +114,27 @@ def test_a_target_that_slept_is_pushed_as_one_that_was_awake(bench, never_asleep
     awake, *without = push()
     assert (slept, awake) == (True, False)
     assert (np.abs(np.subtract(with_sleep, without)) < [2e-4, 2e-4, 1e-3]).all()
+
+
+def test_units_feel_no_difference_between_a_floor_that_sleeps_and_one_that_does_not(two_units):
+    """To the bit, while a unit drives past one that falls asleep on it."""
+    ends = []
+    for awake in (True, False):
+        placement = Placement({"a": SE2(-0.8, 0.4, 0.0), "b": SE2()}, {})
+        with BulletWorld(two_units(), placement) as world:
+            if awake:
+                state = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING
+                pybullet.changeDynamics(
+                    world.floor, ROOT, activationState=state, physicsClientId=world.client
+                )
+            plant = BulletPlant(world)
+            plant.command("a", Twist(0.2, 0.1))
+            advance(plant, 2.0)
+            assert asleep(plant) == {"b"}
+            plant.command("b", Twist(-0.1, 0.3))
+            advance(plant, 0.5)
+            ends.append([plant.pose3(unit).matrix().tolist() for unit in ("a", "b")])
+    assert ends[0] == ends[1]
 
 
 def test_the_same_bits_twice(two_units):

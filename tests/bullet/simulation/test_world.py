@@ -43,6 +43,20 @@ def test_units_are_placed_by_the_axle_not_by_the_centre_of_mass(world):
     assert world.wheel_angles("a") == pytest.approx((0.5, -0.5))
 
 
+def test_the_pose_of_a_unit_is_a_new_object_only_when_it_has_moved(world):
+    for _ in range(240):
+        world.step()
+    still, before = world.pose("a"), world.pose("b")
+    world.place("b", SE2(0.6, -0.3, 0.4), (0.0, 0.0))
+    assert world.pose("a") is still
+    assert world.pose("b") is not before
+    close(SE3.from_se2(world.pose("b")), SE3.from_se2(SE2(0.6, -0.3, 0.4)), 1e-7)
+    for name in world.units:
+        world.step()
+        X = world.pose3(name)
+        np.testing.assert_allclose(world.pose(name).translation, X.p[:2], atol=1e-12)
+
+
 def test_all_frames_are_where_the_urdf_says(world):
     unit = world.unit("a")
     assert set(unit.links) < set(unit.geometry.frames), "most links are welded"
