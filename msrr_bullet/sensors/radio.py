@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Generic, TypeVar
+
 import numpy as np
 
 from msrr_bullet.sensors.schedule import Delayed, duration_ns
@@ -10,8 +12,10 @@ from msrr_scenes.messages.coordination import Authority, UnitReport
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.mission import RadioSpec
 
+M = TypeVar("M")
 
-class RadioLink:
+
+class RadioLink(Generic[M]):
     """One direction of the radio for one unit.
 
     Attributes:
@@ -19,15 +23,22 @@ class RadioLink:
         lost: Number of messages lost.
     """
 
-    def __init__(self, spec: RadioSpec, unit: str, rng: np.random.Generator) -> None:
-        """Draw losses and delays from ``rng``, which no other object uses."""
+    def __init__(self, spec: RadioSpec, unit: str, rng: np.random.Generator, under_way: Delayed[M]) -> None:
+        """Draw losses and delays from ``rng``, which no other object uses.
+
+        Args:
+            spec: Quality of the radio.
+            unit: Name of the unit.
+            rng: Random numbers.
+            under_way: Gets the messages that are not lost.
+        """
         self._spec, self._rng = spec, rng
         self._latency_ns = duration_ns(1e-3 * spec.latency_ms)
         self._silences = [s for s in spec.silences if not s.units or unit in s.units]
-        self._queue: Delayed[Authority | UnitReport] = Delayed()
+        self._under_way = under_way
         self.sent = self.lost = 0
 
-    def send(self, message: Authority | UnitReport, now_ns: int) -> None:
+    def send(self, message: M, now_ns: int) -> None:
         """Send a message; two numbers are drawn for each, whatever becomes of it."""
         loss, delay = self._rng.random(2).tolist()
         self.sent += 1
@@ -35,11 +46,7 @@ class RadioLink:
             self.lost += 1
             return
         jitter_ns = round(delay * duration_ns(1e-3 * self._spec.jitter_ms))
-        self._queue.send(now_ns + self._latency_ns + jitter_ns, message)
-
-    def arrived(self, now_ns: int) -> list[Authority | UnitReport]:
-        """Remove and return the messages that have arrived by ``now_ns``."""
-        return self._queue.arrived(now_ns)
+        self._under_way.send(now_ns + self._latency_ns + jitter_ns, message)
 
 
 class Radio:
@@ -52,15 +59,31 @@ class Radio:
 
     def __init__(self, spec: RadioSpec, units: tuple[str, ...], seed: int) -> None:
         """Draw from the streams ``radio/<unit>/down`` and ``radio/<unit>/up``."""
-        self.to_units = {u: RadioLink(spec, u, stream(seed, f"radio/{u}/down")) for u in units}
-        self.from_units = {u: RadioLink(spec, u, stream(seed, f"radio/{u}/up")) for u in units}
+        self._order = {unit: k for k, unit in enumerate(units)}
+        self._down: Delayed[Authority] = Delayed()
+        self._up: Delayed[UnitReport] = Delayed()
+        self.to_units = {u: RadioLink(spec, u, stream(seed, f"radio/{u}/down"), self._down) for u in units}
+        self.from_units = {u: RadioLink(spec, u, stream(seed, f"radio/{u}/up"), self._up) for u in units}
+
+    def arrived_at_units(self, now_ns: int) -> dict[str, list[Authority]]:
+        """Remove and return the authorities that have arrived by ``now_ns``, by unit."""
+        arrived: dict[str, list[Authority]] = {}
+        for authority in self._down.arrived(now_ns):
+            arrived.setdefault(authority.unit, []).append(authority)
+        return arrived
+
+    def arrived_at_base(self, now_ns: int) -> list[UnitReport]:
+        """Remove and return the reports that have arrived by ``now_ns``, in the order of the units."""
+        return sorted(self._up.arrived(now_ns), key=lambda report: self._order[report.unit])
 
     @property
     def sent(self) -> int:
         """Number of messages sent."""
-        return sum(link.sent for link in (*self.to_units.values(), *self.from_units.values()))
+        up, down = self.from_units.values(), self.to_units.values()
+        return sum(link.sent for link in up) + sum(link.sent for link in down)
 
     @property
     def lost(self) -> int:
         """Number of messages lost."""
-        return sum(link.lost for link in (*self.to_units.values(), *self.from_units.values()))
+        up, down = self.from_units.values(), self.to_units.values()
+        return sum(link.lost for link in up) + sum(link.lost for link in down)

@@ -23,16 +23,18 @@ class Periodic:
         self._rate = rate_hz
         self._start = start_ns
         self._count = 0
+        self._next = start_ns
 
     def due(self, now_ns: int) -> bool:
         """Return whether an event is due at this tick, and advance to the next event.
 
         Events whose due times passed between two calls count as one.
         """
-        if now_ns < self._start + round(self._count * NS_PER_S / self._rate):
+        if now_ns < self._next:
             return False
         elapsed = (now_ns - self._start) / NS_PER_S
         self._count = max(self._count + 1, int(elapsed * self._rate) + 1)
+        self._next = self._start + round(self._count * NS_PER_S / self._rate)
         return True
 
 

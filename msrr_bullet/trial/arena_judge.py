@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from msrr_bullet.collision.clearance import Clearance, Pair
@@ -10,6 +10,7 @@ from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.judge import Judge
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.outcome import Outcome
 
 
@@ -36,25 +37,25 @@ class ArenaJudge:
         """Begin to judge.
 
         Args:
-            simulation: Source of the true poses.
+            simulation: Scene and plant.
             clearance: Clearance model with the shapes of all bodies.
             locked: Pairs that are locked together: they are one body, and their locks have to hold.
         """
         self._simulation, self._clearance, self._locked = simulation, clearance, locked
 
-    def check(self, judges: Iterable[Judge]) -> Safety:
+    def check(self, poses: Mapping[str, SE2], judges: Iterable[Judge]) -> Safety:
         """Check locks, clearances and the limits of the arena.
 
         Exempt from the clearances are units that are locked together, and a pair that docks, unless it
         touches beside its port.
 
         Args:
+            poses: True poses of all bodies at this instant.
             judges: Judges of the steps under way, after the decisions of their robots.
         """
         opened = self._locked.opened(self._simulation.plant)
         if opened is not None:
             return Safety(Outcome.LOCK_FAILED, frozenset({opened.unit}), None)
-        poses = self._simulation.poses()
         docking = {judge.pair: judge for judge in judges if judge.docking}
         exempt = set(self._locked.pairs)
         nearest = self._clearance.minimum(poses, exempt)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from msrr_bullet.base_station.base_station import BaseStation
 from msrr_bullet.log import topics
 from msrr_bullet.log.records import Level, StepStart
@@ -19,8 +21,9 @@ from msrr_bullet.trial.result import MissionFigures
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.unit_runner import UnitRunner
 from msrr_scenes.errors import ProgramFailedError
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, Detections, GlobalPose
-from msrr_scenes.messages.coordination import Authority, MissionState, UnitReport
+from msrr_scenes.messages.coordination import MissionState
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.mission import RadioSpec
 from msrr_scenes.specs.plan import DockStep
@@ -81,13 +84,14 @@ class CoordinatedMission(Mission):
             self._telemetry.event(now_ns, "base_station", str(error), Level.ERROR)
             self._end(Outcome.PROGRAM_FAILED, str(error))
             return
+        arrived = self._radio.arrived_at_units(now_ns)
         for unit, member in self._members.items():
-            for authority in self._radio.to_units[unit].arrived(now_ns):
-                assert isinstance(authority, Authority)
+            for authority in arrived.get(unit, ()):
                 member.recorded.authorise(authority)
             if self._reports[unit].due(now_ns):
                 self._radio.from_units[unit].send(member.recorded.report(now_ns), now_ns)
-            member.runner.sense(now_ns)
+            if member.runner.running:
+                member.runner.sense(now_ns)
 
     def _run_base(self, now_ns: int) -> None:
         """Let the base station see, hear, decide and speak."""
@@ -98,10 +102,8 @@ class CoordinatedMission(Mission):
                 for member in self._members.values():
                     if member.robot.active:  # a replay knows this as well
                         member.robot.see(sightings)
-        for link in self._radio.from_units.values():
-            for report in link.arrived(now_ns):
-                assert isinstance(report, UnitReport)
-                self._base.hear(report)
+        for report in self._radio.arrived_at_base(now_ns):
+            self._base.hear(report)
         if self._base_timer.due(now_ns):
             for authority in self._base.step(now_ns):
                 self._radio.to_units[authority.unit].send(authority, now_ns)
@@ -178,9 +180,9 @@ class CoordinatedMission(Mission):
             if member.runner.running:
                 member.runner.actuate(now_ns)
 
-    def _note(self, now_ns: int, safety: Safety) -> None:
-        super()._note(now_ns, safety)
-        self.record.note(now_ns, self._environment.simulation.poses(), safety.nearest)
+    def _note(self, now_ns: int, poses: Mapping[str, SE2], safety: Safety) -> None:
+        super()._note(now_ns, poses, safety)
+        self.record.note(now_ns, poses, safety.nearest)
 
     def figures(self) -> MissionFigures:
         """Return the figures of a mission that has ended."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from msrr_bullet.log.records import JUDGE, Level
 from msrr_bullet.profiler import Profiler
@@ -19,6 +19,7 @@ from msrr_bullet.trial.judge import Judge
 from msrr_bullet.trial.step_result import StepResult
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.unit_runner import UnitRunner
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import DockStep, in_order
 
@@ -107,12 +108,14 @@ class Mission(ABC):
     def _judge(self, now_ns: int) -> list[DockingStep] | None:
         """Judge and report an instant; return the steps that have ended, None if the whole mission has."""
         with self._profiler("clearance"):
+            poses = self._environment.simulation.poses()
             self._unparted = [judge for judge in self._unparted if not judge.parted()]
-            safety = self._arena.check([*(step.judge for step in self._active), *self._unparted])
+            judges = [*(step.judge for step in self._active), *self._unparted]
+            safety = self._arena.check(poses, judges)
         for step in self._active:
             if safety.nearest is not None:
                 step.note_clearance(safety.nearest.distance)
-        self._note(now_ns, safety)
+        self._note(now_ns, poses, safety)
         if safety.outcome is not None:
             self._abort(safety, safety.outcome)
             return None
@@ -127,10 +130,10 @@ class Mission(ABC):
                 self._telemetry.verdict(now_ns, step)
         return ended
 
-    def _note(self, now_ns: int, safety: Safety) -> None:
-        """Report an instant."""
+    def _note(self, now_ns: int, poses: Mapping[str, SE2], safety: Safety) -> None:
+        """Report an instant, at which the true poses of all bodies are these."""
         with self._profiler("log"):
-            self._telemetry.report(self._environment, now_ns, self._active, safety.nearest)
+            self._telemetry.report(self._scene, now_ns, poses, self._active, safety.nearest)
 
     def _abort(self, safety: Safety, outcome: Outcome) -> None:
         """End all steps; those whose units are to blame get the outcome."""

@@ -41,7 +41,7 @@ class MissionRecord:
         for unit in self._way:
             before, X = self._poses.get(unit), poses[unit]
             self._poses[unit] = X
-            if before is None or dt <= 0.0:
+            if before is None or before is X or dt <= 0.0:  # a unit that is parked keeps its pose
                 continue
             way, turn = math.hypot(X.x - before.x, X.y - before.y), abs(wrap_angle(X.yaw - before.yaw))
             if way > _MOVES_MPS * dt or turn > _MOVES_RADPS * dt:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from msrr_bullet.collision.clearance import Clearance
@@ -12,7 +12,6 @@ from msrr_bullet.log.records import JUDGE, BuiltErrors, ClearanceRecord, Event, 
 from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.timeline.snapshot_builder import SnapshotBuilder
 from msrr_bullet.trial.docking_step import DockingStep
-from msrr_bullet.trial.environment import Environment
 from msrr_perception.estimation.global_estimator import pose_in_dock_frame
 from msrr_scenes.as_built import AsBuilt
 from msrr_scenes.geometry.pinhole import Window
@@ -76,22 +75,22 @@ class Telemetry:
 
     def report(
         self,
-        environment: Environment,
+        scene: Scene,
         now_ns: int,
+        poses: Mapping[str, SE2],
         steps: Sequence[DockingStep],
         nearest: Clearance | None,
     ) -> None:
         """Report one control instant, after the decisions of all robots.
 
         Args:
-            environment: The environment of the trial.
+            scene: The scene of the trial.
             now_ns: Time of the instant.
+            poses: True poses of all bodies at the instant.
             steps: The steps under way.
             nearest: Smallest true clearance of all pairs that may not touch; None without such a pair.
         """
-        simulation = environment.simulation
-        poses = simulation.poses()
-        for unit in simulation.scene.units:
+        for unit in scene.units:
             self.recorder.write(topics.true_pose(unit), now_ns, TruePose(unit, now_ns, poses[unit]))
         if nearest is not None:
             self.recorder.write(topics.CLEARANCE, now_ns, ClearanceRecord.of(now_ns, nearest))

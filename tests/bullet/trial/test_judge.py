@@ -52,7 +52,8 @@ class Crowd:
     def check(self, judge: Judge, phase: Phase) -> Safety:
         """Return what the judge of the arena finds after a decision in this phase."""
         judge.decide(Action(0, phase, 1))
-        return ArenaJudge(self.simulation, self.clearance, self.locked).check([judge])
+        judges = ArenaJudge(self.simulation, self.clearance, self.locked)
+        return judges.check(self.simulation.poses(), [judge])
 
 
 def crowd(scene: Scene, model: ClearanceModel, units: dict[str, SE2], post: SE2) -> Crowd:
