@@ -176,12 +176,22 @@ class BodyTrack:
         """Pose after the last measurement."""
         return SE2(*self.state[:3].tolist())
 
+    @cached_property
+    def _at_rest(self) -> tuple[Array, list[float], list[float]]:
+        """Covariance of the pose of a body that stands, as it is measured; diagonals of its two parts."""
+        own, lasting = self.covariance[:3, :3], self.seen.lasting
+        return own + lasting, own.diagonal().tolist(), lasting.diagonal().tolist()
+
     def pose(self, stamp_ns: int, noise: TrackNoise) -> GlobalPose:
         """Return the pose at an instant; before the last measurement it is that of the measurement."""
         seen_ns, name = self.seen.pose.stamp_ns, self.seen.pose.name
         if self.motion is Motion.STANDS:  # asked for at every control instant of every unit
-            covariance = self._drifted(self.covariance[:3, :3], seconds(max(stamp_ns - seen_ns, 0)), noise)
-            covariance += self.seen.lasting
+            at_once, own, lasting = self._at_rest
+            way, turn = _drift(seconds(max(stamp_ns - seen_ns, 0)), noise)
+            covariance = at_once.copy()
+            covariance[0, 0] = own[0] + way + lasting[0]
+            covariance[1, 1] = own[1] + way + lasting[1]
+            covariance[2, 2] = own[2] + turn + lasting[2]
             return GlobalPose(name, max(stamp_ns, seen_ns), self.X_WB, covariance)
         mean, P = self._predicted(stamp_ns, noise, self.motion)
         return GlobalPose(name, max(stamp_ns, seen_ns), SE2(*mean[:3].tolist()), P[:3, :3])
@@ -218,23 +228,17 @@ class BodyTrack:
         place = self.place if stands else self.place.after(seen)
         return BodyTrack(mean, P, seen, Motion.STANDS if stands else Motion.DRIVES, place, self.sightings + 1)
 
-    @staticmethod
-    def _drifted(covariance: Array, dt: float, noise: TrackNoise) -> Array:
-        """Return the covariance of a body that stands, ``dt`` [s] after its last measurement."""
-        unseen = max(dt - noise.unseen_after_s, 0.0)
-        way = noise.drift**2 * dt + noise.unseen_drift**2 * unseen
-        P = covariance.copy()
-        P[0, 0] += way
-        P[1, 1] += way
-        P[2, 2] += noise.turn_drift**2 * dt + noise.unseen_turn_drift**2 * unseen
-        return P
-
     def _predicted(self, stamp_ns: int, noise: TrackNoise, motion: Motion) -> tuple[Array, Array]:
         """Return mean and covariance of the state at an instant, if the body moves so until then."""
         dt = max(seconds(stamp_ns - self.seen.pose.stamp_ns), 0.0)
         unseen = max(dt - noise.unseen_after_s, 0.0)
         if motion is Motion.STANDS:
-            return self.state, self._drifted(self.covariance, dt, noise)
+            way, turn = _drift(dt, noise)
+            P = self.covariance.copy()
+            P[0, 0] += way
+            P[1, 1] += way
+            P[2, 2] += turn
+            return self.state, P
         share = noise.usual if motion is Motion.DRIVES else 1.0
         drive = (
             noise.lasts_s * (share * noise.limits.a_max_mps2) ** 2,
@@ -252,6 +256,13 @@ class BodyTrack:
             mean[3:] = 0.0
             mean, P = coast(mean, P, unseen, *drive)
         return mean, P
+
+
+def _drift(dt: float, noise: TrackNoise) -> tuple[float, float]:
+    """Return what variances of a body that stands gain in ``dt`` [s]: along x and y [m^2], of yaw [rad^2]."""
+    unseen = max(dt - noise.unseen_after_s, 0.0)
+    way = noise.drift**2 * dt + noise.unseen_drift**2 * unseen
+    return way, noise.turn_drift**2 * dt + noise.unseen_turn_drift**2 * unseen
 
 
 def _state(seen: SeenPose) -> Array:
