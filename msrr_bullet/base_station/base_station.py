@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 from msrr_bullet.profiler import NullProfiler, Profiler
@@ -32,7 +34,7 @@ from msrr_scenes.specs.scene import Scene
 BASE_STATION = "base_station"
 
 #: Period with which bodies that stand still are read [frames]: once a second, because only a rare push moves
-#: them.
+#: them, and every other second where nobody comes near who could push them.
 _STANDING_EVERY = 10
 
 
@@ -58,7 +60,13 @@ class BaseStation:
         units = tuple(scene.units)
         model = OverheadModel.from_scene(scene, units)
         detector: Detector = build("detector", scene.control.detector, DETECTORS)
-        self._vision = OverheadVision(model, units, detector, standing_every=_STANDING_EVERY)
+        self._vision = OverheadVision(
+            model, units, detector, standing_every=_STANDING_EVERY, half_resolution=True
+        )
+        period_s = 2.0 * _STANDING_EVERY / scene.cameras.overhead.rate_hz if scene.cameras.overhead else 0.0
+        self._way_m = scene.limits.v_max_mps * period_s  # of a unit until remote bodies are read again
+        self._radius_m = {unit: scene.geometry(unit).circumradius for unit in units}
+        self._radius_m |= {name: spec.radius_m for name, spec in scene.obstacles.items()}
         self._tracker = ArenaTracker(model)
         self._coordinator = Coordinator(mission_of(scene), units, knowledge_of(scene))
         self._units = units
@@ -73,7 +81,22 @@ class BaseStation:
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections:
         """Read windows of an exposure and return the detections, which are used only when received."""
         driving = {u.unit for u in self.status.units if u.state is UnitState.UNDER_WAY}
-        return self._vision.detect(exposure, self._tracker.poses(exposure.stamp_ns), fetch, driving)
+        poses = self._tracker.poses(exposure.stamp_ns)
+        return self._vision.detect(exposure, poses, fetch, driving, self._remote(poses, driving))
+
+    def _remote(self, poses: Mapping[str, GlobalPose], driving: set[str]) -> set[str]:
+        """Return the bodies that no driving unit can reach before they are read again."""
+        if not poses.keys() >= driving:  # somebody drives that nobody sees
+            return set()
+        return {
+            name
+            for name, body in poses.items()
+            if all(
+                math.hypot(body.X_WB.x - poses[unit].X_WB.x, body.X_WB.y - poses[unit].X_WB.y)
+                > self._radius_m[name] + self._radius_m[unit] + self._way_m
+                for unit in driving
+            )
+        }
 
     def see(self, message: Detections | GlobalPose) -> Sightings:
         """Process a message of the overhead camera; return what it shows, which is for all units."""

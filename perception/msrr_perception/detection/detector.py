@@ -17,11 +17,23 @@ from msrr_scenes.guarded import of_the_same_kind
 from msrr_scenes.messages import Pixels, TagDetection
 from msrr_scenes.registry import ExtensionPoint, out_of_range
 
-__all__ = ["DETECTORS", "LARGE_TAG_PX", "Detector", "DetectorError", "PupilDetector", "for_large_tags"]
+__all__ = [
+    "DETECTORS",
+    "LARGE_TAG_PX",
+    "Detector",
+    "DetectorError",
+    "PupilDetector",
+    "default_search_detector",
+    "for_large_tags",
+]
 
 #: Shortest edge in the image from which a tag is found at half the resolution as well [px]. Of 3500 tags of
 #: 18 px and more with the noise of the design, none was missed there; of 300 smaller ones, 52.
 LARGE_TAG_PX = 26.0
+
+#: Contrast of a 4 px tile below which the search skips it [grey levels]. Tags have about 200; a limit near
+#: the noise lets every tile through, and the search takes 50 times longer.
+_SEARCH_CONTRAST = 90
 
 #: Smaller images hold no tag and make the library's tiles degenerate [px].
 _SMALLEST_EDGE_PX = 8
@@ -143,6 +155,11 @@ class PupilDetector:
             corners, measured = refine_corners(pixels, corners)
         corners += [window.x, window.y]
         return tuple(replace(t, corners=c) for t, c, ok in zip(found, corners, measured, strict=True) if ok)
+
+
+def default_search_detector() -> Detector:
+    """Return a detector that quickly finds black and white tags of 30 px and more in a full frame."""
+    return PupilDetector(quad_decimate=2.0, min_white_black_diff=_SEARCH_CONTRAST)
 
 
 DETECTORS: ExtensionPoint[Detector] = ExtensionPoint(

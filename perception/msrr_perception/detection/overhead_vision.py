@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from msrr_perception.detection.detector import Detector, PupilDetector
+from msrr_perception.detection.detector import LARGE_TAG_PX, Detector, default_search_detector, for_large_tags
 from msrr_perception.detection.frame_reader import FrameReader
-from msrr_perception.detection.windows import ExpectedTag, WindowPolicy, fitting_window, merged_windows
+from msrr_perception.detection.windows import (
+    ExpectedTag,
+    WindowPolicy,
+    fitting_window,
+    merged_windows,
+    search_windows,
+)
 from msrr_perception.pose.global_pose import FlatTag, pose_jacobian
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.arrays import Array
@@ -20,10 +25,6 @@ from msrr_scenes.messages import NS_PER_S, Detections, Exposure, Fetch, GlobalPo
 #: The window policy for the overhead camera of the design.
 OVERHEAD_POLICY = WindowPolicy(quiet_zone=0.15)
 
-#: Contrast of a 4 px tile below which the search skips it [grey levels]. Tags have about 200; a limit near
-#: the noise lets every tile through, and the search takes 50 times longer.
-_SEARCH_CONTRAST = 90
-
 #: Largest distance of a tag from where it was expected that the next window still follows [px].
 _LARGEST_OFFSET_PX = 40.0
 
@@ -33,11 +34,6 @@ _STILL_PX = 0.5
 _EXACT = np.zeros((4, 2))
 
 
-def default_search_detector() -> Detector:
-    """Return a detector that quickly finds black and white tags of 30 px and more in a full frame."""
-    return PupilDetector(quad_decimate=2.0, min_white_black_diff=_SEARCH_CONTRAST)
-
-
 class OverheadVision:
     """Reads the top tags of units and obstacles from the overhead camera, from as few pixels as possible.
 
@@ -45,8 +41,8 @@ class OverheadVision:
 
     1. Windows around the tags that the predictions expect in view: those of units that may drive in every
        exposure, those of bodies that had not moved from where they were expected ``settle_after`` times in
-       a row only in every ``standing_every``-th. A tag that is not found is read for once more in a wider
-       window.
+       a row only in every ``standing_every``-th, and half as often where no unit comes near meanwhile. A tag
+       that is not found is read for once more in a wider window.
     2. A part of the frame, searched for unknown bodies, so that within ``search_period_s`` the whole frame is
        searched once. Nothing is searched for while all tags of the catalogue are read where they are
        expected.
@@ -76,6 +72,7 @@ class OverheadVision:
         retry_widen: float = 2.5,
         widest_px: int = 320,
         stray_px: float = 24.0,
+        half_resolution: bool = False,
     ) -> None:
         """Create a front end that has seen nothing yet.
 
@@ -84,7 +81,7 @@ class OverheadVision:
             units: Units that matter, at least one: a docking unit and its target, or all.
             detector: Detector that reads tags from windows.
             search_detector: Detector that finds tags in large parts of the frame; None takes
-                :func:`default_search_detector`.
+                :func:`~msrr_perception.detection.detector.default_search_detector`.
             policy: Rules by which windows are cut.
             search_period_s: Time within which the whole frame is searched once [s].
             search_parts: Number of parts, searched in turn, that the frame is cut into. They overlap, so one
@@ -95,6 +92,9 @@ class OverheadVision:
             retry_widen: Factor on a window's margins when it is read a second time.
             widest_px: Largest edge of a window [px]; a body known less well is left to the search.
             stray_px: Largest motion of an unexpected tag from one exposure to the next [px].
+            half_resolution: Whether expected tags that appear larger than
+                :data:`~msrr_perception.detection.detector.LARGE_TAG_PX` are detected at half the resolution.
+                One that is not found is read for once more at the full resolution.
 
         Raises:
             SceneError: A parameter is out of its range.
@@ -109,6 +109,7 @@ class OverheadVision:
         self.model = model
         self._localizer = model.localizer()
         self._detector = detector
+        self._quick = for_large_tags(detector) if half_resolution else detector
         self._search_detector = search_detector or default_search_detector()
         self._policy = policy
         self._parts = search_windows(model, search_parts)
@@ -143,6 +144,7 @@ class OverheadVision:
         predictions: Mapping[str, GlobalPose],
         fetch: Fetch,
         driving: Collection[str] | None = None,
+        remote: Collection[str] = (),
     ) -> Detections:
         """Read the tags of one exposure.
 
@@ -151,18 +153,21 @@ class OverheadVision:
             predictions: Poses at the time of the exposure, by body; bodies that are missing are unknown.
             fetch: Function that returns the pixels of a window of this exposure.
             driving: Units that may drive, which are read in every exposure; None: the first that matters.
+            remote: Bodies that no driving unit comes near to for twice ``standing_every`` exposures.
 
         Returns:
             Every tag read, by ascending id, and all windows in the order in which they were fetched.
         """
         reader = FrameReader(fetch)
         driving = self._units[:1] if driving is None else driving
-        wanted = [i for i in self.model.tags if self._is_due(i, exposure.frame, driving)]
+        wanted = [i for i in self.model.tags if self._is_due(i, exposure.frame, driving, remote)]
         due = self._expected(predictions, wanted)
         sigma = np.full((4, 2), self._stray_px / self._policy.sigmas)
         strays = [ExpectedTag(i, pixels, sigma) for i, pixels in self._strays.items()]
-        self._read(reader, [*due.values(), *strays])
-        self._read(reader, [e for i, e in due.items() if i not in reader.found], self._retry_widen)
+        large = all(e.shortest_edge >= LARGE_TAG_PX for e in due.values())
+        self._read(reader, self._quick if large else self._detector, [*due.values(), *strays])
+        missed = [e for i, e in due.items() if i not in reader.found]
+        self._read(reader, self._detector, missed, self._retry_widen)
         if len(due) < len(wanted) or not self._knows_all():
             self._search(reader, exposure.stamp_ns, predictions)
         self._remember(reader, due, predictions)
@@ -188,13 +193,15 @@ class OverheadVision:
         if window is not None:
             wanted = self.model.tags.keys() - set(self._essential)
             hints = reader.search(window, self._search_detector)
-            self._read(reader, [ExpectedTag(i, px, _EXACT) for i, px in hints.items() if i in wanted])
+            near = [ExpectedTag(i, px, _EXACT) for i, px in hints.items() if i in wanted]
+            self._read(reader, self._detector, near)
         return reader.detections(exposure, self.model.tags)
 
-    def _is_due(self, tag_id: int, frame: int, driving: Collection[str]) -> bool:
-        if self.model.tags[tag_id].name in driving or self._settled.get(tag_id, 0) < self._settle_after:
+    def _is_due(self, tag_id: int, frame: int, driving: Collection[str], remote: Collection[str]) -> bool:
+        name = self.model.tags[tag_id].name
+        if name in driving or self._settled.get(tag_id, 0) < self._settle_after:
             return True
-        return (frame + tag_id) % self._standing_every == 0
+        return (frame + tag_id) % ((2 if name in remote else 1) * self._standing_every) == 0
 
     def _expected(self, predictions: Mapping[str, GlobalPose], tags: Iterable[int]) -> dict[int, ExpectedTag]:
         """Return those of ``tags`` that should be wholly in the image at a place known well enough."""
@@ -224,9 +231,11 @@ class OverheadVision:
         sigma: Array = scale * np.sqrt(np.maximum(variance, 0.0)).reshape(4, 2)
         return sigma
 
-    def _read(self, reader: FrameReader, tags: Iterable[ExpectedTag], widen: float = 1.0) -> None:
+    def _read(
+        self, reader: FrameReader, detector: Detector, tags: Iterable[ExpectedTag], widen: float = 1.0
+    ) -> None:
         windows = (e.window(self._policy, widen) for e in tags)
-        reader.read(merged_windows(windows, self.model.camera.frame, self._policy), self._detector)
+        reader.read(merged_windows(windows, self.model.camera.frame, self._policy), detector)
 
     def _search(self, reader: FrameReader, stamp_ns: int, predictions: Mapping[str, GlobalPose]) -> None:
         """Search for unknown and missing tags, and read those that turn up."""
@@ -251,7 +260,7 @@ class OverheadVision:
             e = expected.get(tag_id)
             if e is None or not e.window(self._policy).contains(Window.around(pixels, 0.0)):
                 unread.append(ExpectedTag(tag_id, pixels, _EXACT))
-        self._read(reader, unread)
+        self._read(reader, self._detector, unread)
 
     def _knows_all(self) -> bool:
         """Return whether every tag of the catalogue was found where it was expected when last read."""
@@ -284,12 +293,3 @@ class OverheadVision:
 
 def _is_past(stamp_ns: int, last_ns: int | None, period_ns: int) -> bool:
     return last_ns is None or stamp_ns >= last_ns + period_ns
-
-
-def search_windows(model: OverheadModel, parts: int) -> tuple[Window, ...]:
-    """Return upright parts of the frame that overlap so far that every tag lies wholly in one of them."""
-    frame = model.camera.frame
-    overlap = math.ceil(1.25 * model.largest_tag_px)  # with the white border
-    step = math.ceil((frame.width - overlap) / parts)
-    windows = (fitting_window(Window(i * step, 0, step + overlap, frame.height), frame) for i in range(parts))
-    return tuple(w for w in windows if w is not None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from msrr_perception.detection.overhead_vision import search_windows
+from msrr_perception.detection.windows import search_windows
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.specs.scene import Scene
 
