@@ -26,6 +26,9 @@ from msrr_scenes.specs.scene import Scene
 #: Half the edge of the square on the floor that :meth:`OverheadLocalizer.detect_near` reads [m].
 NEAR_HALF_M = 0.5
 
+#: Period with which a unit of a mission reckons anew where bodies stand [s], of which there are many.
+STANDING_PERIOD_S = 0.1
+
 
 class OverheadLocalizer:
     """Estimator of what the overhead camera sees, for one unit.
@@ -34,7 +37,14 @@ class OverheadLocalizer:
         newest_ns: Exposure time of the newest measurement that has arrived; None before the first.
     """
 
-    def __init__(self, scene: Scene, unit: str, drive: TargetModel, step: DockStep | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        unit: str,
+        drive: TargetModel,
+        step: DockStep | None = None,
+        standing_period_s: float = STANDING_PERIOD_S,
+    ) -> None:
         """Set up for a scene that has an overhead camera.
 
         Args:
@@ -42,6 +52,8 @@ class OverheadLocalizer:
             unit: Name of the unit.
             drive: Calibration of its drive.
             step: The step in which it docks; None for a unit that drives without a target.
+            standing_period_s: Period with which the pose of a body that stands is given anew [s]; 0: whenever
+                it is asked for.
 
         Raises:
             SceneError: The scene has no overhead camera, or a unit of the step has no tag for it.
@@ -56,6 +68,7 @@ class OverheadLocalizer:
             target=None if step is None else step.target_unit,
             X_TD=None if step is None else scene.geometry(step.target_unit).dock_frame(step.target_port),
             delay_compensation=scene.control.delay_compensation,
+            standing_period_s=standing_period_s,
         )
         self.newest_ns: int | None = None
 
@@ -104,7 +117,7 @@ class OverheadReader(OverheadLocalizer):
         Raises:
             SceneError: The scene has no overhead camera, or a unit of the step has no tag for it.
         """
-        super().__init__(scene, step.unit, drive, step)
+        super().__init__(scene, step.unit, drive, step, standing_period_s=0.0)
         self._vision = OverheadVision(self._model, (step.unit, step.target_unit), detector)
 
     def detect(self, exposure: Exposure, fetch: Fetch) -> Detections:

@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 
-from msrr_perception.estimation.body_track import BodyTrack, SeenPose, Sightings, TrackNoise
+from msrr_perception.estimation.body_track import BodyTrack, Motion, SeenPose, Sightings, TrackNoise
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.errors import SceneError
-from msrr_scenes.messages import Detections, GlobalPose, ObstacleEstimate
+from msrr_scenes.messages import NS_PER_S, Detections, GlobalPose, ObstacleEstimate
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 # The trackers of all units in a mission are given the same measurements. Tracks never change, so that what
@@ -47,7 +47,11 @@ class ArenaTracker:
     """
 
     def __init__(
-        self, model: OverheadModel, gate_probability: float = 0.9999, restart_after: int = 3
+        self,
+        model: OverheadModel,
+        gate_probability: float = 0.9999,
+        restart_after: int = 3,
+        standing_period_s: float = 0.0,
     ) -> None:
         """Create a tracker that knows nothing yet.
 
@@ -56,6 +60,8 @@ class ArenaTracker:
             gate_probability: Share of good measurements that pass the gate.
             restart_after: Number of rejected measurements of a body in a row after which its track starts
                 anew.
+            standing_period_s: Period with which the pose of a body that stands is given anew [s]; 0: whenever
+                it is asked for.
 
         Raises:
             SceneError: A parameter is out of its range.
@@ -65,6 +71,7 @@ class ArenaTracker:
         self.model = model
         gate = chi_squared_quantile(gate_probability, 3)
         self.noise = _noise(model.limits, gate, restart_after)
+        self._standing_period_ns = round(standing_period_s * NS_PER_S)
         self._localizer = model.localizer()
         self._tracks: dict[str, BodyTrack] = {}
 
@@ -93,8 +100,17 @@ class ArenaTracker:
         return name in self._tracks
 
     def poses(self, stamp_ns: int) -> dict[str, GlobalPose]:
-        """Return the pose of every body that has been seen, at an instant."""
-        return {name: _pose(track, stamp_ns, self.noise) for name, track in self._tracks.items()}
+        """Return the pose of every body that has been seen, at an instant.
+
+        The pose of a body that stands is as old as its time stamp says: at most the period with which it is
+        given anew, and the same object meanwhile.
+        """
+        period, tracks = self._standing_period_ns, self._tracks.items()
+        standing_ns = stamp_ns - stamp_ns % period if period else stamp_ns
+        return {
+            name: _pose(track, standing_ns if track.motion is Motion.STANDS else stamp_ns, self.noise)
+            for name, track in tracks
+        }
 
     def seen_ns(self, name: str) -> int:
         """Return the time of the exposure in which a body was seen last."""

@@ -61,6 +61,7 @@ class GlobalEstimator:
         reset_after: int = 5,
         restart_after: int = 3,
         horizon_s: float = 1.0,
+        standing_period_s: float = 0.0,
     ) -> None:
         """Create an estimator that knows nothing yet.
 
@@ -78,6 +79,8 @@ class GlobalEstimator:
             restart_after: Number of rejected measurements of another body in a row after which its track
                 starts anew.
             horizon_s: Largest delay of a measurement that still counts [s].
+            standing_period_s: Period with which the pose of a body that stands is given anew [s]; 0: whenever
+                it is asked for.
 
         Raises:
             SceneError: A parameter is out of its range.
@@ -94,7 +97,7 @@ class GlobalEstimator:
             horizon_s=horizon_s,
             motion=_OWN_MOTION,
         )
-        self._others = ArenaTracker(model, gate_probability, restart_after)
+        self._others = ArenaTracker(model, gate_probability, restart_after, standing_period_s)
         self.reset()
 
     def reset(self) -> None:
