@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import lru_cache
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_control.kinematics.drive_limits import nested_limit, nested_limiter
-from msrr_scenes.arrays import Array
-from msrr_scenes.geometry.se2 import SE2, wrap_angle
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, ArenaEstimate, GlobalPose, ObstacleEstimate, Twist, seconds
 from msrr_scenes.messages.coordination import Intent
 from msrr_scenes.specs.scene import Scene
@@ -67,8 +67,8 @@ class LocalMap:
         bodies = [b for b in others if b is not None and b.name in names]
         self._poses = {b.name: b.X_WB for b in bodies}
         self._intended = [(i.unit, SE2(*pose)) for i in intents if i.unit in self._poses for pose in i.poses]
-        own_variance = _variance(arena.own.covariance, self.reach)
-        variances = (_variance(b.covariance, reaches[b.name]) for b in bodies)
+        own_variance = _variance(arena.own, self.reach)
+        variances = (_variance(b, reaches[b.name]) for b in bodies)
         self.sigma = math.sqrt(own_variance + max(variances, default=0.0))
 
     def lower_bound(self, X_WU: SE2) -> float:
@@ -96,9 +96,10 @@ class LocalMap:
         return math.inf if clearance is None else clearance.distance
 
 
-def _variance(covariance: Array, reach: float) -> float:
+@lru_cache(maxsize=256)  # estimates never change, and that of a body that stands is the same for a while
+def _variance(body: GlobalPose | ObstacleEstimate, reach: float) -> float:
     """Return the largest variance [m^2], over points of a body and directions, of the position of a point."""
-    (xx, xy, _), (_, yy, _), (_, _, yaw) = covariance.tolist()
+    (xx, xy, _), (_, yy, _), (_, _, yaw) = body.covariance.tolist()
     return float(0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy) + reach**2 * yaw)
 
 
@@ -198,33 +199,40 @@ class StoppingTrajectory:
         return (v + reach * w) * self._delay_s + braking
 
     def _poses(self, command: Twist, reach: float) -> Iterator[tuple[float, float, float, float]]:
-        """Yield the poses of a trajectory, of which there are many per command, as plain floats.
+        """Yield the poses of a trajectory, as plain floats and written out: there are dozens per command.
 
         Yields:
             The pose (x, y, yaw) in the present frame U, and the travel of the farthest point of the unit
             since the pose before.
         """
-        follow_v, follow_w = self._follow_v, self._follow_w
+        follow_v, follow_w, sin, cos = self._follow_v, self._follow_w, math.sin, math.cos
         upcoming = self._upcoming(command)
-        in_force = Twist()
+        v_sent = w_sent = 0.0
         v_now, w_now = self._velocity.v, self._velocity.w
         x, y, yaw, t = 0.0, 0.0, 0.0, 0.0
         while t < _MAX_TIME_S:
             while upcoming and upcoming[0][0] <= t:
                 _, in_force = upcoming.popleft()
-            v_next, w_next = follow_v(v_now, in_force.v), follow_w(w_now, in_force.w)
+                v_sent, w_sent = in_force.v, in_force.w
+            v_next, w_next = follow_v(v_now, v_sent), follow_w(w_now, w_sent)
             # The larger of both speeds, so that the trajectory is rather too long than too short.
             v = v_now if abs(v_now) >= abs(v_next) else v_next
             w = w_now if abs(w_now) >= abs(w_next) else w_next
-            if not upcoming and abs(v) < _STANDSTILL_MPS and abs(w) < _STANDSTILL_RADPS:
+            speed, rate = abs(v), abs(w)
+            if speed < _STANDSTILL_MPS and rate < _STANDSTILL_RADPS and not upcoming:
                 return
             v_now, w_now = v_next, w_next
             t += _STEP_S
-            dx, dy = _arc(v * _STEP_S, w * _STEP_S)
-            c, s = math.cos(yaw), math.sin(yaw)
+            length, turn = v * _STEP_S, w * _STEP_S  # of an arc
+            if -1e-6 < turn < 1e-6:
+                dx, dy = (1.0 - turn * turn / 6.0) * length, 0.5 * turn * length
+            else:
+                half = 0.5 * turn
+                dx, dy = sin(turn) / turn * length, sin(half) ** 2 / half * length
+            c, s = cos(yaw), sin(yaw)
             x, y = x + c * dx - s * dy, y + s * dx + c * dy
-            yaw = wrap_angle(yaw + w * _STEP_S)
-            yield x, y, yaw, (abs(v) + reach * abs(w)) * _STEP_S
+            yaw += turn
+            yield x, y, yaw, (speed + reach * rate) * _STEP_S
 
     def _upcoming(self, command: Twist) -> deque[tuple[float, Twist]]:
         """Return the commands of the drive, and the times from now on [s], if ``command`` is sent now."""
@@ -243,11 +251,3 @@ class StoppingTrajectory:
             nested_limit(float(velocity.v), v, lim.v_max_mps, lim.a_max_mps2, lim.kappa_per_s, dt),
             nested_limit(float(velocity.w), w, lim.w_max_radps, lim.dw_max_radps2, lim.kappa_per_s, dt),
         )
-
-
-def _arc(length: float, turn: float) -> tuple[float, float]:
-    """Return the end (x, y) [m] of an arc that starts along x; :meth:`SE2.exp` without building a pose."""
-    if abs(turn) < 1e-6:
-        return (1.0 - turn * turn / 6.0) * length, 0.5 * turn * length
-    half = 0.5 * turn
-    return math.sin(turn) / turn * length, math.sin(half) ** 2 / half * length
