@@ -35,18 +35,16 @@ class BulletPlant(Plant):
     def step(self) -> None:
         """Advance by one tick: drives, physics, locks."""
         self._sleeping.step(self._is_driven)
-        for name, motors in self._motors.items():
-            if not self._sleeping.is_asleep(name):
-                velocity, drivetrain = self._drive(name), self._drivetrains[name]
-                speeds = drivetrain.step(velocity, self._dt)
-                motors.drive(speeds, held=is_standstill(velocity) and drivetrain.at_rest)
+        for name in self._sleeping.awake:
+            velocity, drivetrain = self._drive(name), self._drivetrains[name]
+            speeds = drivetrain.step(velocity, self._dt)
+            self._motors[name].drive(speeds, held=is_standstill(velocity) and drivetrain.at_rest)
         self._advance()
 
     def step_freewheeling(self) -> None:
         """Advance by one tick with all wheels released."""
-        for name, motors in self._motors.items():
-            if not self._sleeping.is_asleep(name):
-                motors.release()
+        for name in self._sleeping.awake:
+            self._motors[name].release()
         self._advance()
 
     def command(self, unit: str, twist: Twist) -> None:

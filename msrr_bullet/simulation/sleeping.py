@@ -31,7 +31,11 @@ _PERIOD_S = 0.05
 
 
 class SleepingUnits:
-    """Decides which units sleep."""
+    """Decides which units sleep.
+
+    Attributes:
+        awake: Units that are awake, in the order of the scene.
+    """
 
     def __init__(self, world: BulletWorld) -> None:
         """Begin with all units of ``world`` awake."""
@@ -41,6 +45,7 @@ class SleepingUnits:
         self._tick = 0
         self._roused = dict.fromkeys(world.units, 0)  # tick at which a unit was last roused
         self._asleep: dict[str, None] = {}
+        self.awake = tuple(world.units)
         self._groups: dict[str, tuple[str, ...]] = {name: (name,) for name in world.units}
         self._reach = {
             frozenset((a, b)): world.units[a].geometry.circumradius
@@ -73,6 +78,8 @@ class SleepingUnits:
             self._roused[name] = self._tick
             if name in self._asleep:
                 del self._asleep[name]
+                self._world.look(name)
+                self._note_awake()
                 self._set_state(name, pybullet.ACTIVATION_STATE_DISABLE_SLEEPING)
 
     def step(self, is_driven: Callable[[str], bool]) -> None:
@@ -84,6 +91,11 @@ class SleepingUnits:
         self._tick += 1
         if self._tick % self._period:
             return
+        for unit in tuple(self._asleep):
+            if self._world.look(unit):
+                self.rouse(unit)
+            else:
+                self._world.hold(unit)
         # A unit that sleeps is not driven: it would have been roused before.
         driven = {unit: unit not in self._asleep and is_driven(unit) for unit in self._groups}
         for unit, moves in driven.items():
@@ -96,6 +108,7 @@ class SleepingUnits:
                     self._asleep[name] = None
                     self._set_state(name, pybullet.ACTIVATION_STATE_ENABLE_SLEEPING)
                     self._set_state(name, pybullet.ACTIVATION_STATE_SLEEP)
+                self._note_awake()
 
     def _wake_the_approached(self, driven: Mapping[str, bool]) -> None:
         poses = {name: self._world.pose(name) for name in self._groups}
@@ -107,6 +120,9 @@ class SleepingUnits:
                 distance = math.hypot(X.x - other.x, X.y - other.y)
                 if name != mover and distance < self._reach[frozenset((name, mover))]:
                     self.rouse(name)
+
+    def _note_awake(self) -> None:
+        self.awake = tuple(name for name in self._groups if name not in self._asleep)
 
     def _may_sleep(self, unit: str) -> bool:
         return self._tick - self._roused[unit] >= self._awake_ticks and self._rests(unit)

@@ -77,6 +77,7 @@ class BulletWorld:
         self.units: dict[str, UnitBody] = {}
         self.obstacles: dict[str, int] = {}
         self._planar: dict[str, SE2] = {}  # of the present tick
+        self._held: dict[str, SE2] = {}
         self._places: dict[str, tuple[_Place, SE2]] = {}  # where the units were when they were asked for last
         # The next obstacle to appear is last; obstacles that appear together keep the order of the scene.
         self._waiting = sorted(
@@ -137,7 +138,7 @@ class BulletWorld:
 
     def pose(self, name: str) -> SE2:
         """Return the true ``X_WU`` in the plane, the same object until the unit has moved."""
-        pose = self._planar.get(name)
+        pose = self._held.get(name) or self._planar.get(name)
         if pose is None:
             unit = self.unit(name)
             place = pybullet.getBasePositionAndOrientation(unit.body, physicsClientId=self.client)
@@ -146,6 +147,15 @@ class BulletWorld:
                 known = self._places[name] = place, _pose_in_plane(unit, place)
             pose = self._planar[name] = known[1]
         return pose
+
+    def hold(self, name: str) -> None:
+        """Take a unit to stay where it is until :meth:`look`, and save PyBullet from being asked for it."""
+        self._held[name] = self.pose(name)
+
+    def look(self, name: str) -> bool:
+        """Hold a unit no longer; return whether it has moved although it was held."""
+        held = self._held.pop(name, None)
+        return held is not None and self.pose(name) is not held
 
     def link_pose(self, name: str, link: str) -> SE3:
         """Return the true pose ``X_WL`` of a link of a unit, the wheels by their present angles."""
@@ -186,6 +196,7 @@ class BulletWorld:
         """Put a unit on the floor at ``X_WU`` and at rest, the wheels (left, right) at these angles [rad]."""
         unit = self.unit(name)
         self._planar.clear()
+        self._held.pop(name, None)
         # PyBullet sets the pose of the centre of mass, not of the link frame.
         X_WI = SE3.from_se2(X_WU) @ unit.X_IU.inverse()
         pybullet.resetBasePositionAndOrientation(

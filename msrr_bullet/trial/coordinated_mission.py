@@ -42,6 +42,7 @@ class _Member:
         self.runner = UnitRunner(environment, unit, self.recorded, profiler)
         self.step: DockingStep | None = None
         self.begun: tuple[int, bool] = (0, False)  # route and whether it was leaving a port
+        self.waits = False  # on standby, which only an authority can end
         self._failed_ns: int | None = None
 
     def has_come_to_rest(self, now_ns: int) -> bool:
@@ -88,9 +89,10 @@ class CoordinatedMission(Mission):
         for unit, member in self._members.items():
             for authority in arrived.get(unit, ()):
                 member.recorded.authorise(authority)
+                member.waits = False
             if self._reports[unit].due(now_ns):
                 self._radio.from_units[unit].send(member.recorded.report(now_ns), now_ns)
-            if member.runner.running:
+            if not member.waits and member.runner.running:
                 member.runner.sense(now_ns)
 
     def _run_base(self, now_ns: int) -> None:
@@ -112,9 +114,13 @@ class CoordinatedMission(Mission):
         if self._over:
             return
         for member in self._members.values():
+            if member.waits:
+                continue
             if member.robot.active and not member.has_come_to_rest(now_ns):
                 self._decide_for(member, now_ns)
-            elif member.runner.running and member.step is None:
+            elif not member.runner.running:
+                member.waits = True
+            elif member.step is None:
                 member.runner.stop()
         ended = self._judge(now_ns)
         if ended is None:
@@ -177,7 +183,7 @@ class CoordinatedMission(Mission):
 
     def _actuate(self, now_ns: int) -> None:
         for member in self._members.values():
-            if member.runner.running:
+            if not member.waits and member.runner.running:
                 member.runner.actuate(now_ns)
 
     def _note(self, now_ns: int, poses: Mapping[str, SE2], safety: Safety) -> None:

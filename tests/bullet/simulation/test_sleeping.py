@@ -116,6 +116,18 @@ def test_a_target_that_slept_is_pushed_as_one_that_was_awake(bench, never_asleep
     assert (np.abs(np.subtract(with_sleep, without)) < [2e-4, 2e-4, 1e-3]).all()
 
 
+def test_a_sleeper_that_something_else_has_moved_is_roused_and_seen_where_it_is(plant):
+    advance(plant, 1.0)
+    body, client = plant.world.unit("b").body, plant.world.client
+    (x, y, z), turn = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
+    pybullet.resetBasePositionAndOrientation(body, [x + 0.01, y, z], turn, physicsClientId=client)
+    advance(plant, 0.05)
+    assert not plant.is_asleep("b")
+    assert plant.pose("b").x == pytest.approx(0.01, abs=1e-4)
+    advance(plant, 1.0)
+    assert asleep(plant) == {"a", "b"}
+
+
 def test_units_feel_no_difference_between_a_floor_that_sleeps_and_one_that_does_not(two_units):
     """To the bit, while a unit drives past one that falls asleep on it."""
     ends = []
