@@ -63,7 +63,8 @@ class BaseStation:
         self._vision = OverheadVision(
             model, units, detector, standing_every=_STANDING_EVERY, half_resolution=True
         )
-        period_s = 2.0 * _STANDING_EVERY / scene.cameras.overhead.rate_hz if scene.cameras.overhead else 0.0
+        assert scene.cameras.overhead is not None, "the model of its camera was built"
+        period_s = 2.0 * _STANDING_EVERY / scene.cameras.overhead.rate_hz
         self._way_m = scene.limits.v_max_mps * period_s  # of a unit until remote bodies are read again
         self._radius_m = {unit: scene.geometry(unit).circumradius for unit in units}
         self._radius_m |= {name: spec.radius_m for name, spec in scene.obstacles.items()}

@@ -43,6 +43,7 @@ class BulletPlant(Plant):
 
     def step_freewheeling(self) -> None:
         """Advance by one tick with all wheels released."""
+        self._sleeping.watch()
         for name in self._sleeping.awake:
             self._motors[name].release()
         self._advance()

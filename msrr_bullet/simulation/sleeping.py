@@ -91,11 +91,7 @@ class SleepingUnits:
         self._tick += 1
         if self._tick % self._period:
             return
-        for unit in tuple(self._asleep):
-            if self._world.look(unit):
-                self.rouse(unit)
-            else:
-                self._world.hold(unit)
+        self.watch()
         # A unit that sleeps is not driven: it would have been roused before.
         driven = {unit: unit not in self._asleep and is_driven(unit) for unit in self._groups}
         for unit, moves in driven.items():
@@ -109,6 +105,14 @@ class SleepingUnits:
                     self._set_state(name, pybullet.ACTIVATION_STATE_ENABLE_SLEEPING)
                     self._set_state(name, pybullet.ACTIVATION_STATE_SLEEP)
                 self._note_awake()
+
+    def watch(self) -> None:
+        """Rouse the sleepers that something has moved. Until the next call all others stay where they are."""
+        for unit in tuple(self._asleep):
+            if self._world.look(unit):
+                self.rouse(unit)
+            else:
+                self._world.hold(unit)
 
     def _wake_the_approached(self, driven: Mapping[str, bool]) -> None:
         poses = {name: self._world.pose(name) for name in self._groups}

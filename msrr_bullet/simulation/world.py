@@ -77,7 +77,7 @@ class BulletWorld:
         self.units: dict[str, UnitBody] = {}
         self.obstacles: dict[str, int] = {}
         self._planar: dict[str, SE2] = {}  # of the present tick
-        self._held: dict[str, SE2] = {}
+        self._held: dict[str, SE2] = {}  # of units that are taken to stay where they are
         self._places: dict[str, tuple[_Place, SE2]] = {}  # where the units were when they were asked for last
         # The next obstacle to appear is last; obstacles that appear together keep the order of the scene.
         self._waiting = sorted(
@@ -144,7 +144,7 @@ class BulletWorld:
             place = pybullet.getBasePositionAndOrientation(unit.body, physicsClientId=self.client)
             known = self._places.get(name)
             if known is None or known[0] != place:
-                known = self._places[name] = place, _pose_in_plane(unit, place)
+                known = self._places[name] = (place, _pose_in_plane(unit, place))
             pose = self._planar[name] = known[1]
         return pose
 
