@@ -29,6 +29,9 @@ AWAKE_S = 0.5
 #: Time between two looks at what moves [s]: a unit at the top speed of the shipped drive gains 15 mm.
 _PERIOD_S = 0.05
 
+#: Such looks from one to the next at the sleepers themselves, which nothing should have moved.
+_WATCH_EVERY = 5
+
 
 class SleepingUnits:
     """Decides which units sleep.
@@ -91,7 +94,8 @@ class SleepingUnits:
         self._tick += 1
         if self._tick % self._period:
             return
-        self.watch()
+        if self._tick % (_WATCH_EVERY * self._period) == 0:
+            self.watch()
         # A unit that sleeps is not driven: it would have been roused before.
         driven = {unit: unit not in self._asleep and is_driven(unit) for unit in self._groups}
         for unit, moves in driven.items():

@@ -121,7 +121,7 @@ def test_a_sleeper_that_something_else_has_moved_is_roused_and_seen_where_it_is(
     body, client = plant.world.unit("b").body, plant.world.client
     (x, y, z), turn = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
     pybullet.resetBasePositionAndOrientation(body, [x + 0.01, y, z], turn, physicsClientId=client)
-    advance(plant, 0.05)
+    advance(plant, 0.25)
     assert not plant.is_asleep("b")
     assert plant.pose("b").x == pytest.approx(0.01, abs=1e-4)
     advance(plant, 1.0)
