@@ -6,8 +6,6 @@ these are the same, bit for bit, so is the picture.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,18 +23,8 @@ _MOST = 256
 _LARGEST_PX = 1 << 15
 
 
-@dataclass(frozen=True, eq=False)
-class _Picture:
-    """The pixels of a window, and what they show: seen by which camera, with the moving frames where."""
-
-    camera: PinholeCamera
-    X_WC: SE3
-    poses: Array
-    pixels: Pixels
-
-
 class KeptPictures:
-    """The latest picture of each of the windows that were drawn last."""
+    """The latest picture of each of the windows that were drawn last, while the camera stays where it is."""
 
     def __init__(self, geometry: Geometry, frame_count: int) -> None:
         """Begin without a picture.
@@ -49,7 +37,8 @@ class KeptPictures:
         # Radius of a ball about the origin of each moving frame that holds all its shapes, shape (M,).
         self._radius = np.zeros(frame_count)
         np.maximum.at(self._radius, geometry.shape_frame, np.linalg.norm(balls[:, :3], axis=1) + balls[:, 3])
-        self._pictures: dict[Window, _Picture] = {}
+        self._seen_from: tuple[PinholeCamera, SE3] | None = None
+        self._pictures: dict[Window, tuple[Array, Pixels]] = {}  # poses of the moving frames, and the pixels
 
     def find(self, camera: PinholeCamera, X_WC: SE3, window: Window, poses: Array) -> Pixels | None:
         """Return the pixels of a window, read-only, if they can be no others than when it was drawn last.
@@ -60,28 +49,36 @@ class KeptPictures:
             window: Any rectangle, inside or outside the frame.
             poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
         """
-        kept = self._pictures.get(window)
-        if kept is None or kept.camera != camera:
+        if window not in self._pictures or not self._is_seen_from(camera, X_WC):
             return None
-        if not (np.array_equal(kept.X_WC.p, X_WC.p) and np.array_equal(kept.X_WC.R, X_WC.R)):
-            return None
-        moved = np.flatnonzero((kept.poses != poses).any(axis=1))
+        before, pixels = self._pictures[window]
+        moved = np.flatnonzero((before != poses).any(axis=1))
         if moved.size:
-            places = np.concatenate([kept.poses[moved, :3], poses[moved, :3]])
+            places = np.concatenate([before[moved, :3], poses[moved, :3]])
             radius = np.tile(self._radius[moved], 2)
             if _may_show(camera, (places - X_WC.p) @ X_WC.R, radius, window).any():
                 return None
-        return kept.pixels
+        return pixels
 
     def keep(self, camera: PinholeCamera, X_WC: SE3, window: Window, poses: Array, pixels: Pixels) -> None:
         """Keep the pixels of a window, which become read-only; see :meth:`find`."""
         if window.area > _LARGEST_PX:
             return
+        if not self._is_seen_from(camera, X_WC):
+            self._pictures.clear()
+            self._seen_from = camera, X_WC
         pixels.setflags(write=False)
         self._pictures.pop(window, None)
-        self._pictures[window] = _Picture(camera, X_WC, poses, pixels)
+        self._pictures[window] = poses, pixels
         if len(self._pictures) > _MOST:
             del self._pictures[next(iter(self._pictures))]
+
+    def _is_seen_from(self, camera: PinholeCamera, X_WC: SE3) -> bool:
+        """Return whether the kept pictures are those of this camera at this place."""
+        if self._seen_from is None or self._seen_from[0] != camera:
+            return False
+        before = self._seen_from[1]
+        return before is X_WC or (np.array_equal(before.p, X_WC.p) and np.array_equal(before.R, X_WC.R))
 
 
 def _may_show(camera: PinholeCamera, p_C: Array, radius: Array, window: Window) -> NDArray[np.bool_]:
