@@ -11,7 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.process import BaseProcess
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from msrr_bullet.pybullet_client import load_simulator
 from msrr_bullet.sweep.summary import TrialFailure
@@ -24,8 +24,17 @@ from msrr_scenes.specs.scene import Scene
 #: clock gives it as ``wall_limit_s``.
 TrialFunction = Callable[..., TrialResult]
 
-#: Called with the seed of every finished trial, and its result or failure.
-Collector = Callable[[int, TrialResult | TrialFailure], None]
+
+class Task(NamedTuple):
+    """A trial to be run: its scene, the hash of that scene, and its seed."""
+
+    scene: Scene
+    scene_hash: str
+    seed: int
+
+
+#: Called with every finished task, and its result or failure.
+Collector = Callable[[Task, TrialResult | TrialFailure], None]
 
 
 class SupportsSubmit(Protocol):
@@ -44,30 +53,29 @@ class WorkerPool:
         jobs: int,
         executor: SupportsSubmit | None,
         trial: TrialFunction,
-        scene: Scene,
         collector: Collector,
     ) -> None:
         self._jobs = jobs
         self._given = executor
         self._pool: ProcessPoolExecutor | None = None
         self._trial = trial
-        self._scene = scene
         self._collector = collector
         self._other_children: set[BaseProcess] = set()
-        self._running: dict[Future[Any], int] = {}
+        self._running: dict[Future[Any], Task] = {}
 
-    def run(self, seeds: deque[int]) -> None:
-        """Run a trial for every seed; a seed is removed from ``seeds`` when its trial starts."""
-        while seeds or self._running:
+    def run(self, tasks: deque[Task]) -> None:
+        """Run every task; a task is removed from ``tasks`` when its trial starts."""
+        while tasks or self._running:
             # One more than can run, so that no worker waits; few, so that few are suspects when one dies.
-            while seeds and len(self._running) <= self._jobs:
-                self._submit(seeds.popleft(), self._jobs)
+            while tasks and len(self._running) <= self._jobs:
+                self._submit(tasks.popleft(), self._jobs)
             suspects = self._collect()
-            for seed in suspects:
+            for task in suspects:
                 # The pool does not say whose trial killed a worker; run alone, each trial shows it.
-                self._submit(seed, 1)
+                self._submit(task, 1)
                 if self._collect():
-                    self._collector(seed, TrialFailure(seed=seed, error="the process of this trial died"))
+                    died = TrialFailure(seed=task.seed, error="the process of this trial died")
+                    self._collector(task, died)
             if suspects:
                 self.close()  # the next trial starts a full pool again
 
@@ -95,9 +103,9 @@ class WorkerPool:
             self._pool.shutdown(wait=True, cancel_futures=True)
             self._pool = None
 
-    def _submit(self, seed: int, workers: int) -> None:
+    def _submit(self, task: Task, workers: int) -> None:
         executor: SupportsSubmit = self._given if self._given is not None else self._open(workers)
-        self._running[executor.submit(self._trial, self._scene, seed)] = seed
+        self._running[executor.submit(self._trial, task.scene, task.seed)] = task
 
     def _open(self, workers: int) -> ProcessPoolExecutor:
         if self._pool is None:
@@ -107,27 +115,27 @@ class WorkerPool:
             self._pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker)
         return self._pool
 
-    def _collect(self) -> list[int]:
-        """Wait until a trial ends and collect all that have; return the seeds that a dead worker left."""
+    def _collect(self) -> list[Task]:
+        """Wait until a trial ends and collect all that have; return the tasks that a dead worker left."""
         finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
-        lost: list[int] = []
+        lost: list[Task] = []
         misuse: MsrrError | None = None
         for future in finished:
-            seed = self._running.pop(future)
+            task = self._running.pop(future)
             error = future.exception()
             if error is None:
-                self._collector(seed, future.result())
+                self._collector(task, future.result())
             elif isinstance(error, WallLimitError):
-                self._collector(seed, TrialFailure(seed=seed, error=str(error), stopped=True))
+                self._collector(task, TrialFailure(seed=task.seed, error=str(error), stopped=True))
             elif isinstance(error, MsrrError):
                 misuse = error
             elif isinstance(error, BrokenProcessPool) and self._pool is not None:
-                lost.append(seed)
+                lost.append(task)
             else:
-                failure = TrialFailure(seed=seed, error=f"{type(error).__name__}: {error}")
-                self._collector(seed, failure)
+                failure = TrialFailure(seed=task.seed, error=f"{type(error).__name__}: {error}")
+                self._collector(task, failure)
         if misuse is not None:
-            raise misuse  # no seed would run
+            raise misuse  # no seed of this scene would run
         if lost:
             lost += self._running.values()
             self._running.clear()

@@ -13,7 +13,8 @@ import pytest
 
 from msrr_bullet.cli.app import run
 from msrr_bullet.sweep.summary import SweepSummary
-from msrr_bullet.sweep.sweep import one_trial, sweep
+from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.trials import one_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.specs.scene import Scene
 

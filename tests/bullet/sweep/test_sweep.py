@@ -15,6 +15,7 @@ import pytest
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.sweep.trial_store import TrialStore
+from msrr_bullet.sweep.trials import run_trials
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes import load_scene, scene_hash
@@ -62,8 +63,25 @@ def test_another_scene_or_other_code_is_not_taken_from_the_store(
     other = load_scene("close_range", {"cameras.onboard.noise_grey": "9"})
     assert sweep(other, range(3), store=store, executor=inline, trial=made_up).reused == 0
     assert sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 3
-    monkeypatch.setattr("msrr_bullet.sweep.sweep.code_fingerprint", lambda scene: "edited")
+    monkeypatch.setattr("msrr_bullet.sweep.trials.code_fingerprint", lambda scene: "edited")
     assert sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 0
+
+
+def test_many_scenes_share_one_pool_and_one_store(
+    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
+) -> None:
+    other = load_scene("close_range", {"cameras.onboard.noise_grey": "9"})
+    batches = [(scene, range(3)), (other, range(2)), (scene, range(1, 5))]
+    store = tmp_path / "trials.sqlite"
+    first = run_trials(batches, store=store, executor=inline, trial=made_up)
+    expected = {(scene_hash(scene), seed) for seed in range(5)} | {(scene_hash(other), s) for s in range(2)}
+    assert first.outcomes.keys() == expected
+    assert all(
+        isinstance(outcome, TrialResult) and (outcome.scene_hash, outcome.seed) == key
+        for key, outcome in first.outcomes.items()
+    )
+    again = run_trials(batches, store=store, executor=inline, trial=made_up)
+    assert (again.reused, again.outcomes) == (7, first.outcomes)
 
 
 def test_an_interrupted_sweep_keeps_what_it_has(

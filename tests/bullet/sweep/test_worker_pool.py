@@ -6,17 +6,18 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.sweep.summary import TrialFailure
-from msrr_bullet.sweep.sweep import one_trial, sweep
-from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction, WorkerPool
+from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.trials import one_trial
+from msrr_bullet.sweep.worker_pool import SupportsSubmit, Task, TrialFunction, WorkerPool
 from msrr_bullet.trial.result import TrialResult
-from msrr_scenes import load_scene
+from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.specs.scene import Scene
 
 
 def test_every_seed_is_collected_once(scene: Scene, inline: SupportsSubmit, made_up: TrialFunction) -> None:
     collected: list[int] = []
-    pool = WorkerPool(2, inline, made_up, scene, lambda seed, outcome: collected.append(seed))
-    pool.run(deque(range(7)))
+    pool = WorkerPool(2, inline, made_up, lambda task, outcome: collected.append(task.seed))
+    pool.run(deque(Task(scene, scene_hash(scene), seed) for seed in range(7)))
     pool.close()
     assert sorted(collected) == list(range(7))
 
@@ -26,7 +27,7 @@ def test_a_worker_that_dies_takes_no_other_trial_with_it(
 ) -> None:
     (tmp_path / "deadly_trial.py").write_text(
         "import os\n"
-        "from msrr_bullet.sweep.sweep import one_trial\n"
+        "from msrr_bullet.sweep.trials import one_trial\n"
         "def trial(scene, seed):\n"
         "    if seed == 1:\n"
         "        os._exit(7)\n"

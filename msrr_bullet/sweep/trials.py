@@ -1,0 +1,138 @@
+"""Trials of one or many scenes: spread over processes, kept in a store, resumed after an interruption."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from msrr_bullet.pybullet_client import load_simulator
+from msrr_bullet.render import prepare_renderers
+from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_bullet.sweep.summary import TrialFailure
+from msrr_bullet.sweep.trial_store import TrialStore
+from msrr_bullet.sweep.worker_pool import SupportsSubmit, Task, TrialFunction, WorkerPool
+from msrr_bullet.trial.result import TrialResult
+from msrr_scenes.errors import ProgramFailedError
+from msrr_scenes.loading.load import scene_hash
+from msrr_scenes.specs.scene import Scene
+
+_log = logging.getLogger(__name__)
+
+#: Called for every finished trial with its result or failure, and whether it came from the store.
+TrialObserver = Callable[[TrialResult | TrialFailure, bool], None]
+
+
+@dataclass(frozen=True)
+class FinishedTrials:
+    """The trials of :func:`run_trials`.
+
+    Attributes:
+        outcomes: Result or failure of every trial that has ended, by hash of its scene and seed.
+        reused: Number of trials taken from the store.
+        interrupted: Whether the run was stopped before all trials were run.
+    """
+
+    outcomes: Mapping[tuple[str, int], TrialResult | TrialFailure]
+    reused: int
+    interrupted: bool
+
+
+def one_trial(scene: Scene, seed: int, wall_limit_s: float | None = None) -> TrialResult:
+    """Run one trial without a run folder; see :meth:`msrr_bullet.trial.trial.Trial.run`."""
+    # A process that only starts trials elsewhere does not load the simulator.
+    from msrr_bullet.trial.trial import Trial
+
+    return Trial(scene, seed).run(wall_limit_s)
+
+
+def _check(scene: Scene) -> None:
+    """Refuse a scene before any trial is started; a class that fails is for the trials to count."""
+    load_simulator()
+    from msrr_bullet.trial.check import check_trial
+
+    with suppress(ProgramFailedError):
+        check_trial(scene)
+
+
+def run_trials(
+    batches: Iterable[tuple[Scene, Iterable[int]]],
+    jobs: int = 1,
+    store: Path | None = None,
+    *,
+    executor: SupportsSubmit | None = None,
+    trial: TrialFunction = one_trial,
+    observer: TrialObserver | None = None,
+    wall_limit_s: float | None = None,
+) -> FinishedTrials:
+    """Run a trial for each seed of each scene, all of them in one pool.
+
+    Ctrl-C stops the run after the trials that are running; a second Ctrl-C drops these as well. In both
+    cases every computed result is in the store and among those returned.
+
+    Args:
+        batches: Scenes, already checked, with the seeds of their trials; a repeated trial is run once.
+        jobs: Number of trials that run at the same time.
+        store: SQLite file of results; a trial that it holds for this scene and this code is not run again.
+        executor: Runs the trials instead of a pool of ``jobs`` spawned processes. It is left open.
+        trial: Runs one trial; importable by name, because it is sent to other processes.
+        observer: Called with each trial as it is done.
+        wall_limit_s: Time that each trial may take on the wall clock; None sets no limit.
+
+    Raises:
+        MsrrError: A scene cannot be run with any seed, or the store cannot be used.
+        ValueError: ``jobs`` is not positive.
+    """
+    if jobs < 1:
+        raise ValueError(f"expected at least one job, found {jobs}")
+    outcomes: dict[tuple[str, int], TrialResult | TrialFailure] = {}
+    codes: dict[str, str] = {}
+    missing: deque[Task] = deque()
+    with ExitStack() as stack:
+        trial_store = stack.enter_context(TrialStore(store)) if store is not None else None
+        for scene, seeds in batches:
+            digest, code = scene_hash(scene), code_fingerprint(scene)
+            codes[digest] = code
+            wanted = list(dict.fromkeys(seed for seed in seeds if (digest, seed) not in outcomes))
+            stored: dict[int, TrialResult] = {}
+            if trial_store is not None:
+                trial_store.put_scene(digest, scene.name, scene.model_dump_json())
+                stored = trial_store.get(digest, code, wanted)
+            for seed, result in stored.items():
+                outcomes[digest, seed] = result
+                if observer is not None:
+                    observer(result, True)
+            tasks = [Task(scene, digest, seed) for seed in wanted if seed not in stored]
+            if tasks:
+                _check(scene)
+            if tasks and executor is None:
+                prepare_renderers(scene, _log.info)  # once, instead of in every worker at the same time
+            missing += tasks
+        reused = len(outcomes)
+
+        def collect(task: Task, outcome: TrialResult | TrialFailure) -> None:
+            outcomes[task.scene_hash, task.seed] = outcome
+            if trial_store is not None and isinstance(outcome, TrialResult):
+                trial_store.put(outcome, codes[task.scene_hash])
+            if observer is not None:
+                observer(outcome, False)
+
+        if wall_limit_s is not None:
+            trial = partial(trial, wall_limit_s=wall_limit_s)
+        pool = WorkerPool(jobs, executor, trial, collect)
+        try:
+            pool.run(missing)
+            interrupted = False
+        except KeyboardInterrupt:
+            interrupted = True
+            pool.finish()
+        except BaseException:
+            pool.kill()
+            raise
+        finally:
+            pool.close()
+    return FinishedTrials(outcomes, reused, interrupted)
