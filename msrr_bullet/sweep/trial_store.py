@@ -11,7 +11,7 @@ from msrr_bullet.trial.result import ResultError, TrialResult
 from msrr_scenes.errors import MsrrError
 
 #: Version of the tables and of the results in them; it is increased with every change.
-LAYOUT = 2
+LAYOUT = 3
 
 _TABLES = """
 CREATE TABLE IF NOT EXISTS scenes (

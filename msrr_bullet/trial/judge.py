@@ -188,6 +188,7 @@ class Judge:
                 time_s=seconds(now_ns),
                 lateral_m=abs(port.lateral),
                 yaw_rad=abs(port.yaw),
+                port=PlanarPose(x_m=-port.gap, y_m=port.lateral, yaw_rad=port.yaw),
                 estimate_error=self._error(estimate()),
             )
         if port.gap < self._deepest:

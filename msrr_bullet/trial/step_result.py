@@ -47,12 +47,14 @@ class Contact(Record):
         time_s: Simulated time [s].
         lateral_m: Distance of the docking port from the axis of the dock frame D [m].
         yaw_rad: Angle between the docking port and the axis of D, not negative [rad].
+        port: Pose of the docking port in D at the height of the pins: the same errors with their signs.
         estimate_error: Estimate minus truth of the unit in D; None without an estimate.
     """
 
     time_s: Distance
     lateral_m: Distance
     yaw_rad: Distance
+    port: PlanarPose
     estimate_error: PlanarPose | None = None
 
 

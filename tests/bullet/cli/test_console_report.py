@@ -33,7 +33,8 @@ def text(table: Table) -> str:
 def false_dock() -> TrialResult:
     here = PlanarPose(x_m=-0.102, y_m=0.0, yaw_rad=0.0)
     failed = AttemptRecord(ended_s=6.0, phase=Phase.DOCK, reason="stalled", believed=here, true=here)
-    contact = Contact(time_s=9.0, lateral_m=0.0015, yaw_rad=0.01)
+    port = PlanarPose(x_m=-0.01, y_m=0.0015, yaw_rad=-0.01)
+    contact = Contact(time_s=9.0, lateral_m=0.0015, yaw_rad=0.01, port=port)
     step = StepResult(
         index=0,
         unit="a",

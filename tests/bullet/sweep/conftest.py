@@ -47,7 +47,9 @@ def _made_up(scene: Scene, seed: int) -> TrialResult:
     """Dock on the first attempt with even seeds and the second with odd ones; every tenth is a false dock."""
     false_dock = seed % 10 == 9
     outcome = Outcome.FALSE_DOCK if false_dock else Outcome.DOCKED
-    contact = Contact(time_s=0.5, lateral_m=1e-3 * seed, yaw_rad=math.radians(0.1 * seed))
+    lateral, yaw = 1e-3 * seed, math.radians(0.1 * seed)
+    port = PlanarPose(x_m=-0.01, y_m=-lateral, yaw_rad=yaw)
+    contact = Contact(time_s=0.5, lateral_m=lateral, yaw_rad=yaw, port=port)
     attempt = AttemptRecord(
         ended_s=1.0,
         phase=Phase.DONE,

@@ -23,7 +23,7 @@ from msrr_scenes.outcome import Outcome
 POSE = PlanarPose(x_m=-0.1, y_m=1e-17, yaw_rad=math.pi / 7)
 
 
-CONTACT = Contact(time_s=7.3, lateral_m=0.1 + 0.2, yaw_rad=1e-300, estimate_error=POSE)
+CONTACT = Contact(time_s=7.3, lateral_m=0.1 + 0.2, yaw_rad=1e-300, port=POSE, estimate_error=POSE)
 
 
 def step(**changes: object) -> StepResult:

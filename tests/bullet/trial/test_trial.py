@@ -70,6 +70,8 @@ def test_a_unit_docks_by_rendered_images(docking: Docking) -> None:
     assert (step.started_s, step.ended_s) == (0.0, result.duration_s)
     assert step.contact is not None
     assert step.contact.lateral_m < 0.003
+    assert abs(step.contact.port.y_m) == step.contact.lateral_m
+    assert abs(step.contact.port.yaw_rad) == step.contact.yaw_rad
     assert step.contact.yaw_rad < math.radians(1.5)
     assert step.seating is not None
     assert step.seating.seated
