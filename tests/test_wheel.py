@@ -65,6 +65,7 @@ def test_the_wheel_holds_everything_a_trial_needs_and_nothing_else(wheel: Path) 
         "msrr_scenes/urdf/unit.urdf",
         "msrr_bullet/viewer/page.html",
         "msrr_bullet/reproduce/report/report.html.j2",
+        "msrr_bullet/tolerance/page.html.j2",
     } <= names
     sources = {
         p.relative_to(room).as_posix(): p.read_bytes()

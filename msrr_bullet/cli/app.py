@@ -12,7 +12,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from msrr_bullet.cli import bench_commands, run_commands, study_commands, trial_commands
+from msrr_bullet.cli import bench_commands, run_commands, study_commands, tolerance_command, trial_commands
 from msrr_bullet.cli.console import open_console
 from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, report_error
 from msrr_bullet.cli.options import Overrides, parse_overrides
@@ -120,6 +120,7 @@ app.command()(bench_commands.bench)
 app.command()(run_commands.replay)
 app.command()(study_commands.tune)
 app.command()(study_commands.reproduce)
+app.command()(tolerance_command.tolerance)
 app.command()(run_commands.frames)
 app.command()(run_commands.plot)
 app.command()(run_commands.export)

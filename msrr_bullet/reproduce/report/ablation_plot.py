@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
+from msrr_bullet.figures.style import PAPER, SMALL, controller_style, new_figure, save, styled
 from msrr_bullet.reproduce.report.estimates import Estimate, estimate_measure, estimate_rate
-from msrr_bullet.reproduce.report.style import PAPER, SMALL, controller_style, new_figure, save, styled
 from msrr_bullet.studies.measures import MEASURES, Measure
 from msrr_bullet.studies.model import Ablations, Row
 

@@ -16,12 +16,13 @@ def as_built_problems(scene: Scene) -> Iterator[Problem]:
     for group, quantity, deviation in scene.as_built.deviations():
         if not deviation.error:
             continue
-        why = _without_effect(scene, group, quantity)
+        why = without_effect(scene, group, quantity)
         if why:
             yield Problem(("as_built", group, quantity), why)
 
 
-def _without_effect(scene: Scene, group: str, quantity: str) -> str | None:
+def without_effect(scene: Scene, group: str, quantity: str) -> str | None:
+    """Return why an error of this quantity would change nothing in the scene; None if it acts."""
     if (group == "floor" or quantity == "mass_percent") and scene.plant != "bullet":
         return f"the plant {scene.plant!r} has no floor and no masses; use plant bullet, or leave it out"
     if group == "overhead" and scene.cameras.overhead is None:

@@ -1,4 +1,4 @@
-"""The style of all figures: sizes, colours that colour-blind readers can tell apart, and the PNG file."""
+"""The style of figures of studies: sizes, colours that colour-blind readers can tell apart, the PNG file."""
 
 from __future__ import annotations
 
@@ -36,6 +36,14 @@ _TEXT: dict[Any, Any] = {
     "svg.hashsalt": "msrr",
 }
 
+#: What is different on a page that is shown in dark colours.
+_DARK: dict[Any, Any] = {
+    **dict.fromkeys(("figure.facecolor", "axes.facecolor", "savefig.facecolor"), "#14181d"),
+    **dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), "#e4e8ec"),
+    "axes.edgecolor": "#e4e8ec",
+    "grid.color": "#333b44",
+}
+
 #: Size of numbers inside a figure.
 SMALL = 13.0
 
@@ -65,9 +73,9 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def styled() -> AbstractContextManager[None]:
+def styled(*, dark: bool = False) -> AbstractContextManager[None]:
     """Return the context in which every figure is drawn and saved."""
-    return rc_context(_TEXT)
+    return rc_context({**_TEXT, **_DARK} if dark else _TEXT)
 
 
 def legend_above(axes: Axes, columns: int = 2) -> None:

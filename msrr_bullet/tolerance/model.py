@@ -1,0 +1,240 @@
+"""The results of a tolerance study: the JSON from which page, figure and tables are made.
+
+Sizes and errors of an effect are in the unit that the effect names, lateral errors in millimetres and yaw
+errors in degrees.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from typing import Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
+from msrr_scenes.specs.as_built import Grade
+
+
+class StudyPart(BaseModel):
+    """A part of the results: frozen, without unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class ContactError(StudyPart):
+    """The true errors of the port at the first contact of a pin, with their signs.
+
+    Attributes:
+        lateral_mm: Offset from the axis of the target port, positive to the left [mm].
+        yaw_deg: Angle to that axis [deg].
+    """
+
+    lateral_mm: float
+    yaw_deg: float
+
+
+class StudyTrial(StudyPart):
+    """One trial.
+
+    Attributes:
+        seed: Seed of all random streams.
+        error: True error that it had, or the standard deviation of a drawn one; None for a grade.
+        outcome: Verdict of the judge, or ``no_result``.
+        succeeded: Whether all units docked.
+        error_text: Why there is no result; empty if there is one.
+        contacts: Errors at contact of every dock ``<unit> to <unit>.<port>``.
+    """
+
+    seed: int
+    error: float | None
+    outcome: str
+    succeeded: bool
+    error_text: str = ""
+    contacts: dict[str, ContactError]
+
+
+class Sample(StudyPart):
+    """Trials under one condition.
+
+    Attributes:
+        trials: The trials, by seed.
+        docked: Rate of success with its 95 % Wilson interval.
+        lateral_mm: Magnitudes of the lateral errors at contact.
+        yaw_deg: Magnitudes of the yaw errors at contact.
+        outcomes: Number of trials by outcome, the most frequent one first.
+    """
+
+    trials: tuple[StudyTrial, ...]
+    docked: Rate
+    lateral_mm: Quantiles
+    yaw_deg: Quantiles
+    outcomes: dict[str, int]
+
+    @property
+    def successes(self) -> int:
+        """Number of trials that succeeded."""
+        return sum(trial.succeeded for trial in self.trials)
+
+    @property
+    def lateral_rms_mm(self) -> float | None:
+        """Root of the mean squared lateral error at contact [mm]; None without a contact."""
+        found = [contact.lateral_mm for trial in self.trials for contact in trial.contacts.values()]
+        return float(np.sqrt(np.mean(np.square(found)))) if found else None
+
+    @classmethod
+    def _figures(cls, trials: Iterable[StudyTrial]) -> dict[str, object]:
+        kept = tuple(sorted(trials, key=lambda trial: trial.seed))
+        contacts = [contact for trial in kept for contact in trial.contacts.values()]
+        return {
+            "trials": kept,
+            "docked": wilson(sum(trial.succeeded for trial in kept), len(kept)),
+            "lateral_mm": quantiles(abs(contact.lateral_mm) for contact in contacts),
+            "yaw_deg": quantiles(abs(contact.yaw_deg) for contact in contacts),
+            "outcomes": dict(Counter(trial.outcome for trial in kept).most_common()),
+        }
+
+    @classmethod
+    def of(cls, trials: Iterable[StudyTrial]) -> Self:
+        """Summarise trials."""
+        return cls.model_validate(cls._figures(trials))
+
+
+class SizeSample(Sample):
+    """Trials with one effect of one size.
+
+    Attributes:
+        size: Size of the effect.
+        holds: Whether at least 95 % of the trials docked. A size at which that cannot be reached any more is
+            given up, so that not every seed was run.
+    """
+
+    size: float
+    holds: bool
+
+    @classmethod
+    def at(cls, size: float, holds: bool, trials: Iterable[StudyTrial]) -> Self:
+        """Summarise trials with an effect of one size."""
+        return cls.model_validate({**cls._figures(trials), "size": size, "holds": holds})
+
+
+class GradeSample(Sample):
+    """Trials in which everything was drawn by one grade.
+
+    Attributes:
+        grade: Grade of the workmanship.
+    """
+
+    grade: Grade
+
+    @classmethod
+    def under(cls, grade: Grade, trials: Iterable[StudyTrial]) -> Self:
+        """Summarise trials under a grade."""
+        return cls.model_validate({**cls._figures(trials), "grade": grade})
+
+
+class Slope(StudyPart):
+    """Change of an error at contact per unit of an effect, over pairs of trials with and without the effect.
+
+    Attributes:
+        rms: Root of the squared changes over the squared sizes.
+        low: Lower bound of its 95 % interval, by bootstrap over the trials.
+        high: Upper bound.
+        systematic: Least squares of the signed change on the signed error, through the origin: the part that
+            is the same in every trial. None for errors that are drawn for each tag.
+        pairs: Number of pairs.
+    """
+
+    rms: float
+    low: float
+    high: float
+    systematic: float | None
+    pairs: int
+
+
+class EffectResult(StudyPart):
+    """One effect alone.
+
+    Attributes:
+        name: Key of the quantity, see :class:`msrr_bullet.tolerance.effects.Effect`.
+        description: What the quantity is.
+        unit: Unit of all sizes.
+        step: Size by which effects are compared: one standard deviation of ``careful`` if ``graded``.
+        graded: Whether the grades have this effect.
+        both_signs: Whether half of the trials had the error with a minus.
+        drawn: Whether the size is a standard deviation, with which every tag has an error of its own.
+        top: Largest size that was tried, or would have been.
+        samples: Trials by size, the smallest size first.
+        measured: Size at which the slopes are measured.
+        holds: Largest size at which at least 95 % docked; 0 if they did at none.
+        fails: Smallest size beyond ``holds`` at which fewer did; None if there is none up to ``top``.
+        surely_fails: Smallest size beyond ``holds`` whose whole 95 % interval lies below 95 %.
+        threshold: Size between ``holds`` and ``fails`` that stands for both.
+        lateral: Lateral error per unit [mm]; None without a contact.
+        yaw: Yaw error per unit [deg]; None without a contact.
+    """
+
+    name: str
+    description: str
+    unit: str
+    step: float
+    graded: bool
+    both_signs: bool
+    drawn: bool
+    top: float
+    samples: tuple[SizeSample, ...]
+    measured: float
+    holds: float
+    fails: float | None
+    surely_fails: float | None
+    threshold: float | None
+    lateral: Slope | None
+    yaw: Slope | None
+
+    def sample(self, size: float) -> SizeSample:
+        """Return the trials with this size."""
+        return next(sample for sample in self.samples if sample.size == size)
+
+
+class ToleranceStudy(StudyPart):
+    """The whole study.
+
+    Attributes:
+        scene: Name of the scene.
+        told: Tolerances that the robots know while effects are tried alone.
+        versions: Versions of Python and packages.
+        seeds: Seeds of every effect, and of the trials without any.
+        drawn: Trials in which everything is as drawn, with the seeds of the effects.
+        grades: Trials with everything together, by grade.
+        effects: Every effect alone.
+    """
+
+    scene: str
+    told: str
+    versions: dict[str, str]
+    seeds: tuple[int, ...]
+    drawn: Sample
+    grades: tuple[GradeSample, ...]
+    effects: tuple[EffectResult, ...]
+
+    @property
+    def failures(self) -> list[str]:
+        """Every trial without a result, in words: the program failed in it, or it took too long."""
+        conditions: list[tuple[str, Sample]] = [("as drawn", self.drawn)]
+        conditions += [(sample.grade, sample) for sample in self.grades]
+        conditions += [
+            (f"{effect.name} of {sample.size:g} {effect.unit}".rstrip(), sample)
+            for effect in self.effects
+            for sample in effect.samples
+        ]
+        return [
+            f"{name}, seed {trial.seed} gave no result: {trial.error_text}"
+            for name, sample in conditions
+            for trial in sample.trials
+            if trial.error_text
+        ]
+
+    def to_json(self) -> str:
+        """Return the study as indented JSON."""
+        return self.model_dump_json(indent=1) + "\n"

@@ -1,0 +1,60 @@
+"""The page of a tolerance study: one HTML file with its figure inside, and the files beside it."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from msrr_bullet.statistics import wilson
+from msrr_bullet.tolerance import wording
+from msrr_bullet.tolerance.effects import RANGE
+from msrr_bullet.tolerance.error_budget import contributions
+from msrr_bullet.tolerance.model import ToleranceStudy
+from msrr_bullet.tolerance.threshold_search import RESOLUTION
+from msrr_bullet.tolerance.tornado_plot import draw_tornado
+
+
+def write_study(study: ToleranceStudy, folder: Path) -> Path:
+    """Write ``tolerance.html``, ``tolerance.json`` and the figure for light and dark pages.
+
+    Args:
+        study: The study.
+        folder: Existing folder to write to.
+
+    Returns:
+        The page, which needs neither the other files nor a network.
+    """
+    (folder / "tolerance.json").write_text(study.to_json(), encoding="utf-8")
+    light = draw_tornado(study, folder / "tornado.png")
+    dark = draw_tornado(study, folder / "tornado-dark.png", dark=True)
+    environment = Environment(
+        loader=PackageLoader("msrr_bullet.tolerance", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    words = ("with_unit", "interval", "counted", "median_and_95", "outcomes", "limit", "at_limit", "slope")
+    environment.globals.update({name: getattr(wording, name) for name in words})
+    environment.globals.update(
+        systematic=wording.systematic, grade_cells=wording.grade_cells, first_cells=wording.first_cells
+    )
+    found = contributions(study)
+    page = environment.get_template("page.html.j2").render(
+        study=study,
+        found=found,
+        findings=wording.findings(study, found),
+        grade_columns=wording.GRADE_COLUMNS,
+        first_columns=wording.FIRST_COLUMNS,
+        effect_columns=wording.EFFECT_COLUMNS,
+        tornado=base64.b64encode(light.read_bytes()).decode(),
+        tornado_dark=base64.b64encode(dark.read_bytes()).decode(),
+        resolution=RESOLUTION,
+        range=RANGE,
+        bound=wilson(len(study.seeds), len(study.seeds)).low,
+    )
+    path = folder / "tolerance.html"
+    path.write_text(page, encoding="utf-8")
+    return path

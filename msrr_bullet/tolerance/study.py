@@ -1,0 +1,137 @@
+"""The tolerance study: all that asks for trials asks in rounds, and each round is run in one pool."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from pathlib import Path
+from typing import Any
+
+from msrr_bullet.sweep.summary import TrialFailure
+from msrr_bullet.sweep.trials import one_trial, run_trials
+from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
+from msrr_bullet.tolerance.effects import Effect, as_drawn_scene
+from msrr_bullet.tolerance.model import GradeSample, Sample, ToleranceStudy
+from msrr_bullet.tolerance.trial_plan import Batch, EffectTrials, Outcomes, condition_trials
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.versions import package_versions
+from msrr_scenes.loading.load import scene_hash
+from msrr_scenes.specs.as_built import AsBuiltSpec, Grade
+from msrr_scenes.specs.scene import Scene
+
+#: Called with a line of text that says how far the study is.
+ProgressListener = Callable[[str], None]
+
+#: What asks for trials: it yields batches, is sent their outcomes in the same order, and returns a result.
+Asking = Generator[list[Batch], Outcomes, Any]
+
+
+def tolerance_study(
+    scene: Scene,
+    effects: Sequence[Effect],
+    grades: Sequence[Grade],
+    *,
+    seeds: Sequence[int],
+    grade_seeds: Sequence[int],
+    store: Path | None = None,
+    jobs: int = 1,
+    executor: SupportsSubmit | None = None,
+    trial: TrialFunction = one_trial,
+    wall_limit_s: float | None = None,
+    on_progress: ProgressListener = lambda text: None,
+) -> ToleranceStudy:
+    """Try each effect alone and all together by grade, on common seeds.
+
+    While effects are tried alone, the robots know the tolerances of the scene. Under a grade they know those
+    of the grade.
+
+    Args:
+        scene: A checked scene.
+        effects: Effects that are tried alone.
+        grades: Grades that are tried.
+        seeds: Seeds of every effect.
+        grade_seeds: Seeds of every grade.
+        store: SQLite file of results, from which an interrupted study resumes.
+        jobs: Number of trials that run at the same time.
+        executor: Runs the trials instead of a pool of ``jobs`` processes.
+        trial: Runs one trial; importable by name, because it is sent to other processes.
+        wall_limit_s: Time that each trial may take on the wall clock; None sets no limit.
+        on_progress: Called with a line of text whenever a trial is done.
+
+    Raises:
+        KeyboardInterrupt: The study was interrupted; all trials computed so far are in the store.
+        MsrrError: A scene cannot be run with any seed, or the store cannot be used.
+    """
+    base = as_drawn_scene(scene)
+    asking: list[Asking] = [condition_trials(base, seeds)]
+    asking += [condition_trials(_graded(scene, grade), grade_seeds) for grade in grades]
+    asking += [EffectTrials(base, effect, seeds).ask() for effect in effects]
+
+    def run(batches: list[Batch], say: Callable[[int, int], str]) -> dict[tuple[str, int], Any]:
+        done = reused = 0
+
+        def count(outcome: TrialResult | TrialFailure, stored: bool) -> None:
+            nonlocal done, reused
+            done, reused = done + 1, reused + stored
+            on_progress(say(done, reused))
+
+        finished = run_trials(
+            batches,
+            jobs,
+            store,
+            executor=executor,
+            trial=trial,
+            observer=count,
+            wall_limit_s=wall_limit_s,
+        )
+        if finished.interrupted:
+            raise KeyboardInterrupt
+        return dict(finished.outcomes)
+
+    without, *others = run_in_rounds(asking, run)
+    under, alone = others[: len(grades)], others[len(grades) :]
+    return ToleranceStudy(
+        scene=scene.name,
+        told=str(scene.as_built.told()),
+        versions=package_versions(),
+        seeds=tuple(seeds),
+        drawn=Sample.of(without),
+        grades=tuple(GradeSample.under(grade, found) for grade, found in zip(grades, under, strict=True)),
+        effects=tuple(trials.result(without) for trials in alone),
+    )
+
+
+def run_in_rounds(
+    asking: Sequence[Asking],
+    run: Callable[[list[Batch], Callable[[int, int], str]], dict[tuple[str, int], Any]],
+) -> list[Any]:
+    """Let generators ask for trials until all have returned, and return what they returned, in their order.
+
+    What all of them ask for in one round is run together, so that every process of a pool has work.
+
+    Args:
+        asking: The generators.
+        run: Runs the batches of one round; returns outcomes by hash of the scene and seed. Its other argument
+            puts into words how many trials are done, and how many of these are from the store.
+    """
+    results: dict[int, Any] = {}
+    asked = {i: next(generator) for i, generator in enumerate(asking)}
+    number = 0
+    while asked:
+        number += 1
+        batches = [batch for listed in asked.values() for batch in listed]
+        total = sum(len(seeds) for _, seeds in batches)
+        text = f"round {number} for {len(asked)} of {len(asking)} conditions:"
+        outcomes = run(batches, f"{text} {{}} of {total} trials, {{}} from the store".format)
+        following: dict[int, list[Batch]] = {}
+        for i, listed in asked.items():
+            found = [outcomes[scene_hash(scene), seed] for scene, seeds in listed for seed in seeds]
+            try:
+                following[i] = asking[i].send(found)
+            except StopIteration as end:
+                results[i] = end.value
+        asked = following
+    return [results[i] for i in range(len(asking))]
+
+
+def _graded(scene: Scene, grade: Grade) -> Scene:
+    return scene.model_copy(update={"as_built": AsBuiltSpec.model_validate({"grade": grade})})

@@ -1,0 +1,169 @@
+"""Numbers and findings of a tolerance study as they are written on the console and on the page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from msrr_bullet.statistics import Quantiles, Rate
+from msrr_bullet.tolerance.error_budget import Contribution, predicted
+from msrr_bullet.tolerance.model import EffectResult, GradeSample, Sample, SizeSample, Slope, ToleranceStudy
+
+NONE = "-"
+
+
+def number(value: float) -> str:
+    """Return a number with three digits that count."""
+    return f"{value:.3g}"
+
+
+def with_unit(value: float, effect: EffectResult) -> str:
+    """Return a size of an effect with its unit."""
+    return f"{number(value)} {effect.unit}".rstrip()
+
+
+def percent(share: float) -> str:
+    """Return a share in percent."""
+    return f"{100 * share:.1f} %" if 0.0005 <= share < 0.0995 else f"{100 * share:.0f} %"
+
+
+def interval(rate: Rate) -> str:
+    """Return the 95 % interval of a rate."""
+    return f"{100 * rate.low:.0f} .. {100 * rate.high:.0f} %"
+
+
+def counted(sample: Sample) -> str:
+    """Return how many trials docked."""
+    return f"{sample.successes} of {len(sample.trials)}"
+
+
+def median_and_95(values: Quantiles) -> str:
+    """Return median and 95th percentile."""
+    if values.p50 is None or values.p95 is None:
+        return NONE
+    return f"{values.p50:.2f} / {values.p95:.2f}"
+
+
+def outcomes(sample: Sample) -> str:
+    """Return the outcomes of trials with their numbers."""
+    return ", ".join(f"{count} {name}" for name, count in sample.outcomes.items())
+
+
+def limit(effect: EffectResult) -> str:
+    """Return between which sizes docking falls below 95 %."""
+    if effect.fails is None:
+        return f"above {with_unit(effect.top, effect)}"
+    if effect.holds == 0.0:
+        return f"below {with_unit(effect.fails, effect)}"
+    return f"{number(effect.holds)} .. {with_unit(effect.fails, effect)}"
+
+
+def at_limit(effect: EffectResult) -> list[tuple[str, SizeSample]]:
+    """Return the trials on both sides of the limit, each with its size in words."""
+    sizes = [size for size in (effect.holds, effect.fails) if size]
+    return [(with_unit(size, effect), effect.sample(size)) for size in sizes]
+
+
+def slope(value: Slope | None) -> str:
+    """Return a slope with its interval."""
+    if value is None:
+        return NONE
+    return f"{number(value.rms)} ({number(value.low)} .. {number(value.high)})"
+
+
+def systematic(value: Slope | None) -> str:
+    """Return the part of a slope that is the same in every trial, with its sign."""
+    if value is None or value.systematic is None:
+        return NONE
+    return f"{value.systematic:+.3g}"
+
+
+def grade_cells(sample: GradeSample, found: Sequence[Contribution]) -> list[str]:
+    """Return the cells of a grade in the table of grades, of which :data:`GRADE_COLUMNS` are the heads."""
+    docked, lateral_mm = predicted(found, sample.grade)
+    rms = sample.lateral_rms_mm
+    return [
+        sample.grade,
+        counted(sample),
+        interval(sample.docked),
+        median_and_95(sample.lateral_mm),
+        median_and_95(sample.yaw_deg),
+        f"{NONE if rms is None else f'{rms:.2f}'} ({lateral_mm:.2f})",
+        f"{100 * docked:.0f} %",
+        outcomes(sample),
+    ]
+
+
+GRADE_COLUMNS = (
+    "grade",
+    "docked",
+    "95 % interval",
+    "lateral error at contact [mm], median / 95 %",
+    "yaw error at contact [deg], median / 95 %",
+    "lateral RMS [mm] (by the parts)",
+    "docked by the parts",
+    "outcomes",
+)
+
+FIRST_COLUMNS = (
+    "build more precisely",
+    "1 sigma of careful",
+    "adds to the lateral error [mm]",
+    "share of its square",
+    "docks lost at careful / workshop / rough",
+    "docks to, and no longer",
+)
+
+
+EFFECT_COLUMNS = (
+    "effect",
+    "docks to, and no longer",
+    "docked there",
+    "lateral and yaw error at contact, median / 95 %",
+    "lateral error [mm] per unit of the effect",
+    "of it to one side",
+    "yaw error [deg] per unit of the effect",
+    "how the trials beyond end",
+)
+
+
+def first_cells(contribution: Contribution) -> list[str]:
+    """Return the cells of an effect in the table of what to build first; see :data:`FIRST_COLUMNS`."""
+    effect = contribution.effect
+    return [
+        effect.name,
+        with_unit(effect.step, effect),
+        f"{contribution.lateral_mm:.2f}",
+        percent(contribution.share),
+        " / ".join(percent(contribution.lost[grade]) for grade in ("careful", "workshop", "rough")),
+        limit(effect),
+    ]
+
+
+def findings(study: ToleranceStudy, found: Sequence[Contribution]) -> list[str]:
+    """Return what a study has found, in sentences."""
+    said = []
+    for sample in study.grades:
+        if sample.grade == "careful":
+            p95 = sample.lateral_mm.p95
+            error = "" if p95 is None else f", with a lateral error at contact of {p95:.2f} mm in 95 %"
+            said.append(
+                f"With everything built by the grade careful {counted(sample)} trials docked"
+                f" ({interval(sample.docked)}){error}."
+            )
+    costly = [c for c in found if c.lost["careful"] >= 0.001]
+    if costly:
+        listed = ", ".join(f"{c.effect.name} ({percent(c.lost['careful'])})" for c in costly)
+        said.append(f"Effects that alone lose docks at this grade: {listed}.")
+    elif found:
+        said.append("No effect alone loses one dock in a thousand at this grade.")
+    largest = sorted(found, key=lambda c: c.share, reverse=True)[:3]
+    if largest and largest[0].share > 0.0:
+        listed = ", ".join(f"{c.effect.name} ({percent(c.share)})" for c in largest)
+        said.append(f"The largest shares in the squared lateral error: {listed}.")
+    harmless = [e for e in study.effects if e.fails is None]
+    if harmless:
+        said.append(
+            f"{len(harmless)} of {len(study.effects)} effects keep no unit from docking at any size that was"
+            " tried."
+        )
+    return said

@@ -1,0 +1,54 @@
+"""The command ``msrr tolerance``: its files, its second run, and what it says about bad input."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from msrr_bullet.cli.app import run
+from msrr_bullet.tolerance.model import ToleranceStudy
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--effects", "onboard.yow_deg"], "did you mean 'onboard.yaw_deg'?"),
+        (["--effects", "overhead"], "An effect has to act in the scene."),
+        (["--grades", "carefull"], "unknown grade 'carefull'; did you mean 'careful'?"),
+        (["--seeds", "12"], "a single number is ambiguous"),
+    ],
+)
+def test_bad_input_is_refused_before_any_trial(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    blind = ["--set", "plant=unicycle", "--set", "perception=parametric"]
+    assert run(["tolerance", "close_range", *blind, *arguments]) == 2
+    assert message in " ".join(capsys.readouterr().err.split())
+    assert not Path("runs").exists()
+
+
+@pytest.mark.nightly
+def test_a_study_with_contact_and_pixels_from_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "study"
+    command = ["tolerance", "close_range", "--seeds", "0:4", "--grade-seeds", "0:2", "--grades", "careful"]
+    command += ["--effects", "onboard.yaw_deg,cameras.onboard.exposure_ms", "--jobs", "1", "--out", str(out)]
+    assert run(command) == 0
+    printed = capsys.readouterr().out
+    assert "onboard.yaw_deg" in printed
+    assert str(out / "tolerance.html") in printed.replace("\n", "")
+    study = ToleranceStudy.model_validate_json((out / "tolerance.json").read_text())
+    yaw, exposure = study.effects
+    # 1 deg of camera yaw is 2.7 mm and 2 deg do not dock; 40 ms of exposure change next to nothing.
+    assert yaw.fails is not None
+    assert yaw.lateral is not None
+    assert yaw.lateral.rms == pytest.approx(2.7, rel=0.15)
+    assert exposure.lateral is not None
+    assert exposure.lateral.rms * 20.0 < 0.2
+    (out / "progress.txt").unlink()
+    assert run(command) == 0
+    for line in (out / "progress.txt").read_text().splitlines()[1:]:
+        done, stored = re.findall(r"(\d+) of \d+ trials, (\d+) from the store", line)[0]
+        assert done == stored
+    assert ToleranceStudy.model_validate_json((out / "tolerance.json").read_text()) == study

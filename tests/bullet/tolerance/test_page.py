@@ -1,0 +1,69 @@
+"""The page of a study: whole in one file, with every effect, in both tables and both colours."""
+
+import base64
+from html.parser import HTMLParser
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from msrr_bullet.tolerance.model import ToleranceStudy
+from msrr_bullet.tolerance.page import write_study
+
+
+class Page(HTMLParser):
+    """The tags of a page with their attributes, and its text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.words = ""
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data: str) -> None:
+        self.words += data
+
+
+@pytest.fixture(scope="module")
+def folder(study: ToleranceStudy, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("study")
+    assert write_study(study, folder) == folder / "tolerance.html"
+    return folder
+
+
+def test_the_page_needs_nothing_but_itself(folder: Path) -> None:
+    page = Page((folder / "tolerance.html").read_text())
+    links = [a[key] or "" for _, a in page.tags for key in ("src", "href", "srcset") if key in a]
+    assert len(links) == 2
+    for link in links:
+        kind, data = link.split(",", 1)
+        assert kind == "data:image/png;base64"
+        assert cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR) is not None
+    assert "url(" not in (folder / "tolerance.html").read_text()
+
+
+def test_the_page_shows_every_effect_and_grade(folder: Path, study: ToleranceStudy) -> None:
+    page = Page((folder / "tolerance.html").read_text())
+    for name in [e.name for e in study.effects] + [g.grade for g in study.grades]:
+        assert name in page.words
+    assert sum(tag == "tr" for tag, _ in page.tags) == 3 + len(study.grades) + 2 * len(study.effects)
+    labels = [a.get("data-label") for tag, a in page.tags if tag == "td"]
+    assert all(labels)  # on a narrow page, on which the heads are hidden, each cell says what it is
+
+
+def test_the_json_is_the_study(folder: Path, study: ToleranceStudy) -> None:
+    assert ToleranceStudy.model_validate_json((folder / "tolerance.json").read_text()) == study
+
+
+def test_the_dark_figure_is_dark(folder: Path) -> None:
+    light, dark = (cv2.imread(str(folder / name)) for name in ("tornado.png", "tornado-dark.png"))
+    assert light is not None
+    assert dark is not None
+    assert light.shape == dark.shape
+    assert light.mean() > 200.0
+    assert dark.mean() < 80.0
