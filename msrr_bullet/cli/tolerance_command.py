@@ -41,7 +41,7 @@ def tolerance(
     ] = "0:12",
     grade_seeds: Annotated[
         str, typer.Option(metavar="A:B", help="Seeds of each grade, with everything together.")
-    ] = "0:40",
+    ] = "0:30",
     effects: Annotated[
         str | None,
         typer.Option(

@@ -19,6 +19,10 @@ from msrr_scenes.specs.scene import Scene
 #: Largest size of an effect over one standard deviation of the grade ``careful``: four of ``rough``.
 RANGE = 16.0
 
+#: Largest size that is tried over the largest one that the scene accepts: the check of a lens looks at every
+#: eighth pixel of the frame, its drawing at every one.
+_INSIDE = 0.95
+
 #: Sizes by which effects are compared that no grade has, in the units of their keys.
 _COMPARED = {
     **dict.fromkeys(("k2", "k3"), 0.01),
@@ -216,4 +220,4 @@ def _largest_accepted(scene: Scene, effect: Effect) -> float:
         raise MsrrError(
             f"{scene.name}: the scene accepts no error of {effect.name}; leave it out by --effects"
         )
-    return low
+    return _INSIDE * low

@@ -169,7 +169,8 @@ class EffectResult(StudyPart):
         measured: Size at which the slopes are measured.
         holds: Largest size at which at least 95 % docked; 0 if they did at none.
         fails: Smallest size beyond ``holds`` at which fewer did; None if there is none up to ``top``.
-        surely_fails: Smallest size beyond ``holds`` whose whole 95 % interval lies below 95 %.
+        surely_fails: Smallest size beyond ``holds`` at which so many failed that it would happen in at most
+            one of 40 studies if 95 % docked.
         threshold: Size between ``holds`` and ``fails`` that stands for both.
         lateral: Lateral error per unit [mm]; None without a contact.
         yaw: Yaw error per unit [deg]; None without a contact.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from itertools import count
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -14,6 +15,7 @@ from msrr_bullet.tolerance.error_budget import contributions
 from msrr_bullet.tolerance.model import ToleranceStudy
 from msrr_bullet.tolerance.threshold_search import RESOLUTION
 from msrr_bullet.tolerance.tornado_plot import draw_tornado
+from msrr_bullet.tolerance.trial_plan import REQUIRED
 
 
 def write_study(study: ToleranceStudy, folder: Path) -> Path:
@@ -54,6 +56,7 @@ def write_study(study: ToleranceStudy, folder: Path) -> Path:
         resolution=RESOLUTION,
         range=RANGE,
         bound=wilson(len(study.seeds), len(study.seeds)).low,
+        needed=next(n for n in count(1) if wilson(n, n).low >= REQUIRED),
     )
     path = folder / "tolerance.html"
     path.write_text(page, encoding="utf-8")

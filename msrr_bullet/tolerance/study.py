@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from msrr_bullet.sweep.trials import one_trial, run_trials
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_bullet.tolerance.effects import Effect, as_drawn_scene
 from msrr_bullet.tolerance.model import GradeSample, Sample, ToleranceStudy
-from msrr_bullet.tolerance.trial_plan import Batch, EffectTrials, Outcomes, condition_trials
+from msrr_bullet.tolerance.trial_plan import Batch, EffectTrials, condition_trials
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.loading.load import scene_hash
@@ -22,7 +22,10 @@ from msrr_scenes.specs.scene import Scene
 ProgressListener = Callable[[str], None]
 
 #: What asks for trials: it yields batches, is sent their outcomes in the same order, and returns a result.
-Asking = Generator[list[Batch], Outcomes, Any]
+Asking = Generator[list[Batch], list[TrialResult | TrialFailure], Any]
+
+#: Outcomes of trials by hash of the scene and seed.
+Outcomes = Mapping[tuple[str, int], TrialResult | TrialFailure]
 
 
 def tolerance_study(
@@ -66,7 +69,7 @@ def tolerance_study(
     asking += [condition_trials(_graded(scene, grade), grade_seeds) for grade in grades]
     asking += [EffectTrials(base, effect, seeds).ask() for effect in effects]
 
-    def run(batches: list[Batch], say: Callable[[int, int], str]) -> dict[tuple[str, int], Any]:
+    def run(batches: list[Batch], say: Callable[[int, int], str]) -> Outcomes:
         done = reused = 0
 
         def count(outcome: TrialResult | TrialFailure, stored: bool) -> None:
@@ -85,7 +88,7 @@ def tolerance_study(
         )
         if finished.interrupted:
             raise KeyboardInterrupt
-        return dict(finished.outcomes)
+        return finished.outcomes
 
     without, *others = run_in_rounds(asking, run)
     under, alone = others[: len(grades)], others[len(grades) :]
@@ -102,7 +105,7 @@ def tolerance_study(
 
 def run_in_rounds(
     asking: Sequence[Asking],
-    run: Callable[[list[Batch], Callable[[int, int], str]], dict[tuple[str, int], Any]],
+    run: Callable[[list[Batch], Callable[[int, int], str]], Outcomes],
 ) -> list[Any]:
     """Let generators ask for trials until all have returned, and return what they returned, in their order.
 
@@ -119,14 +122,17 @@ def run_in_rounds(
     while asked:
         number += 1
         batches = [batch for listed in asked.values() for batch in listed]
-        total = sum(len(seeds) for _, seeds in batches)
+        wanted = {
+            i: [(scene_hash(scene), seed) for scene, seeds in listed for seed in seeds]
+            for i, listed in asked.items()
+        }
+        total = len({key for keys in wanted.values() for key in keys})
         text = f"round {number} for {len(asked)} of {len(asking)} conditions:"
         outcomes = run(batches, f"{text} {{}} of {total} trials, {{}} from the store".format)
         following: dict[int, list[Batch]] = {}
-        for i, listed in asked.items():
-            found = [outcomes[scene_hash(scene), seed] for scene, seeds in listed for seed in seeds]
+        for i, keys in wanted.items():
             try:
-                following[i] = asking[i].send(found)
+                following[i] = asking[i].send([outcomes[key] for key in keys])
             except StopIteration as end:
                 results[i] = end.value
         asked = following

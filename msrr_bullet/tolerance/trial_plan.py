@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Sequence
 
+from scipy.stats import binom
+
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.tolerance.effects import Effect
 from msrr_bullet.tolerance.model import ContactError, EffectResult, SizeSample, StudyTrial
@@ -19,13 +21,18 @@ REQUIRED = 0.95
 #: Size of the first trials of an effect, over that by which effects are compared: the grade ``workshop``.
 MEASURED = 2.0
 
-#: Number of trials after which a size is first looked at, so that one at which nothing docks costs little.
-_FIRST = 4
+#: Number of trials after which a size is first looked at, one of each sign: a trial that fails takes several
+#: times as long as one that docks.
+_FIRST = 2
+
+#: Odds of as many failures, if :data:`REQUIRED` of the trials docked, at which that is ruled out.
+_RULED_OUT = 0.025
 
 #: A scene with the seeds of its trials.
 Batch = tuple[Scene, tuple[int, ...]]
 
-Outcomes = Sequence[TrialResult | TrialFailure]
+#: Results of the trials of batches, in their order.
+Outcomes = list[TrialResult | TrialFailure]
 
 
 def study_trial(outcome: TrialResult | TrialFailure, error: float | None = None) -> StudyTrial:
@@ -66,6 +73,10 @@ def condition_trials(
     """Ask for the trials of one scene, and return them."""
     outcomes = yield [(scene, tuple(seeds))]
     return [study_trial(outcome) for outcome in outcomes]
+
+
+def _ruled_out(failed: int, trials: int) -> bool:
+    return float(binom.sf(failed - 1, trials, 1.0 - REQUIRED)) <= _RULED_OUT
 
 
 class EffectTrials:
@@ -131,7 +142,7 @@ class EffectTrials:
         surely = [
             sample.size
             for size, sample in self._samples.items()
-            if size > bracket.holds and sample.docked.high < REQUIRED
+            if size > bracket.holds and _ruled_out(len(sample.trials) - sample.successes, len(sample.trials))
         ]
         return EffectResult(
             name=effect.name,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from msrr_bullet.statistics import Quantiles, Rate
 from msrr_bullet.tolerance.error_budget import Contribution, predicted
 from msrr_bullet.tolerance.model import EffectResult, GradeSample, Sample, SizeSample, Slope, ToleranceStudy
+from msrr_bullet.tolerance.trial_plan import REQUIRED
 
 NONE = "-"
 
@@ -142,6 +143,10 @@ def first_cells(contribution: Contribution) -> list[str]:
 def findings(study: ToleranceStudy, found: Sequence[Contribution]) -> list[str]:
     """Return what a study has found, in sentences."""
     said = []
+    if study.drawn.docked.rate < REQUIRED:
+        said.append(
+            f"Without any effect only {counted(study.drawn)} trials docked, so that no size of any holds."
+        )
     for sample in study.grades:
         if sample.grade == "careful":
             p95 = sample.lateral_mm.p95

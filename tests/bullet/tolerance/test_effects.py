@@ -75,7 +75,7 @@ def test_the_largest_size_is_accepted_and_a_larger_one_is_not(
         refused = []
         for sign in effect.signs:
             try:
-                check_scene(effect.apply(base, sign * (1.02 * effect.top)))
+                check_scene(effect.apply(base, sign * (1.08 * effect.top)))
             except (ValidationError, SceneError) as error:
                 refused.append(error)
         assert refused, effect.name

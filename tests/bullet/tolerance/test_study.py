@@ -1,6 +1,7 @@
 """The study finds the law that its trials follow, asks for each trial once, and resumes."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,8 @@ def test_the_threshold_and_the_slopes_of_the_law_are_found(study: ToleranceStudy
     assert yaw.holds <= law.docks_to_deg < yaw.fails
     assert yaw.sample(yaw.holds).outcomes == {"docked": 20}
     assert set(yaw.sample(yaw.fails).outcomes) == {"false_abort"}
-    assert len(yaw.sample(yaw.fails).trials) == 4  # given up as soon as 95 % cannot be reached
+    assert len(yaw.sample(yaw.fails).trials) == 2  # given up as soon as 95 % cannot be reached
+    assert yaw.surely_fails == yaw.fails
     assert yaw.lateral is not None
     assert yaw.yaw is not None
     assert yaw.lateral.systematic == pytest.approx(law.mm_per_deg)
@@ -96,6 +98,37 @@ def test_an_effect_that_forbids_docking_at_all_is_said_to(
     assert found.holds == 0.0
     assert found.fails == min(sample.size for sample in found.samples)
     assert found.surely_fails == found.fails
+
+
+def test_an_interrupted_study_keeps_its_trials(
+    scene: Scene, effects: tuple[Effect, ...], inline: SupportsSubmit, law: Any, tmp_path: Path
+) -> None:
+    progress: list[str] = []
+
+    def stop_in_the_second_round(text: str) -> None:
+        progress.append(text)
+        if text.startswith("round 2"):
+            raise KeyboardInterrupt  # as Ctrl-C does, in the thread that waits
+
+    def run(listener: Callable[[str], None]) -> ToleranceStudy:
+        return tolerance_study(
+            scene,
+            select_effects(effects, ["onboard.yaw_deg"]),
+            [],
+            seeds=range(4),
+            grade_seeds=range(1),
+            store=tmp_path / "trials.sqlite",
+            executor=inline,
+            trial=law,
+            on_progress=listener,
+        )
+
+    with pytest.raises(KeyboardInterrupt):
+        run(stop_in_the_second_round)
+    progress.clear()
+    run(progress.append)
+    assert progress[7].endswith("8 of 8 trials, 8 from the store")
+    assert not progress[-1].endswith(" 4 from the store")
 
 
 def test_a_study_of_real_trials_resumes_from_its_store(

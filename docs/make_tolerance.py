@@ -1,0 +1,99 @@
+"""The page of tolerances: a study that ``msrr tolerance`` has run, as Markdown with its figure.
+
+msrr tolerance close_range --out runs/tolerance
+python docs/make_tolerance.py runs/tolerance
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from msrr_bullet.tolerance import wording
+from msrr_bullet.tolerance.error_budget import contributions
+from msrr_bullet.tolerance.model import EffectResult, ToleranceStudy
+from msrr_bullet.tolerance.tornado_plot import draw_tornado
+
+DOCS = Path(__file__).resolve().parent
+FIGURE = Path("images/tornado.png")
+
+INTRODUCTION = """\
+# What to build more precisely first
+
+Each deviation of a robot from its drawing alone, and all together by grade, on `{scene}`. While an effect
+is tried alone, the robots know the tolerances of the scene ({told}) but no error. {seeds} seeds for each
+effect, the same for all; `msrr tolerance {scene}` prints these figures and writes a page that also says how
+they are measured, and `python docs/make_tolerance.py FOLDER` makes this page of it.
+"""
+
+TOGETHER = """\
+## All together
+Every trial draws its own robot. In brackets, and *by the parts*: what the effects alone predict if they are
+independent.
+"""
+
+FIRST = """\
+## One by one
+First come the effects that lose docks at careful, then the others by their share in the squared lateral
+error. *Docks to, and no longer*: two sizes found by bisection, with at least 95 % docked and with fewer.
+"""
+
+FIGURE_TEXT = """\
+![What one step of each effect adds to the lateral error, and up to which size the unit docks]({figure})
+
+Left: root mean square of the lateral error that one standard deviation of careful adds, or, hatched, the
+size named beside an effect that no grade has. Right: the size to which the unit docks, in steps.
+"""
+
+SLOPES = """\
+## Per unit
+Change of the signed errors at contact per unit of the effect, root mean square with its 95 % interval. *To
+one side*: the part that is the same in every trial, positive to the left.
+"""
+
+
+def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a Markdown table."""
+    return "\n".join(f"| {' | '.join(row)} |" for row in (columns, ["---"] * len(columns), *rows)) + "\n"
+
+
+def slope_cells(effect: EffectResult) -> list[str]:
+    """Return the row of an effect in the table of slopes."""
+    beyond = "" if effect.fails is None else wording.outcomes(effect.sample(effect.fails))
+    return [
+        f"`{effect.name}` [{effect.unit or 1}]",
+        wording.limit(effect),
+        wording.slope(effect.lateral),
+        wording.systematic(effect.lateral),
+        wording.slope(effect.yaw),
+        beyond,
+    ]
+
+
+def page(study: ToleranceStudy) -> str:
+    """Return the page of a study."""
+    found = contributions(study)
+    grades = table(wording.GRADE_COLUMNS, [wording.grade_cells(sample, found) for sample in study.grades])
+    columns = ("effect", "docks to, and no longer", "mm", "of it to one side", "deg", "how trials beyond end")
+    return "\n".join(
+        [
+            INTRODUCTION.format(scene=study.scene, told=study.told, seeds=len(study.seeds)),
+            "\n".join(f"- {text}" for text in wording.findings(study, found)) + "\n",
+            TOGETHER + grades,
+            FIRST + table(wording.FIRST_COLUMNS, map(wording.first_cells, found)),
+            FIGURE_TEXT.format(figure=FIGURE),
+            SLOPES + table(columns, map(slope_cells, study.effects)),
+        ]
+    )
+
+
+def main(folder: Path) -> None:
+    """Write the page and its figure from the study in a folder."""
+    study = ToleranceStudy.model_validate_json((folder / "tolerance.json").read_text(encoding="utf-8"))
+    draw_tornado(study, DOCS / FIGURE)
+    (DOCS / "tolerance.md").write_text(page(study), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
