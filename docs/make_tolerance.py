@@ -60,14 +60,13 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def slope_cells(effect: EffectResult) -> list[str]:
     """Return the row of an effect in the table of slopes."""
-    beyond = "" if effect.fails is None else wording.outcomes(effect.sample(effect.fails))
     return [
         f"`{effect.name}` [{effect.unit or 1}]",
         wording.limit(effect),
         wording.slope(effect.lateral),
         wording.systematic(effect.lateral),
         wording.slope(effect.yaw),
-        beyond,
+        wording.beyond(effect),
     ]
 
 

@@ -21,7 +21,7 @@ from msrr_bullet.cli.options import (
     use_one_thread_per_process,
 )
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
-from msrr_scenes.errors import UnknownNameError
+from msrr_scenes.errors import SceneError, UnknownNameError
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.as_built import GRADES, Grade
 
@@ -29,6 +29,8 @@ if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
     from rich.console import Console
 
     from msrr_bullet.tolerance.model import ToleranceStudy
+
+_ALL_GRADES = ",".join(GRADES)
 
 #: Number of effects that the table on the console shows.
 _SHOWN = 12
@@ -50,9 +52,7 @@ def tolerance(
             show_default="all that act in the scene",
         ),
     ] = None,
-    grades: Annotated[str, typer.Option(metavar="GRADE,...", help="Grades that are tried.")] = ",".join(
-        GRADES
-    ),
+    grades: Annotated[str, typer.Option(metavar="GRADE,...", help="Grades that are tried.")] = _ALL_GRADES,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -69,6 +69,8 @@ def tolerance(
     loaded = load_scene(scene, parse_overrides(overrides))
     folder = out if out is not None else Path("runs") / f"tolerance-{loaded.name}"
     arguments = {"seeds": parse_seeds(seeds), "grade_seeds": parse_seeds(grade_seeds)}
+    if len(arguments["seeds"]) < 2:
+        raise SceneError(f"--seeds {seeds}: a study needs two seeds or more, one for each sign of an error")
     wanted = _parse_grades(grades)
     from msrr_bullet.tolerance.run import STORE, run_study
 

@@ -38,7 +38,7 @@ def write_study(study: ToleranceStudy, folder: Path) -> Path:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    words = ("with_unit", "interval", "counted", "median_and_95", "outcomes", "limit", "at_limit", "slope")
+    words = ("with_unit", "interval", "counted", "median_and_95", "beyond", "limit", "at_limit", "slope")
     environment.globals.update({name: getattr(wording, name) for name in words})
     environment.globals.update(
         systematic=wording.systematic, grade_cells=wording.grade_cells, first_cells=wording.first_cells

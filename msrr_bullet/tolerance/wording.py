@@ -64,6 +64,19 @@ def at_limit(effect: EffectResult) -> list[tuple[str, SizeSample]]:
     return [(with_unit(size, effect), effect.sample(size)) for size in sizes]
 
 
+def beyond(effect: EffectResult) -> str:
+    """Return how the trials end at the size that is too large, and with which sign if it is only one."""
+    if effect.fails is None:
+        return ""
+    sample = effect.sample(effect.fails)
+    failed, docked = (
+        {(t.error or 0.0) > 0.0 for t in sample.trials if t.succeeded is s} for s in (False, True)
+    )
+    if effect.both_signs and len(failed) == 1 and not failed & docked:
+        return f"{outcomes(sample)}, only with {'+' if True in failed else '-'}"
+    return outcomes(sample)
+
+
 def slope(value: Slope | None) -> str:
     """Return a slope with its interval."""
     if value is None:

@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from msrr_bullet.tolerance.model import ToleranceStudy
+from msrr_bullet.tolerance.model import SizeSample, ToleranceStudy
 from msrr_bullet.tolerance.page import write_study
+from msrr_bullet.tolerance.wording import beyond
 
 
 class Page(HTMLParser):
@@ -67,3 +68,13 @@ def test_the_dark_figure_is_dark(folder: Path) -> None:
     assert light.shape == dark.shape
     assert light.mean() > 200.0
     assert dark.mean() < 80.0
+
+
+def test_a_size_that_is_too_large_with_one_sign_only_says_which(study: ToleranceStudy) -> None:
+    yaw = next(effect for effect in study.effects if effect.name == "onboard.yaw_deg")
+    assert yaw.fails is not None
+    assert beyond(yaw) == "2 false_abort"
+    sample = yaw.sample(yaw.fails)
+    with_plus = [t.model_copy(update={"succeeded": (t.error or 0.0) > 0.0}) for t in sample.trials]
+    samples = tuple(SizeSample.at(sample.size, False, with_plus) if s is sample else s for s in yaw.samples)
+    assert beyond(yaw.model_copy(update={"samples": samples})).endswith(", only with -")
