@@ -23,7 +23,9 @@ from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.detection.detector import DETECTORS, Detector
 from msrr_perception.detection.onboard_vision import OnboardVision
 from msrr_perception.estimation.body_track import Sightings
+from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.estimator import ESTIMATORS, Estimator
+from msrr_perception.estimation.knowledge import CalibrationMemory
 from msrr_perception.estimation.los import LosEstimator
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
@@ -61,6 +63,9 @@ _FAR_PHASES = frozenset({Phase.ASSEMBLE, Phase.HAND_OVER})
 #: Phases that use every frame of the overhead camera: also the retreat, which the onboard camera cannot see.
 _OVERHEAD_PHASES = _FAR_PHASES | {Phase.RETREAT}
 
+#: Phases in which the overhead camera only checks the surroundings, now and then.
+_CHECKED_PHASES = frozenset({Phase.CALIBRATE, Phase.DOCK})
+
 #: Period with which the overhead camera checks the surroundings of a unit that drives to the port [ns].
 _CHECK_PERIOD_NS = NS_PER_S
 
@@ -97,6 +102,7 @@ class Autonomy:
         *,
         guided: GuidedAssembler[Any] | None = None,
         docked: bool = False,
+        memory: CalibrationMemory | None = None,
     ) -> None:
         """Set up the robot for one step.
 
@@ -106,6 +112,7 @@ class Autonomy:
             profiler: Measures the time of the collision monitor.
             guided: Long-distance phase of a unit that a base station leads; None for a unit on its own.
             docked: Whether the unit is docked already, and is to undock.
+            memory: What the unit has learned at earlier docks of the trial; None for a unit that docks once.
 
         Raises:
             UnknownNameError: The scene names an unknown detector, estimator or controller.
@@ -121,6 +128,9 @@ class Autonomy:
             scene.odometry,
             delay_compensation=scene.control.delay_compensation,
         )
+        self._memory, self._port = memory, step.to
+        if memory is not None and isinstance(self._estimator, CornerEkf):
+            self._estimator.recall(memory.recall(step.to, self._estimator.drawn))
         frames_only = scene.cameras.onboard.readout == "frames"  # then windows save nothing
         self._vision = OnboardVision(target, detector, full_every=1 if frames_only else FULL_FRAME_PERIOD)
         self._los_estimator = LosEstimator(target)
@@ -137,7 +147,9 @@ class Autonomy:
             self._assembler = build_assembler(scene.control.assembly, AssemblySetup.of(scene, step))
             self.guard = CollisionMonitor(scene, step.unit, step, earlier_docks(scene, step))
         controller = build_controller(scene.control.docking, setup)
-        self._phases = PhaseMachine(scene.docking, setup, controller, self._assembler, docked=docked)
+        self._phases = PhaseMachine(
+            scene.docking, setup, controller, self._assembler, docked=docked, calibrate=step.calibrate
+        )
         self._profiler = profiler or NullProfiler()
         self._unit = step.unit
         self._onboard = target.camera_name
@@ -190,7 +202,7 @@ class Autonomy:
         """Return whether the robot uses the frames of ``camera`` now; other cameras need not expose."""
         if camera == self._onboard:
             return self._phases.phase is not Phase.ASSEMBLE
-        if self._reader is not None and self._phases.phase is Phase.DOCK:
+        if self._reader is not None and self._phases.phase in _CHECKED_PHASES:
             return self._check_is_due()
         return self._phases.phase in _OVERHEAD_PHASES
 
@@ -200,7 +212,7 @@ class Autonomy:
             return self._vision.detect(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
         if self._reader is None:
             return None
-        if self._phases.phase is Phase.DOCK and self.arena is not None:
+        if self._phases.phase in _CHECKED_PHASES and self.arena is not None:
             self._checked_ns = exposure.stamp_ns
             return self._reader.detect_near(exposure, self.arena.own.X_WB @ _CHECK_CENTRE, fetch)
         self._checked_ns = exposure.stamp_ns
@@ -258,6 +270,8 @@ class Autonomy:
                 monitor=self.monitor,
             )
         )
+        if action.phase is Phase.DONE and before is Phase.VERIFY:
+            self._learn_seat()
         if action.phase is Phase.ASSEMBLE and before is not Phase.ASSEMBLE:
             # Estimates by the onboard camera from another place are of no use for the next docking phase.
             for part in (self._estimator, self._los_estimator, self._vision):
@@ -265,6 +279,13 @@ class Autonomy:
         if self._reader is not None and action.phase is Phase.RETREAT and before is not Phase.RETREAT:
             self._reader.restart_search()  # an obstacle may have appeared behind the unit
         return self._limit_by_clearance(action)
+
+    def _learn_seat(self) -> None:
+        """Keep what the unit has learned, now that it is docked; estimators of a user's own keep nothing."""
+        if self._memory is not None and isinstance(self._estimator, CornerEkf):
+            learned = self._estimator.learned(seated=True)
+            if learned is not None:
+                self._memory.keep(self._port, learned)
 
     def _limit_by_clearance(self, action: Action) -> Action:
         """Limit the command so that the unit can stop before it reaches any known body."""

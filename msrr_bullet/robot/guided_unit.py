@@ -13,6 +13,7 @@ from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_control.staging.registry import build_guided
 from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.estimation.body_track import Sightings
+from msrr_perception.estimation.knowledge import CalibrationMemory
 from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.messages import (
     Action,
@@ -77,6 +78,7 @@ class GuidedUnit:
         geometry = scene.geometry(unit)
         self._drive_watch, self._offset = DriveWatch(geometry), geometry.control_offset(ACTIVE_PORT)
         self._action = Action(0, Phase.DONE, 1)
+        self._memory = CalibrationMemory() if scene.docking.learn_seats else None
         self.route, self.leaving = 0, False
         self.docked_to = docked_to
         self.dock_step: DockStep | None = None
@@ -238,7 +240,9 @@ class GuidedUnit:
             assert self.docked_to is not None
             self.dock_step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=self.docked_to)
             guided = self._build_guided(AssemblySetup.of(self._scene, self.dock_step))
-            docked = Autonomy(self._scene, self.dock_step, self._profiler, guided=guided, docked=True)
+            docked = Autonomy(
+                self._scene, self.dock_step, self._profiler, guided=guided, docked=True, memory=self._memory
+            )
         self._program = self._docking = docked
         docked.undock(newest.legs[0].end)
         self.leaving = True
@@ -257,7 +261,7 @@ class GuidedUnit:
         self.dock_step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=newest.to)
         self._guided = self._build_guided(AssemblySetup.of(self._scene, self.dock_step))
         self._program = self._docking = Autonomy(
-            self._scene, self.dock_step, self._profiler, guided=self._guided
+            self._scene, self.dock_step, self._profiler, guided=self._guided, memory=self._memory
         )
 
     def _go_on(self) -> None:

@@ -21,7 +21,7 @@ from msrr_scenes.specs.plan import DockStep
 
 #: Phases in which the docking pair may come close. After them, for example when the robot gives up, the pair
 #: may stay close until it has parted.
-_DOCKING = frozenset({Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.RETREAT, Phase.DONE})
+_DOCKING = frozenset({Phase.CALIBRATE, Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.RETREAT, Phase.DONE})
 
 #: The zone in front of a port in which contact is part of docking; contact outside it is a collision. The
 #: half-width is half the face of the port, the depth twice the length of the pins.

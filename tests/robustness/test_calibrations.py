@@ -1,8 +1,7 @@
 """Docking of robots that were built with care, by the drawing: every trial is another robot.
 
-The estimator does not use the tolerances that it is told yet. Systematic errors go one to one into the
-contact, and the robot gives up many a seat because what it sees does not agree with the drawing: of 40 trials
-25 docked and 15 were false aborts, when this was written. So the claims are modest.
+The filter has the errors of calibration in its state, by the tolerances that it is told, and sight refuses a
+seat only for what they do not explain. When neither was so, 25 of 40 trials docked and 15 were false aborts.
 """
 
 from __future__ import annotations
@@ -20,8 +19,8 @@ from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
 #: Rates that are claimed for the grade ``careful``: docking, and the first contact within these limits.
-DOCKS, MEETS = 0.5, 0.95
-CONTACT_LATERAL_M, CONTACT_YAW = 0.006, math.radians(3.0)
+DOCKS, MEETS = 0.98, 0.95
+CONTACT_LATERAL_M, CONTACT_YAW = 0.0025, math.radians(1.5)
 QUICK, FULL = range(3), range(3000, 3040)
 
 
@@ -29,7 +28,11 @@ QUICK, FULL = range(3), range(3000, 3040)
 def test_careful_robots_meet_the_port_quickly_checked(
     shipped: Callable[..., Scene], claim: Callable[..., Any]
 ) -> None:
-    check_contacts(careful_trials(QUICK, shipped), 2, claim)
+    results = careful_trials(QUICK, shipped)
+    check_contacts(results, 2, claim)
+    claim("docks, built with care", DOCKS, len(QUICK), 2).check(
+        [result.docked for result in results], [result.outcome for result in results]
+    )
 
 
 @pytest.mark.nightly
@@ -39,7 +42,7 @@ def test_careful_robots_meet_the_port_and_dock(
 ) -> None:
     results = careful_trials(FULL, shipped)
     check_contacts(results, 34, claim)
-    claim("docks, built with care", DOCKS, len(FULL), 13).check(
+    claim("docks, built with care", DOCKS, len(FULL), 37).check(
         [result.docked for result in results], [result.outcome for result in results]
     )
 
@@ -53,8 +56,11 @@ def check_contacts(results: list[TrialResult], needed: int, claim: Callable[...,
     outcomes = [result.outcome for result in results]
     assert not {Outcome.COLLISION, Outcome.CLEARANCE_VIOLATED, Outcome.FALSE_DOCK} & set(outcomes), outcomes
     contacts = [result.steps[0].attempts[0].contact for result in results]
-    claim("meets the port to 6 mm and 3 deg, built with care", MEETS, len(results), needed).check(
-        [c is not None and c.lateral_m <= CONTACT_LATERAL_M and c.yaw_rad <= CONTACT_YAW for c in contacts],
+    claim("meets the port to 2.5 mm and 1.5 deg, built with care", MEETS, len(results), needed).check(
+        [
+            c is not None and abs(c.lateral_m) <= CONTACT_LATERAL_M and abs(c.yaw_rad) <= CONTACT_YAW
+            for c in contacts
+        ],
         contacts,
     )
 

@@ -60,13 +60,14 @@ class StateMemory:
         opened: Timer of the lock being open.
         looked_behind: Timer of the unit knowing what is behind it, or no longer waiting to know.
         arrived: Timer of the unit standing at the end of its retreat.
+        leg: Leg of the calibration drive under way, counted from 0.
         limited: Timer of the collision monitor slowing or stopping the unit.
     """
 
     def __init__(self, since_ns: int) -> None:
         """Begin a stay."""
         self.since_ns = since_ns
-        self.turned = 0.0
+        self.turned, self.leg = 0.0, 0
         self.unseen, self.switches, self.arrived = HoldTimer(), HoldTimer(), HoldTimer()
         self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
         self._best, self._best_ns = math.inf, since_ns
@@ -108,6 +109,7 @@ class DockingContext:
         ever_seen: Whether the target was ever seen.
         undocking: Whether the unit was commanded to undock.
         reassemble: Whether the next attempt begins with the long-distance phase.
+        calibrate: Whether the unit has yet to calibrate before it docks.
         last_gap: Last known distance between the faces [m], updated by odometry; None while unknown.
     """
 
@@ -125,6 +127,7 @@ class DockingContext:
     ever_seen: bool = False
     undocking: bool = False
     reassemble: bool = False
+    calibrate: bool = False
     last_gap: float | None = None
     _previous_ns: int | None = None
 

@@ -9,6 +9,10 @@ from msrr_control.sequence.context import DockingContext
 from msrr_control.sequence.port_view import PortView
 from msrr_scenes.messages import FailureReason, LockPosition, MonitorState
 
+#: Standard deviations of an estimate that are granted before a seated unit is taken for one that is not: of
+#: 1000 estimates of one figure three are farther off.
+_SIGMAS = 3.0
+
 
 class Loosened(NamedTuple):
     """What speaks against a unit being locked in its seat: which failure that is, and the reason in words."""
@@ -31,10 +35,26 @@ def loosened(c: DockingContext) -> Loosened | None:
 
 
 def seen_seated(c: DockingContext, view: PortView) -> bool:
-    """Return whether the view is that of a seated unit."""
+    """Return whether the view is that of a seated unit, as far as it is certain."""
     check = c.spec.verify
-    straight = abs(view.yaw) <= math.radians(check.yaw_deg)
-    return straight and view.off_seat(c.tuning.seated_gap_m) <= check.position_m
+    return (
+        abs(view.gap - c.tuning.seated_gap_m) <= with_doubt(check.position_m, view.sigma_gap)
+        and abs(view.lateral) <= with_doubt(check.position_m, view.sigma_lateral)
+        and abs(view.yaw) <= with_doubt(math.radians(check.yaw_deg), view.sigma_yaw)
+    )
+
+
+def with_doubt(accepted: float, sigma: float) -> float:
+    """Return the largest deviation that may be one of ``accepted``, seen with an error of ``sigma``.
+
+    What seated units deviate by and what sight is off by are independent, so that their squares add up.
+    """
+    return math.hypot(accepted, _SIGMAS * sigma)
+
+
+def shortest_seen(c: DockingContext, view: PortView) -> float:
+    """Return the gap [m] of a dock that fell short and that sight would have shown 39 times of 40."""
+    return with_doubt(c.spec.verify.position_m, view.sigma_gap) + 2.0 * view.sigma_gap
 
 
 def lock_is_open(c: DockingContext) -> bool:

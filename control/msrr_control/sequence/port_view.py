@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from msrr_control.docking.law import DockSetup
 from msrr_scenes.geometry.se2 import wrap_angle
 from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, seconds
@@ -20,6 +22,7 @@ class PortView:
         yaw: Heading against the docking axis [rad].
         bearing: Angle from the camera's axis to the middle of the line-of-sight target, left positive [rad].
         widest_edge: Larger magnitude of the two edge angles [rad].
+        sigma_gap: Standard deviation of ``gap`` [m].
         sigma_lateral: Standard deviation of ``lateral`` [m].
         sigma_yaw: Standard deviation of ``yaw`` [rad].
         age: Time since the exposure of the last accepted measurement [s].
@@ -31,6 +34,7 @@ class PortView:
     yaw: float
     bearing: float
     widest_edge: float
+    sigma_gap: float
     sigma_lateral: float
     sigma_yaw: float
     age: float
@@ -39,7 +43,8 @@ class PortView:
     def __str__(self) -> str:
         return (
             f"{1e3 * self.gap:.1f} mm, lateral {1e3 * self.lateral:.1f} mm, {math.degrees(self.yaw):.1f} deg"
-            f" (sigma {1e3 * self.sigma_lateral:.1f} mm, {math.degrees(self.sigma_yaw):.1f} deg)"
+            f" (sigma {1e3 * self.sigma_gap:.1f} mm, {1e3 * self.sigma_lateral:.1f} mm,"
+            f" {math.degrees(self.sigma_yaw):.1f} deg)"
         )
 
     @classmethod
@@ -56,16 +61,16 @@ class PortView:
                 wrap_angle(math.atan2(b - y_camera, ahead) - X.yaw)
                 for b in (target.half_width_m, -target.half_width_m)
             )
-        across = setup.offset * c
         P = pose.covariance
-        variance = float(P[1, 1] + 2.0 * across * P[1, 2] + across**2 * P[2, 2])
+        along, across = np.array([-1.0, 0.0, setup.offset * s]), np.array([0.0, 1.0, setup.offset * c])
         return cls(
             gap=-(X.x + setup.offset * c),
             lateral=X.y + setup.offset * s,
             yaw=X.yaw,
             bearing=wrap_angle(math.atan2(-y_camera, ahead) - X.yaw),
             widest_edge=max(abs(left), abs(right)),
-            sigma_lateral=math.sqrt(max(variance, 0.0)),
+            sigma_gap=math.sqrt(max(float(along @ P @ along), 0.0)),
+            sigma_lateral=math.sqrt(max(float(across @ P @ across), 0.0)),
             sigma_yaw=math.sqrt(max(float(P[2, 2]), 0.0)),
             age=seconds(now_ns - pose.last_seen_ns),
             last_seen_ns=pose.last_seen_ns,

@@ -42,7 +42,10 @@ class State(NamedTuple):
 #: phase if the hand-over itself had failed. Undocking leads from DONE to RETREAT and back.
 STATES = {
     Phase.ASSEMBLE: State(states.assemble, leads_to=(Phase.HAND_OVER, Phase.FAILED)),
-    Phase.HAND_OVER: State(states.hand_over, leads_to=(Phase.DOCK, Phase.RETREAT, Phase.FAILED)),
+    Phase.HAND_OVER: State(
+        states.hand_over, leads_to=(Phase.CALIBRATE, Phase.DOCK, Phase.RETREAT, Phase.FAILED)
+    ),
+    Phase.CALIBRATE: State(states.calibrate, leads_to=(Phase.HAND_OVER,), enter=states.begin_approach),
     Phase.DOCK: State(states.dock, leads_to=(Phase.LOCK, Phase.RETREAT), enter=states.begin_approach),
     Phase.LOCK: State(states.lock, leads_to=(Phase.VERIFY, Phase.RETREAT), holds_lock=True),
     Phase.VERIFY: State(states.verify, leads_to=(Phase.DONE, Phase.RETREAT), holds_lock=True),
@@ -65,6 +68,7 @@ class PhaseMachine:
         assembler: Assembler | None = None,
         tuning: PhaseTuning | None = None,
         docked: bool = False,
+        calibrate: bool = False,
     ) -> None:
         """Begin before the first attempt.
 
@@ -75,9 +79,11 @@ class PhaseMachine:
             assembler: Long-distance phase; None if the unit starts in front of the port.
             tuning: Figures of the mechanism and the sensors.
             docked: Whether the unit is docked already, and is to undock.
+            calibrate: Whether the unit calibrates camera and wheels in front of the port before it docks.
         """
         tuning = tuning if tuning is not None else PhaseTuning()
         self._context = DockingContext(spec, setup, controller, assembler, tuning, 1.0 / setup.rate_hz)
+        self._context.calibrate = calibrate
         if docked:
             self._context.last_gap = 0.0
         self._phase, self._reason = (Phase.DONE if docked else Phase.ASSEMBLE), "start"

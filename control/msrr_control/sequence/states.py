@@ -12,6 +12,7 @@ import numpy as np
 
 from msrr_control.docking.controller import promised_speed
 from msrr_control.docking.retreat import retreat_twist
+from msrr_control.sequence.calibration_drive import calibration_twist
 from msrr_control.sequence.context import DockingContext, Transition
 from msrr_control.sequence.evidence import (
     Loosened,
@@ -20,6 +21,8 @@ from msrr_control.sequence.evidence import (
     not_parted,
     not_undocked,
     seen_seated,
+    shortest_seen,
+    with_doubt,
 )
 from msrr_control.sequence.observation import GiveUp
 from msrr_control.sequence.search import scan_angle, turn_rate
@@ -63,7 +66,8 @@ def hand_over(c: DockingContext) -> Twist | Transition:
     ready_sigma_yaw = math.radians(tuning.ready_sigma_deg)
     certain = view.sigma_lateral <= tuning.ready_sigma_m and view.sigma_yaw <= ready_sigma_yaw
     if in_cone and certain:
-        return Transition(Phase.DOCK, f"target seen at {view}")
+        to = Phase.CALIBRATE if c.calibrate else Phase.DOCK
+        return Transition(to, f"target seen at {view}")
     if memory.lasted(c.now_ns) > tuning.ready_time_s:
         obstacle = "uncertain" if in_cone else "outside the cone"
         return _fail(f"target seen but {obstacle} at {view}", FailureReason.UNREADY, reassemble=True)
@@ -77,6 +81,18 @@ def begin_approach(c: DockingContext) -> None:
         c.controller.reset(c.control_inputs(c.observation.pose))
 
 
+def calibrate(c: DockingContext) -> Twist | Transition:
+    """Drive in front of the port until the estimator knows camera and wheels better, then begin anew.
+
+    Turned away, the unit may see the target no longer; it then turns on by its wheels.
+    """
+    twist = calibration_twist(c, c.tuning.calibration)
+    if twist is not None:
+        return twist
+    c.calibrate = False
+    return Transition(Phase.HAND_OVER, f"calibrated in {c.memory.lasted(c.now_ns):.1f} s")
+
+
 def dock(c: DockingContext) -> Twist | Transition:
     """Follow the controller to the port, then press until the pins are at the bottom of the holes."""
     view, pose, switches = c.view, c.observation.pose, c.observation.switches
@@ -85,7 +101,8 @@ def dock(c: DockingContext) -> Twist | Transition:
         return _fail(f"target lost for {spec.lost_time_s:.2f} s", FailureReason.TARGET_LOST)
     at_port = view.gap <= c.setup.pin_reach + tuning.contact_m
     closed = switches is not None and switches.both
-    agrees = abs(view.gap - tuning.seated_gap_m) <= tuning.near_m or not spec.verify.by_sight
+    off_seat = abs(view.gap - tuning.seated_gap_m)
+    agrees = off_seat <= with_doubt(tuning.near_m, view.sigma_gap) or not spec.verify.by_sight
     if c.memory.switches.update(closed and at_port and agrees, c.now_ns) >= tuning.debounce_s:
         return Transition(Phase.LOCK, f"both seat switches closed at {view}")
     # If any progress counted, the unit could creep for minutes: it has to keep a share of the promised speed,
@@ -137,7 +154,9 @@ def verify(c: DockingContext) -> Twist | Transition:
     if view is not None and check.by_sight:
         enough = c.memory.frames_in_a_row(view.last_seen_ns, seen_seated(c, view)) >= tuning.frames
         if closed and enough:
-            return Transition(Phase.DONE, f"locked, and seen seated at {view}")
+            short = 1e3 * shortest_seen(c, view)
+            reason = f"locked, and seen seated at {view}; sight tells docks that are {short:.1f} mm short"
+            return Transition(Phase.DONE, reason)
     if c.memory.lasted(c.now_ns) > check.time_s:
         seen = f"seen at {view}" if view is not None else "not seen"
         return _fail(f"locked, but {seen}", FailureReason.NOT_VERIFIED)

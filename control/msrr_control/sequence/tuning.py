@@ -6,7 +6,34 @@ from pydantic import Field
 
 from msrr_control.docking.retreat import RetreatSpec
 from msrr_control.sequence.search import SearchSpec
-from msrr_scenes.specs.spec import Distance, Duration, Length, NonNegative, Spec, Time, Tolerance
+from msrr_scenes.specs.spec import Angle, Distance, Duration, Gain, Length, NonNegative, Spec, Time, Tolerance
+
+
+class CalibrationDriveSpec(Spec):
+    """Way and turns of the drive.
+
+    Near the port the tags are large, and turning there shows the camera's mount: seen from the same place at
+    different headings, an offset of the camera moves the target by amounts that no pose explains.
+
+    Attributes:
+        near_m: Gap between the faces at which the unit turns.
+        headings_deg: Headings to which it turns there, one after another.
+        far_m: Gap between the faces to which it backs out in the end.
+        turn_per_s: Gain from the error of the heading to the turn rate.
+        turn_radps: Largest turn rate; at more, tags are smeared over several pixels.
+        heading_tolerance_deg: Error of the heading at which a turn has ended.
+        arrived_m: Distance to the end of the drive at which the unit has arrived.
+        time_s: Time after which the drive ends wherever the unit is.
+    """
+
+    near_m: Length = 0.3
+    headings_deg: tuple[Angle, ...] = Field(default=(25.0, -25.0, 25.0, 0.0), max_length=20)
+    far_m: Length = 0.6
+    turn_per_s: Gain = 2.5
+    turn_radps: NonNegative = 0.4
+    heading_tolerance_deg: Tolerance = 2.0
+    arrived_m: Length = 0.01
+    time_s: Duration = 40.0
 
 
 class PhaseTuning(Spec):
@@ -37,6 +64,7 @@ class PhaseTuning(Spec):
         retreat_margin_s: Time given to a retreat beyond what its distance takes.
         retreat: How the unit backs out.
         search: How the unit looks for its target.
+        calibration: How the unit drives to calibrate its camera and wheels.
     """
 
     ready_sigma_m: Length = 0.02
@@ -61,3 +89,4 @@ class PhaseTuning(Spec):
     retreat_margin_s: Duration = 3.0
     retreat: RetreatSpec = RetreatSpec()
     search: SearchSpec = SearchSpec()
+    calibration: CalibrationDriveSpec = CalibrationDriveSpec()

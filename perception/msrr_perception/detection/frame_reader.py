@@ -18,10 +18,16 @@ class FrameReader:
         found: Clearest detection of every tag read so far, by tag id.
     """
 
-    def __init__(self, fetch: Fetch) -> None:
+    def __init__(self, fetch: Fetch, to_light: Pixels | None = None) -> None:
+        """Begin an exposure of which nothing is read.
+
+        Args:
+            fetch: Function that returns the pixels of a window.
+            to_light: Grey level of every pixel value on a straight tone curve; None if the camera has one.
+        """
         self.windows: list[Window] = []
         self.found: dict[int, TagDetection] = {}
-        self._fetch = fetch
+        self._fetch, self._to_light = fetch, to_light
         self._read: list[tuple[Pixels, Window]] = []
 
     def read(self, windows: Iterable[Window], detector: Detector) -> None:
@@ -46,7 +52,8 @@ class FrameReader:
 
     def _pixels(self, window: Window) -> Pixels:
         self.windows.append(window)
-        return self._fetch(window)
+        pixels = self._fetch(window)
+        return pixels if self._to_light is None else self._to_light[pixels]
 
     def _detect(self, pixels: Pixels, window: Window, detector: Detector) -> None:
         for tag in detector.detect(pixels, window):

@@ -97,7 +97,7 @@ class OnboardVision:
         Returns:
             Every tag found, by ascending id, and the windows in the order in which they were fetched.
         """
-        reader = FrameReader(fetch)
+        reader = FrameReader(fetch, self.target.to_light)
         frame = (self.target.camera.frame,)
         known = prediction is not None and pose_is_known(prediction, self._known_m, self._known_yaw)
         if prediction is None or not known or exposure.frame % self._full_every == 0:

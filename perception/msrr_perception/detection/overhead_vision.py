@@ -158,7 +158,7 @@ class OverheadVision:
         Returns:
             Every tag read, by ascending id, and all windows in the order in which they were fetched.
         """
-        reader = FrameReader(fetch)
+        reader = FrameReader(fetch, self.model.to_light)
         driving = self._units[:1] if driving is None else driving
         wanted = [i for i in self.model.tags if self._is_due(i, exposure.frame, driving, remote)]
         due = self._expected(predictions, wanted)
@@ -187,7 +187,7 @@ class OverheadVision:
         Returns:
             The tags found, also of the units that matter where they show in the same windows.
         """
-        reader = FrameReader(fetch)
+        reader = FrameReader(fetch, self.model.to_light)
         square = self.model.square(middle_W, half_m, self._units[0])
         window = fitting_window(square, self.model.camera.frame)
         if window is not None:

@@ -11,17 +11,14 @@ import math
 from bisect import bisect_left
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from msrr_perception.estimation.chi_squared import chi_squared_quantile
-from msrr_perception.estimation.motion import DEFAULT_NOISE, STATE_SIZE, DriveMotion, FilterState, MotionNoise
+from msrr_perception.estimation.corner_update import CornerUpdate
+from msrr_perception.estimation.dock_frame import in_seat, pose_in_D
+from msrr_perception.estimation.knowledge import Knowledge
+from msrr_perception.estimation.motion import DEFAULT_NOISE, DriveMotion, FilterState, MotionNoise
 from msrr_perception.estimation.wheel_history import WheelHistory
-from msrr_perception.kernels.fit import gate_distances
-from msrr_perception.pose.corner_fit import CornerMeasurements, fit_corners
-from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise, consistent_pose, gather_corners
+from msrr_perception.pose.calibration import POSE_SIZE
+from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import (
     NS_PER_S,
@@ -78,8 +75,8 @@ class CornerEkf:
         target: TargetModel,
         odometry: OdometrySpec,
         delay_compensation: bool = True,
-        corner_sigma_px: float = DEFAULT_CORNER_NOISE.corner_sigma_px,
-        tilt_sigma_deg: float = 0.3,
+        corner_sigma_px: float | None = None,
+        tilt_sigma_deg: float = 0.05,
         gate_probability: float = 0.9999,
         reset_after: int = 5,
         horizon_s: float = 1.0,
@@ -93,7 +90,8 @@ class CornerEkf:
             target: Camera, drive and map of the tags.
             odometry: Data sheet of the encoders.
             delay_compensation: Whether :meth:`estimate` moves the last exposure's pose up to now.
-            corner_sigma_px: Standard deviation of each corner coordinate [px].
+            corner_sigma_px: Standard deviation of each corner coordinate [px]; None goes by the data sheet of
+                the camera and the size of a tag in the image.
             tilt_sigma_deg: Standard deviation of pitch and roll of the pair [deg].
             gate_probability: Share of good tags that pass the gate.
             reset_after: Number of exposures in a row with nothing inside the gate after which it starts anew.
@@ -106,24 +104,25 @@ class CornerEkf:
         Raises:
             SceneError: A parameter is out of its range.
         """
-        wrong = out_of_range(_RANGES, locals())
+        values = locals()
+        wrong = out_of_range({k: r for k, r in _RANGES.items() if values[k] is not None}, values)
         if wrong is not None:
             raise SceneError(f"corner_ekf: {wrong}")
         if motion is not None and not isinstance(motion, MotionNoise):
             raise SceneError("corner_ekf: motion is for programs; a scene gives slip")
         self.target = target
         self.delay_compensation = delay_compensation
-        self._noise = CornerNoise(corner_sigma_px, math.radians(tilt_sigma_deg))
+        tilt_sigma = math.radians(tilt_sigma_deg)
+        noise = CornerNoise(corner_sigma_px or DEFAULT_CORNER_NOISE.corner_sigma_px, tilt_sigma)
         self._motion = DriveMotion(
             target,
             odometry,
-            replace(motion or MotionNoise(slip=slip), tilt_sigma=self._noise.tilt_sigma),
+            replace(motion or MotionNoise(slip=slip), tilt_sigma=tilt_sigma),
         )
-        self._tag_gate = chi_squared_quantile(gate_probability, 8)
-        self._pose_gate = chi_squared_quantile(gate_probability, 3)
+        self._update = CornerUpdate(target, noise, corner_sigma_px, gate_probability, start_inflation)
+        self._known = self._motion.drawn
         self._reset_after = reset_after
         self._horizon_ns = round(horizon_s * NS_PER_S)
-        self._start_inflation = start_inflation
         self._wheels = WheelHistory()
         self.reset()
 
@@ -161,14 +160,43 @@ class CornerEkf:
         newest = self._entries[-1].after
         if state is newest:
             state = self._advance_head(state, stamp_ns)
-        return _report(self._motion.propagate(state, self._wheels, stamp_ns))
+        return self._report(self._motion.propagate(state, self._wheels, stamp_ns))
 
     def estimate(self, now_ns: int) -> PoseEstimate | None:
         """Return the pose for control: of now, or without delay compensation of the last exposure."""
         if self.delay_compensation:
             return self.predict(now_ns)
         state = self._state_before(now_ns)
-        return None if state is None else _report(state)
+        return None if state is None else self._report(state)
+
+    def _report(self, state: FilterState) -> PoseEstimate:
+        """Return the pose in D of a state, whose pose is that against the marker."""
+        X, J = pose_in_D(self.target.filter_layout, state)
+        covariance = J @ state.covariance @ J.T
+        return PoseEstimate(state.stamp_ns, X, 0.5 * (covariance + covariance.T), state.last_seen_ns)
+
+    @property
+    def drawn(self) -> Knowledge:
+        """What the drawing and its tolerances say of the errors of calibration."""
+        return self._motion.drawn
+
+    def recall(self, knowledge: Knowledge) -> None:
+        """Start from what was learned earlier, instead of from the drawing alone."""
+        self._known = knowledge
+
+    def learned(self, seated: bool) -> Knowledge | None:
+        """Return what is known of the errors of calibration; None while nothing was seen.
+
+        Args:
+            seated: Whether the unit is locked in its seat. Then it knows how far it is from the face of the
+                port and how it is turned, but hardly where to the side: the throat of the holes leaves play.
+        """
+        state = self._entries[-1].after if self._entries else None
+        if state is None:
+            return None
+        if seated:
+            state = in_seat(self.target, state)
+        return Knowledge(state.mean[POSE_SIZE:], state.covariance[POSE_SIZE:, POSE_SIZE:], self.drawn.shared)
 
     def _state_before(self, stamp_ns: int) -> FilterState | None:
         for entry in reversed(self._entries):
@@ -215,9 +243,10 @@ class CornerEkf:
             return self._start(measurement)
         prior = self._motion.propagate(before, self._wheels, measurement.exposure.stamp_ns)
         if isinstance(measurement, PoseMeasurement):
-            after = self._update_pose(prior, measurement)
+            after = self._update.by_pose(prior, measurement)
         else:
-            after = self._update_corners(prior, measurement.tags)
+            rates = self._motion.rates(prior, self._wheels)
+            after = self._update.by_corners(prior, self._of_target(measurement), rates)
         if after is not None:
             return replace(after, last_seen_ns=measurement.exposure.stamp_ns, rejected=0)
         lost = replace(prior, rejected=prior.rejected + 1)
@@ -225,76 +254,19 @@ class CornerEkf:
 
     def _start(self, measurement: _Measurement) -> FilterState | None:
         """Return a state from one measurement alone; None when it does not determine one."""
+        found = self._update.start(
+            measurement if isinstance(measurement, PoseMeasurement) else self._of_target(measurement)
+        )
+        if found is None:
+            return None
         stamp = measurement.exposure.stamp_ns
-        P = np.diag([0.0, 0.0, 0.0, self._noise.tilt_sigma**2, self._noise.tilt_sigma**2])
-        if isinstance(measurement, PoseMeasurement):
-            P[:3, :3] = measurement.covariance
-            mean = np.append(measurement.X_DU.as_array(), [0.0, 0.0])
-        else:
-            pose = consistent_pose(self.target, measurement.tags, self._noise)
-            if pose is None:
-                return None
-            mean = np.append(pose.X_DU.as_array(), [pose.pitch, pose.roll])
-            P[:] = pose.tilt_covariance
-            P[:3, :3] += pose.covariance - pose.tilt_covariance[:3, :3]
-        P[:3, :3] *= self._start_inflation
-        return self._motion.initial(stamp, mean, P, self._wheels.angles_at(stamp))
+        wheels = self._wheels.angles_at(stamp)
+        return self._motion.initial(stamp, found.mean, found.covariance, wheels, found.by_errors, self._known)
 
-    def _update_pose(self, prior: FilterState, measurement: PoseMeasurement) -> FilterState | None:
-        P = prior.covariance
-        innovation = measurement.X_DU.as_array() - prior.mean[:3]
-        innovation[2] = math.remainder(innovation[2], 2.0 * math.pi)
-        S = P[:3, :3] + measurement.covariance
-        if float(innovation @ np.linalg.solve(S, innovation)) > self._pose_gate:
-            return None
-        gain = np.linalg.solve(S, P[:3]).T
-        mean = prior.mean + gain @ innovation
-        mean[2] = math.remainder(mean[2], 2.0 * math.pi)
-        left = np.eye(STATE_SIZE)
-        left[:, :3] -= gain
-        # Joseph's form keeps the covariance positive definite whatever the gain's rounding.
-        covariance = left @ P @ left.T + gain @ measurement.covariance @ gain.T
-        return replace(prior, mean=mean, covariance=covariance)
-
-    def _update_corners(self, prior: FilterState, tags: tuple[TagDetection, ...]) -> FilterState | None:
-        known = [t for t in tags if t.tag_id in self.target.corners_D]
-        measured = gather_corners(self.target, known, self._noise.corner_sigma_px)
-        inside = self._gate(prior, measured)
-        if not inside.any():
-            return None
-        rows = np.repeat(inside, 4)
-        corners = CornerMeasurements(
-            measured.points_D[rows], measured.pixels[np.repeat(rows, 2)], measured.sigma_px
-        )
-        information = np.linalg.inv(prior.covariance)
-        fit = fit_corners(
-            self.target,
-            corners,
-            prior.mean,
-            prior.mean,
-            0.5 * (information + information.T),
-            max_iterations=6,
-        )
-        return replace(prior, mean=fit.state, covariance=fit.covariance)
-
-    def _gate(self, prior: FilterState, corners: CornerMeasurements) -> NDArray[np.bool_]:
-        """Return for each tag, shape (tags,), whether its corners lie inside the gate."""
-        distance: Array = gate_distances(
-            self.target.optics,
-            corners.points_D,
-            corners.pixels,
-            corners.sigma_px,
-            prior.mean,
-            prior.covariance,
-        )
-        return distance <= self._tag_gate
+    def _of_target(self, detections: Detections) -> list[TagDetection]:
+        return [t for t in detections.tags if t.tag_id in self.target.corners_D]
 
 
 def _key(measurement: _Measurement) -> tuple[int, int, str]:
     exposure = measurement.exposure
     return exposure.stamp_ns, exposure.frame, exposure.camera
-
-
-def _report(state: FilterState) -> PoseEstimate:
-    covariance = state.covariance[:3, :3].copy()
-    return PoseEstimate(state.stamp_ns, state.X_DU, 0.5 * (covariance + covariance.T), state.last_seen_ns)

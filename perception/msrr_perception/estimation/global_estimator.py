@@ -89,7 +89,7 @@ class GlobalEstimator:
         self.delay_compensation = delay_compensation
         self._units = model.units
         self._own = CornerEkf(
-            drive,
+            drive.without_tags(),
             odometry,
             delay_compensation=delay_compensation,
             gate_probability=gate_probability,

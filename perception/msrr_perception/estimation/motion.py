@@ -8,19 +8,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
 from msrr_perception.kernels.drive import Drive, propagate
+from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import seconds
 from msrr_scenes.specs.sensors import OdometrySpec
 
-#: Size of the state: x, y, yaw of U in D; pitch and roll of the pair; relative radius errors of both wheels.
-STATE_SIZE = 7
+#: Smallest standard deviation of a relative radius error, whatever the scene says of its encoders, and of a
+#: relative error of the track.
+_LEAST_SCALE_SIGMA, _LEAST_TRACK_SIGMA = 0.003, 0.003
 
-#: Smallest standard deviation of a relative radius error, whatever the scene says of its encoders.
-_LEAST_SCALE_SIGMA = 0.003
+#: Time over which the wheels are differenced for the velocity at an instant [ns].
+_VELOCITY_NS = 20_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,11 +32,13 @@ class FilterState:
 
     Attributes:
         stamp_ns: Time of the state.
-        mean: Mean ``(x, y, yaw, pitch, roll, scale left, scale right)``, shape (7,) [m, rad, -].
-        covariance: Covariance of the mean, shape (7, 7).
+        mean: Mean, shape (n,): x, y, yaw of U in D [m, rad], pitch and roll of the pair [rad], relative
+            errors of both radii and of the track, and the errors of calibration of the filter's layout.
+        covariance: Covariance of the mean, shape (n, n).
         wheels: Encoder angles up to which motion is accounted for; None while no reading is known.
         last_seen_ns: Exposure time of the last measurement that passed the gate.
         rejected: Number of exposures in a row of which nothing passed the gate.
+        noise_scale: Variance of the corners, as their residuals show it, over that by the data sheet.
     """
 
     stamp_ns: int
@@ -42,6 +47,7 @@ class FilterState:
     wheels: WheelAngles | None
     last_seen_ns: int
     rejected: int = 0
+    noise_scale: float = 1.0
 
     @property
     def X_DU(self) -> SE2:
@@ -67,14 +73,14 @@ class MotionNoise:
         tilt_time: Correlation time of pitch and roll [s].
     """
 
-    slip: float = 0.001
-    sideways: float = 0.0005
+    slip: float = 0.0003
+    sideways: float = 0.0002
     contact: float = 0.02
     guidance: float = 0.01
     contact_zone: float = 0.03
-    drift: float = 0.0002
-    turn_drift: float = 0.001
-    tilt_sigma: float = math.radians(0.3)
+    drift: float = 5e-5
+    turn_drift: float = 3e-4
+    tilt_sigma: float = math.radians(0.05)
     tilt_time: float = 1.0
 
 
@@ -85,10 +91,22 @@ class DriveMotion:
     """Differential-drive motion of the state, exact for constant wheel speeds between two readings.
 
     The radius errors of the wheels are constant through a trial, so they are states and not white noise.
+
+    Attributes:
+        drawn: What the drawing and its tolerances say of everything in a state but the pose.
     """
 
     def __init__(self, target: TargetModel, odometry: OdometrySpec, noise: MotionNoise) -> None:
-        self._scale_sigma = max(odometry.scale_error, _LEAST_SCALE_SIGMA)
+        left, right, track = target.tolerances.wheels
+        wheels = [
+            max(math.hypot(odometry.scale_error, left), _LEAST_SCALE_SIGMA),
+            max(math.hypot(odometry.scale_error, right), _LEAST_SCALE_SIGMA),
+            max(track, _LEAST_TRACK_SIGMA),
+        ]
+        layout = target.filter_layout
+        sigmas = np.concatenate([wheels, layout.prior])
+        self.drawn = Knowledge(np.zeros(len(sigmas)), np.diag(sigmas**2), layout.own - POSE_SIZE)
+        self._play = 3.0 * target.tolerances.backlash
         self._drive = Drive(
             radius=target.wheel_radius,
             track=target.track,
@@ -99,6 +117,8 @@ class DriveMotion:
             sideways=noise.sideways**2,
             contact=noise.contact**2,
             guidance=noise.guidance**2,
+            # Whether a wheel follows its motor is unknown until the play is taken up.
+            play=0.5 * target.wheel_radius * target.tolerances.backlash,
             drift=noise.drift**2,
             turn_drift=noise.turn_drift**2,
             tilt=noise.tilt_sigma**2,
@@ -106,14 +126,47 @@ class DriveMotion:
         )
 
     def initial(
-        self, stamp_ns: int, mean: Array, covariance: Array, wheels: WheelAngles | None
+        self,
+        stamp_ns: int,
+        mean: Array,
+        covariance: Array,
+        wheels: WheelAngles | None,
+        by_errors: Array,
+        known: Knowledge,
     ) -> FilterState:
-        """Return a first state from a pose with tilt, shape (5,), and its covariance, shape (5, 5)."""
-        full, P = np.zeros(STATE_SIZE), np.zeros((STATE_SIZE, STATE_SIZE))
-        full[:5] = mean
-        P[:5, :5] = covariance
-        P[5, 5] = P[6, 6] = self._scale_sigma**2
+        """Return a first state from a measured pose with tilt.
+
+        Args:
+            stamp_ns: Time.
+            mean: Pose with tilt as measured, shape (5,).
+            covariance: Its covariance, shape (5, 5), of everything but the errors of calibration.
+            wheels: Encoder angles at that time.
+            by_errors: What each error of calibration adds to the true pose, shape (5, k), for the first k.
+            known: What is known of the drive and of the errors of calibration.
+        """
+        k = by_errors.shape[1]
+        A = np.zeros((POSE_SIZE, len(known.mean)))
+        A[:, DRIVE_SIZE : DRIVE_SIZE + k] = by_errors
+        n = POSE_SIZE + len(known.mean)
+        full, P = np.zeros(n), np.zeros((n, n))
+        full[:POSE_SIZE] = mean + by_errors @ known.mean[DRIVE_SIZE : DRIVE_SIZE + k]
+        full[POSE_SIZE:] = known.mean
+        AQ = A @ known.covariance
+        P[:POSE_SIZE, :POSE_SIZE] = covariance + AQ @ A.T
+        P[:POSE_SIZE, POSE_SIZE:], P[POSE_SIZE:, :POSE_SIZE] = AQ, AQ.T
+        P[POSE_SIZE:, POSE_SIZE:] = known.covariance
         return FilterState(stamp_ns, full, P, wheels, stamp_ns)
+
+    def rates(self, state: FilterState, history: WheelHistory) -> Array:
+        """Return the velocity of (x, y, yaw) in D at the time of a state, shape (3,) [m/s, rad/s]."""
+        after = history.angles_at(state.stamp_ns)
+        before = history.angles_at(state.stamp_ns - _VELOCITY_NS)
+        if after is None or before is None:
+            return np.zeros(3)
+        ways = np.array([after.left - before.left, after.right - before.right]) * self._drive.radius
+        left, right = ways * (1.0 + state.mean[5:7]) / seconds(_VELOCITY_NS)
+        v, w, yaw = 0.5 * (left + right), (right - left) / self._drive.track, state.mean[2]
+        return np.array([v * math.cos(yaw), v * math.sin(yaw), w])
 
     def propagate(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
         """Return the state moved forward to ``stamp_ns`` along the encoder readings."""
@@ -121,11 +174,15 @@ class DriveMotion:
             return state
         wheels = state.wheels or history.angles_at(state.stamp_ns)
         if wheels is None:
-            return self._moved(state, stamp_ns, [(0.0, 0.0, seconds(stamp_ns - state.stamp_ns))], None)
+            waited = seconds(stamp_ns - state.stamp_ns)
+            return self._moved(state, stamp_ns, [(0.0, 0.0, waited, 0.0, 0.0)], None)
         steps, before_ns = [], state.stamp_ns
         for angles in history.angles_between(state.stamp_ns, stamp_ns):
             dt = seconds(angles.stamp_ns - before_ns)
-            steps.append((angles.left - wheels.left, angles.right - wheels.right, dt))
+            left, right = angles.left - wheels.left, angles.right - wheels.right
+            loose_left = float(abs(angles.since_left - abs(left)) < self._play)
+            loose_right = float(abs(angles.since_right - abs(right)) < self._play)
+            steps.append((left, right, dt, loose_left, loose_right))
             wheels, before_ns = angles, angles.stamp_ns
         return self._moved(state, stamp_ns, steps, wheels)
 
@@ -133,11 +190,11 @@ class DriveMotion:
         self,
         state: FilterState,
         stamp_ns: int,
-        steps: Sequence[tuple[float, float, float]],
+        steps: Sequence[tuple[float, float, float, float, float]],
         wheels: WheelAngles | None,
     ) -> FilterState:
-        """Return the state after ``steps``: angles turned left and right [rad], duration [s]."""
+        """Return the state after ``steps``: angles turned left and right [rad], duration [s], in play."""
         mean, P = propagate(
-            state.mean, state.covariance, np.array(steps, dtype=np.float64).reshape(-1, 3), self._drive
+            state.mean, state.covariance, np.array(steps, dtype=np.float64).reshape(-1, 5), self._drive
         )
-        return FilterState(stamp_ns, mean, P, wheels, state.last_seen_ns, state.rejected)
+        return FilterState(stamp_ns, mean, P, wheels, state.last_seen_ns, state.rejected, state.noise_scale)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right, insort
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from msrr_scenes.messages import NS_PER_S, WheelOdometry
 
@@ -13,11 +13,17 @@ _EXTRAPOLATION_NS = NS_PER_S // 10
 
 @dataclass(frozen=True, slots=True, order=True)
 class WheelAngles:
-    """The angles that the wheels have turned since power-up [rad], at an instant."""
+    """The angles that the wheels have turned since power-up [rad], at an instant.
+
+    ``since_left`` and ``since_right`` say by how much each has turned since it last began to turn the other
+    way [rad]: first the play of its gear is taken up, and only then the wheel follows.
+    """
 
     stamp_ns: int
     left: float
     right: float
+    since_left: float = field(default=0.0, compare=False)
+    since_right: float = field(default=0.0, compare=False)
 
 
 class WheelHistory:
@@ -25,6 +31,7 @@ class WheelHistory:
 
     def __init__(self) -> None:
         self._readings: list[WheelAngles] = []
+        self._ways = [0.0, 0.0]  # last angle by which each motor turned between two readings [rad]
 
     def __len__(self) -> int:
         return len(self._readings)
@@ -33,12 +40,26 @@ class WheelHistory:
         """Store a reading and return whether it is newer than all others. A repeated one is ignored."""
         new = WheelAngles(reading.stamp_ns, reading.left, reading.right)
         if not self._readings or new.stamp_ns > self._readings[-1].stamp_ns:
-            self._readings.append(new)
+            self._readings.append(self._counted(new))
             return True
         i = self._index(new.stamp_ns)
         if self._readings[i].stamp_ns != new.stamp_ns:
-            insort(self._readings, new)
+            later = self._readings[i]
+            insort(self._readings, replace(new, since_left=later.since_left, since_right=later.since_right))
         return False
+
+    def _counted(self, new: WheelAngles) -> WheelAngles:
+        """Return the newest reading with the angles since both wheels began to turn the way they do."""
+        if not self._readings:
+            return new
+        last = self._readings[-1]
+        since = [last.since_left, last.since_right]
+        for i, way in enumerate((new.left - last.left, new.right - last.right)):
+            if way == 0.0:
+                continue
+            since[i] = abs(way) + (since[i] if way * self._ways[i] > 0.0 else 0.0)
+            self._ways[i] = way
+        return WheelAngles(new.stamp_ns, new.left, new.right, *since)
 
     def forget_before(self, stamp_ns: int) -> None:
         """Drop readings that are not needed for instants from ``stamp_ns`` on."""
@@ -58,7 +79,7 @@ class WheelHistory:
         if i < len(readings) and readings[i].stamp_ns == stamp_ns:
             return readings[i]
         if i == 0:
-            return WheelAngles(stamp_ns, readings[0].left, readings[0].right)
+            return replace(readings[0], stamp_ns=stamp_ns)
         if i == len(readings):
             return self._after_newest(stamp_ns)
         return _interpolated(readings[i - 1], readings[i], stamp_ns, stamp_ns)
@@ -78,7 +99,7 @@ class WheelHistory:
     def _after_newest(self, stamp_ns: int) -> WheelAngles:
         newest = self._readings[-1]
         if len(self._readings) < 2:
-            return WheelAngles(stamp_ns, newest.left, newest.right)
+            return replace(newest, stamp_ns=stamp_ns)
         until = min(stamp_ns, newest.stamp_ns + _EXTRAPOLATION_NS)
         return _interpolated(self._readings[-2], newest, until, stamp_ns)
 
@@ -89,4 +110,5 @@ class WheelHistory:
 def _interpolated(a: WheelAngles, b: WheelAngles, time_ns: int, stamp_ns: int) -> WheelAngles:
     """Return the angles on the line through ``a`` and ``b`` at ``time_ns``, stamped ``stamp_ns``."""
     k = (time_ns - a.stamp_ns) / (b.stamp_ns - a.stamp_ns)
-    return WheelAngles(stamp_ns, a.left + k * (b.left - a.left), a.right + k * (b.right - a.right))
+    left, right = a.left + k * (b.left - a.left), a.right + k * (b.right - a.right)
+    return WheelAngles(stamp_ns, left, right, b.since_left, b.since_right)

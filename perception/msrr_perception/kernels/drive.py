@@ -22,6 +22,7 @@ class Drive(NamedTuple):
     sideways: float  # variance per metre
     contact: float  # variance per metre
     guidance: float  # variance per metre
+    play: float  # variance along a wheel per metre, while the play of its gear is taken up
     drift: float  # variance per second
     turn_drift: float  # variance per second
     tilt: float  # variance
@@ -30,7 +31,16 @@ class Drive(NamedTuple):
 
 @inlined
 def add_slip(
-    P: Array, drive: Drive, left: float, right: float, c: float, s: float, dt: float, x: float
+    P: Array,
+    drive: Drive,
+    left: float,
+    right: float,
+    loose_left: float,
+    loose_right: float,
+    c: float,
+    s: float,
+    dt: float,
+    x: float,
 ) -> None:
     """Add the motion that the encoders do not measure to the covariance of (x, y, yaw).
 
@@ -39,6 +49,8 @@ def add_slip(
         drive: Drive and its noise.
         left: Distance driven by the left wheel, not negative [m].
         right: Distance driven by the right wheel, not negative [m].
+        loose_left: 1 while the play of the left gear is taken up, else 0.
+        loose_right: The same of the right one.
         c: Cosine of the heading.
         s: Sine of the heading.
         dt: Duration [s].
@@ -50,7 +62,8 @@ def add_slip(
         per_wheel += drive.guidance
         forward += drive.contact * way
         side += drive.guidance * way
-    v_left, v_right = per_wheel * left, per_wheel * right
+    v_left = (per_wheel + drive.play * loose_left) * left
+    v_right = (per_wheel + drive.play * loose_right) * right
     forward += 0.25 * (v_left + v_right)
     turn = (v_left + v_right) / (drive.track * drive.track) + drive.turn_drift * dt
     both = 0.5 * (v_right - v_left) / drive.track  # forward and turn together
@@ -71,46 +84,52 @@ def propagate(state: Array, covariance: Array, steps: Array, drive: Drive) -> tu
     """Return mean and covariance of the state after K steps.
 
     Args:
-        state: ``(x, y, yaw, pitch, roll, scale left, scale right)``, shape (7,).
-        covariance: Covariance of the state, shape (7, 7).
-        steps: Angles turned by the left and the right wheel [rad] and duration [s], shape (K, 3).
+        state: Pose with tilt, relative errors of both radii and of the track, and anything that does not
+            move, shape (n,).
+        covariance: Covariance of the state, shape (n, n).
+        steps: Angles turned by the left and the right motor [rad], duration [s], and 1 for each side whose
+            play is taken up, shape (K, 5).
         drive: Drive and its noise.
     """
-    mean, P, half_way = state.copy(), covariance.copy(), np.empty((7, 7))
-    F = np.zeros((3, 7))  # first three rows of the transition matrix; the others are diagonal
+    n = state.shape[0]
+    mean, P, rows = state.copy(), covariance.copy(), np.empty((3, n))
+    F = np.zeros((3, 8))  # first three rows of the transition matrix; the others are diagonal
     for k in range(steps.shape[0]):
         d_left, d_right, dt = drive.radius * steps[k, 0], drive.radius * steps[k, 1], steps[k, 2]
         x, yaw = mean[0], mean[2]
         way_left, way_right = d_left * (1.0 + mean[5]), d_right * (1.0 + mean[6])
-        turn, forward = (way_right - way_left) / drive.track, 0.5 * (way_right + way_left)
+        track = drive.track * (1.0 + mean[7])
+        turn, forward = (way_right - way_left) / track, 0.5 * (way_right + way_left)
         half = 0.5 * turn
         chord = forward * (math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
         c, s = math.cos(yaw + half), math.sin(yaw + half)
         keep = math.exp(-dt / drive.tilt_time)
-        F[0, 0] = F[1, 1] = F[2, 2] = 1.0
         F[0, 2], F[1, 2] = -chord * s, chord * c
-        for column in range(5, 7):
-            d, rate = d_left, -d_left / drive.track
+        for column in range(5, 8):
+            d, rate = d_left, -d_left / track
             if column == 6:
-                d, rate = d_right, d_right / drive.track
+                d, rate = d_right, d_right / track
+            elif column == 7:
+                d, rate = 0.0, -turn / (1.0 + mean[7])
             F[0, column] = 0.5 * (d * c - chord * s * rate)
             F[1, column] = 0.5 * (d * s + chord * c * rate)
             F[2, column] = rate
-        for j in range(7):  # F P
+        for j in range(n):  # F P
             for i in range(3):
-                half_way[i, j] = P[i, j] + F[i, 5] * P[5, j] + F[i, 6] * P[6, j]
-                if i < 2:
-                    half_way[i, j] += F[i, 2] * P[2, j]
-            half_way[3, j], half_way[4, j] = keep * P[3, j], keep * P[4, j]
-            half_way[5, j], half_way[6, j] = P[5, j], P[6, j]
-        for i in range(7):  # (F P) F^T
+                rows[i, j] = P[i, j] + F[i, 2] * P[2, j]
+                rows[i, j] += F[i, 5] * P[5, j] + F[i, 6] * P[6, j] + F[i, 7] * P[7, j]
+        for j in range(n):
+            P[0, j], P[1, j], P[2, j] = rows[0, j], rows[1, j], rows[2, j]
+            P[3, j] *= keep
+            P[4, j] *= keep
+        for i in range(n):  # (F P) F^T
+            yaw_column = P[i, 2]
             for j in range(3):
-                P[i, j] = half_way[i, j] + half_way[i, 5] * F[j, 5] + half_way[i, 6] * F[j, 6]
-                if j < 2:
-                    P[i, j] += half_way[i, 2] * F[j, 2]
-            P[i, 3], P[i, 4] = half_way[i, 3] * keep, half_way[i, 4] * keep
-            P[i, 5], P[i, 6] = half_way[i, 5], half_way[i, 6]
-        add_slip(P, drive, abs(d_left), abs(d_right), c, s, dt, x)
+                P[i, j] += F[j, 2] * yaw_column
+                P[i, j] += F[j, 5] * P[i, 5] + F[j, 6] * P[i, 6] + F[j, 7] * P[i, 7]
+            P[i, 3] *= keep
+            P[i, 4] *= keep
+        add_slip(P, drive, abs(d_left), abs(d_right), steps[k, 3], steps[k, 4], c, s, dt, x)
         P[3, 3] += (1.0 - keep * keep) * drive.tilt
         P[4, 4] += (1.0 - keep * keep) * drive.tilt
         mean[0], mean[1] = x + chord * c, mean[1] + chord * s

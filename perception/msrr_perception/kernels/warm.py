@@ -7,10 +7,18 @@ from collections.abc import Callable
 
 import numpy as np
 
+from msrr_perception.kernels.calibrated import PARAMETERS, TagMap
 from msrr_perception.kernels.compiled import compiler
 from msrr_perception.kernels.drive import Drive, propagate
 from msrr_perception.kernels.edges import refine_corners
-from msrr_perception.kernels.fit import fit, gate_distances
+from msrr_perception.kernels.fit import (
+    CornerVariances,
+    Seen,
+    derivatives,
+    fit,
+    gate_distances,
+    roots_of_covariance,
+)
 from msrr_perception.kernels.project import Optics, predict_tags, tag_extent
 from msrr_perception.kernels.track import coast, fuse
 
@@ -29,13 +37,21 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
         announce(f"Compiling perception, once for this version (about ten seconds), into {compiler.folder}")
     optics = Optics(np.eye(3, order="F"), np.zeros(3), 8.0, 4.0, 4.0)
     square = np.array([[-0.5, 0.5, 2.0], [0.5, 0.5, 2.0], [0.5, -0.5, 2.0], [-0.5, -0.5, 2.0]])
-    pose, state = np.zeros(5), np.zeros(7)
+    pose, state = np.zeros(5), np.zeros(8)
+    corners, none = square[None], np.zeros((1, PARAMETERS))
+    tags = TagMap(corners, np.zeros((1, 3)), np.eye(3)[None], np.zeros(3), none.astype(np.int64), none)
+    which, one, still = np.zeros(1, np.int64), np.ones(1), np.zeros(3)
     pixels = np.array([[2.0, 6.0], [6.0, 6.0], [6.0, 2.0], [2.0, 2.0]])
     predict_tags(optics, 8, 8, pose, np.eye(3), square[None], 1.0)
     tag_extent(pixels, np.ones((4, 2)), 1.0, 1.0, 0.1, 1.0)
-    gate_distances(optics, square, pixels.ravel(), 1.0, state, np.eye(7))
-    fit(optics, square, pixels.ravel(), 1.0, state, state, np.eye(7), 2, 1e-3)
-    propagate(state, np.eye(7), np.zeros((1, 3)), Drive(*[1.0] * 12))
+    roots = roots_of_covariance(
+        optics, tags, which, pixels.reshape(1, 8), still, state, CornerVariances(one, one, 1.0), 1.0, 1.0, 0.1
+    )
+    seen = Seen(which, pixels.reshape(1, 8), roots, still)
+    gate_distances(optics, tags, seen, state, np.eye(8))
+    derivatives(optics, tags, seen, state)
+    fit(optics, tags, seen, state, state, np.eye(8), 2, 1e-3)
+    propagate(state, np.eye(8), np.zeros((1, 5)), Drive(*[1.0] * 13))
     coast(np.zeros(5), np.eye(5), 0.1, 1.0, 1.0, 1.0)
     fuse(np.zeros(5), np.eye(5), np.zeros(3), np.eye(3))
     refine_corners(np.zeros((16, 16), np.uint8), 4.0 + 2.0 * (pixels[None] - 2.0))

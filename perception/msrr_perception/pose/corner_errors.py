@@ -23,8 +23,9 @@ from msrr_perception.kernels.edges import (
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.sensors import CameraSpec
 
-#: Contrast between black and white of a tag [grey levels].
-_CONTRAST = 200.0
+#: Contrast between black and white of tags on top of a unit and of upright ones, which get less light [grey
+#: levels].
+LYING_CONTRAST, UPRIGHT_CONTRAST = 200.0, 150.0
 
 #: Variance of the mean of a cross section per pixel of its length, by that of a pixel: interpolation between
 #: four pixels averages their noise.
@@ -34,13 +35,17 @@ _INTERPOLATION = 0.57
 #: blur that halves it [px].
 _SAMPLING_PX, _SMOOTH_PX = 0.032, 0.75
 
-#: Error of a cross section that is shorter than the blurred edge: share of the blur, which falls with e to
-#: this many times the half-length by the blur.
-_CUT_SHARE, _CUT_FALL = 0.57, 1.34
+#: Half-length of a cross section below which this error grows, with the third power [px].
+_SHORT_PX = 1.8
+
+#: Error of a cross section because what lies beyond the borders of the tag is blurred into it: deviation
+#: at a length of zero [px], how it falls with the half-length by the blur, and the blur by pixels and by
+#: interpolation [px].
+_BORDER_PX, _BORDER_FALL, _PIXEL_BLUR_PX = 0.9, 1.7, 0.45
 
 #: Share of the offset and of the slope of a line in each of its ends, by the error of one cross section.
-_BY_OFFSET = 1.0 / math.sqrt(SECTIONS)
-_BY_SLOPE = 0.5 / math.sqrt(SQUARES)
+BY_OFFSET = 1.0 / math.sqrt(SECTIONS)
+BY_SLOPE = 0.5 / math.sqrt(SQUARES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,15 +58,18 @@ class CornerErrors:
     Attributes:
         noise_grey: Standard deviation of a pixel halfway between black and white [grey levels].
         blur_px: Standard deviation of the lens blur [px].
+        contrast: Contrast between black and white [grey levels].
     """
 
     noise_grey: float
     blur_px: float
+    contrast: float = LYING_CONTRAST
 
     @classmethod
-    def from_spec(cls, spec: CameraSpec) -> CornerErrors:
+    def from_spec(cls, spec: CameraSpec, contrast: float = LYING_CONTRAST) -> CornerErrors:
         """Take blur, noise and rounding to whole grey levels from the data sheet of a camera."""
-        return cls(math.sqrt(spec.noise_grey**2 + 0.5 * spec.shot_grey**2 + 1.0 / 12.0), spec.blur_px)
+        noise = math.sqrt(spec.noise_grey**2 + 0.5 * spec.shot_grey**2 + 1.0 / 12.0)
+        return cls(noise, spec.blur_px, contrast)
 
     def frame_px(self, edge_px: float) -> float:
         """Return the standard deviation of a cross section that is drawn anew in every frame [px].
@@ -69,21 +77,37 @@ class CornerErrors:
         Args:
             edge_px: Length of the edges of the tag in the image [px].
         """
-        return self.noise_grey * math.sqrt(2.0 * _INTERPOLATION * _reach(edge_px)) / _CONTRAST
+        return self.noise_grey * math.sqrt(2.0 * _INTERPOLATION * _reach(edge_px)) / self.contrast
 
     def lasting_px(self, edge_px: float) -> float:
         """Return the standard deviation that stays the same in all frames of a tag that stands still [px].
 
-        It depends on where the edges lie between the pixels.
+        It depends on where the edges lie between the pixels, and on what lies beyond the borders of the tag.
 
         Args:
             edge_px: Length of the edges of the tag in the image [px].
         """
-        sampling = _SAMPLING_PX / (1.0 + (self.blur_px / _SMOOTH_PX) ** 2)
-        if self.blur_px == 0.0:
-            return sampling
-        cut = _CUT_SHARE * self.blur_px * math.exp(-_CUT_FALL * _reach(edge_px) / self.blur_px)
-        return math.hypot(sampling, cut)
+        return math.hypot(self.sampling_px(edge_px), self.border_px(edge_px))
+
+    def sampling_px(self, edge_px: float) -> float:
+        """Return the standard deviation of a cross section by where the edge lies between pixels [px].
+
+        Args:
+            edge_px: Length of the edges of the tag in the image [px].
+        """
+        short = max(_SHORT_PX / _reach(edge_px), 1.0) ** 3
+        return short * _SAMPLING_PX / (1.0 + (self.blur_px / _SMOOTH_PX) ** 2)
+
+    def border_px(self, edge_px: float) -> float:
+        """Return the standard deviation of a cross section by what lies beyond the borders of the tag [px].
+
+        It is the same wherever the edge lies in the image.
+
+        Args:
+            edge_px: Length of the edges of the tag in the image [px].
+        """
+        blur = math.hypot(self.blur_px, _PIXEL_BLUR_PX)
+        return _BORDER_PX * math.exp(-_BORDER_FALL * _reach(edge_px) / blur)
 
 
 def _reach(edge_px: float) -> float:
@@ -106,6 +130,6 @@ def corners_by_sections(corners: Array) -> Array:
     out = np.zeros((4, 2, 4, 2))  # corner, coordinate, edge, offset or slope
     for e in range(4):
         for corner, end in ((e, -1.0), ((e + 1) % 4, 1.0)):
-            out[corner, :, e, 0] = _BY_OFFSET * normals[e]
-            out[corner, :, e, 1] = end * _BY_SLOPE * normals[e]
+            out[corner, :, e, 0] = BY_OFFSET * normals[e]
+            out[corner, :, e, 1] = end * BY_SLOPE * normals[e]
     return out.reshape(8, 8)

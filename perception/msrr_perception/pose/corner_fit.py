@@ -1,36 +1,24 @@
 """Least squares over tag corners with a Gaussian prior, by Gauss-Newton with Levenberg-Marquardt damping.
 
 The joint pose (hardly any prior) and the filter's iterated update (the prediction as prior) are the same
-problem: minimise |pixels - h(x)|^2 / sigma^2 + (x - m)^T Lambda (x - m). The iterated extended Kalman update
-equals this Gauss-Newton descent (Bell and Cathey, "The iterated Kalman filter update as a Gauss-Newton
-method", IEEE TAC 38, 1993).
+problem: minimise r^T R^-1 r + (x - m)^T Lambda (x - m) for residuals r = pixels - h(x). The iterated extended
+Kalman update equals this Gauss-Newton descent (Bell and Cathey, "The iterated Kalman filter update as a
+Gauss-Newton method", IEEE TAC 38, 1993).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_perception.kernels.fit import fit
+from msrr_perception.kernels.fit import Seen, fit
+from msrr_perception.pose.calibration import StateLayout
 from msrr_perception.pose.target import YAW, TargetModel
 from msrr_scenes.arrays import Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CornerMeasurements:
-    """The tag corners measured in one exposure.
-
-    Attributes:
-        points_D: Corners in the dock frame D, shape (N, 3) [m].
-        pixels: Measured pixels of the corners, shape (2 N,), ordered u0, v0, u1, v1 ...
-        sigma_px: Standard deviation of each pixel coordinate [px].
-    """
-
-    points_D: Array
-    pixels: Array
-    sigma_px: float
+from msrr_scenes.messages import TagDetection
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +28,7 @@ class CornerFit:
     Attributes:
         state: State, shape (n,); the first five entries are ``(x, y, yaw, pitch, roll)``.
         covariance: Inverse of the Gauss-Newton Hessian, shape (n, n).
-        chi2: Sum of the squared residuals over sigma^2, without the prior's part.
+        chi2: Squared residuals by their covariance, without the prior's part.
         cost: ``chi2`` plus the prior's part.
         converged: Whether the last step was below the tolerance.
     """
@@ -59,9 +47,24 @@ def deviation(state: Array, mean: Array) -> Array:
     return d
 
 
+def equally_good(layout: StateLayout, tags: Sequence[TagDetection], sigma_px: float) -> Seen:
+    """Return measured corners that are all equally good and independent, for a target that stands.
+
+    Args:
+        layout: Layout of the state, which knows the tags.
+        tags: Tags of the target.
+        sigma_px: Standard deviation of each corner coordinate [px].
+    """
+    which = np.array([layout.index[t.tag_id] for t in tags], dtype=np.int64)
+    corners = np.array([t.corners for t in tags], dtype=np.float64).reshape(-1, 8)
+    roots = np.tile(sigma_px * np.eye(8), (len(which), 1, 1))
+    return Seen(which, corners, roots, np.zeros(3))
+
+
 def fit_corners(
     target: TargetModel,
-    corners: CornerMeasurements,
+    layout: StateLayout,
+    seen: Seen,
     start: Array,
     prior_mean: Array,
     prior_information: Array,
@@ -72,8 +75,9 @@ def fit_corners(
 
     Args:
         target: Camera and its mounting.
-        corners: Measured corners.
-        start: First guess, shape (n,) with n >= 5; entries beyond the fifth do not affect the image.
+        layout: Layout of the state.
+        seen: Measured corners.
+        start: First guess, shape (n,); entries that are in no column of the layout do not affect the image.
         prior_mean: Mean m of the prior, shape (n,).
         prior_information: Information matrix Lambda of the prior, shape (n, n), positive semidefinite.
         max_iterations: Largest number of linearisations.
@@ -85,17 +89,8 @@ def fit_corners(
     Raises:
         numpy.linalg.LinAlgError: Corners and prior together do not fix every direction of the state.
     """
-    weight = 1.0 / (corners.sigma_px * corners.sigma_px)
     state, covariance, chi2, cost, converged, solvable = fit(
-        target.optics,
-        corners.points_D,
-        corners.pixels,
-        weight,
-        start,
-        prior_mean,
-        prior_information,
-        max_iterations,
-        tolerance,
+        target.optics, layout.tags, seen, start, prior_mean, prior_information, max_iterations, tolerance
     )
     if not solvable:
         raise np.linalg.LinAlgError("corners and prior leave a direction of the state open")

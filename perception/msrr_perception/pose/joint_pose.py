@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
-from msrr_perception.pose.corner_fit import CornerFit, CornerMeasurements, deviation, fit_corners
+from msrr_perception.kernels.fit import Seen
+from msrr_perception.pose.corner_fit import CornerFit, deviation, equally_good, fit_corners
 from msrr_perception.pose.target import YAW, TargetModel, pose_vector
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
@@ -72,14 +73,6 @@ class JointPose:
     gap: float
 
 
-def gather_corners(target: TargetModel, tags: Sequence[TagDetection], sigma_px: float) -> CornerMeasurements:
-    """Return the corners of those ``tags`` that belong to the target; there must be at least one."""
-    known = [t for t in tags if t.tag_id in target.corners_D]
-    points = np.concatenate([target.corners_D[t.tag_id] for t in known])
-    pixels = np.concatenate([t.corners for t in known])
-    return CornerMeasurements(points, pixels.reshape(-1), sigma_px)
-
-
 def one_tag_poses(target: TargetModel, tag: TagDetection) -> tuple[SE2, ...]:
     """Return the one or two poses X_DU at which a single flat tag appears as detected, best first.
 
@@ -122,7 +115,7 @@ def joint_pose(
     known = [t for t in tags if t.tag_id in target.corners_D]
     if not known:
         return None
-    corners = gather_corners(target, known, noise.corner_sigma_px)
+    seen = equally_good(target.layout, known, noise.corner_sigma_px)
     largest = max(known, key=lambda t: (_area(t.corners), -t.tag_id))
     prior = np.zeros((5, 5))
     prior[3, 3] = prior[4, 4] = noise.tilt_sigma**-2
@@ -130,7 +123,7 @@ def joint_pose(
     for start in one_tag_poses(target, largest):
         vector = pose_vector(start)
         try:
-            fit = fit_corners(target, corners, vector, np.zeros(5), prior, max_iterations=40)
+            fit = fit_corners(target, target.layout, seen, vector, np.zeros(5), prior, max_iterations=40)
         except np.linalg.LinAlgError:  # there is no solution near this start; there may be one near the other
             continue
         if np.all(np.isfinite(fit.state)) and np.all(np.isfinite(fit.covariance)):
@@ -141,7 +134,7 @@ def joint_pose(
     pose = _report(fits, tuple(sorted(t.tag_id for t in known)))
     if len(known) > 1 or (pose.alternative is None and pose.covariance[2, 2] < (0.2 * _YAW_STEP) ** 2):
         return pose
-    spread = _covariance_along_yaw(target, corners, fits, prior)
+    spread = _covariance_along_yaw(target, seen, fits, prior)
     if spread is None:
         return None
     # Where the yaw is known better than a step of the sampling, the curvature is right and the sum is coarse.
@@ -149,26 +142,49 @@ def joint_pose(
 
 
 def consistent_pose(
-    target: TargetModel, tags: Sequence[TagDetection], noise: CornerNoise = DEFAULT_CORNER_NOISE
+    target: TargetModel,
+    tags: Sequence[TagDetection],
+    noise: CornerNoise = DEFAULT_CORNER_NOISE,
+    agree: Callable[[JointPose, Sequence[TagDetection]], bool] | None = None,
 ) -> JointPose | None:
     """Return the joint pose of tags that agree with each other, for a start without a prior.
 
     Of three tags or more the one that disagrees is left out; of two that disagree neither can be trusted.
+
+    Args:
+        target: Camera and map of the tags.
+        tags: Detections; those of other units are ignored.
+        noise: Assumed noise of corners and tilt.
+        agree: Function that returns whether a pose explains its tags; None goes by its chi2.
     """
-    pose = joint_pose(target, tags, noise)
-    if pose is None or _agree(pose):
+    known = [t for t in tags if t.tag_id in target.corners_D]
+
+    def fits(some: Sequence[TagDetection], pose: JointPose) -> bool:
+        return good_fit(pose.chi2, len(pose.tags)) if agree is None else agree(pose, some)
+
+    pose = joint_pose(target, known, noise)
+    if pose is None or fits(known, pose):
         return pose
-    if len(pose.tags) < 3:
+    if len(known) < 3:
         return None
-    rest = ([t for t in tags if t.tag_id != odd] for odd in pose.tags)
-    poses = [p for p in (joint_pose(target, some, noise) for some in rest) if p is not None]
-    best = min(poses, key=lambda p: p.chi2, default=None)
-    return best if best is not None and _agree(best) else None
+    best: JointPose | None = None
+    for odd in known:
+        rest = [t for t in known if t is not odd]
+        found = joint_pose(target, rest, noise)
+        if found is not None and fits(rest, found) and (best is None or found.chi2 < best.chi2):
+            best = found
+    return best
 
 
-def _agree(pose: JointPose) -> bool:
+def good_fit(chi2: float, tags: int) -> bool:
+    """Return whether the squared residuals of a pose are those of tags that agree.
+
+    Args:
+        chi2: Squared residuals of all corners by their covariance.
+        tags: Number of tags.
+    """
     # The bound is above twice the degrees of freedom because rendered corners are not quite independent.
-    return pose.chi2 <= 2.0 * (8 * len(pose.tags) - 3) + 12.0
+    return chi2 <= 2.0 * (8 * tags - 3) + 12.0
 
 
 def _report(fits: list[CornerFit], tags: tuple[int, ...]) -> JointPose:
@@ -198,7 +214,7 @@ def _report(fits: list[CornerFit], tags: tuple[int, ...]) -> JointPose:
 
 
 def _covariance_along_yaw(
-    target: TargetModel, corners: CornerMeasurements, fits: Sequence[CornerFit], prior: Array
+    target: TargetModel, seen: Seen, fits: Sequence[CornerFit], prior: Array
 ) -> Array | None:
     """Return the second moment of (x, y, yaw) about the first fit, shape (3, 3), summed over the yaw.
 
@@ -217,7 +233,7 @@ def _covariance_along_yaw(
         mean = np.zeros(5)
         mean[YAW] = start[YAW] = best[YAW] + turn
         try:
-            fit = fit_corners(target, corners, start, mean, held, max_iterations=8)
+            fit = fit_corners(target, target.layout, seen, start, mean, held, max_iterations=8)
         except np.linalg.LinAlgError:  # at this yaw the corners explain nothing
             continue
         if not (math.isfinite(fit.cost) and np.isfinite(fit.covariance).all()):

@@ -10,12 +10,14 @@ from types import MappingProxyType
 
 import numpy as np
 
+from msrr_perception.detection.tone import straight_tone
 from msrr_perception.pose.corner_errors import CornerErrors
 from msrr_perception.pose.global_pose import FlatTag, GlobalLocalizer, flat_tags, overhead_pose
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.messages import Pixels
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -40,6 +42,8 @@ class OverheadModel:
         limits: Limits of the drive of all units, by data sheet.
         noise: Covariance, shape (3, 3) [m, rad], of global localisation beyond the camera's noise, by data
             sheet.
+        to_light: Grey level of every pixel value on a straight tone curve, shape (256,); None if the camera
+            has one.
     """
 
     camera: PinholeCamera
@@ -50,6 +54,7 @@ class OverheadModel:
     corner_errors: CornerErrors
     limits: LimitsSpec
     noise: Array
+    to_light: Pixels | None = None
 
     @classmethod
     def from_scene(cls, scene: Scene, needed: Iterable[str]) -> OverheadModel:
@@ -83,6 +88,7 @@ class OverheadModel:
             corner_errors=CornerErrors.from_spec(spec),
             limits=scene.limits,
             noise=np.diag([errors.noise_m**2, errors.noise_m**2, yaw**2]),
+            to_light=straight_tone(spec),
         )
 
     @cached_property

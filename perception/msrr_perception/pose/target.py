@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 
+from msrr_perception.detection.tone import straight_tone
 from msrr_perception.kernels.project import Optics
+from msrr_perception.pose.calibration import StateLayout, Tolerances, filter_layout, pose_layout
+from msrr_perception.pose.corner_errors import UPRIGHT_CONTRAST, CornerErrors
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
+from msrr_scenes.messages import Pixels
 from msrr_scenes.specs.plan import DockStep, LosSpec
 from msrr_scenes.specs.scene import Scene
 
@@ -61,6 +65,11 @@ class TargetModel:
         wheel_radius: Wheel radius of the docking unit, by calibration [m].
         track: Distance between the wheels of the docking unit, by calibration [m].
         front: Distance of the docking port's face ahead of U [m].
+        corner_errors: Errors of the corners of tags, by data sheet of the camera.
+        tolerances: Tolerances of all of this calibration.
+        frame_period_s: Time between two exposures of the camera [s].
+        to_light: Grey level of every pixel value on a straight tone curve, shape (256,); None if the camera
+            has one.
     """
 
     camera_name: str
@@ -72,6 +81,10 @@ class TargetModel:
     wheel_radius: float
     track: float
     front: float
+    corner_errors: CornerErrors
+    tolerances: Tolerances
+    frame_period_s: float
+    to_light: Pixels | None
 
     @classmethod
     def from_scene(cls, scene: Scene, step: DockStep) -> TargetModel:
@@ -81,7 +94,7 @@ class TargetModel:
             GeometryError: A URDF lacks a frame.
             SceneError: The target port has no tags, or no tag edge lies where the scene's LOS target is.
         """
-        own, target = scene.geometry(step.unit), scene.geometry(step.target_unit)
+        target = scene.geometry(step.target_unit)
         X_DT = SE3.from_se2(target.dock_frame(step.target_port)).inverse()
         ids = scene.tag_ids(step.target_unit)
         corners = {
@@ -92,17 +105,8 @@ class TargetModel:
         port_tags = tuple(ids[slot] for slot in target.tag_slots if slot.startswith(prefix))
         if not port_tags:
             raise SceneError(f"{step.to}: this port carries no tags, so nothing can be docked to it by sight")
-        return cls(
-            camera_name=f"{step.unit}/onboard",
-            camera=scene.cameras.onboard.pinhole,
-            X_UC=optical_pose(own.frame("camera")),
-            corners_D=MappingProxyType(corners),
-            port_tags=port_tags,
-            edges=_los_edges({i: corners[i] for i in port_tags}, scene.los, step.to),
-            wheel_radius=own.wheel_radius,
-            track=own.track,
-            front=own.port(step.port).x,
-        )
+        edges = _los_edges({i: corners[i] for i in port_tags}, scene.los, step.to)
+        return cls._of_unit(scene, step.unit, step.port, MappingProxyType(corners), port_tags, edges)
 
     @classmethod
     def without_target(cls, scene: Scene, unit: str, port: str) -> TargetModel:
@@ -113,17 +117,37 @@ class TargetModel:
             unit: Name of the unit.
             port: Its active port.
         """
-        own = scene.geometry(unit)
+        return cls._of_unit(scene, unit, port, MappingProxyType({}), (), ())
+
+    def without_tags(self) -> TargetModel:
+        """Return the calibration of the drive alone, for a pose that is not measured by tags of a target."""
+        return replace(self, corners_D=MappingProxyType({}), port_tags=(), edges=())
+
+    @classmethod
+    def _of_unit(
+        cls,
+        scene: Scene,
+        unit: str,
+        port: str,
+        corners_D: Mapping[int, Array],
+        port_tags: tuple[int, ...],
+        edges: tuple[TagEdge, ...],
+    ) -> TargetModel:
+        own, spec = scene.geometry(unit), scene.cameras.onboard
         return cls(
             camera_name=f"{unit}/onboard",
-            camera=scene.cameras.onboard.pinhole,
+            camera=spec.pinhole,
             X_UC=optical_pose(own.frame("camera")),
-            corners_D=MappingProxyType({}),
-            port_tags=(),
-            edges=(),
+            corners_D=corners_D,
+            port_tags=port_tags,
+            edges=edges,
             wheel_radius=own.wheel_radius,
             track=own.track,
             front=own.port(port).x,
+            corner_errors=CornerErrors.from_spec(spec, UPRIGHT_CONTRAST),
+            tolerances=Tolerances.from_spec(scene.as_built),
+            frame_period_s=1.0 / spec.rate_hz,
+            to_light=straight_tone(spec),
         )
 
     @cached_property
@@ -136,6 +160,16 @@ class TargetModel:
         """Camera and mounting in the layout that the kernels are compiled for: rotation in column order."""
         R_CU = np.array(self.X_CU.R, order="F")
         return Optics(R_CU, np.array(self.X_UC.p), self.camera.focal, self.camera.cx, self.camera.cy)
+
+    @cached_property
+    def layout(self) -> StateLayout:
+        """Layout of a pose with tilt, for fits in which everything is as drawn."""
+        return pose_layout(self.corners_D, self.port_tags)
+
+    @cached_property
+    def filter_layout(self) -> StateLayout:
+        """Layout of a filter's state: pose, drive, and what may not be as drawn."""
+        return filter_layout(self.layout, self.port_tags, self.tolerances)
 
     @cached_property
     def edge_points_D(self) -> tuple[list[float], list[float]]:

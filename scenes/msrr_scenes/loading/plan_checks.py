@@ -8,7 +8,7 @@ from msrr_scenes.errors import nearest
 from msrr_scenes.loading.lock_checks import lock_problems
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
-from msrr_scenes.specs.plan import ancestors, in_order
+from msrr_scenes.specs.plan import DockStep, ancestors, in_order
 from msrr_scenes.specs.scene import Scene
 
 
@@ -31,6 +31,10 @@ def mission_problems(scene: Scene) -> list[Problem]:
     if not scene.coordinated:
         return problems
     problems += _shape_problems(scene)
+    for i, step in enumerate(scene.plan):
+        if isinstance(step, DockStep) and step.calibrate:
+            text = "only units on their own calibrate, and a base station leads these; leave it out"
+            problems.append(Problem(("plan", i, "calibrate"), text))
     overhead = scene.cameras.overhead
     if overhead is None:
         text = "a base station leads the units of this scene by it, so it cannot be null"

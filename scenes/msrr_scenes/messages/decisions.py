@@ -109,6 +109,7 @@ class Phase(Enum):
 
     ASSEMBLE = "assemble"
     HAND_OVER = "hand_over"
+    CALIBRATE = "calibrate"
     DOCK = "dock"
     LOCK = "lock"
     VERIFY = "verify"

@@ -44,6 +44,8 @@ class DockStep(Spec):
     """Active port of the docking unit."""
     to: PortName
     """Port that is docked to, written ``<unit>.<port>``."""
+    calibrate: bool = False
+    """Whether the unit first calibrates its camera and wheels by a drive in front of the port."""
     name: Name | None = None
     """Name of the step, for ``after``; by default that of the unit."""
     after: After = None
@@ -229,6 +231,8 @@ class DockingSpec(Spec):
     """Distance to the target face from which the next attempt starts [m]."""
     press_mps: Speed = 0.05
     """Speed with which the robot presses into the port [m/s]."""
+    learn_seats: bool = True
+    """Whether a docked unit learns how the port looks from its seat, for its next dock there."""
     verify: VerifySpec = VerifySpec()
     """Check of the finished docking."""
 

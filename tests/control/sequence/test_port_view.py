@@ -83,7 +83,9 @@ def test_the_spread_of_the_port_is_that_of_draws_from_the_estimate(correlation: 
     X = SE2(-0.3, 0.02, yaw)
     view = _view(X, P)
     draws = np.random.default_rng(3).multivariate_normal(X.as_array(), P, 40_000)
+    gap = -draws[:, 0] - FACTS.offset * np.cos(draws[:, 2])
     lateral = draws[:, 1] + FACTS.offset * np.sin(draws[:, 2])
+    assert view.sigma_gap == pytest.approx(gap.std(), rel=0.025)
     assert view.sigma_lateral == pytest.approx(lateral.std(), rel=0.025)
     assert view.sigma_yaw == pytest.approx(sigma_yaw, rel=1e-12)
 

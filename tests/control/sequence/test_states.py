@@ -11,6 +11,7 @@ import pytest
 
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
+from msrr_control.sequence.evidence import with_doubt
 from msrr_control.sequence.observation import Observation
 from msrr_control.sequence.state_machine import PhaseMachine
 from msrr_control.sequence.tuning import PhaseTuning
@@ -237,9 +238,21 @@ def test_switches_are_believed_at_the_gap_of_a_seated_unit_only(
 ) -> None:
     desk = Desk(facts, tuning=PhaseTuning(seated_gap_m=seated_gap))
     desk.to_dock()
-    phases = _phases(desk, seated_gap + share * desk.tuning.near_m, 20)
+    near = with_doubt(desk.tuning.near_m, math.sqrt(SURE[0, 0]))
+    phases = _phases(desk, seated_gap + share * near, 20)
     assert (Phase.LOCK in phases) is locks
     assert locks or set(phases) == {Phase.DOCK}
+
+
+@pytest.mark.parametrize("sigma_mm", [0.0, 1.0, 3.0])
+def test_sight_that_is_less_certain_refuses_fewer_seated_units(facts: DockSetup, sigma_mm: float) -> None:
+    """5 mm off the seat: too far for a view without errors, within two standard deviations of a bad one."""
+    desk = Desk(facts)
+    desk.to_dock()
+    covariance = _wide(0.001, 0.001)
+    covariance[0, 0] = (1e-3 * sigma_mm) ** 2
+    phases = [desk.ask(desk.at(0.005), closed=True, covariance=covariance).phase for _ in range(20)]
+    assert (Phase.LOCK in phases) is (sigma_mm == 3.0)
 
 
 def test_who_does_not_look_believes_the_switches_at_the_port_and_nowhere_else(facts: DockSetup) -> None:

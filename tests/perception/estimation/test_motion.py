@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_perception.estimation.motion import DEFAULT_NOISE, STATE_SIZE, DriveMotion, FilterState, MotionNoise
+from msrr_perception.estimation.motion import DEFAULT_NOISE, DriveMotion, FilterState, MotionNoise
 from msrr_perception.estimation.wheel_history import WheelHistory
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
@@ -27,7 +27,8 @@ def _wheels(left: np.ndarray, right: np.ndarray) -> WheelHistory:
 
 def _start(motion: DriveMotion, pose: SE2, history: WheelHistory) -> FilterState:
     mean = np.array([pose.x, pose.y, pose.yaw, 0.0, 0.0])
-    return motion.initial(0, mean, np.diag([1e-6, 1e-6, 1e-6, 1e-5, 1e-5]), history.angles_at(0))
+    P, by_errors = np.diag([1e-6, 1e-6, 1e-6, 1e-5, 1e-5]), np.zeros((5, 1))
+    return motion.initial(0, mean, P, history.angles_at(0), by_errors, motion.drawn)
 
 
 def test_odometry_alone_is_the_integral_on_se2(target: TargetModel) -> None:
@@ -61,17 +62,19 @@ def test_stops_on_the_way_change_nothing(target: TargetModel) -> None:
 
 
 def test_the_covariance_moves_by_the_derivative_of_the_motion(target: TargetModel) -> None:
-    """Without noise F P F^T with F by central differences of the mean, for all seven states."""
+    """Without noise F P F^T with F by central differences of the mean, for all states."""
     turn = np.linspace(0.0, 3.0, 11)
     history = _wheels(0.6 * turn, turn)
     motion = DriveMotion(target, OdometrySpec(noise_rad=0.0), replace(SILENT, tilt_sigma=1e-9))
     rng = np.random.default_rng(1)
-    A = rng.normal(0.0, 0.01, (STATE_SIZE, STATE_SIZE))
-    state = replace(_start(motion, SE2(-0.7, 0.1, 0.3), history), covariance=A @ A.T)
+    state = _start(motion, SE2(-0.7, 0.1, 0.3), history)
+    n = len(state.mean)
+    A = rng.normal(0.0, 0.01, (n, n))
+    state = replace(state, covariance=A @ A.T)
     end = motion.propagate(state, history, 10 * TICK_NS)
-    h, F = 1e-6, np.empty((STATE_SIZE, STATE_SIZE))
-    for i in range(STATE_SIZE):
-        e = h * np.eye(STATE_SIZE)[i]
+    h, F = 1e-6, np.empty((n, n))
+    for i in range(n):
+        e = h * np.eye(n)[i]
         ahead, behind = (
             motion.propagate(replace(state, mean=state.mean + s * e), history, 10 * TICK_NS).mean
             for s in (1, -1)
@@ -106,7 +109,7 @@ def test_wheel_errors_are_covered_by_the_covariance(target: TargetModel) -> None
 def test_tilt_forgets_and_scales_do_not(target: TargetModel) -> None:
     motion = DriveMotion(target, OdometrySpec(), DEFAULT_NOISE)
     state = _start(motion, SE2(-0.7, 0.0, 0.0), WheelHistory())
-    state = replace(state, mean=np.array([-0.7, 0.0, 0.0, 0.01, -0.01, 0.02, 0.01]))
+    state = replace(state, mean=np.array([-0.7, 0.0, 0.0, 0.01, -0.01, 0.02, 0.01, 0.005, 0.01]))
     later = motion.propagate(state, WheelHistory(), 10 * 1_000_000_000)
     np.testing.assert_allclose(later.mean[3:5], 0.0, atol=1e-5)
     np.testing.assert_allclose(later.covariance[3, 3], DEFAULT_NOISE.tilt_sigma**2, rtol=1e-3)

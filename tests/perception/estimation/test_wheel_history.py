@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
 from msrr_scenes.messages import WheelOdometry
@@ -67,3 +68,11 @@ def test_forgetting_keeps_what_later_instants_need() -> None:
     history.forget_before(15 * MS)
     assert len(history) == 3
     assert history.angles_at(15 * MS) == before
+
+
+def test_a_wheel_that_turns_back_takes_up_the_play_of_its_gear_again() -> None:
+    history = _history((0, 0.0, 0.0), (10, 0.5, 0.0), (20, 1.5, 0.0), (30, 1.5, 0.1), (40, 1.2, 0.3))
+    for ms, left, right in ((20, 1.5, 0.0), (30, 1.5, 0.1), (40, 0.3, 0.3)):
+        angles = history.angles_at(ms * MS)
+        assert angles is not None
+        assert (angles.since_left, angles.since_right) == pytest.approx((left, right))

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from msrr_perception.kernels.fit import gate_distances
+from msrr_perception.pose.corner_fit import equally_good
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.messages import TagDetection
 
 
 def test_the_gate_measures_mahalanobis_distances(target: TargetModel, jacobian: Callable) -> None:
@@ -20,7 +22,10 @@ def test_the_gate_measures_mahalanobis_distances(target: TargetModel, jacobian: 
         P, state = A @ A.T, np.append(pose, [0.01, -0.01])
         predicted, J = jacobian(pose, points)
         pixels = predicted + rng.normal(0.0, 1.0, len(predicted))
-        found = gate_distances(target.optics, points, pixels, 0.25, state, P)
+        corners = pixels.reshape(-1, 4, 2)
+        tags = [TagDetection(i, c, 50.0, 0) for i, c in zip(target.port_tags, corners, strict=True)]
+        seen = equally_good(target.layout, tags, 0.25)
+        found = gate_distances(target.optics, target.layout.tags, seen, state, P)
         for tag in range(len(found)):
             rows = slice(8 * tag, 8 * tag + 8)
             S = J[rows] @ P[:5, :5] @ J[rows].T + 0.25**2 * np.eye(8)

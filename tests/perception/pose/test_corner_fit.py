@@ -7,14 +7,23 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from msrr_perception.pose.corner_fit import CornerMeasurements, fit_corners
+from msrr_perception.kernels.fit import Seen
+from msrr_perception.pose.corner_fit import equally_good, fit_corners
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.messages import TagDetection
 
 
 def _view(target: TargetModel, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Return a pose with tilt drawn by ``rng``, and the corners of the tags of the port."""
     pose = np.array([rng.uniform(-0.8, -0.2), *rng.normal(0.0, [0.03, 0.05, 0.005, 0.005])])
     return pose, np.concatenate([target.corners_D[tag] for tag in target.port_tags])
+
+
+def _seen(target: TargetModel, pixels: np.ndarray) -> Seen:
+    """Return the pixels of the corners of the tags of the port as measurements of 0.25 px."""
+    corners = pixels.reshape(-1, 4, 2)
+    tags = [TagDetection(i, c, 50.0, 0) for i, c in zip(target.port_tags, corners, strict=True)]
+    return equally_good(target.layout, tags, 0.25)
 
 
 def test_a_fit_ends_where_the_gradient_vanishes(
@@ -27,7 +36,7 @@ def test_a_fit_ends_where_the_gradient_vanishes(
         pixels = project(target, pose, points)[1].reshape(-1) + rng.normal(0.0, 0.2, 2 * len(points))
         prior = np.diag([1e2, 1e2, 1e2, 4e4, 4e4])
         found = fit_corners(
-            target, CornerMeasurements(points, pixels, 0.25), pose + 0.01, pose, prior, max_iterations=30
+            target, target.layout, _seen(target, pixels), pose + 0.01, pose, prior, max_iterations=30
         )
         assert found.converged
         predicted, J = jacobian(found.state, points)
@@ -46,7 +55,8 @@ def test_a_direction_left_open_is_an_error(target: TargetModel, project: Callabl
     with pytest.raises(np.linalg.LinAlgError, match="open"):
         fit_corners(
             target,
-            CornerMeasurements(points, pixels, 0.25),
+            target.layout,
+            _seen(target, pixels),
             np.append(pose, [0.0, 0.0]),
             np.zeros(7),
             np.zeros((7, 7)),  # the last two entries do not show in the image, and nothing else holds them

@@ -1,0 +1,259 @@
+"""The measurements of the corner filter: how tag corners and poses start and correct its state.
+
+Every error of calibration that has a tolerance is in the state, so that it correlates what it has put off.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_perception.estimation.chi_squared import chi_squared_quantile
+from msrr_perception.estimation.motion import FilterState
+from msrr_perception.kernels.calibrated import EDGE
+from msrr_perception.kernels.fit import (
+    CornerVariances,
+    Seen,
+    derivatives,
+    gate_distances,
+    roots_of_covariance,
+)
+from msrr_perception.pose.corner_errors import BY_OFFSET, BY_SLOPE
+from msrr_perception.pose.corner_fit import equally_good, fit_corners
+from msrr_perception.pose.joint_pose import CornerNoise, JointPose, consistent_pose, good_fit
+from msrr_perception.pose.target import TargetModel, pose_vector
+from msrr_scenes.arrays import Array
+from msrr_scenes.messages import PoseMeasurement, TagDetection
+
+#: Share of an exposure in the variance of the corners by their residuals, and the largest such variance.
+_NOISE_SHARE, _LARGEST_SCALE = 0.1, 100.0
+
+#: Number of exposures of an approach that share the errors by what lies beyond the borders of tags.
+_LASTING_FRAMES = 60.0
+
+#: Standard deviation of a corner that no model of edges has [px]: of pixels that are not square by their
+#: fill, of plates that are not flat.
+_REST_PX = 0.005
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StartingPose:
+    """A measured pose with tilt that determines a state.
+
+    Attributes:
+        mean: ``(x, y, yaw, pitch, roll)``, shape (5,) [m, rad].
+        covariance: Covariance of the mean by everything but the errors of calibration, shape (5, 5).
+        by_errors: What each error of calibration adds to the true pose where this one was measured, shape
+            (5, k).
+    """
+
+    mean: Array
+    covariance: Array
+    by_errors: Array
+
+
+class CornerUpdate:
+    """Starts and corrects a state by the measurements of one exposure."""
+
+    def __init__(
+        self,
+        target: TargetModel,
+        noise: CornerNoise,
+        corner_sigma_px: float | None,
+        gate_probability: float,
+        start_inflation: float,
+    ) -> None:
+        """Set up for a target.
+
+        Args:
+            target: Camera, map of the tags, and tolerances.
+            noise: Errors of corners and floor from which a first pose is computed.
+            corner_sigma_px: Standard deviation of each corner coordinate [px]; None goes by the data sheet of
+                the camera and the size of the tag in the image.
+            gate_probability: Share of good tags that pass the gate.
+            start_inflation: Factor on the first pose's covariance.
+        """
+        self._target, self._layout = target, target.filter_layout
+        self._noise, self._sigma_px = noise, corner_sigma_px
+        self._shown = self._layout.size if self._layout.marker is None else self._layout.marker
+        edges = self._layout.tags.columns[:, EDGE] - self._layout.first
+        self._no_pixels = sorted({int(column) for column in edges if column >= 0})
+        self._tag_gate = chi_squared_quantile(gate_probability, 8)
+        self._pose_gate = chi_squared_quantile(gate_probability, 3)
+        self._inflation = start_inflation
+
+    def start(self, measurement: PoseMeasurement | Sequence[TagDetection]) -> StartingPose | None:
+        """Return a pose from one measurement alone; None when it does not determine one."""
+        tilt = self._noise.tilt_sigma**2
+        if isinstance(measurement, PoseMeasurement):
+            P = np.diag([0.0, 0.0, 0.0, tilt, tilt])
+            P[:3, :3] = self._inflation * measurement.covariance
+            mean = pose_vector(measurement.X_DU)
+            return StartingPose(mean, P, self._of_pose(self._at(mean)))
+        pose = consistent_pose(self._target, measurement, self._noise, self._agree)
+        if pose is None:
+            return None
+        mean = pose_vector(pose.X_DU, pose.pitch, pose.roll)
+        P = pose.tilt_covariance.copy()
+        P[:3, :3] += pose.covariance - pose.tilt_covariance[:3, :3]
+        P[:3, :3] *= self._inflation
+        used = [t for t in measurement if t.tag_id in pose.tags]
+        return StartingPose(mean, P, self._by_errors(self._at(mean), self._seen(used, self._at(mean))))
+
+    def by_pose(self, prior: FilterState, measurement: PoseMeasurement) -> FilterState | None:
+        """Return the state corrected by a measured pose; None if that lies outside the gate."""
+        P, n = prior.covariance, prior.mean.shape[0]
+        # A measured pose is off by the errors of calibration as a pose from all tags would be.
+        H = np.eye(3, n)
+        by_errors = self._of_pose(prior.mean)[:3]
+        H[:, self._layout.first : self._layout.first + by_errors.shape[1]] = -by_errors
+        innovation = measurement.X_DU.as_array() - H @ prior.mean
+        innovation[2] = math.remainder(innovation[2], 2.0 * math.pi)
+        S = H @ P @ H.T + measurement.covariance
+        if float(innovation @ np.linalg.solve(S, innovation)) > self._pose_gate:
+            return None
+        gain = np.linalg.solve(S, H @ P).T
+        mean = prior.mean + gain @ innovation
+        mean[2] = math.remainder(mean[2], 2.0 * math.pi)
+        left = np.eye(n) - gain @ H
+        # Joseph's form keeps the covariance positive definite whatever the gain's rounding.
+        covariance = left @ P @ left.T + gain @ measurement.covariance @ gain.T
+        return replace(prior, mean=mean, covariance=covariance)
+
+    def by_corners(
+        self, prior: FilterState, tags: Sequence[TagDetection], rates: Array
+    ) -> FilterState | None:
+        """Return the state corrected by the corners of those tags that pass the gate; None if none does.
+
+        Args:
+            prior: State at the exposure.
+            tags: Tags of the target.
+            rates: Velocity of (x, y, yaw) in D, shape (3,) [m/s, rad/s].
+        """
+        seen = self._seen(tags, prior.mean, rates, prior.noise_scale)
+        inside = self._gate(prior, seen)
+        if not inside.any():
+            return None
+        passed = seen._replace(
+            which=seen.which[inside], corners=seen.corners[inside], roots=seen.roots[inside]
+        )
+        information = np.linalg.inv(prior.covariance)
+        fit = fit_corners(
+            self._target,
+            self._layout,
+            passed,
+            prior.mean,
+            prior.mean,
+            0.5 * (information + information.T),
+            max_iterations=6,
+        )
+        found = prior.noise_scale * fit.chi2 / passed.corners.size
+        scale = (1.0 - _NOISE_SHARE) * prior.noise_scale + _NOISE_SHARE * found
+        return replace(
+            prior,
+            mean=fit.state,
+            covariance=fit.covariance,
+            noise_scale=min(max(scale, 1.0), _LARGEST_SCALE),
+        )
+
+    def _gate(self, prior: FilterState, seen: Seen) -> NDArray[np.bool_]:
+        """Return for each tag, shape (K,), whether its corners lie inside the gate."""
+        distance: Array = gate_distances(
+            self._target.optics, self._layout.tags, seen, prior.mean, prior.covariance
+        )
+        return distance <= self._tag_gate
+
+    def _seen(
+        self, tags: Sequence[TagDetection], state: Array, rates: Array | None = None, scale: float = 1.0
+    ) -> Seen:
+        """Return measured corners with their covariances; there must be at least one tag."""
+        layout, rates = self._layout, np.zeros(3) if rates is None else rates
+        which = np.array([layout.index[t.tag_id] for t in tags], dtype=np.int64)
+        corners = np.array([t.corners for t in tags], dtype=np.float64).reshape(-1, 8)
+        return Seen(
+            which, corners, self._roots(which, corners, state, rates, self._variances(corners, scale)), rates
+        )
+
+    def _variances(self, corners: Array, scale: float) -> CornerVariances:
+        """Return the variances of the corners of tags, shape (K, 8), with a factor on all of them."""
+        if self._sigma_px is not None:
+            return CornerVariances(np.zeros(len(corners)), np.zeros(len(corners)), scale * self._sigma_px**2)
+        errors, noise, place = self._target.corner_errors, [], []
+        for au, av, bu, bv, cu, cv, du, dv in corners.tolist():
+            area = 0.5 * abs((cu - au) * (dv - bv) - (cv - av) * (du - bu))
+            edge_px = math.sqrt(max(area, 1.0))
+            by_border = _LASTING_FRAMES * errors.border_px(edge_px) ** 2
+            noise.append(scale * (errors.frame_px(edge_px) ** 2 + by_border))
+            place.append(scale * errors.sampling_px(edge_px) ** 2)
+        return CornerVariances(np.array(noise), np.array(place), scale * _REST_PX**2)
+
+    def _roots(
+        self,
+        which: NDArray[np.int64],
+        corners: Array,
+        state: Array,
+        rates: Array,
+        variances: CornerVariances,
+    ) -> Array:
+        """Return the lower triangles of the covariances of corners, shape (K, 8, 8) [px]."""
+        return roots_of_covariance(
+            self._target.optics,
+            self._layout.tags,
+            which,
+            corners,
+            rates,
+            state,
+            variances,
+            BY_OFFSET,
+            BY_SLOPE,
+            self._target.frame_period_s,
+        )
+
+    def _at(self, pose: Array) -> Array:
+        """Return a state at a pose with tilt, shape (5,), with everything as drawn."""
+        state = np.zeros(self._layout.size)
+        state[:5] = pose
+        return state
+
+    def _all_tags(self) -> Seen:
+        """Return the tags of the port, as equally good measurements."""
+        which = np.array([self._layout.index[i] for i in self._target.port_tags], dtype=np.int64)
+        roots = np.tile(np.eye(8), (len(which), 1, 1))
+        return Seen(which, np.zeros((len(which), 8)), roots, np.zeros(3))
+
+    def _of_pose(self, state: Array) -> Array:
+        """Return what each error of calibration adds to the true pose where one is measured, shape (5, k).
+
+        It is as a pose from the tags of the port would be, but for where their edges look to be.
+        """
+        by_errors = self._by_errors(state, self._all_tags())
+        by_errors[:, self._no_pixels] = 0.0
+        return by_errors
+
+    def _by_errors(self, state: Array, seen: Seen) -> Array:
+        """Return what each error of calibration adds to the true pose of given corners, shape (5, k)."""
+        first = self._layout.first
+        if self._shown == first:
+            return np.zeros((5, 0))
+        _, J = derivatives(self._target.optics, self._layout.tags, seen, state)
+        information = J[:, :5].T @ J[:, :5]
+        # The tilt is hardly determined by corners; its prior bounds what errors can make of it.
+        information[range(3, 5), range(3, 5)] += self._noise.tilt_sigma**-2
+        return np.asarray(-np.linalg.solve(information, J[:, :5].T @ J[:, first : self._shown]))
+
+    def _agree(self, pose: JointPose, tags: Sequence[TagDetection]) -> bool:
+        """Return whether the tags of a pose agree, for all that calibration may have moved them."""
+        if not len(self._layout.prior):
+            return good_fit(pose.chi2, len(pose.tags))
+        used = equally_good(self._layout, tags, self._noise.corner_sigma_px)
+        state = self._at(pose_vector(pose.X_DU, pose.pitch, pose.roll))
+        none = np.zeros(len(tags))
+        variances = CornerVariances(none, none, self._noise.corner_sigma_px**2)
+        roots = self._roots(used.which, used.corners, state, np.zeros(3), variances)
+        r, J = derivatives(self._target.optics, self._layout.tags, used._replace(roots=roots), state)
+        J = J[:, self._layout.first :] * self._layout.prior
+        return good_fit(float(r @ np.linalg.solve(np.eye(len(r)) + J @ J.T, r)), len(tags))

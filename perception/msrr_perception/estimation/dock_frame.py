@@ -1,0 +1,57 @@
+"""The pose in the dock frame D of a state whose pose is that against the marker of the port."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from msrr_perception.estimation.motion import FilterState
+from msrr_perception.pose.calibration import StateLayout
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.se2 import SE2
+
+#: Standard deviations of the pose of a seated unit: a gap of up to a few tenths of a millimetre stays between
+#: the faces, the throat of the holes leaves 1.5 mm of play to both sides, and both pins rest at the bottom.
+_SEAT_SIGMAS = np.array([0.0003, 0.0009, math.radians(0.1)])
+
+
+def pose_in_D(layout: StateLayout, state: FilterState) -> tuple[SE2, Array]:
+    """Return the pose in D of a state and its derivatives by the state, shape (3, n).
+
+    The marker turns about its middle, and the pose with it.
+
+    Args:
+        layout: Layout of the state.
+        state: The state.
+    """
+    x, y, yaw = (float(a) for a in state.mean[:3])
+    J = np.eye(3, len(state.mean))
+    if layout.marker is None:
+        return SE2(x, y, yaw), J
+    px, py, _ = (float(a) for a in layout.tags.pivot)
+    mx, my, turn = (float(a) for a in state.mean[layout.marker :])
+    c, s = math.cos(turn), math.sin(turn)
+    dx, dy = c * (x - px) - s * (y - py), s * (x - px) + c * (y - py)
+    J[0, :2], J[1, :2] = (c, -s), (s, c)
+    J[:, layout.marker :] = np.eye(3)
+    J[0, layout.marker + 2], J[1, layout.marker + 2] = -dy, dx
+    return SE2(px + mx + dx, py + my + dy, math.remainder(yaw + turn, 2.0 * math.pi)), J
+
+
+def in_seat(target: TargetModel, state: FilterState) -> FilterState:
+    """Return a state corrected by the pose of a unit in its seat.
+
+    Args:
+        target: Target whose port the unit is in.
+        state: State while it is there.
+    """
+    X, H = pose_in_D(target.filter_layout, state)
+    off = np.array([-target.front, 0.0, 0.0]) - X.as_array()
+    S = H @ state.covariance @ H.T + np.diag(_SEAT_SIGMAS**2)
+    gain = np.linalg.solve(S, H @ state.covariance).T
+    left = np.eye(len(state.mean)) - gain @ H
+    covariance = left @ state.covariance @ left.T + (gain * _SEAT_SIGMAS**2) @ gain.T
+    return replace(state, mean=state.mean + gain @ off, covariance=covariance)

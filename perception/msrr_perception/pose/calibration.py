@@ -1,0 +1,209 @@
+"""The tolerances of a docking pair's calibration: how far what a robot was told may be from what was built.
+
+A robot knows the drawing of its camera and of the target's marker, and how precisely both were made. So an
+estimate can say how far the errors of calibration, which no number of frames averages out, may have put it
+off, and it can learn those that an approach shows (Schmidt, "Application of state-space methods to
+navigation problems", 1966; here all of them are states, considered and estimated at the same time).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_perception.kernels.calibrated import (
+    BRACKET,
+    CAMERA,
+    CENTRE,
+    CLOCK,
+    EDGE,
+    FOCAL,
+    K1,
+    PARAMETERS,
+    POSE,
+    PRINT,
+    TAG,
+    TagMap,
+)
+from msrr_scenes.arrays import Array
+from msrr_scenes.specs.as_built import AsBuiltSpec, MountDeviations
+
+#: Number of entries of a pose with tilt, and of the drive's errors that follow it in the state of a filter.
+POSE_SIZE, DRIVE_SIZE = 5, 3
+
+#: Number of exposures during which the errors of a tag that is not in the state are taken to be the same.
+#: They last, and to take them for noise that is drawn anew would make the filter believe them, the sooner the
+#: faster the camera is.
+_LASTING_FRAMES = 25.0
+
+
+#: Standard deviation that stands for none, so that a covariance can be inverted [m, rad].
+_LEAST_SIGMA = 1e-6
+
+
+def _mount(group: MountDeviations) -> tuple[float, ...]:
+    """Return the standard deviations of a mount: x, y, z [m], roll, pitch, yaw [rad]."""
+    places = (group.x_m.sigma, group.y_m.sigma, group.z_m.sigma)
+    angles = (group.roll_deg.sigma, group.pitch_deg.sigma, group.yaw_deg.sigma)
+    return places + tuple(math.radians(angle) for angle in angles)
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerances:
+    """Standard deviations of the errors of calibration of a docking pair.
+
+    Attributes:
+        camera: Mount of the camera: x, y, z [m], roll, pitch, yaw [rad], x along the optical axis and z up.
+        focal: Relative error of the focal length.
+        centre: Principal point, column and row [px].
+        k1: Coefficient of the radial distortion.
+        clock_s: Time by which the camera's clock is ahead [s].
+        edge_px: Distance by which all edges of tags look farther out than they are [px]; no drawing has it.
+        printed: Relative error of the size of the tags, which all come from one printer.
+        bracket: Mount of the marker of a port, as ``camera``, in the dock frame.
+        tag: Mount of every tag, as ``camera``, in its own frame.
+        wheels: Relative errors of the radii of the left and the right wheel, and of the track.
+        backlash: Play of the gear of a wheel [rad].
+    """
+
+    camera: tuple[float, ...] = (0.0,) * 6
+    focal: float = 0.0
+    centre: tuple[float, float] = (0.0, 0.0)
+    k1: float = 0.0
+    clock_s: float = 0.0
+    edge_px: float = 0.005
+    printed: float = 0.0
+    bracket: tuple[float, ...] = (0.0,) * 6
+    tag: tuple[float, ...] = (0.0,) * 6
+    wheels: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    backlash: float = 0.0
+
+    @classmethod
+    def from_spec(cls, spec: AsBuiltSpec) -> Tolerances:
+        """Take the tolerances that a robot is told; true errors are not looked at."""
+        camera, drive = spec.onboard, spec.drive
+        return cls(
+            camera=_mount(camera),
+            focal=0.01 * camera.focal_percent.sigma,
+            centre=(camera.cx_px.sigma, camera.cy_px.sigma),
+            k1=camera.k1.sigma,
+            clock_s=1e-3 * camera.clock_ms.sigma,
+            printed=0.01 * spec.tags.print_percent.sigma,
+            bracket=_mount(spec.bracket),
+            tag=_mount(spec.tags),
+            wheels=(
+                0.01 * drive.radius_left_percent.sigma,
+                0.01 * drive.radius_right_percent.sigma,
+                0.01 * drive.track_percent.sigma,
+            ),
+            backlash=math.radians(drive.backlash_deg.sigma),
+        )
+
+    def sigmas(self) -> Array:
+        """Return the standard deviations of all parameters on which the image of a tag depends."""
+        out = np.zeros(PARAMETERS)
+        out[CAMERA : CAMERA + 6], out[FOCAL], out[CENTRE : CENTRE + 2] = self.camera, self.focal, self.centre
+        out[K1], out[CLOCK], out[EDGE], out[PRINT] = self.k1, self.clock_s, self.edge_px, self.printed
+        out[BRACKET : BRACKET + 6], out[TAG : TAG + 6] = self.bracket, self.tag
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class StateLayout:
+    """What the entries of a state stand for.
+
+    Attributes:
+        tags: The tags of the target, with the columns of each in the state.
+        index: Index of each tag in ``tags``.
+        prior: Standard deviations of the errors of calibration, shape (n - first,), behind pose and drive.
+        first: Index of the first of them.
+        marker: Index of the place (x, y, yaw) of the marker on the floor's plane, which no image shows; None
+            if it is as drawn.
+        own: Indices of what does not depend on the target: of the drive and of the camera.
+    """
+
+    tags: TagMap
+    index: Mapping[int, int]
+    prior: Array = field(default_factory=lambda: np.zeros(0))
+    first: int = POSE_SIZE
+    marker: int | None = None
+    own: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    @property
+    def size(self) -> int:
+        """Number n of the entries of a state."""
+        return self.first + len(self.prior)
+
+
+def pose_layout(corners_D: Mapping[int, Array], port_tags: Sequence[int]) -> StateLayout:
+    """Return the layout of a state that is a pose with tilt alone: everything was built as drawn.
+
+    Args:
+        corners_D: Tag id -> corners in D as drawn, shape (4, 3) [m].
+        port_tags: Ids of the tags on the marker of the target port.
+    """
+    ids = sorted(corners_D)
+    corners = np.array([corners_D[i] for i in ids]).reshape(-1, 4, 3)
+    centres = corners.mean(axis=1)
+    x, y = corners[:, 1] - corners[:, 0], corners[:, 0] - corners[:, 3]
+    axes = np.stack([x, y, np.cross(x, y)], axis=2)
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    local = np.einsum("tji,tcj->tci", axes, corners - centres[:, None])
+    columns = np.full((len(ids), PARAMETERS), -1)
+    columns[:, POSE : POSE + POSE_SIZE] = np.arange(POSE_SIZE)
+    marker = [ids.index(i) for i in port_tags]
+    pivot = centres[marker].mean(axis=0) if marker else np.zeros(3)
+    considered = np.zeros(columns.shape)
+    return StateLayout(
+        TagMap(local, centres, np.ascontiguousarray(axes), pivot, columns, considered),
+        {tag: k for k, tag in enumerate(ids)},
+    )
+
+
+def filter_layout(drawn: StateLayout, port_tags: Sequence[int], tolerances: Tolerances) -> StateLayout:
+    """Return the layout of a filter's state: pose, drive, and every error of calibration with a tolerance.
+
+    The pose is that against the marker of the port, wherever the bracket holds it on the floor's plane: this
+    no image shows, and the place of the marker comes last in the state. If images depended on it, a filter
+    would learn it nevertheless, and wrongly, because it linearises anew at every step (Julier and Uhlmann, "A
+    counter example to the theory of simultaneous localization and map building", ICRA 2001). Height and tilt
+    of the bracket and the mounts of the tags of the target port are in the state. Those of its other ports,
+    which are seen at a slant and from farther away, are considered as noise.
+
+    Args:
+        drawn: Layout of the pose alone.
+        port_tags: Ids of the tags on the marker of the target port.
+        tolerances: Tolerances of the calibration.
+    """
+    sigmas, columns, prior = tolerances.sigmas(), drawn.tags.columns.copy(), list[float]()
+    first = POSE_SIZE + DRIVE_SIZE
+    considered, own, marker = np.zeros(columns.shape), first, None
+
+    def add(parameters: range, tags: Sequence[int]) -> None:
+        for k in parameters:
+            if sigmas[k] > 0.0:
+                columns[list(tags), k] = first + len(prior)
+                prior.append(float(sigmas[k]))
+
+    on_port = [drawn.index[i] for i in port_tags]
+    if on_port:
+        add(range(CAMERA, PRINT), range(len(drawn.index)))
+        own = first + len(prior)
+        add(range(PRINT, BRACKET), range(len(drawn.index)))
+        add(range(BRACKET + 2, BRACKET + 5), on_port)  # z, roll, pitch
+        for tag in on_port:
+            add(range(TAG, PARAMETERS), [tag])
+    elsewhere = [k for k in range(len(drawn.index)) if k not in on_port]
+    # Twice, because the brackets of both ports are off.
+    considered[elsewhere, BRACKET:TAG] = 2.0 * _LASTING_FRAMES * sigmas[BRACKET:TAG] ** 2
+    considered[elsewhere, TAG:] = _LASTING_FRAMES * sigmas[TAG:] ** 2
+    tags = drawn.tags._replace(columns=columns, considered=considered)
+    x, y, _, _, _, yaw = tolerances.bracket
+    if on_port and any((x, y, yaw)):
+        marker = first + len(prior)
+        prior += [max(sigma, _LEAST_SIGMA) for sigma in (x, y, yaw)]
+    return StateLayout(tags, drawn.index, np.array(prior), first, marker, np.arange(POSE_SIZE, own))

@@ -1,0 +1,110 @@
+"""What was built otherwise than drawn, against the projection by which a filter explains it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from msrr_perception.kernels.calibrated import PARAMETERS, project_tag
+from msrr_perception.pose.calibration import Tolerances
+from msrr_perception.pose.target import TargetModel, pose_vector
+from msrr_scenes.as_built.draw import draw_as_built
+from msrr_scenes.geometry.pinhole import optical_pose
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import tag_corners
+from msrr_scenes.loading.load import load_scene
+
+#: Errors of a scene, one after the other, and the largest error of the first-order projection [px].
+GROUPS = {
+    "onboard.x_m": (0.003, 0.01),
+    "onboard.y_m": (0.003, 0.01),
+    "onboard.z_m": (0.003, 0.01),
+    "onboard.roll_deg": (1.0, 0.03),
+    "onboard.pitch_deg": (1.0, 0.03),
+    "onboard.yaw_deg": (1.0, 0.03),
+    "onboard.focal_percent": (2.0, 1e-9),
+    "onboard.cx_px": (4.0, 1e-9),
+    "onboard.cy_px": (-4.0, 1e-9),
+    "onboard.k1": (0.05, 1e-9),
+    "tags.print_percent": (2.0, 1e-9),
+    "tags.x_m": (0.001, 1e-9),
+    "tags.y_m": (0.001, 1e-9),
+    "tags.z_m": (0.001, 1e-9),
+    "tags.roll_deg": (1.0, 0.01),
+    "tags.pitch_deg": (1.0, 0.01),
+    "tags.yaw_deg": (1.0, 0.01),
+    "bracket.z_m": (0.003, 1e-9),
+    "bracket.roll_deg": (1.0, 0.02),
+    "bracket.pitch_deg": (1.0, 0.02),
+}
+X_DU = SE2(-0.42, 0.03, math.radians(5.0))
+
+
+def _true_pixels(name: str, error: float) -> tuple[TargetModel, dict[int, np.ndarray]]:
+    """Return what a robot is told, and the true pixels of the tags of the port as they were built."""
+    given = {f"as_built.{name}.error": str(error), f"as_built.{name}.sigma": "0.01"}
+    scene = load_scene("close_range", given)
+    step = scene.docks[0]
+    told, built = TargetModel.from_scene(scene.told(), step), draw_as_built(scene, 0)
+    own, other = built.units["a"], built.units["b"]
+    X_UC = optical_pose(own.camera.mounted(own.geometry.frame("camera")))
+    X_TD = SE3.from_se2(other.geometry.dock_frame("rear"))
+    X_CD = (SE3.from_se2(X_DU) @ X_UC).inverse()
+    slots = {i: s for s, i in scene.tag_ids("b").items()}
+    true = {}
+    for tag in told.port_tags:
+        corners = tag_corners(other.print_scale * scene.tag_size(slots[tag]))
+        p_D = (X_TD.inverse() @ other.geometry.frame(slots[tag])).act(corners)
+        true[tag] = own.camera.project(X_CD.act(p_D))
+    return told, true
+
+
+def _projected(told: TargetModel, tag: int, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    pixels, J, layout = np.empty(8), np.empty((8, PARAMETERS)), told.filter_layout
+    project_tag(told.optics, layout.tags, layout.index[tag], np.zeros(3), state, pixels, J)
+    return pixels.reshape(4, 2), J
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_a_state_that_knows_the_error_predicts_what_is_seen(name: str) -> None:
+    error, tolerance = GROUPS[name]
+    told, true = _true_pixels(name, error)
+    layout = told.filter_layout
+    state = np.zeros(layout.size)
+    state[:5] = pose_vector(X_DU)
+    drawn = np.concatenate([_projected(told, tag, state)[0] for tag in told.port_tags])
+    quantity = math.radians(error) if name.endswith("deg") else error
+    own = layout.prior != Tolerances().edge_px  # all but where edges look to be
+    state[layout.first :][own] = 0.01 * error if name.endswith("percent") else quantity
+    known = np.concatenate([_projected(told, tag, state)[0] for tag in told.port_tags])
+    seen = np.concatenate([true[tag] for tag in told.port_tags])
+    assert np.abs(seen - drawn).max() > 10.0 * max(tolerance, 0.01)
+    assert np.abs(seen - known).max() <= tolerance
+
+
+def test_derivatives_are_those_of_the_projection() -> None:
+    scene = load_scene("close_range", {"as_built": "careful"})
+    told = TargetModel.from_scene(scene.told(), scene.docks[0])
+    layout, rng = told.filter_layout, np.random.default_rng(5)
+    rates, h = np.array([0.1, 0.02, 0.3]), 1e-6
+    state = np.zeros(layout.size)
+    state[:5] = pose_vector(X_DU, 0.01, -0.01)
+    state[layout.first :] = 0.1 * layout.prior * rng.standard_normal(len(layout.prior))
+    for tag, k in layout.index.items():
+        J, pixels = np.empty((8, PARAMETERS)), np.empty((3, 8))
+        spare = np.empty((8, PARAMETERS))
+        project_tag(told.optics, layout.tags, k, rates, state, pixels[0], J)
+        for column in range(PARAMETERS):
+            at = layout.tags.columns[k, column]
+            if at < 0:
+                continue
+            e = np.zeros(layout.size)
+            e[at] = h
+            project_tag(told.optics, layout.tags, k, rates, state + e, pixels[1], spare)
+            project_tag(told.optics, layout.tags, k, rates, state - e, pixels[2], spare)
+            found = (pixels[1] - pixels[2]) / (2.0 * h)
+            # To first order in the angles of the mounts, a few 1e-4 rad here.
+            assert np.abs(found - J[:, column]).max() < 0.01 * max(np.abs(found).max(), 1.0), (tag, column)
