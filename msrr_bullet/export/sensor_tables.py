@@ -120,7 +120,13 @@ SENSOR_TABLES = (
         ),
         lambda record, m: [(*frame(m.exposure), m.window.x, m.window.y, m.window.width, m.window.height)],
     ),
-    Table("detections", "A tag found in a frame.", Detections, _DETECTION_COLUMNS, _detection_rows),
+    Table(
+        "detections",
+        "A tag found in a frame, with its corners as an ideal camera would see them.",
+        Detections,
+        _DETECTION_COLUMNS,
+        _detection_rows,
+    ),
     Table(
         "localisation",
         "A tag of an overhead frame as a localisation service with errors reports it.",

@@ -22,6 +22,7 @@ from msrr_bullet.timeline.snapshot import Snapshot, phase_name
 from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.as_built import AsBuilt, draw_as_built
+from msrr_scenes.geometry.lens import frame_outline
 from msrr_scenes.messages import Phase, seconds
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
@@ -111,6 +112,8 @@ def draw_frame(
 ) -> Canvas:
     """Draw a frame: its pixels where they were read, a schematic elsewhere, and outlines of windows and tags.
 
+    It is drawn as the ideal camera would see it.
+
     Args:
         context: Scene and models of the run.
         view: Frame as far as it was read.
@@ -125,8 +128,7 @@ def draw_frame(
     frame, read = view.mosaic()
     canvas.paste(frame, read)
     for window, _ in view.windows:
-        x0, y0, x1, y1 = window.x - 0.5, window.y - 0.5, window.x_end - 0.5, window.y_end - 0.5
-        canvas.line([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], WINDOW, 1, closed=True)
+        canvas.line(view.lens.undistorted(frame_outline(window)), WINDOW, 1, closed=True)
     for tag in view.tags:
         canvas.line(tag.corners, DETECTION, 2, closed=True)
         canvas.text([tag.corners[:, 0].mean(), tag.corners[:, 1].min()], str(tag.tag_id), DETECTION)

@@ -183,7 +183,7 @@ def sight(axes: Axes, series: TrialSeries, scene: Scene) -> None:
         angles = np.where(shown[:, None], np.degrees(series.sight), np.nan)
         for column, colour, side in ((0, GREEN, "left edge"), (1, VERMILLION, "right edge")):
             axes.plot(series.time, angles[:, column], style, color=css(colour), label=f"{side}, {how}")
-    half_fov = math.degrees(scene.cameras.onboard.pinhole.half_fov)
+    half_fov = math.degrees(scene.cameras.onboard.lens.half_fov)
     for limit, style, name in (
         (scene.los.inner_deg, "--", "inner"),
         (scene.los.outer_deg, "-.", "outer"),

@@ -18,7 +18,7 @@ from msrr_bullet.log.reader import Log
 from msrr_bullet.timeline.camera_views import (
     CameraView,
     evenly_spaced,
-    pinhole_camera,
+    lens_of,
     read_camera_views,
     read_exposures,
 )
@@ -79,7 +79,7 @@ class FrameAnnotator:
             stamp_ns: Time of the frame.
         """
         exposure = Exposure(camera, -1, stamp_ns)
-        return self.draw(CameraView(exposure, pinhole_camera(self.context.scene, camera)))
+        return self.draw(CameraView(exposure, lens_of(self.context.scene, camera)))
 
     def onboard_at(self, stamp_ns: int) -> str:
         """Return the camera that a film shows at a time."""

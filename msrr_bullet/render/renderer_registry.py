@@ -70,6 +70,7 @@ def prepare_renderers(scene: Scene, announce: Callable[[str], None]) -> None:
     if scene.perception == "images" and any(c.renderer.name == "raster" for c in cameras):
         from msrr_bullet.render.raster.rasterizer import compile_kernels
 
-        lenses = scene.as_built.onboard, scene.as_built.overhead
-        distortion = (getattr(lens, key) for lens in lenses for key in COEFFICIENTS)
-        compile_kernels(announce, lens=any(k.error or k.sigma for k in distortion))
+        errors = scene.as_built.onboard, scene.as_built.overhead
+        deviations = [getattr(error, key) for error in errors for key in COEFFICIENTS]
+        distorted = any(camera.lens.distorts for camera in cameras)
+        compile_kernels(announce, lens=distorted or any(k.error or k.sigma for k in deviations))

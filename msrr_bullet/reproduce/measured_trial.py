@@ -79,7 +79,7 @@ def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
         measures["contact"] = contact.time_s
         measures["lateral"], measures["yaw"] = contact.lateral_m, contact.yaw_rad
     values = {name: getattr(result, name) for name in TrialResult.model_fields}
-    half_fov = scene.cameras.onboard.pinhole.half_fov
+    half_fov = scene.cameras.onboard.lens.half_fov
     return MeasuredTrial(
         **values,
         measures=measures,

@@ -15,6 +15,7 @@ from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import AsBuilt, BuiltCamera
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -62,7 +63,8 @@ class OnboardSight:
         Returns:
             The pose, or None if no tag of the port is in view as a whole; None for an edge out of view.
         """
-        tags = _detections(self._camera, self._X_CU @ SE3.from_se2(X_DU.inverse()), self._corners_D)
+        X_CD = self._X_CU @ SE3.from_se2(X_DU.inverse())
+        tags = _detections(self._camera, self._told.lens, X_CD, self._corners_D)
         pose = joint_pose(self._told, tags)
         seen = {tag.tag_id: tag.corners for tag in tags}
         left, right = (
@@ -86,7 +88,7 @@ class OverheadSight:
         """
         assert built.overhead is not None, "an overhead camera was built"
         model = OverheadModel.from_scene(scene.told(), ())
-        self._localizer, self._tag_of = model.localizer(), model.tag_of
+        self._localizer, self._tag_of, self._lens = model.localizer(), model.tag_of, model.lens
         self._camera, self._X_CW = built.overhead, overhead_camera_pose(scene, built).inverse()
         self._corners_B: dict[str, Array] = {}
         for name in model.tag_of:
@@ -107,13 +109,18 @@ class OverheadSight:
         """
         tag_id = self._tag_of[name]
         X_CB = self._X_CW @ SE3.from_se2(X_WB)
-        tags = _detections(self._camera, X_CB, {tag_id: self._corners_B[name]})
+        tags = _detections(self._camera, self._lens, X_CB, {tag_id: self._corners_B[name]})
         poses = self._localizer.locate(Detections(Exposure(OVERHEAD, 0, 0), tags, ()))
         return poses[0].X_WB if poses else None
 
 
-def _detections(camera: BuiltCamera, X_CA: SE3, corners_A: Mapping[int, Array]) -> tuple[TagDetection, ...]:
-    """Return the tags, given by their corners in A, that a camera sees as a whole."""
+def _detections(
+    camera: BuiltCamera, told: Lens, X_CA: SE3, corners_A: Mapping[int, Array]
+) -> tuple[TagDetection, ...]:
+    """Return the tags, given by their corners in A, that a camera sees as a whole.
+
+    Their pixels are undistorted by the calibration that the robot is told.
+    """
     tags = []
     for tag_id, corners in corners_A.items():
         p_C = X_CA.act(corners)
@@ -121,5 +128,5 @@ def _detections(camera: BuiltCamera, X_CA: SE3, corners_A: Mapping[int, Array]) 
             continue
         pixels = camera.project(p_C)
         if camera.pinhole.contains(pixels).all():
-            tags.append(TagDetection(tag_id, pixels))
+            tags.append(TagDetection(tag_id, told.undistorted(pixels)))
     return tuple(tags)

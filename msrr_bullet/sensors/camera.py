@@ -70,7 +70,7 @@ class Camera:
         """
         self.name = name
         self.spec = spec
-        built = built or BuiltCamera(spec.pinhole)
+        built = built or BuiltCamera(spec.pinhole, distortion=spec.distortion)
         self.pinhole: PinholeCamera = built.pinhole
         self._distortion = None if built.distortion == IDEAL_LENS else built.distortion
         self.timing = FrameTiming(spec, built, stream(seed, f"camera/{name}/jitter"))

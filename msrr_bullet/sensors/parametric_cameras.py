@@ -91,9 +91,9 @@ class ParametricOnboardCamera:
         """Return pose and bearings without their random errors; None where there are none."""
         if self._sight is not None:
             return self._sight.see(X_DU)
-        half_fov = self.spec.pinhole.half_fov
+        to_left, to_right = self.spec.lens.field_of_view
         left, right = (
-            bearing if abs(bearing) <= half_fov else None
+            bearing if -to_right <= bearing <= to_left else None
             for bearing in edge_bearings(X_DU @ self._X_UC, self._los)
         )
         return X_DU, (left, right)

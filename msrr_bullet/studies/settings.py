@@ -88,7 +88,7 @@ class Setting:
     @property
     def half_fov(self) -> float:
         """Half the field of view of the shipped unit's camera [rad]."""
-        return self.scene.cameras.onboard.pinhole.half_fov
+        return self.scene.cameras.onboard.lens.half_fov
 
 
 def merge_params(base: dict[str, Any], overrides: dict[str, Any]) -> dict[str, Any]:

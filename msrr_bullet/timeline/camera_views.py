@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,7 @@ from msrr_bullet.log.reader import Log
 from msrr_bullet.log.records import CameraWindow
 from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.messages import Action, Detections, Exposure, Localisation, Phase, Pixels, TagDetection
 from msrr_scenes.specs.scene import Scene
@@ -26,14 +29,14 @@ class CameraView:
 
     Attributes:
         exposure: Camera, number of the frame and time of exposure.
-        camera: Pinhole model of the camera.
+        lens: Calibration of the camera.
         windows: Pixel windows that were read, each with its mono8 pixels (height, width).
-        tags: Detected tags, corners in full-frame pixels. With localisation errors in the scene, the corners
-            are where the localisation service reports them.
+        tags: Detected tags, corners in pixels of the ideal camera. With localisation errors in the scene, the
+            corners are where the localisation service reports them.
     """
 
     exposure: Exposure
-    camera: PinholeCamera
+    lens: Lens
     windows: Sequence[tuple[Window, Pixels]] = ()
     tags: Sequence[TagDetection] = ()
 
@@ -42,27 +45,46 @@ class CameraView:
         """Time of exposure."""
         return self.exposure.stamp_ns
 
+    @property
+    def camera(self) -> PinholeCamera:
+        """The ideal camera, as which the frame is shown."""
+        return self.lens.camera
+
     def mosaic(self) -> tuple[Pixels, NDArray[np.bool_]]:
-        """Return the frame, :data:`UNREAD` where no window was read, and a mask of the read pixels."""
+        """Return the undistorted frame and a mask of what was read; the rest is :data:`UNREAD`."""
         frame = np.full((self.camera.height, self.camera.width), UNREAD, dtype=np.uint8)
         read = np.zeros(frame.shape, dtype=np.bool_)
         for window, pixels in self.windows:
             region = np.s_[window.y : window.y_end, window.x : window.x_end]
             frame[region], read[region] = pixels, True
-        return frame, read
+        if not self.lens.distorts:
+            return frame, read
+        columns, rows = _places(self.lens)
+        mask = cv2.remap(read.astype(np.uint8), columns, rows, cv2.INTER_NEAREST) > 0
+        shown = cv2.remap(frame, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return np.where(mask, shown, np.uint8(UNREAD)), mask
 
 
-def pinhole_camera(scene: Scene, camera: str) -> PinholeCamera:
-    """Return the pinhole model of a camera by its name in exposures.
+@lru_cache(maxsize=4)
+def _places(lens: Lens) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return column and row in the frame of every pixel of the ideal camera; -1 where it shows nothing."""
+    rows, columns = np.mgrid[: lens.camera.height, : lens.camera.width].astype(np.float64)
+    ideal = np.stack([columns, rows], axis=-1)
+    places = np.where(lens.shows(ideal)[..., np.newaxis], lens.distorted(ideal), -1.0).astype(np.float32)
+    return places[..., 0], places[..., 1]
+
+
+def lens_of(scene: Scene, camera: str) -> Lens:
+    """Return the calibration of a camera by its name in exposures.
 
     Raises:
         SceneError: The scene has no overhead camera.
     """
     if camera != OVERHEAD:
-        return scene.cameras.onboard.pinhole
+        return scene.cameras.onboard.lens
     if scene.cameras.overhead is None:
         raise SceneError("cameras.overhead: this scene has no overhead camera")
-    return scene.cameras.overhead.pinhole
+    return scene.cameras.overhead.lens
 
 
 def read_exposures(log: Log) -> list[Exposure]:
@@ -80,7 +102,7 @@ def read_camera_views(log: Log, exposures: Collection[Exposure]) -> Iterator[Cam
     windows: list[tuple[Window, Pixels]] = []
 
     def view(exposure: Exposure) -> CameraView:
-        return CameraView(exposure, pinhole_camera(scene, exposure.camera), windows, tags.get(exposure, ()))
+        return CameraView(exposure, lens_of(scene, exposure.camera), windows, tags.get(exposure, ()))
 
     for record in log.records("/camera/*"):
         if record.kind is Exposure:

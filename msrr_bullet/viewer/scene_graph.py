@@ -146,7 +146,7 @@ class SceneGraph:
 
     def _sight(self) -> Iterator[Command]:
         """Draw cone and edges of the target on the floor, and the frustum of the camera."""
-        los, camera = self._scene.los, self._scene.cameras.onboard.pinhole
+        los, lens = self._scene.los, self._scene.cameras.onboard.lens
         reach = SIGHT_RANGE
         bands = ((-los.outer, -los.inner, 0.10), (-los.inner, los.inner, 0.18), (los.inner, los.outer, 0.10))
         for i, (start, end, opacity) in enumerate(bands):
@@ -155,11 +155,10 @@ class SceneGraph:
                 shapes.sector(start, end, reach),
                 shapes.flat_material(SIGHT, opacity),
             )
-        for side in (-1.0, 1.0):
-            edge = reach * np.array([math.cos(camera.half_fov), side * math.sin(camera.half_fov), 0.0])
-            yield shapes.line_segments(
-                f"sight/floor/fov_{int(side)}", [[0.0, 0.0, 0.0], edge.tolist()], SIGHT
-            )
+        to_left, to_right = lens.field_of_view
+        for side, angle in ((-1, -to_right), (1, to_left)):
+            edge = reach * np.array([math.cos(angle), math.sin(angle), 0.0])
+            yield shapes.line_segments(f"sight/floor/fov_{side}", [[0.0, 0.0, 0.0], edge.tolist()], SIGHT)
         ray = [[0.0, 0.0], [reach, 0.0]]
         for status, opacity in ((LosStatus.SEEN, 1.0), (LosStatus.PREDICTED, 0.35)):
             for edge_name in ("left", "right"):
@@ -168,8 +167,9 @@ class SceneGraph:
                     shapes.band(ray, 0.004, 0.001),
                     shapes.flat_material(SIGHT, opacity),
                 )
-        w, h = camera.width - 0.5, camera.height - 0.5
-        corners = camera.rays([[-0.5, -0.5], [w, -0.5], [w, h], [-0.5, h]]) @ R_BODY_OPTICAL.T * FRUSTUM_RANGE
+        w, h = lens.camera.width - 0.5, lens.camera.height - 0.5
+        ends = lens.undistorted(np.array([[-0.5, -0.5], [w, -0.5], [w, h], [-0.5, h]]))
+        corners = lens.camera.rays(ends) @ R_BODY_OPTICAL.T * FRUSTUM_RANGE
         rays = [point for corner in corners for point in (np.zeros(3), corner)]
         rim = [corners[k % 4] for i in range(4) for k in (i, i + 1)]
         yield shapes.line_segments("sight/camera", np.array(rays + rim), SIGHT)

@@ -12,6 +12,8 @@ from msrr_perception.detection import native_apriltag
 from msrr_perception.detection.checked_tags import checked_tags
 from msrr_perception.detection.native_apriltag import DetectorError, NativeSettings
 from msrr_perception.kernels.edges import refine_corners
+from msrr_perception.kernels.lens import NO_LENS, optic_of
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.guarded import of_the_same_kind
 from msrr_scenes.messages import Pixels, TagDetection
@@ -25,6 +27,7 @@ __all__ = [
     "PupilDetector",
     "default_search_detector",
     "for_large_tags",
+    "for_lens",
 ]
 
 #: Shortest edge in the image from which a tag is found at half the resolution as well [px]. Of 3500 tags of
@@ -78,6 +81,15 @@ def for_large_tags(detector: Detector) -> Detector:
     return detector if make is None else make()
 
 
+def for_lens(detector: Detector, lens: Lens) -> Detector:
+    """Return the detector to use behind a lens; its corners are pixels of the frame, too.
+
+    A detector that measures straight edges, which a lens may bend, offers one by a method ``for_lens(lens)``.
+    """
+    make = getattr(detector, "for_lens", None) if lens.distorts else None
+    return detector if make is None else make(lens)
+
+
 class PupilDetector:
     """An AprilTag 3 detector by way of pupil-apriltags.
 
@@ -119,6 +131,7 @@ class PupilDetector:
         self.max_hamming = max_hamming
         self.min_decision_margin = min_decision_margin
         self.refine = refine
+        self._optic = NO_LENS
         self.settings = NativeSettings(
             quad_decimate, quad_sigma, decode_sharpening, int(min_white_black_diff)
         )
@@ -134,6 +147,12 @@ class PupilDetector:
         quick = copy(self)
         quick.settings = replace(self.settings, quad_decimate=2.0)
         return quick
+
+    def for_lens(self, lens: Lens) -> PupilDetector:
+        """Return a detector that refines corners along edges which are straight without the lens."""
+        behind = copy(self)
+        behind._optic = optic_of(lens)
+        return behind
 
     def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
         """Return the tags of one window; see :meth:`Detector.detect`."""
@@ -152,7 +171,8 @@ class PupilDetector:
         corners = np.stack([t.corners for t in found])
         measured = np.ones(len(found), dtype=np.bool_)
         if self.refine:
-            corners, measured = refine_corners(pixels, corners)
+            own = self._optic._replace(cx=self._optic.cx - window.x, cy=self._optic.cy - window.y)
+            corners, measured = refine_corners(pixels, corners, own)
         corners += [window.x, window.y]
         return tuple(replace(t, corners=c) for t, c, ok in zip(found, corners, measured, strict=True) if ok)
 
@@ -165,5 +185,5 @@ def default_search_detector() -> Detector:
 DETECTORS: ExtensionPoint[Detector] = ExtensionPoint(
     {"pupil": PupilDetector},
     methods={"detect": checked_tags},
-    optional={"for_large_tags": of_the_same_kind},
+    optional={"for_large_tags": of_the_same_kind, "for_lens": of_the_same_kind},
 )

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from msrr_perception.detection.detector import Detector
+from msrr_perception.kernels.lens import optic_of, undistort
 from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, TagDetection
 
@@ -13,21 +16,25 @@ from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, TagDetecti
 class FrameReader:
     """Reads tags from windows of one exposure and keeps the clearest detection of each tag.
 
+    This is the one place behind the detector where corners are undistorted: those of the frame are moved to
+    where the ideal camera sees them. All that follows computes with an ideal camera.
+
     Attributes:
         windows: Windows whose pixels were fetched, in that order.
         found: Clearest detection of every tag read so far, by tag id.
     """
 
-    def __init__(self, fetch: Fetch, to_light: Pixels | None = None) -> None:
+    def __init__(self, fetch: Fetch, lens: Lens, to_light: Pixels | None = None) -> None:
         """Begin an exposure of which nothing is read.
 
         Args:
             fetch: Function that returns the pixels of a window.
+            lens: Known calibration of the camera.
             to_light: Grey level of every pixel value on a straight tone curve; None if the camera has one.
         """
         self.windows: list[Window] = []
         self.found: dict[int, TagDetection] = {}
-        self._fetch, self._to_light = fetch, to_light
+        self._fetch, self._optic, self._to_light = fetch, optic_of(lens), to_light
         self._read: list[tuple[Pixels, Window]] = []
 
     def read(self, windows: Iterable[Window], detector: Detector) -> None:
@@ -42,7 +49,7 @@ class FrameReader:
             self._detect(pixels, window, detector)
 
     def search(self, window: Window, detector: Detector) -> dict[int, Array]:
-        """Return where another detector finds tags in a window: tag id -> corners, shape (4, 2) [px]."""
+        """Return where another detector finds tags in a window: tag id -> corners in the frame [px]."""
         return {tag.tag_id: tag.corners for tag in detector.detect(self._pixels(window), window)}
 
     def detections(self, exposure: Exposure, tag_ids: Iterable[int] | None = None) -> Detections:
@@ -59,4 +66,6 @@ class FrameReader:
         for tag in detector.detect(pixels, window):
             known = self.found.get(tag.tag_id)
             if known is None or tag.decision_margin > known.decision_margin:
+                if self._optic.distorts:
+                    tag = replace(tag, corners=undistort(self._optic, tag.corners))
                 self.found[tag.tag_id] = tag

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from msrr_perception.detection.detector import LARGE_TAG_PX, Detector, for_large_tags
+from msrr_perception.detection.detector import LARGE_TAG_PX, Detector, for_large_tags, for_lens
 from msrr_perception.detection.frame_reader import FrameReader
 from msrr_perception.detection.windows import (
     DEFAULT_POLICY,
@@ -69,8 +69,8 @@ class OnboardVision:
         if min(full_every, search_every, rest) < 1 or retry_widen <= 1.0:
             raise SceneError("vision: full_every, search_every, rest must be at least 1, retry_widen above 1")
         self.target = target
-        self.detector = detector
-        self._quick = for_large_tags(detector)
+        self.detector = for_lens(detector, target.lens)
+        self._quick = for_large_tags(self.detector)
         self.policy = policy
         self._full_every = full_every
         self._search_every = search_every
@@ -97,7 +97,7 @@ class OnboardVision:
         Returns:
             Every tag found, by ascending id, and the windows in the order in which they were fetched.
         """
-        reader = FrameReader(fetch, self.target.to_light)
+        reader = FrameReader(fetch, self.target.lens, self.target.to_light)
         frame = (self.target.camera.frame,)
         known = prediction is not None and pose_is_known(prediction, self._known_m, self._known_yaw)
         if prediction is None or not known or exposure.frame % self._full_every == 0:

@@ -6,7 +6,13 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from msrr_perception.detection.detector import LARGE_TAG_PX, Detector, default_search_detector, for_large_tags
+from msrr_perception.detection.detector import (
+    LARGE_TAG_PX,
+    Detector,
+    default_search_detector,
+    for_large_tags,
+    for_lens,
+)
 from msrr_perception.detection.frame_reader import FrameReader
 from msrr_perception.detection.windows import (
     ExpectedTag,
@@ -14,6 +20,7 @@ from msrr_perception.detection.windows import (
     fitting_window,
     merged_windows,
     search_windows,
+    tags_in_frame,
 )
 from msrr_perception.pose.global_pose import FlatTag, pose_jacobian
 from msrr_perception.pose.overhead_model import OverheadModel
@@ -108,8 +115,8 @@ class OverheadVision:
             raise SceneError("overhead vision: search_period_s and missing_period_s must be positive")
         self.model = model
         self._localizer = model.localizer()
-        self._detector = detector
-        self._quick = for_large_tags(detector) if half_resolution else detector
+        self._detector = for_lens(detector, model.lens)
+        self._quick = for_large_tags(self._detector) if half_resolution else self._detector
         self._search_detector = search_detector or default_search_detector()
         self._policy = policy
         self._parts = search_windows(model, search_parts)
@@ -158,12 +165,12 @@ class OverheadVision:
         Returns:
             Every tag read, by ascending id, and all windows in the order in which they were fetched.
         """
-        reader = FrameReader(fetch, self.model.to_light)
+        reader = FrameReader(fetch, self.model.lens, self.model.to_light)
         driving = self._units[:1] if driving is None else driving
         wanted = [i for i in self.model.tags if self._is_due(i, exposure.frame, driving, remote)]
         due = self._expected(predictions, wanted)
         sigma = np.full((4, 2), self._stray_px / self._policy.sigmas)
-        strays = [ExpectedTag(i, pixels, sigma) for i, pixels in self._strays.items()]
+        strays = [ExpectedTag(i, self.model.lens.distorted(at), sigma) for i, at in self._strays.items()]
         large = all(e.shortest_edge >= LARGE_TAG_PX for e in due.values())
         self._read(reader, self._quick if large else self._detector, [*due.values(), *strays])
         missed = [e for i, e in due.items() if i not in reader.found]
@@ -187,7 +194,7 @@ class OverheadVision:
         Returns:
             The tags found, also of the units that matter where they show in the same windows.
         """
-        reader = FrameReader(fetch, self.model.to_light)
+        reader = FrameReader(fetch, self.model.lens, self.model.to_light)
         square = self.model.square(middle_W, half_m, self._units[0])
         window = fitting_window(square, self.model.camera.frame)
         if window is not None:
@@ -205,8 +212,7 @@ class OverheadVision:
 
     def _expected(self, predictions: Mapping[str, GlobalPose], tags: Iterable[int]) -> dict[int, ExpectedTag]:
         """Return those of ``tags`` that should be wholly in the image at a place known well enough."""
-        found = {}
-        frame = self.model.camera.frame
+        ideal = []
         for tag_id in tags:
             tag = self.model.tags[tag_id]
             prediction = predictions.get(tag.name)
@@ -214,13 +220,12 @@ class OverheadVision:
                 continue
             pixels = self._localizer.pixels(tag, prediction.X_WB)
             pixels = pixels + self._offsets.get(tag_id, np.zeros(2))
-            lo, hi = pixels.min(axis=0), pixels.max(axis=0)
-            if lo.min() < -0.5 or hi[0] > frame.width - 0.5 or hi[1] > frame.height - 0.5:
-                continue
-            expected = ExpectedTag(tag_id, pixels, self._sigma(tag, prediction))
+            ideal.append(ExpectedTag(tag_id, pixels, self._sigma(tag, prediction)))
+        found = {}
+        for expected in tags_in_frame(ideal, self.model.lens):
             window = expected.window(self._policy)
             if max(window.width, window.height) <= self._widest:
-                found[tag_id] = expected
+                found[expected.tag_id] = expected
         return found
 
     def _sigma(self, tag: FlatTag, prediction: GlobalPose) -> Array:

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from msrr_perception.kernels.project import predict_tags, tag_extent
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import PoseEstimate
 
@@ -54,7 +57,7 @@ class ExpectedTag:
 
     Attributes:
         tag_id: Id of the tag.
-        pixels: Predicted corners, shape (4, 2) [px].
+        pixels: Predicted corners in the frame, shape (4, 2) [px].
         sigma: Standard deviation of each corner coordinate, shape (4, 2) [px].
     """
 
@@ -83,17 +86,32 @@ def expected_tags(
 
     Bodies that may hide a tag are not considered; a hidden tag is simply not found.
     """
-    camera = target.camera
+    # The kernel predicts a part of the ideal image from (0, 0) on: here the part that holds all of the frame.
+    lens, part, optics = target.lens, target.lens.bounds, target.optics
     pixels, sigma, expected = predict_tags(
-        target.optics,
-        camera.width,
-        camera.height,
+        optics._replace(cx=optics.cx - part.x, cy=optics.cy - part.y),
+        part.width,
+        part.height,
         pose_vector(prediction.X_DU),
         prediction.covariance,
         target.all_corners_D,
         policy.least_edge_px,
     )
-    return tuple(ExpectedTag(tag, pixels[i], sigma[i]) for i, tag in enumerate(target.tags) if expected[i])
+    found = [ExpectedTag(tag, pixels[i], sigma[i]) for i, tag in enumerate(target.tags) if expected[i]]
+    if not lens.distorts:
+        return tuple(found)
+    corner = np.array([part.x, part.y])
+    return tags_in_frame([replace(tag, pixels=tag.pixels + corner) for tag in found], lens)
+
+
+def tags_in_frame(tags: Sequence[ExpectedTag], lens: Lens) -> tuple[ExpectedTag, ...]:
+    """Return those tags of the ideal image that the frame shows as a whole, where it shows them."""
+    if not tags:
+        return ()
+    ideal, sigma = np.stack([tag.pixels for tag in tags]), np.stack([tag.sigma for tag in tags])
+    shown = np.all(lens.shows(ideal), axis=1)
+    pixels, sigma = lens.distorted(ideal), lens.distorted_sigma(ideal, sigma)
+    return tuple(ExpectedTag(tag.tag_id, pixels[i], sigma[i]) for i, tag in enumerate(tags) if shown[i])
 
 
 def choose_tags(

@@ -114,7 +114,8 @@ class LosEstimator:
             status = LosStatus.LOST
         else:
             status = LosStatus.PREDICTED if None in seen else LosStatus.SEEN
-        margin = self.target.camera.half_fov - max(abs(left), abs(right))
+        to_left, to_right = self.target.lens.field_of_view
+        margin = min(to_left - max(left, right), to_right + min(left, right))
         return LosObservation(estimate.stamp_ns, left, right, margin, status)
 
     def _advanced(

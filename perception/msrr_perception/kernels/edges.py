@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_perception.kernels.compiled import inlined, kernel
+from msrr_perception.kernels.lens import NO_LENS, Optic, distorted, undistorted
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
 
@@ -52,13 +53,14 @@ _STEP = (1.0 - 2.0 * END_SHARE) / (SECTIONS - 1)
 SQUARES = _STEP * _STEP * SECTIONS * (SECTIONS * SECTIONS - 1) / 12.0
 
 
-def refine_corners(pixels: Pixels, corners: Array) -> tuple[Array, NDArray[np.bool_]]:
+def refine_corners(pixels: Pixels, corners: Array, optic: Optic = NO_LENS) -> tuple[Array, NDArray[np.bool_]]:
     """Return tag corners moved to the intersections of the tags' edges, and which tags could be measured.
 
     Args:
         pixels: Mono8 image, shape (height, width).
         corners: Corners of T tags, shape (T, 4, 2), in pixels of this image counted from pixel centres, in
             either sense of rotation.
+        optic: Lens without which the edges are straight, with its principal point in pixels of this image.
 
     Returns:
         Corners, shape (T, 4, 2), and for each tag whether they were measured, shape (T,). A tag that has an
@@ -68,23 +70,32 @@ def refine_corners(pixels: Pixels, corners: Array) -> tuple[Array, NDArray[np.bo
     # One memory layout, so that the kernel is compiled once: contiguous and read-only, as a camera gives it.
     image = np.ascontiguousarray(pixels)[:]
     image.setflags(write=False)
-    refined, measured = intersect_edges(image, np.ascontiguousarray(corners, dtype=np.float64))
+    guesses = np.ascontiguousarray(corners, dtype=np.float64)
+    refined, measured = intersect_edges(image, guesses, optic)
     return refined, measured
 
 
 @kernel
-def intersect_edges(pixels: Pixels, corners: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return what :func:`refine_corners` returns, from an image and corners of the expected layout."""
+def intersect_edges(pixels: Pixels, corners: Array, optic: Optic) -> tuple[Array, NDArray[np.bool_]]:
+    """Return what :func:`refine_corners` returns, from an image and corners of the expected layout.
+
+    Behind a lens that distorts, ``square`` is the tag in the image of the ideal camera.
+    """
     out, measured = corners.copy(), np.zeros(corners.shape[0], np.bool_)
-    square, before = np.empty((4, 2)), np.empty((4, 2))  # the corners of one tag after and before a fit
+    # The corners of one tag: as guessed, before and after a fit.
+    guess, before, square = np.empty((4, 2)), np.empty((4, 2)), np.empty((4, 2))
     a, b = np.empty((4, 2)), np.empty((4, 2))  # the ends of each edge, moved
     for t in range(corners.shape[0]):
         square[:] = corners[t]
+        if optic.distorts:
+            for e in range(4):
+                square[e, 0], square[e, 1] = undistorted(optic, corners[t, e, 0], corners[t, e, 1])
+        guess[:] = square
         ok = True
         for _ in range(PASSES):
             before[:] = square
             for e in range(4):
-                ok = ok and fit_edge(pixels, before, e, a, b)
+                ok = ok and fit_edge(pixels, before, e, optic, a, b)
             if not ok:
                 break
             change = 0.0
@@ -95,24 +106,28 @@ def intersect_edges(pixels: Pixels, corners: Array) -> tuple[Array, NDArray[np.b
                 rx, ry = a[e, 0] - a[p, 0], a[e, 1] - a[p, 1]
                 part = (rx * dy - ry * dx) / (ex * dy - ey * dx)
                 square[e, 0], square[e, 1] = a[p, 0] + part * ex, a[p, 1] + part * ey
-                moved = math.hypot(square[e, 0] - corners[t, e, 0], square[e, 1] - corners[t, e, 1])
+                moved = math.hypot(square[e, 0] - guess[e, 0], square[e, 1] - guess[e, 1])
                 ok = ok and moved < LARGEST_SHIFT_PX
                 change = max(change, abs(square[e, 0] - before[e, 0]), abs(square[e, 1] - before[e, 1]))
             if not ok or change < SETTLED_PX:
                 break
         if ok:
             out[t], measured[t] = square, True
+            if optic.distorts:
+                for e in range(4):
+                    out[t, e, 0], out[t, e, 1] = distorted(optic, square[e, 0], square[e, 1])
     return out, measured
 
 
 @inlined
-def fit_edge(pixels: Pixels, square: Array, e: int, a: Array, b: Array) -> bool:
+def fit_edge(pixels: Pixels, square: Array, e: int, optic: Optic, a: Array, b: Array) -> bool:
     """Write the ends of edge ``e`` of a tag, moved onto the edge in the image, into ``a[e]`` and ``b[e]``.
 
     Args:
         pixels: Mono8 image, shape (height, width).
         square: Corners of the tag, shape (4, 2) [px].
         e: Number of the edge, from corner ``e`` to the next.
+        optic: Lens of the image; cross sections are straight without it.
         a: First ends of the edges, shape (4, 2) [px].
         b: Second ends of the edges, shape (4, 2) [px].
 
@@ -136,7 +151,8 @@ def fit_edge(pixels: Pixels, square: Array, e: int, a: Array, b: Array) -> bool:
         s = END_SHARE if i == 0 else 1.0 - END_SHARE
         foot_x, foot_y = x0 + s * along_x, y0 + s * along_y
         half_x, half_y = reach * abs(nx), reach * abs(ny)
-        if not (half_x <= foot_x <= width - 1.0 - half_x and half_y <= foot_y <= height - 1.0 - half_y):
+        inside = half_x <= foot_x <= width - 1.0 - half_x and half_y <= foot_y <= height - 1.0 - half_y
+        if not inside and not optic.distorts:
             return False
     black, white, mean, moment = 0.0, 0.0, 0.0, 0.0
     step = 2.0 * reach / (SAMPLES - 1)
@@ -146,6 +162,10 @@ def fit_edge(pixels: Pixels, square: Array, e: int, a: Array, b: Array) -> bool:
         total = 0.0
         for k in range(SAMPLES):
             x, y = foot_x + k * step * nx, foot_y + k * step * ny
+            if optic.distorts:
+                x, y = distorted(optic, x, y)
+                if not (0.0 <= x <= width - 1.0 and 0.0 <= y <= height - 1.0):
+                    return False
             column, row = min(max(int(x), 0), width - 2), min(max(int(y), 0), height - 2)
             ax, ay = x - column, y - row
             left, lower_left = float(pixels[row, column]), float(pixels[row + 1, column])

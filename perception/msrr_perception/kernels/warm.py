@@ -19,6 +19,7 @@ from msrr_perception.kernels.fit import (
     gate_distances,
     roots_of_covariance,
 )
+from msrr_perception.kernels.lens import NO_LENS, undistort
 from msrr_perception.kernels.project import Optics, predict_tags, tag_extent
 from msrr_perception.kernels.track import coast, fuse
 
@@ -52,6 +53,7 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     derivatives(optics, tags, seen, state)
     fit(optics, tags, seen, state, state, np.eye(8), 2, 1e-3)
     propagate(state, np.eye(8), np.zeros((1, 5)), Drive(*[1.0] * 13))
+    undistort(NO_LENS, pixels)
     coast(np.zeros(5), np.eye(5), 0.1, 1.0, 1.0, 1.0)
     fuse(np.zeros(5), np.eye(5), np.zeros(3), np.eye(3))
     refine_corners(np.zeros((16, 16), np.uint8), 4.0 + 2.0 * (pixels[None] - 2.0))

@@ -15,6 +15,7 @@ from msrr_perception.pose.corner_errors import CornerErrors
 from msrr_perception.pose.global_pose import FlatTag, GlobalLocalizer, flat_tags, overhead_pose
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
@@ -32,7 +33,7 @@ class OverheadModel:
     It holds where a tag is on its body, and never where a body stands.
 
     Attributes:
-        camera: Intrinsics of the overhead camera.
+        lens: Intrinsics of the overhead camera, by calibration.
         X_WC: Pose of the camera, by calibration.
         tags: Tag id -> the body that carries the tag, and the tag's corners in that body's frame.
         obstacle_radius: Obstacle -> radius of the circle about its footprint [m]; also of those that appear
@@ -46,7 +47,7 @@ class OverheadModel:
             has one.
     """
 
-    camera: PinholeCamera
+    lens: Lens
     X_WC: SE3
     tags: Mapping[int, FlatTag]
     obstacle_radius: Mapping[str, float]
@@ -78,7 +79,7 @@ class OverheadModel:
         errors = spec.localisation
         yaw = math.radians(errors.noise_yaw_deg)
         return cls(
-            camera=spec.pinhole,
+            lens=spec.lens,
             X_WC=overhead_pose(spec),
             tags=MappingProxyType(tags),
             obstacle_radius=MappingProxyType(
@@ -90,6 +91,11 @@ class OverheadModel:
             noise=np.diag([errors.noise_m**2, errors.noise_m**2, yaw**2]),
             to_light=straight_tone(spec),
         )
+
+    @property
+    def camera(self) -> PinholeCamera:
+        """The ideal camera, in the image of which detections are given."""
+        return self.lens.camera
 
     @cached_property
     def tag_of(self) -> Mapping[str, int]:
@@ -109,7 +115,7 @@ class OverheadModel:
         )
 
     def square(self, middle_W: Array, half_m: float, unit: str) -> Window:
-        """Return the window, inside the frame or not, of a square at the height of a unit's tag.
+        """Return the window, in the frame or not, of a square at the height of a unit's tag.
 
         Args:
             middle_W: Middle of the square, shape (2,) [m].
@@ -119,7 +125,11 @@ class OverheadModel:
         height = self.tags[self.tag_of[unit]].height
         corners = np.array([[x, y, height] for x in (-half_m, half_m) for y in (-half_m, half_m)])
         corners[:, :2] += middle_W
-        return Window.around(self.camera.project(self.X_WC.inverse().act(corners)), 0.0)
+        ideal = self.camera.project(self.X_WC.inverse().act(corners))
+        if self.lens.distorts:  # beyond what the frame shows the lens may lead anywhere
+            shown = self.lens.bounds
+            ideal = np.clip(ideal, [shown.x, shown.y], [shown.x_end, shown.y_end])
+        return Window.around(self.lens.distorted(ideal), 0.0)
 
     def localizer(self) -> GlobalLocalizer:
         """Return the localizer for this camera's detections."""

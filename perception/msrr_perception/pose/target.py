@@ -15,6 +15,7 @@ from msrr_perception.pose.calibration import StateLayout, Tolerances, filter_lay
 from msrr_perception.pose.corner_errors import UPRIGHT_CONTRAST, CornerErrors
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -57,7 +58,7 @@ class TargetModel:
 
     Attributes:
         camera_name: Name of the docking unit's camera, ``<unit>/onboard``.
-        camera: Intrinsics of that camera.
+        lens: Intrinsics of that camera, by calibration.
         X_UC: Optical frame of that camera in U, by calibration.
         corners_D: Tag id -> corners in D, shape (4, 3) [m], of every tag of the target unit.
         port_tags: Ids of the tags of the target port.
@@ -73,7 +74,7 @@ class TargetModel:
     """
 
     camera_name: str
-    camera: PinholeCamera
+    lens: Lens
     X_UC: SE3
     corners_D: Mapping[int, Array]
     port_tags: tuple[int, ...]
@@ -136,7 +137,7 @@ class TargetModel:
         own, spec = scene.geometry(unit), scene.cameras.onboard
         return cls(
             camera_name=f"{unit}/onboard",
-            camera=spec.pinhole,
+            lens=spec.lens,
             X_UC=optical_pose(own.frame("camera")),
             corners_D=corners_D,
             port_tags=port_tags,
@@ -149,6 +150,11 @@ class TargetModel:
             frame_period_s=1.0 / spec.rate_hz,
             to_light=straight_tone(spec),
         )
+
+    @property
+    def camera(self) -> PinholeCamera:
+        """The ideal camera, in the image of which detections are given."""
+        return self.lens.camera
 
     @cached_property
     def X_CU(self) -> SE3:

@@ -20,7 +20,7 @@ from msrr_scenes.as_built.as_built import (
     BuiltTag,
     BuiltUnit,
 )
-from msrr_scenes.geometry.distortion import COEFFICIENTS, Distortion
+from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, marker_links
@@ -179,15 +179,18 @@ def _obstacle_tag(scene: Scene, name: str, draw: _Draw) -> BuiltTag:
 
 
 def _camera(told: CameraSpec, spec: CameraDeviations, name: str, draw: _Draw) -> BuiltCamera:
-    pinhole = told.pinhole
+    pinhole, lens = told.pinhole, told.distortion
+    x, y = pinhole.offset
     return BuiltCamera(
         pinhole=replace(
             pinhole,
             focal=draw.scale(spec, "focal_percent", name) * pinhole.focal,
-            offset=(draw.error(spec, "cx_px", name), draw.error(spec, "cy_px", name)),
+            offset=(x + draw.error(spec, "cx_px", name), y + draw.error(spec, "cy_px", name)),
         ),
         X_BX=draw.mount(spec, name),
-        distortion=Distortion(**{key: draw.error(spec, key, name) for key in COEFFICIENTS}),
+        distortion=replace(
+            lens, **{key: getattr(lens, key) + draw.error(spec, key, name) for key in COEFFICIENTS}
+        ),
         clock_ahead_ns=round(_NS_PER_MS * draw.error(spec, "clock_ms", name)),
         jitter_ns=round(_NS_PER_MS * draw.error(spec, "jitter_ms", name)),
     )

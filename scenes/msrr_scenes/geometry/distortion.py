@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import PinholeCamera
@@ -22,13 +23,23 @@ _MOST_STRETCH = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Distortion:
-    """Lens distortion of Brown and Conrady; it maps points of the plane z = 1 of an ideal camera."""
+    """Lens distortion of Brown and Conrady; it maps points of the plane z = 1 of an ideal camera.
+
+    Attributes:
+        k1: Radial coefficient of the second order.
+        k2: Radial coefficient of the fourth order.
+        p1: Tangential coefficient, along y.
+        p2: Tangential coefficient, along x.
+        k3: Radial coefficient of the sixth order.
+        aspect: Height over width of the image of a square in the middle, fy over fx.
+    """
 
     k1: float = 0.0
     k2: float = 0.0
     p1: float = 0.0
     p2: float = 0.0
     k3: float = 0.0
+    aspect: float = 1.0
 
     def apply(self, points: Array) -> Array:
         """Return where the lens shows points of the plane z = 1 of an ideal camera, both of shape (N, 2)."""
@@ -38,7 +49,7 @@ class Distortion:
         return np.column_stack(
             [
                 radial * x + 2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x),
-                radial * y + self.p1 * (r2 + 2.0 * y * y) + 2.0 * self.p2 * x * y,
+                self.aspect * (radial * y + self.p1 * (r2 + 2.0 * y * y) + 2.0 * self.p2 * x * y),
             ]
         )
 
@@ -47,22 +58,33 @@ class Distortion:
 
         A point is NaN where none was found. Where the lens folds the plane, it is one of several.
         """
-        x, y = points[:, 0], points[:, 1]
+        x, y = points[:, 0], points[:, 1] / self.aspect
         with np.errstate(all="ignore"):  # where there is no inverse, the steps lead anywhere
             for _ in range(_STEPS):
-                r2 = x * x + y * y
-                radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
-                slope = 2.0 * (self.k1 + r2 * (2.0 * self.k2 + 3.0 * r2 * self.k3))
                 shown = self.apply(np.column_stack([x, y]))
-                ex, ey = shown[:, 0] - points[:, 0], shown[:, 1] - points[:, 1]
-                a = radial + slope * x * x + 2.0 * self.p1 * y + 6.0 * self.p2 * x
-                b = slope * x * y + 2.0 * self.p1 * x + 2.0 * self.p2 * y
-                d = radial + slope * y * y + 6.0 * self.p1 * y + 2.0 * self.p2 * x
+                ex, ey = shown[:, 0] - points[:, 0], (shown[:, 1] - points[:, 1]) / self.aspect
+                a, b, d = self._slopes(x, y)
                 determinant = a * d - b * b
                 x, y = x - (d * ex - b * ey) / determinant, y - (a * ey - b * ex) / determinant
             found = np.column_stack([x, y])
             error = np.abs(self.apply(found) - points).max(axis=1)
             return np.where((error < _RESIDUAL)[:, np.newaxis], found, np.nan)
+
+    def jacobian(self, points: Array) -> Array:
+        """Return the derivatives of what :meth:`apply` returns for ``points`` (N, 2), shape (N, 2, 2)."""
+        a, b, d = self._slopes(points[:, 0], points[:, 1])
+        rows = np.stack([np.stack([a, b], axis=-1), self.aspect * np.stack([b, d], axis=-1)], axis=-2)
+        return np.asarray(rows)
+
+    def _slopes(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Return the derivatives of x by x, of x by y (which is y by x), and of y by y, the aspect aside."""
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
+        slope = 2.0 * (self.k1 + r2 * (2.0 * self.k2 + 3.0 * r2 * self.k3))
+        a = radial + slope * x * x + 2.0 * self.p1 * y + 6.0 * self.p2 * x
+        b = slope * x * y + 2.0 * self.p1 * x + 2.0 * self.p2 * y
+        d = radial + slope * y * y + 6.0 * self.p1 * y + 2.0 * self.p2 * x
+        return a, b, d
 
     def ideal_pixels(self, camera: PinholeCamera, pixels: Array) -> Array:
         """Return where an ideal lens would show what this one shows at ``pixels``, both of shape (N, 2)."""
@@ -87,11 +109,23 @@ _MARGIN, _SPACING = 8, 8.0
 
 def has_inverse(camera: PinholeCamera, distortion: Distortion) -> bool:
     """Return whether every pixel of the frame and of a small margin shows one point of the scene."""
+    return fold_radius(camera, distortion) is None
+
+
+def fold_radius(camera: PinholeCamera, distortion: Distortion) -> float | None:
+    """Return how far from the principal point the lens has an inverse in every direction [px].
+
+    It is exact to a few pixels; None if the lens has an inverse in the whole frame and a small margin.
+    """
     columns, rows = (
         np.append(np.arange(-_MARGIN - 0.5, size + _MARGIN - 0.5, _SPACING), size + _MARGIN - 0.5)
         for size in (camera.width, camera.height)
     )
-    return ideal_grid(camera, distortion, columns, rows) is not None
+    _, folded = _ideal_nodes(camera, distortion, columns, rows)
+    if not folded.any():
+        return None
+    distance = np.hypot(columns - camera.cx, (rows - camera.cy)[:, np.newaxis])
+    return float(distance[folded].min())
 
 
 def ideal_grid(camera: PinholeCamera, distortion: Distortion, columns: Array, rows: Array) -> Array | None:
@@ -106,12 +140,22 @@ def ideal_grid(camera: PinholeCamera, distortion: Distortion, columns: Array, ro
         columns: Increasing columns of the nodes, shape (C,) [px].
         rows: Increasing rows of the nodes, shape (R,) [px].
     """
+    grid, folded = _ideal_nodes(camera, distortion, columns, rows)
+    return None if folded.any() else grid
+
+
+def _ideal_nodes(
+    camera: PinholeCamera, distortion: Distortion, columns: Array, rows: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the nodes as :func:`ideal_grid` does, and beside which of them the lens folds the image."""
     nodes = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
     grid: Array = distortion.ideal_pixels(camera, nodes).reshape(len(rows), len(columns), 2)
-    for rise, step in (
-        (np.diff(grid[..., 0], axis=1), np.diff(columns)[np.newaxis, :]),
-        (np.diff(grid[..., 1], axis=0), np.diff(rows)[:, np.newaxis]),
+    folded = np.zeros(grid.shape[:2], dtype=np.bool_)
+    for rise, step, first, second in (
+        (np.diff(grid[..., 0], axis=1), np.diff(columns), folded[:, :-1], folded[:, 1:]),
+        (np.diff(grid[..., 1], axis=0), np.diff(rows)[:, np.newaxis], folded[:-1], folded[1:]),
     ):
-        if not ((rise > 0.0) & (rise < _MOST_STRETCH * step)).all():  # comparisons with NaN are false
-            return None
-    return grid
+        fold = ~((rise > 0.0) & (rise < _MOST_STRETCH * step))  # comparisons with NaN are false
+        first |= fold
+        second |= fold
+    return grid, folded

@@ -105,11 +105,6 @@ class PinholeCamera:
         return 0.5 * (self.height - 1) + self.offset[1]
 
     @property
-    def half_fov(self) -> float:
-        """Half the horizontal field of view [rad], with the principal point in the middle of the image."""
-        return math.atan(0.5 * self.width / self.focal)
-
-    @property
     def frame(self) -> Window:
         """The window that is the full frame."""
         return Window(0, 0, self.width, self.height)

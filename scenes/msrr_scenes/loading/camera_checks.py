@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 
-from msrr_scenes.geometry.distortion import COEFFICIENTS, Distortion, has_inverse
+import numpy as np
+
+from msrr_scenes.geometry.distortion import COEFFICIENTS, fold_radius
+from msrr_scenes.geometry.lens import Lens, frame_outline
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
@@ -13,32 +18,80 @@ from msrr_scenes.specs.sensors import CameraSpec
 _RENDERER = "raster"
 
 
+#: Least and greatest horizontal field of view, and greatest ratio of the focal lengths, of a calibration.
+_FOV_DEG, _MOST_ASPECT = (5.0, 150.0), 2.0
+
+
 def camera_problems(scene: Scene) -> Iterator[Problem]:
     """Yield settings of cameras that cannot be drawn, or that contradict each other."""
-    if scene.perception != "images":
-        return
     for name, spec in (("onboard", scene.cameras.onboard), ("overhead", scene.cameras.overhead)):
-        if spec is not None:
+        if spec is None:
+            continue
+        calibration = list(_calibration_problems(name, spec))
+        yield from calibration
+        if scene.perception == "images":
             yield from _shutter_problems(("cameras", name), spec)
-            yield from _lens_problems(scene, name, spec)
+            if not calibration:
+                yield from _lens_problems(scene, name, spec)
+
+
+def _calibration_problems(name: str, spec: CameraSpec) -> Iterator[Problem]:
+    """Yield why a calibration is not that of this camera, or of no camera."""
+    told, path = spec.calibration, ("cameras", name, "calibration")
+    if told is None:
+        return
+    for key, size in (("width_px", spec.width_px), ("height_px", spec.height_px)):
+        calibrated = getattr(told, key)
+        if calibrated not in (None, size):
+            text = (
+                f"it is of images with {key} = {calibrated}, and those of this camera have {size}; calibrate "
+                f"images of that size, or set cameras.{name}.{key}"
+            )
+            yield Problem(path, text)
+    lens = spec.lens
+    folds = _folds(lens)
+    if max(lens.distortion.aspect, 1.0 / lens.distortion.aspect) > _MOST_ASPECT:
+        text = f"pixels are nearly square, and fx_px = {told.fx_px:g} is far from fy_px = {told.fy_px:g}"
+        yield Problem(path, f"{text}; give both in pixels")
+    elif folds is not None:
+        yield Problem(path, f"{folds}; use coefficients that describe the whole frame")
+    else:
+        fov_deg, (low, high) = math.degrees(sum(lens.field_of_view)), _FOV_DEG
+        if not low < fov_deg < high:
+            text = f"it sees {fov_deg:.4g} deg along a row, and {low:g} .. {high:g} deg can be computed with"
+            yield Problem(path, f"{text}; give fx_px in pixels")
 
 
 def _lens_problems(scene: Scene, name: str, spec: CameraSpec) -> Iterator[Problem]:
-    deviations = {key: getattr(getattr(scene.as_built, name), key) for key in COEFFICIENTS}
-    distorts = any(deviation.error or deviation.sigma for deviation in deviations.values())
-    if distorts and spec.renderer.name != _RENDERER:
-        text = (
-            f"the renderer {spec.renderer.name!r} draws ideal lenses only, and as_built.{name} distorts; use "
-            f"renderer {_RENDERER}, or leave out {', '.join(COEFFICIENTS)} there"
-        )
-        yield Problem(("cameras", name, "renderer"), text)
-    lens = Distortion(**{key: deviation.error or 0.0 for key, deviation in deviations.items()})
-    if not has_inverse(spec.pinhole, lens):
-        text = (
-            f"with {lens} two points of the scene appear at one pixel of the frame, towards its corners; use "
-            f"smaller coefficients or a smaller cameras.{name}.hfov_deg"
-        )
-        yield Problem(("as_built", name), text)
+    told, deviations = spec.lens, {key: getattr(getattr(scene.as_built, name), key) for key in COEFFICIENTS}
+    if spec.renderer.name != _RENDERER:
+        text = f"the renderer {spec.renderer.name!r} draws ideal lenses only, and "
+        remedy = f"use renderer {_RENDERER}, or leave out"
+        if told.distorts:
+            text += f"cameras.{name}.calibration is of another one; {remedy} its coefficients, with fy as fx"
+            yield Problem(("cameras", name, "renderer"), text)
+        elif any(deviation.error or deviation.sigma for deviation in deviations.values()):
+            text += f"as_built.{name} distorts; {remedy} {', '.join(COEFFICIENTS)} there"
+            yield Problem(("cameras", name, "renderer"), text)
+    errors = {key: deviation.error or 0.0 for key, deviation in deviations.items()}
+    if any(errors.values()):
+        coefficients = {key: getattr(told.distortion, key) + error for key, error in errors.items()}
+        folds = _folds(Lens(told.camera, replace(told.distortion, **coefficients)))
+        if folds is not None:
+            text = f"{folds}; use smaller coefficients or a smaller field of view of cameras.{name}"
+            yield Problem(("as_built", name), text)
+
+
+def _folds(lens: Lens) -> str | None:
+    """Return in words where a lens shows two points of the scene at one pixel of the frame, if it does."""
+    radius, camera = fold_radius(lens.camera, lens.distortion), lens.camera
+    if radius is None:
+        return None
+    corner = np.hypot(*(frame_outline(camera.frame) - [camera.cx, camera.cy]).T).max()
+    return (
+        f"with {lens.distortion} two points of the scene appear at one pixel: it has an inverse up to "
+        f"about {radius:.0f} px from the principal point, and the frame reaches to {corner:.0f} px"
+    )
 
 
 def _shutter_problems(path: KeyPath, spec: CameraSpec) -> Iterator[Problem]:

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from msrr_scenes.errors import GeometryError, SceneError, UnknownNameError
 from msrr_scenes.loading.as_built_checks import as_built_problems
+from msrr_scenes.loading.calibration_file import read_calibration
 from msrr_scenes.loading.camera_checks import camera_problems
 from msrr_scenes.loading.geometry_checks import geometry_problems
 from msrr_scenes.loading.plan_checks import fault_problems, mission_problems, plan_problems
@@ -81,6 +82,7 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, str] = _NONE) -
     if "source" in document.data:
         raise SceneError(f"{document.origin(('source',))}: source: unknown key; it is set by the program")
     document.data.setdefault("name", _plain_name(path.stem))
+    _embed_calibrations(document, path.parent)
     scene = _validate(document, path)
     _refuse(document, _contradictions(scene))
     return scene
@@ -118,6 +120,27 @@ def _files_of(urdf: Path) -> list[Path]:
     """Return the URDF and the files that it names, in the order of naming."""
     named = [e.attrib["filename"] for e in ElementTree.parse(urdf).iter() if "filename" in e.attrib]
     return [urdf, *(p for p in (urdf.parent / name for name in dict.fromkeys(named)) if p.is_file())]
+
+
+def _embed_calibrations(document: YamlDocument, beside: Path) -> None:
+    """Replace the names of calibration files by what they say, so that a log needs none of them.
+
+    Raises:
+        SceneError: A file is neither beside the scene nor in the working folder, or is no calibration.
+    """
+    cameras = document.data.get("cameras")
+    for name, spec in cameras.items() if isinstance(cameras, dict) else ():
+        named = spec.get("calibration") if isinstance(spec, dict) else None
+        if not isinstance(named, str):
+            continue
+        place = f"{document.origin(('cameras', name, 'calibration'))}: cameras.{name}.calibration"
+        file = next((path for path in (beside / named, Path(named)) if path.is_file()), None)
+        if file is None:
+            raise SceneError(f"{place}: no file {named!r} beside the scene or in the working folder")
+        try:
+            spec["calibration"] = read_calibration(file).model_dump()
+        except SceneError as error:
+            raise SceneError(f"{place}: {error}") from None
 
 
 def _validate(document: YamlDocument, path: Path) -> Scene:

@@ -107,14 +107,16 @@ def value_problems(scene: Scene) -> list[Problem]:
         low, high = getattr(scene.arena, axis)
         if low >= high:
             problems.append(Problem(("arena", axis), f"expected [low, high], found [{low:g}, {high:g}]"))
-    los, half_fov = scene.los, math.degrees(scene.cameras.onboard.pinhole.half_fov)
+    los, half_fov = scene.los, math.degrees(scene.cameras.onboard.lens.half_fov)
     if los.inner_deg >= los.outer_deg:
         text = f"the inner bound has to be below los.outer_deg = {los.outer_deg:g}, found {los.inner_deg:g}"
         problems.append(Problem(("los", "inner_deg"), text))
     if los.outer_deg >= half_fov:
+        calibrated = scene.cameras.onboard.calibration is not None
+        wider = "use a camera that sees more" if calibrated else "raise cameras.onboard.hfov_deg"
         text = (
             f"the outer bound has to be below half the onboard camera's field of view ({half_fov:.4g} deg), "
-            f"found {los.outer_deg:g}; lower it or raise cameras.onboard.hfov_deg"
+            f"found {los.outer_deg:g}; lower it or {wider}"
         )
         problems.append(Problem(("los", "outer_deg"), text))
     if scene.limits.v_close_mps > scene.limits.v_max_mps:

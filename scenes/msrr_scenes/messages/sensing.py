@@ -41,8 +41,9 @@ class TagDetection:
 
     Attributes:
         tag_id: Id in the tag family.
-        corners: Pixels of the full frame (from pixel centres), shape (4, 2), in the order bottom left,
-            bottom right, top right, top left of the tag's own image.
+        corners: Pixels (from pixel centres), shape (4, 2), in the order bottom left, bottom right, top right,
+            top left of the tag's own image. A detector gives pixels of the full frame; in :class:`Detections`
+            they are those of the ideal camera, without the distortion that is known.
         decision_margin: Confidence of the detector in the decoded bits [grey levels].
         hamming: Number of corrected bits.
     """

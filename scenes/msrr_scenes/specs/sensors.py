@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from msrr_scenes.geometry.distortion import COEFFICIENTS, IDEAL_LENS, Distortion
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.specs.spec import (
     Angle,
@@ -22,6 +24,44 @@ from msrr_scenes.specs.spec import (
     between,
 )
 
+#: Coefficient of a lens, which has no unit; real lenses have some tenths.
+_Coefficient = Annotated[float, between(-100.0, 100.0)]
+#: Focal length [px]; which ones there may be depends on the size of the image.
+_FocalLength = Annotated[float, between(1.0, 1e7)]
+#: Coordinate of the principal point [px], which lies in or near the image.
+_PrincipalPoint = Annotated[float, between(-4096.0, 8192.0)]
+
+
+class CalibrationSpec(Spec):
+    """The calibration of a camera, which everybody is told: intrinsics, and distortion by Brown and Conrady.
+
+    Pixels are counted from the centre of the upper left one, as OpenCV and ROS do. A scene file may name a
+    file of OpenCV or ROS instead, relative to its own folder: ``calibration: camera.yaml``.
+    """
+
+    fx_px: _FocalLength
+    """Focal length along the rows [px]."""
+    fy_px: _FocalLength
+    """Focal length along the columns [px]."""
+    cx_px: _PrincipalPoint
+    """Column of the principal point [px]."""
+    cy_px: _PrincipalPoint
+    """Row of the principal point [px]."""
+    k1: _Coefficient = 0.0
+    """Radial coefficient of the second order."""
+    k2: _Coefficient = 0.0
+    """Radial coefficient of the fourth order."""
+    p1: _Coefficient = 0.0
+    """Tangential coefficient along y."""
+    p2: _Coefficient = 0.0
+    """Tangential coefficient along x."""
+    k3: _Coefficient = 0.0
+    """Radial coefficient of the sixth order."""
+    width_px: int | None = Field(default=None, ge=16, le=4096)
+    """Width of the images that were calibrated [px]; null if the file does not say."""
+    height_px: int | None = Field(default=None, ge=16, le=4096)
+    """Height of the images that were calibrated [px]; null if the file does not say."""
+
 
 class CameraSpec(Spec):
     """The data sheet of a camera: optics, frame rate, latency, noise, and the renderer that stands for it."""
@@ -31,7 +71,9 @@ class CameraSpec(Spec):
     height_px: int = Field(default=480, ge=16, le=4096)
     """Height of the image [px]."""
     hfov_deg: float = Field(default=75.0, gt=5.0, lt=150.0)
-    """Horizontal field of view [deg]."""
+    """Horizontal field of view of an ideal camera [deg]; a calibration takes its place."""
+    calibration: CalibrationSpec | None = None
+    """Intrinsics and distortion, by calibration; null for an ideal camera with ``hfov_deg``."""
     rate_hz: Rate = 25.0
     """Frame rate [Hz]."""
     latency_ms: Latency = 40.0
@@ -72,8 +114,26 @@ class CameraSpec(Spec):
 
     @property
     def pinhole(self) -> PinholeCamera:
-        """Intrinsics of the camera."""
-        return PinholeCamera.from_hfov(self.width_px, self.height_px, math.radians(self.hfov_deg))
+        """The ideal camera in the place of this one: it has square pixels and does not distort."""
+        width, height, told = self.width_px, self.height_px, self.calibration
+        if told is None:
+            return PinholeCamera.from_hfov(width, height, math.radians(self.hfov_deg))
+        offset = (told.cx_px - 0.5 * (width - 1), told.cy_px - 0.5 * (height - 1))
+        return PinholeCamera(width, height, told.fx_px, offset)
+
+    @property
+    def distortion(self) -> Distortion:
+        """What the lens does to the image of the ideal camera, by calibration."""
+        told = self.calibration
+        if told is None:
+            return IDEAL_LENS
+        coefficients = {key: getattr(told, key) for key in COEFFICIENTS}
+        return Distortion(**coefficients, aspect=told.fy_px / told.fx_px)
+
+    @property
+    def lens(self) -> Lens:
+        """The ideal camera together with the distortion, by calibration."""
+        return Lens(self.pinhole, self.distortion)
 
 
 class LocalisationErrorSpec(Spec):
@@ -110,7 +170,7 @@ class OverheadCameraSpec(CameraSpec):
     height_px: int = Field(default=960, ge=16, le=4096)
     """Height of the image [px]."""
     hfov_deg: float = Field(default=67.0, gt=5.0, lt=150.0)
-    """Horizontal field of view [deg]."""
+    """Horizontal field of view of an ideal camera [deg]; a calibration takes its place."""
     rate_hz: Rate = 10.0
     """Frame rate [Hz]."""
     latency_ms: Latency = 60.0

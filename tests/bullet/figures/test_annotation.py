@@ -11,7 +11,7 @@ import pytest
 from msrr_bullet.figures.onboard_frame import draw_onboard
 from msrr_bullet.figures.overhead_frame import draw_overhead
 from msrr_bullet.timeline import palette
-from msrr_bullet.timeline.camera_views import CameraView, pinhole_camera
+from msrr_bullet.timeline.camera_views import CameraView, lens_of
 from msrr_bullet.timeline.series import port_in_dock
 from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.messages import NS_PER_S, Exposure, Phase
@@ -30,7 +30,7 @@ def test_read_pixels_are_shown_as_they_are(views, trial, context):
 
 def test_a_frame_without_pixels_is_drawn_from_truth_alone(count_pixels, views, trial, context):
     view = next(v for v in views if v.exposure.camera == "a/onboard")
-    picture = draw_onboard(context, CameraView(view.exposure, view.camera), trial.at(view.stamp_ns))
+    picture = draw_onboard(context, CameraView(view.exposure, view.lens), trial.at(view.stamp_ns))
     assert count_pixels(picture.image, palette.WINDOW) == 0
     assert np.ptp(picture.image.reshape(-1, 3), axis=0).min() > 100
 
@@ -39,10 +39,10 @@ def test_a_caption_tells_the_present_and_not_how_the_phase_began(trial, context)
     """The reason of a phase's beginning stood under frames that were taken seconds later."""
     moving = [s for s in trial.snapshots if s.estimate is not None]
     assert moving[-1].stamp_ns - moving[0].stamp_ns > 5 * NS_PER_S
-    camera = pinhole_camera(context.scene, "a/onboard")
+    lens = lens_of(context.scene, "a/onboard")
     lines = []
     for snapshot in moving[:: len(moving) // 8]:
-        view = CameraView(Exposure("a/onboard", -1, snapshot.stamp_ns), camera)
+        view = CameraView(Exposure("a/onboard", -1, snapshot.stamp_ns), lens)
         line = draw_onboard(context, view, snapshot).title[1]
         for reason in (snapshot.reason, snapshot.assembly.reason if snapshot.assembly else "none"):
             assert reason not in line
@@ -58,7 +58,5 @@ def test_a_caption_tells_the_present_and_not_how_the_phase_began(trial, context)
 @pytest.mark.parametrize("phase", [Phase.RETREAT, Phase.FAILED])
 def test_a_caption_gives_the_reason_that_stays_true(phase, trial, context, with_step):
     snapshot = with_step(trial.snapshots[-1], phase=phase, reason="no progress for 2.0 s")
-    view = CameraView(
-        Exposure("a/onboard", -1, snapshot.stamp_ns), pinhole_camera(context.scene, "a/onboard")
-    )
+    view = CameraView(Exposure("a/onboard", -1, snapshot.stamp_ns), lens_of(context.scene, "a/onboard"))
     assert draw_onboard(context, view, snapshot).title[1].endswith("no progress for 2.0 s")

@@ -34,7 +34,7 @@ def test_belief_is_drawn_where_it_is(views, trial, context, with_step):
     wrong = with_step(
         replace(snapshot, clearance=None), estimate=snapshot.estimate @ SE2(0.0, 0.2), assembly=None
     )
-    image = draw_overhead(context, CameraView(view.exposure, view.camera), wrong, ()).image
+    image = draw_overhead(context, CameraView(view.exposure, view.lens), wrong, ()).image
     ghost = SE3.from_se2(wrong.estimate).act(scene_solids(context.scene, context.built)["a"].points)
     hull = Perspective.overhead(context.scene, context.built).hull(ghost)
     for x, y in hull:

@@ -25,12 +25,12 @@ from msrr_scenes.messages import Exposure, Phase, TagDetection
 
 @pytest.fixture
 def view(drive):
-    camera = drive.scene.cameras.onboard.pinhole
+    lens = drive.scene.cameras.onboard.lens
     window = Window(200, 150, 220, 180)
     pixels = np.full((window.height, window.width), 90, dtype=np.uint8)
     corners = np.array([[300.0, 260.0], [340.0, 262.0], [338.0, 220.0], [298.0, 222.0]])
     exposure = Exposure("a/onboard", 60, drive.snapshots[60].stamp_ns)
-    return CameraView(exposure, camera, [(window, pixels)], [TagDetection(11, corners)])
+    return CameraView(exposure, lens, [(window, pixels)], [TagDetection(11, corners)])
 
 
 def test_picture_holds_paths_units_and_curves(count_pixels, drive, tmp_path):

@@ -24,6 +24,7 @@ from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.scene import Scene
 
 X_DU = SE2(-0.35, 0.03, -0.08)
+KNOWN = "{fx_px: 420, fy_px: 410, cx_px: 330, cy_px: 235, k1: -0.2, k2: 0.04, p1: 0.001}"
 
 
 def scene(as_built: str, name: str = "close_range", **changes: str) -> Scene:
@@ -52,6 +53,17 @@ def test_of_what_is_as_drawn_the_robot_makes_the_truth() -> None:
     _, bearings = true.see(X_DU)
     X_UC = of.geometry("a").frame("camera").to_se2()
     assert bearings == pytest.approx(edge_bearings(X_DU @ X_UC, of.los), abs=5e-4)  # of rounded edges
+
+
+def test_behind_a_lens_that_it_is_told_the_robot_sees_the_truth() -> None:
+    numbers = "fx_px: 970, fy_px: 950, cx_px: 650, cy_px: 470, k1: -0.2, k2: 0.05, p1: 0.001"
+    known = {"cameras.onboard.calibration": KNOWN, "cameras.overhead.calibration": f"{{{numbers}}}"}
+    of = scene("perfect", "two_units", **known)
+    assert_near(seen(OnboardSight(of, draw_as_built(of, 0), of.docks[0]), X_DU), X_DU, 1e-6, 1e-6)
+    X_WA = SE2(-0.9, -0.8, 0.4)
+    from_above = OverheadSight(of, draw_as_built(of, 0)).see("a", X_WA)
+    assert from_above is not None
+    assert_near(from_above, X_WA, 1e-6, 1e-6)
 
 
 @pytest.mark.parametrize(

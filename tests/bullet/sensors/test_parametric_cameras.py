@@ -99,7 +99,7 @@ def test_without_errors_the_measurement_is_true_and_the_covariance_is_not_zero()
 def test_an_edge_outside_the_field_of_view_is_not_measured() -> None:
     """A unit turns on the spot: both edges, one edge, and no edge in view."""
     of = scene()
-    half_fov, X_UC = of.cameras.onboard.pinhole.half_fov, of.geometry("a").frame("camera").to_se2()
+    half_fov, X_UC = of.cameras.onboard.lens.half_fov, of.geometry("a").frame("camera").to_se2()
     numbers = set()
     for yaw in np.linspace(-math.pi, math.pi, 61):
         X = SE2(-0.5, 0.0, float(yaw))

@@ -10,24 +10,39 @@ from msrr_bullet.timeline.camera_views import (
     CameraView,
     docking_views,
     evenly_spaced,
-    pinhole_camera,
+    lens_of,
     read_camera_views,
     read_exposures,
 )
 from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.errors import SceneError
-from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.distortion import Distortion
+from msrr_scenes.geometry.lens import Lens
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Exposure
 
 
 def test_a_mosaic_holds_the_windows_and_a_mask_of_them(short_log):
-    camera = short_log.header.scene.cameras.onboard.pinhole
+    lens = short_log.header.scene.cameras.onboard.lens
     pixels = np.full((4, 5), 7, dtype=np.uint8)
-    view = CameraView(Exposure("a/onboard", 0, 0), camera, [(Window(2, 3, 5, 4), pixels)])
+    view = CameraView(Exposure("a/onboard", 0, 0), lens, [(Window(2, 3, 5, 4), pixels)])
     frame, read = view.mosaic()
     assert (frame[3:7, 2:7] == 7).all()
     assert read.sum() == 20
+    assert (frame[~read] == UNREAD).all()
+
+
+def test_a_mosaic_is_undistorted():
+    """A dot in the frame appears where the ideal camera sees it, and what no lens shows counts as unread."""
+    lens = Lens(PinholeCamera(640, 480, 417.0, (5.0, -3.0)), Distortion(k1=0.2, k2=-0.02, aspect=0.98))
+    pixels = np.full((480, 640), 40, dtype=np.uint8)
+    pixels[99:102, 149:152] = 255
+    frame, read = CameraView(Exposure("a/onboard", 0, 0), lens, [(lens.camera.frame, pixels)]).mosaic()
+    x, y = lens.undistorted(np.array([[150.0, 100.0]]))[0]
+    rows, columns = np.nonzero((frame > 100) & read)
+    assert np.hypot(columns.mean() - x, rows.mean() - y) < 0.6
+    assert not read[0, 0]
     assert (frame[~read] == UNREAD).all()
 
 
@@ -36,7 +51,7 @@ def test_views_are_those_of_the_exposures_asked_for(short_log):
     views = list(read_camera_views(short_log, wanted))
     assert [view.exposure for view in views] == wanted
     assert any(view.tags for view in views)
-    assert all(view.camera == pinhole_camera(short_log.header.scene, view.exposure.camera) for view in views)
+    assert all(view.lens == lens_of(short_log.header.scene, view.exposure.camera) for view in views)
 
 
 def test_docking_views_are_onboard_frames_with_tags(short_log):
@@ -54,4 +69,4 @@ def test_evenly_spaced_exposures_include_both_ends():
 
 def test_a_scene_without_an_overhead_camera_has_no_model_of_it():
     with pytest.raises(SceneError, match="no overhead camera"):
-        pinhole_camera(load_scene("close_range"), OVERHEAD)
+        lens_of(load_scene("close_range"), OVERHEAD)

@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -15,7 +17,9 @@ from msrr_perception.detection.windows import (
     pose_is_known,
 )
 from msrr_perception.pose.target import TargetModel, pose_vector
-from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.distortion import COEFFICIENTS, Distortion
+from msrr_scenes.geometry.lens import Lens
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import PoseEstimate
 
@@ -142,3 +146,30 @@ def test_a_pose_is_known_when_all_of_it_is() -> None:
     assert pose_is_known(_prediction(SE2(), (0.01, 0.01, 0.01)), 0.02, 0.02)
     assert not pose_is_known(_prediction(SE2(), (0.01, 0.03, 0.01)), 0.02, 0.02)
     assert not pose_is_known(_prediction(SE2(), (0.01, 0.01, 0.03)), 0.02, 0.02)
+
+
+@pytest.mark.parametrize("coefficients", [{"k1": -0.2, "k2": 0.04, "p1": 0.002}, {"k1": 0.2, "k2": -0.03}])
+def test_behind_a_lens_tags_are_expected_where_the_frame_shows_them(
+    target: TargetModel, project: Callable, coefficients: dict[str, float]
+) -> None:
+    """Of 400 poses, also askew: the tags that are in the frame as a whole, at their pixels, and no others."""
+    camera = PinholeCamera(640, 480, 417.0, (12.0, -7.0))
+    behind = replace(target, lens=Lens(camera, Distortion(**coefficients, aspect=1.03)))
+    sharp = replace(target, lens=Lens(camera))
+    facing = replace(target, lens=Lens(PinholeCamera(4000, 4000, 417.0)))  # it sees all that face it
+    K, k = camera.matrix(), np.array([coefficients.get(key, 0.0) for key in COEFFICIENTS])
+    K[1, 1] *= 1.03
+    rng, differ = np.random.default_rng(6), 0
+    for _ in range(400):
+        X = SE2(-rng.uniform(0.2, 0.6), rng.uniform(-0.1, 0.1), rng.uniform(-0.8, 0.8))
+        expected = {tag.tag_id: tag.pixels for tag in expected_tags(behind, _prediction(X))}
+        differ += expected.keys() != {tag.tag_id for tag in expected_tags(sharp, _prediction(X))}
+        for tag in expected_tags(facing, _prediction(X)):
+            p_C = project(target, pose_vector(X), target.corners_D[tag.tag_id])[0]
+            pixels = cv2.projectPoints(p_C, np.zeros(3), np.zeros(3), K, k)[0][:, 0]
+            # Beyond the fold of the lens, which is far outside the frame, OpenCV's pixels mean nothing.
+            inside = np.abs(p_C[:, :2] / p_C[:, 2:]).max() < 1.2 and camera.contains(pixels).all()
+            assert (tag.tag_id in expected) == inside
+            if inside:
+                np.testing.assert_allclose(expected[tag.tag_id], pixels, atol=1e-6)
+    assert differ > 20  # or the lens would make no difference here

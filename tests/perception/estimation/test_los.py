@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.los import LosEstimator, edge_bearings, measured_bearings
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.distortion import Distortion
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, LosStatus, PoseMeasurement, TagDetection
 from msrr_scenes.specs.scene import Scene
@@ -97,7 +100,23 @@ def test_seen_edges_are_carried_to_now(target: TargetModel, scene: Scene, make_d
     seen = los.observe(drive.now_ns, ekf)
     assert (seen.status, seen.stamp_ns) == (LosStatus.SEEN, drive.now_ns)
     np.testing.assert_allclose([seen.left, seen.right], edge_bearings(target, drive.X_DU), atol=0.004)
-    assert seen.margin == target.camera.half_fov - max(abs(seen.left), abs(seen.right))
+    assert seen.margin == target.lens.half_fov - max(abs(seen.left), abs(seen.right))
+
+
+def test_the_margin_is_that_to_the_nearer_border_of_the_frame(
+    target: TargetModel, scene: Scene, make_drive: MakeDrive
+) -> None:
+    """A lens that shows 31 deg to the left and 40 deg to the right, with the target ahead."""
+    drive = make_drive(0, X_DU=SE2(-0.7, 0.0, -0.35), speed=_turning)
+    ekf, los = _following(target, scene, drive, 120)
+    lens = Lens(replace(target.camera, offset=(-60.0, 0.0)), Distortion(k1=0.05))
+    to_left, to_right = lens.field_of_view
+    assert to_left < target.lens.half_fov < to_right
+    ahead = los.observe(drive.now_ns, ekf)
+    los.target = replace(target, lens=lens)
+    seen = los.observe(drive.now_ns, ekf)
+    assert (seen.left, seen.right) == (ahead.left, ahead.right)
+    assert seen.margin == to_left - seen.left < ahead.margin
 
 
 def test_without_compensation_the_angles_are_those_of_the_last_exposure(

@@ -25,7 +25,6 @@ def test_the_field_of_view_spans_the_pixel_edges() -> None:
     left, right = CAMERA.bearing([-0.5, 639.5])
     assert left == pytest.approx(math.radians(37.5))
     assert right == pytest.approx(-math.radians(37.5))
-    assert CAMERA.half_fov == pytest.approx(math.radians(37.5))
 
 
 def test_the_axis_meets_the_middle_of_the_image() -> None:

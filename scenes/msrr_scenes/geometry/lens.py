@@ -1,0 +1,114 @@
+"""A calibrated lens: where the image of a camera and that of an ideal camera in its place correspond."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.distortion import IDEAL_LENS, Distortion
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+
+#: Distance of the pixels of the border by which the outline of the frame is computed [px].
+_SPACING_PX = 8
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A camera with its lens, and the ideal camera in whose image perception computes.
+
+    The ideal camera has no distortion and square pixels; its focal length is fx and its principal point that
+    of the camera. Its image is larger or smaller than the frame, and parts of it have negative pixels. What
+    the lens shows of a point of the ideal image counts only where :meth:`shows` holds.
+
+    Attributes:
+        camera: The ideal camera.
+        distortion: What the lens does to the image of the ideal camera.
+    """
+
+    camera: PinholeCamera
+    distortion: Distortion = IDEAL_LENS
+
+    @cached_property
+    def distorts(self) -> bool:
+        """Whether the frame differs from the image of the ideal camera."""
+        return self.distortion != IDEAL_LENS
+
+    def undistorted(self, pixels: Array) -> Array:
+        """Return where the ideal camera sees what the frame shows at ``pixels``, both of shape (..., 2)."""
+        if not self.distorts:
+            return pixels
+        return self.distortion.ideal_pixels(self.camera, pixels.reshape(-1, 2)).reshape(pixels.shape)
+
+    def distorted(self, ideal: Array) -> Array:
+        """Return where the frame shows what the ideal camera sees at ``ideal``, both of shape (..., 2)."""
+        if not self.distorts:
+            return ideal
+        return self.distortion.lens_pixels(self.camera, ideal.reshape(-1, 2)).reshape(ideal.shape)
+
+    def distorted_sigma(self, ideal: Array, sigma: Array) -> Array:
+        """Return standard deviations in the frame, shape (..., 2) [px], of points of the ideal image.
+
+        Args:
+            ideal: The points, shape (..., 2) [px].
+            sigma: Standard deviation of each of their coordinates, shape (..., 2) [px].
+        """
+        if not self.distorts:
+            return sigma
+        J = self.distortion.jacobian(self.camera.rays(ideal.reshape(-1, 2))[:, :2])
+        variance = ((J * J) @ (sigma.reshape(-1, 2, 1) ** 2)).reshape(sigma.shape)
+        return np.asarray(np.sqrt(variance))
+
+    def shows(self, ideal: Array, margin: float = 0.0) -> NDArray[np.bool_]:
+        """Return which points of the ideal image, shape (..., 2), the frame shows.
+
+        Args:
+            ideal: The points [px].
+            margin: Least distance from the border of the frame [px].
+        """
+        if not self.distorts:
+            return self.camera.contains(ideal, margin)
+        # Beyond where the polynomial folds the image, it leads back into the frame.
+        near = ((ideal - [self.camera.cx, self.camera.cy]) ** 2).sum(axis=-1) <= self._reach**2
+        shown: NDArray[np.bool_] = near & self.camera.contains(self.distorted(ideal), margin)
+        return shown
+
+    @cached_property
+    def bounds(self) -> Window:
+        """The smallest window of the ideal image that holds all that the frame shows."""
+        frame = self.camera.frame
+        if not self.distorts:
+            return frame
+        return Window.around(self.undistorted(frame_outline(frame)), 0.0)
+
+    @cached_property
+    def _reach(self) -> float:
+        """Largest distance from the principal point of what the frame shows, in the ideal image [px]."""
+        outline = self.undistorted(frame_outline(self.camera.frame)) - [self.camera.cx, self.camera.cy]
+        return float(np.hypot(*outline.T).max()) + 1.0
+
+    @cached_property
+    def field_of_view(self) -> tuple[float, float]:
+        """Angles from the axis to the left and the right border, in the row of the principal point [rad]."""
+        camera = self.camera
+        ends = np.array([[-0.5, camera.cy], [camera.width - 0.5, camera.cy]])
+        left, right = self.undistorted(ends)[:, 0].tolist()
+        return math.atan((camera.cx - left) / camera.focal), math.atan((right - camera.cx) / camera.focal)
+
+    @property
+    def half_fov(self) -> float:
+        """The smaller of the two angles of :attr:`field_of_view` [rad]."""
+        return min(self.field_of_view)
+
+
+def frame_outline(frame: Window) -> Array:
+    """Return points of the outline of a frame in their order around it, shape (N, 2) [px]."""
+    x0, y0, x1, y1 = frame.x - 0.5, frame.y - 0.5, frame.x_end - 0.5, frame.y_end - 0.5
+    across = np.linspace(0.0, 1.0, max(frame.width, frame.height) // _SPACING_PX + 2)[:-1, np.newaxis]
+    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    return np.concatenate([start + across * (end - start) for start, end in sides])

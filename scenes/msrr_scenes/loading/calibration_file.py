@@ -1,0 +1,115 @@
+"""Calibrations of cameras in files of OpenCV and of ROS, both in YAML, the former also in JSON.
+
+Both name the same things alike: ``image_width``, ``image_height``, ``camera_matrix`` and
+``distortion_coefficients``, the two matrices with ``rows``, ``cols`` and ``data``.
+
+Source: what OpenCV's calibration sample writes by ``cv::FileStorage``; ``camera_calibration_parsers`` of ROS.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import ConfigDict, Field, ValidationError
+
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.distortion import COEFFICIENTS
+from msrr_scenes.loading.problems import dotted
+from msrr_scenes.loading.yaml_document import YamlDocument, parse_document
+from msrr_scenes.specs.sensors import CalibrationSpec
+from msrr_scenes.specs.spec import FileName, Spec, between
+
+#: Name of the model of Brown and Conrady in ROS; OpenCV names none.
+_MODEL = "plumb_bob"
+
+#: Mark of YAML 1.0 in the form of OpenCV, which no YAML reader accepts, and its tag of a matrix.
+_HEADER, _MATRIX_TAG = "%YAML:1.0", "!!opencv-matrix"
+
+
+class _Matrix(Spec):
+    """A matrix, row by row."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    rows: int = Field(ge=1, le=100)
+    cols: int = Field(ge=1, le=100)
+    data: tuple[Annotated[float, between(-1e9, 1e9)], ...] = Field(max_length=100)
+
+
+class _CalibrationFile(Spec):
+    """What is read of a calibration file."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    image_width: int = Field(ge=1, le=100_000)
+    image_height: int = Field(ge=1, le=100_000)
+    camera_matrix: _Matrix
+    distortion_coefficients: _Matrix
+    distortion_model: FileName = _MODEL
+    fisheye_model: int = Field(default=0, ge=0, le=1)
+
+
+def read_calibration(path: Path) -> CalibrationSpec:
+    """Read the calibration of a camera from a file of OpenCV or of ROS.
+
+    Args:
+        path: The file.
+
+    Raises:
+        SceneError: The file cannot be read, is not such a file, or describes another model of a lens.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
+    except OSError as error:
+        raise SceneError(f"{path}: the calibration cannot be read: {error.strerror}") from None
+    document = parse_document(text.removeprefix(_HEADER).replace(_MATRIX_TAG, ""), str(path))
+    try:
+        return _calibration(_CalibrationFile.model_validate(document.data), path)
+    except ValidationError as error:
+        raise SceneError(_explained(error, document)) from None
+
+
+def _calibration(file: _CalibrationFile, path: Path) -> CalibrationSpec:
+    if file.distortion_model != _MODEL or file.fisheye_model:
+        model = "fisheye" if file.fisheye_model else repr(file.distortion_model)
+        raise SceneError(f"{path}: the lens has the model {model}; calibrate with {_MODEL!r}, which is known")
+    matrix, lens = file.camera_matrix, file.distortion_coefficients
+    if (matrix.rows, matrix.cols, len(matrix.data)) != (3, 3, 9):
+        raise SceneError(f"{path}: camera_matrix: expected 3 x 3 numbers, found {_size(matrix)}")
+    fx, skew, cx, left, fy, cy, *last = matrix.data
+    if (skew, left, *last) != (0.0, 0.0, 0.0, 0.0, 1.0):
+        text = "expected [fx, 0, cx, 0, fy, cy, 0, 0, 1]"
+        raise SceneError(f"{path}: camera_matrix: {text}, found {list(matrix.data)}")
+    known = len(COEFFICIENTS)
+    count = len(lens.data)
+    if 1 not in (lens.rows, lens.cols) or lens.rows * lens.cols != count or count < known - 1:
+        text = f"expected one row or one column of {', '.join(COEFFICIENTS)}"
+        raise SceneError(f"{path}: distortion_coefficients: {text}, found {_size(lens)}")
+    if any(lens.data[known:]):
+        text = f"only {', '.join(COEFFICIENTS)} are known, and there are further ones that are not zero"
+        raise SceneError(f"{path}: distortion_coefficients: {text}; calibrate without them")
+    return CalibrationSpec(
+        fx_px=fx,
+        fy_px=fy,
+        cx_px=cx,
+        cy_px=cy,
+        **dict(zip(COEFFICIENTS, lens.data, strict=False)),
+        width_px=file.image_width,
+        height_px=file.image_height,
+    )
+
+
+def _size(matrix: _Matrix) -> str:
+    return f"{matrix.rows} x {matrix.cols} with {len(matrix.data)} numbers"
+
+
+def _explained(error: ValidationError, document: YamlDocument) -> str:
+    """Return the first thing that is wrong with a file, with its place."""
+    first = error.errors(include_url=False)[0]
+    place, wrong = document.origin(first["loc"]), "required, and missing"
+    if first["type"] != "missing":
+        wrong = f"{first['msg'][0].lower()}{first['msg'][1:]}, found {first['input']!s:.60}"
+    return f"{place}: {dotted(first['loc'])}: {wrong}; expected a calibration by OpenCV or ROS"
