@@ -6,6 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from msrr_bullet.render.raster.kernels.floor import ROLLED_STRIDE
+from msrr_bullet.render.raster.kernels.lens_visibility import bound_rows
 from msrr_bullet.render.raster.kernels.records import LensView
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.distortion import Distortion, ideal_grid
@@ -46,7 +48,26 @@ class LensMap:
         x, y = window.x - self._covered.x, window.y - self._covered.y
         part = self._corners[:, y : y + window.height + 1, x : x + window.width + 1]
         u, v = np.ascontiguousarray(part[0]), np.ascontiguousarray(part[1])
-        return LensView(u, v, v.min(axis=1), v.max(axis=1))
+        middles = self._middles[:, y : y + window.height, x : x + window.width]
+        middle_u, middle_v = np.ascontiguousarray(middles[0]), np.ascontiguousarray(middles[1])
+        v_low, v_high = np.empty(len(v)), np.empty(len(v))
+        bound_rows(v, v_low, v_high)
+        first = window.x // ROLLED_STRIDE - self._first_group
+        groups = np.ascontiguousarray(self._groups[:, y : y + window.height, first:])
+        return LensView(
+            u=u,
+            v=v,
+            middle_u=middle_u,
+            middle_v=middle_v,
+            v_low=v_low,
+            v_high=v_high,
+            bend=self._bend[y : y + window.height + 1],
+            shift=self._shift,
+            pitch=self._pitch,
+            column=window.x,
+            group_u=groups[0],
+            group_v=groups[1],
+        )
 
     def _cover(self, window: Window) -> None:
         columns = np.arange(window.x, window.x_end + 1, dtype=np.float64) - 0.5
@@ -59,9 +80,24 @@ class LensMap:
             )
         self._covered = window
         self._corners = np.moveaxis(grid, -1, 0) + 0.5  # kernels count from the edges of pixels
+        u, v = self._corners
+        self._bend = np.abs(np.diff(v, 2, axis=1)).max(axis=1)
+        self._shift = float(np.abs(np.diff(u, axis=0)).max())
+        self._pitch = float(np.diff(u, axis=1).max())
+        upper, lower = self._corners[:, :-1], self._corners[:, 1:]
+        middles = 0.25 * ((upper[..., :-1] + upper[..., 1:]) + (lower[..., :-1] + lower[..., 1:]))
+        self._middles = middles.astype(np.float32)
+        self._first_group = window.x // ROLLED_STRIDE
+        middle = ROLLED_STRIDE * (np.arange(self._first_group, window.x_end // ROLLED_STRIDE + 1) + 0.5) - 0.5
+        # The lens need not have an inverse beyond the margin, and no middle may depend on what is covered.
+        middle = np.clip(middle, -_MARGIN, self.camera.width - 1 + _MARGIN)
+        nodes = np.stack(np.meshgrid(middle, rows[:-1] + 0.5), axis=-1)
+        ideal = self.distortion.ideal_pixels(self.camera, nodes.reshape(-1, 2)).reshape(nodes.shape)
+        self._groups = np.ascontiguousarray(np.moveaxis(ideal, -1, 0) + 0.5)
 
 
-@lru_cache(maxsize=32)
+# A map takes 24 bytes a pixel. This is room for the cameras of 16 units, each as it was built, and one above.
+@lru_cache(maxsize=17)
 def lens_map(camera: PinholeCamera, distortion: Distortion) -> LensMap:
     """Return the map of a lens, which takes a third of a second for a frame of 640 x 480 pixels.
 
@@ -73,5 +109,5 @@ def lens_map(camera: PinholeCamera, distortion: Distortion) -> LensMap:
 
 def bounds_of(lens: LensView) -> Window:
     """Return the smallest window of the image of an ideal lens that holds all corners of a view."""
-    x, y = int(np.floor(lens.u.min())), int(np.floor(lens.v.min()))
-    return Window(x, y, int(np.ceil(lens.u.max())) - x, int(np.ceil(lens.v.max())) - y)
+    x, y = int(np.floor(lens.u[:, 0].min())), int(np.floor(lens.v[0].min()))
+    return Window(x, y, int(np.ceil(lens.u[:, -1].max())) - x, int(np.ceil(lens.v[-1].max())) - y)

@@ -132,6 +132,7 @@ class Rasterizer:
             self._textures,
             floor,
             self._positions,
+            self._cell_positions,
             self._workspace,
             self._maps,
             out,

@@ -16,7 +16,7 @@ from msrr_scenes.messages import Pixels
 STEPS = 2
 
 #: Pixels of a row that share one blend, aligned to the frame: for a camera with roll and for a level one.
-_ROLLED_STRIDE, _LEVEL_STRIDE = 32, 1024
+ROLLED_STRIDE, _LEVEL_STRIDE = 32, 1024
 
 #: Descent of a ray below which the floor is so far away that only its mean is seen.
 _HORIZON = 1e-4
@@ -38,7 +38,7 @@ def project_floor(texture: FloorTexture, view: View, R_WC: Array, p_WC: Array) -
             forms[k, 2] -= forms[k, 0] * view.middle_x + forms[k, 1] * view.middle_y
     lean = np.sqrt(R_WC[2, 0] * R_WC[2, 0] + R_WC[2, 1] * R_WC[2, 1])
     # A camera without roll sees each row of the floor at one distance.
-    stride = _LEVEL_STRIDE if abs(R_WC[2, 0]) < 1e-3 else _ROLLED_STRIDE
+    stride = _LEVEL_STRIDE if abs(R_WC[2, 0]) < 1e-3 else ROLLED_STRIDE
     return FloorView(forms, texture.per_metre * p_WC[2] / view.focal, lean, stride)
 
 
@@ -51,9 +51,17 @@ def blend_at(
     The group is the run of pixels that share a blend. The footprint is the longer one, along the line of
     sight, of the group's middle.
     """
-    forms, last = seen.forms, len(texture.start) - 1
     u = (column // seen.stride) * seen.stride + 0.5 * seen.stride
-    t = max(forms[2, 0] * u + (forms[2, 1] * (row + 0.5) + forms[2, 2]), _HORIZON)
+    return blend_for(texture, seen, u, row + 0.5)
+
+
+@inlined
+def blend_for(
+    texture: FloorTexture, seen: FloorView, u: float, v: float
+) -> tuple[np.int32, np.int32, np.float32]:
+    """Return what :func:`blend_at` returns for a group whose middle is at (u, v) in the image."""
+    forms, last = seen.forms, len(texture.start) - 1
+    t = max(forms[2, 0] * u + (forms[2, 1] * v + forms[2, 2]), _HORIZON)
     level = STEPS * np.log2(seen.scale * (t + seen.lean) / (t * t)) + 0.5
     blend = int(min(max(level, 0.0), float(last)))
     bits = texture.bits[blend]

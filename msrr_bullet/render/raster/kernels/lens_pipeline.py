@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from msrr_bullet.render.raster.kernels.compiler import kernel
 from msrr_bullet.render.raster.kernels.floor import project_floor
-from msrr_bullet.render.raster.kernels.lens_pixels import (
-    cover_lens_samples,
-    shade_lens_mixed_pixels,
-    shade_lens_simple_pixels,
+from msrr_bullet.render.raster.kernels.lens_mixed_pixels import cover_lens_samples, shade_lens_mixed_pixels
+from msrr_bullet.render.raster.kernels.lens_simple_pixels import shade_lens_simple_pixels
+from msrr_bullet.render.raster.kernels.lens_visibility import (
+    clear_lens_corners,
+    cover_lens_corners,
 )
-from msrr_bullet.render.raster.kernels.lens_visibility import clear_lens_corners, cover_lens_corners
 from msrr_bullet.render.raster.kernels.pipeline import BAND, place_frames
 from msrr_bullet.render.raster.kernels.projection import project
 from msrr_bullet.render.raster.kernels.records import (
@@ -38,6 +38,7 @@ def draw_through_lens(
     textures: Textures,
     floor_texture: FloorTexture,
     positions: Floats,
+    cell_positions: Floats,
     work: Workspace,
     maps: Array,
     out: Pixels,
@@ -55,6 +56,7 @@ def draw_through_lens(
         textures: Textures of the faces.
         floor_texture: Texture of the floor.
         positions: Positions of the samples in a pixel in which faces meet, shape (2, SAMPLES).
+        cell_positions: Positions of the samples where cells of one bitmap meet, shape (2, CELL_SAMPLES).
         work: Memory for windows of this width.
         maps: Memory for the maps of the mixed pixels of a band, shape (BAND * width + 1, 6).
         out: Pixels that are written, shape (height, width).
@@ -68,7 +70,7 @@ def draw_through_lens(
         height = min(BAND, len(out) - top)
         rows = out[top : top + height]
         clear_lens_corners(lens, top, height, floor, corners)
-        cover_lens_corners(lens, top, height, faces, count, textures.regions, corners)
+        cover_lens_corners(lens, top, height, faces, count, textures.regions, corners, work.row.texel)
         shade_lens_simple_pixels(
             lens,
             top,
@@ -78,12 +80,24 @@ def draw_through_lens(
             floor_texture,
             floor_view,
             corners,
-            work.row.flags,
+            work.row,
+            cell_positions,
             samples,
             maps,
             rows,
         )
         cover_lens_samples(lens, top, height, faces, count, floor, positions, samples, maps)
         shade_lens_mixed_pixels(
-            height, faces, textures, floor_texture, floor_view, positions, samples, maps, rows
+            lens,
+            top,
+            height,
+            faces,
+            textures,
+            floor_texture,
+            floor_view,
+            positions,
+            cell_positions,
+            samples,
+            maps,
+            rows,
         )

@@ -121,12 +121,31 @@ def mean_cell_reflectance(
 
     ``index`` is memory for :data:`CELL_SAMPLES` numbers.
     """
-    sa, sb = np.float32(uv[f, 0, 0]), np.float32(uv[f, 0, 1])
-    ta, tb = np.float32(uv[f, 1, 0]), np.float32(uv[f, 1, 1])
-    wa, wb = np.float32(inverse_depth[f, 0]), np.float32(inverse_depth[f, 1])
-    s0 = np.float32(uv[f, 0, 0] * x + (uv[f, 0, 1] * y + uv[f, 0, 2]))
-    t0 = np.float32(uv[f, 1, 0] * x + (uv[f, 1, 1] * y + uv[f, 1, 2]))
-    w0 = np.float32(inverse_depth[f, 0] * x + (inverse_depth[f, 1] * y + inverse_depth[f, 2]))
+    s_form = uv[f, 0, 0], uv[f, 0, 1], uv[f, 0, 0] * x + (uv[f, 0, 1] * y + uv[f, 0, 2])
+    t_form = uv[f, 1, 0], uv[f, 1, 1], uv[f, 1, 0] * x + (uv[f, 1, 1] * y + uv[f, 1, 2])
+    w0 = inverse_depth[f, 0] * x + (inverse_depth[f, 1] * y + inverse_depth[f, 2])
+    w_form = inverse_depth[f, 0], inverse_depth[f, 1], w0
+    return mean_of_cells(cells, texels, f, s_form, t_form, w_form, positions, index)
+
+
+@inlined
+def mean_of_cells(
+    cells: Indices,
+    texels: Floats,
+    f: int,
+    s_form: tuple[float, float, float],
+    t_form: tuple[float, float, float],
+    w_form: tuple[float, float, float],
+    positions: Floats,
+    index: Identities,
+) -> float:
+    """Return the mean reflectance of face f's bitmap over a pixel, given by forms over its unit square.
+
+    The forms are those of both texture coordinates over z, and of 1 / z.
+    """
+    sa, sb, s0 = np.float32(s_form[0]), np.float32(s_form[1]), np.float32(s_form[2])
+    ta, tb, t0 = np.float32(t_form[0]), np.float32(t_form[1]), np.float32(t_form[2])
+    wa, wb, w0 = np.float32(w_form[0]), np.float32(w_form[1]), np.float32(w_form[2])
     start, rows, columns = np.int32(cells[f, 0]), np.int32(cells[f, 1]), np.int32(cells[f, 2])
     for s in range(CELL_SAMPLES):
         px, py = positions[0, s], positions[1, s]
