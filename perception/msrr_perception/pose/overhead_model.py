@@ -10,9 +10,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from msrr_perception.detection.tone import straight_tone
 from msrr_perception.pose.corner_errors import CornerErrors
 from msrr_perception.pose.global_pose import FlatTag, GlobalLocalizer, flat_tags, overhead_pose
+from msrr_perception.pose.tone import straight_tone
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.lens import Lens

@@ -9,10 +9,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from msrr_perception.detection.tone import straight_tone
 from msrr_perception.kernels.project import Optics
 from msrr_perception.pose.calibration import StateLayout, Tolerances, filter_layout, pose_layout
 from msrr_perception.pose.corner_errors import UPRIGHT_CONTRAST, CornerErrors
+from msrr_perception.pose.tone import straight_tone
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.lens import Lens
