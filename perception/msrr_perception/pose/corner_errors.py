@@ -41,7 +41,7 @@ _SHORT_PX = 1.8
 #: Error of a cross section because what lies beyond the borders of the tag is blurred into it: deviation
 #: at a length of zero [px], how it falls with the half-length by the blur, and the blur by pixels and by
 #: interpolation [px].
-_BORDER_PX, _BORDER_FALL, _PIXEL_BLUR_PX = 0.9, 1.7, 0.45
+_BORDER_PX, _BORDER_FALL, _PIXEL_BLUR_PX = 0.9, 1.55, 0.45
 
 #: Share of the offset and of the slope of a line in each of its ends, by the error of one cross section.
 BY_OFFSET = 1.0 / math.sqrt(SECTIONS)
