@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, cast
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
-from msrr_scenes.specs.as_built import AsBuiltSpec
+from msrr_scenes.specs.as_built import GRADES, AsBuiltSpec, Grade, graded_optics
 from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
 from msrr_scenes.specs.faults import Fault
 from msrr_scenes.specs.mission import AssembledPair, RadioSpec, Shapes
@@ -96,6 +96,24 @@ class Scene(Spec):
     """Deliberate faults."""
     source: Path | None = Field(default=None, exclude=True)
     """File that the scene was read from; set by the program."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _grade_optics(cls, data: Any) -> Any:
+        """Give the cameras the optics of the grade of the workmanship, where a scene gives no others."""
+        built = data.get("as_built") if isinstance(data, dict) else None
+        grade = built.get("grade") if isinstance(built, dict) else built
+        if not isinstance(grade, str) or grade not in GRADES:
+            return data
+        given = data.get("cameras", {})
+        if not isinstance(given, dict):
+            return data
+        cameras = {"onboard": {}, **given}
+        optics = graded_optics(cast(Grade, grade))
+        for name, camera in cameras.items():
+            if isinstance(camera, dict):
+                cameras[name] = {**optics, **camera}
+        return {**data, "cameras": cameras} if optics else data
 
     @property
     def docks(self) -> tuple[DockStep, ...]:

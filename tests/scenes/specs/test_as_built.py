@@ -75,3 +75,17 @@ def test_a_robot_is_told_tolerances_and_no_error_and_no_fault() -> None:
     assert told_sigmas == sigmas
     assert told.model_copy(update={"as_built": scene.as_built, "faults": scene.faults}) == scene
     assert told.told() == told
+
+
+def test_a_grade_gives_cameras_its_optics_where_the_scene_gives_none() -> None:
+    careful = load_scene("two_units", {"as_built": "careful", "cameras.overhead.blur_px": "0.3"})
+    overhead, onboard = careful.cameras.overhead, careful.cameras.onboard
+    assert overhead is not None
+    assert (onboard.noise_grey, onboard.blur_px, onboard.gamma, onboard.exposure_ms) == (4.0, 0.8, 1.2, 10.0)
+    assert (overhead.noise_grey, overhead.blur_px) == (4.0, 0.3)
+    again = type(careful).model_validate(careful.model_dump())
+    assert again.cameras == careful.cameras
+    assert load_scene("two_units", {"as_built": "perfect"}).cameras == load_scene("two_units").cameras
+    workshop = load_scene("close_range", {"as_built": "workshop"}).cameras
+    assert workshop.overhead is None
+    assert (workshop.onboard.noise_grey, workshop.onboard.blur_px) == (8.0, 1.131)
