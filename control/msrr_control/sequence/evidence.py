@@ -34,14 +34,22 @@ def loosened(c: DockingContext) -> Loosened | None:
     return None
 
 
-def seen_seated(c: DockingContext, view: PortView) -> bool:
-    """Return whether the view is that of a seated unit, as far as it is certain."""
-    check = c.spec.verify
-    return (
-        abs(view.gap - c.tuning.seated_gap_m) <= with_doubt(check.position_m, view.sigma_gap)
-        and abs(view.lateral) <= with_doubt(check.position_m, view.sigma_lateral)
-        and abs(view.yaw) <= with_doubt(math.radians(check.yaw_deg), view.sigma_yaw)
+def off_seat(c: DockingContext, view: PortView) -> str | None:
+    """Return in words by what a view is not that of a seated unit; None if it is, as far as it is certain."""
+    check, degrees = c.spec.verify, math.degrees(1.0)
+    gap, side = (with_doubt(check.position_m, sigma) for sigma in (view.sigma_gap, view.sigma_lateral))
+    heading = with_doubt(math.radians(check.yaw_deg), view.sigma_yaw)
+    figures = (
+        ("gap", view.gap - c.tuning.seated_gap_m, gap, 1e3, "mm"),
+        ("side", view.lateral, side, 1e3, "mm"),
+        ("heading", view.yaw, heading, degrees, "deg"),
     )
+    too_far = [
+        f"{name} off by {scale * abs(off):.1f} {unit}, {scale * limit:.1f} {unit} accepted"
+        for name, off, limit, scale, unit in figures
+        if abs(off) > limit
+    ]
+    return "; ".join(too_far) or None
 
 
 def with_doubt(accepted: float, sigma: float) -> float:

@@ -20,7 +20,7 @@ from msrr_control.sequence.evidence import (
     loosened,
     not_parted,
     not_undocked,
-    seen_seated,
+    off_seat,
     shortest_seen,
     with_doubt,
 )
@@ -101,8 +101,8 @@ def dock(c: DockingContext) -> Twist | Transition:
         return _fail(f"target lost for {spec.lost_time_s:.2f} s", FailureReason.TARGET_LOST)
     at_port = view.gap <= c.setup.pin_reach + tuning.contact_m
     closed = switches is not None and switches.both
-    off_seat = abs(view.gap - tuning.seated_gap_m)
-    agrees = off_seat <= with_doubt(tuning.near_m, view.sigma_gap) or not spec.verify.by_sight
+    off = abs(view.gap - tuning.seated_gap_m)
+    agrees = off <= with_doubt(tuning.near_m, view.sigma_gap) or not spec.verify.by_sight
     if c.memory.switches.update(closed and at_port and agrees, c.now_ns) >= tuning.debounce_s:
         return Transition(Phase.LOCK, f"both seat switches closed at {view}")
     # If any progress counted, the unit could creep for minutes: it has to keep a share of the promised speed,
@@ -152,13 +152,16 @@ def verify(c: DockingContext) -> Twist | Transition:
     if closed and not check.by_sight:
         return Transition(Phase.DONE, "seat switches and cam closed")
     if view is not None and check.by_sight:
-        enough = c.memory.frames_in_a_row(view.last_seen_ns, seen_seated(c, view)) >= tuning.frames
+        enough = c.memory.frames_in_a_row(view.last_seen_ns, off_seat(c, view) is None) >= tuning.frames
         if closed and enough:
             short = 1e3 * shortest_seen(c, view)
             reason = f"locked, and seen seated at {view}; sight tells docks that are {short:.1f} mm short"
             return Transition(Phase.DONE, reason)
     if c.memory.lasted(c.now_ns) > check.time_s:
-        seen = f"seen at {view}" if view is not None else "not seen"
+        seen = "not seen" if view is None else f"seen at {view}"
+        off = None if view is None else off_seat(c, view)
+        if off is not None and closed:
+            seen += f": {off}. The seat is false, or camera or marker are off by more than their tolerances"
         return _fail(f"locked, but {seen}", FailureReason.NOT_VERIFIED)
     return STILL
 
@@ -173,8 +176,8 @@ def done(c: DockingContext) -> Twist | Transition:
         return STILL
     against, view = loosened(c), c.view
     if against is None and view is not None and c.spec.verify.by_sight:
-        off_seat = not seen_seated(c, view)
-        if c.memory.frames_in_a_row(view.last_seen_ns, off_seat) >= c.tuning.frames:
+        off = off_seat(c, view) is not None
+        if c.memory.frames_in_a_row(view.last_seen_ns, off) >= c.tuning.frames:
             against = Loosened(FailureReason.UNSEATED, f"seen off its seat at {view}")
     if against is not None:
         reason = f"no longer docked: {against.reason}"
