@@ -35,8 +35,9 @@ independent.
 
 FIRST = """\
 ## One by one
-First come the effects that lose docks at careful, then the others by their share in the squared lateral
-error. *Docks to, and no longer*: two sizes found by bisection, with at least 95 % docked and with fewer.
+*Docks to, and no longer*: two sizes found by bisection, with at least 95 % docked and with fewer. An effect
+uses up as much of *what docking tolerates* as its standard deviation is of that size; the share is that of
+its square in the squares of all. First come the effects that use up most of it.
 """
 
 FIGURE_TEXT = """\

@@ -129,16 +129,16 @@ def _report(console: Console, study: ToleranceStudy) -> None:
         )
     first = Table(title=f"{study.scene}, build more precisely first", title_justify="left")
     first.add_column("effect", no_wrap=True)
-    for column in ("1 sigma", "adds [mm]", "docks lost", "docks to, and no longer"):
+    for column in ("1 sigma", "docks to, and no longer", "of tolerated", "adds [mm]"):
         first.add_column(column)
     for contribution in found[:_SHOWN]:
         effect = contribution.effect
         first.add_row(
             effect.name,
             wording.with_unit(effect.step, effect),
-            f"{contribution.lateral_mm:.2f}",
-            wording.percent(contribution.lost["careful"]),
             wording.limit(effect),
+            wording.percent(contribution.used_share),
+            f"{contribution.lateral_mm:.2f}",
         )
     for table in (together, first):
         if table.row_count:

@@ -24,14 +24,19 @@ _BAR = 7.0
 
 
 def draw_tornado(study: ToleranceStudy, path: Path, *, dark: bool = False) -> Path:
-    """Draw the effects that add most to the lateral error, the largest on top.
+    """Draw the effects that matter most, the one that adds most to the lateral error on top.
+
+    Those matter that add most to the lateral error, and those that keep the unit from docking first.
 
     Args:
         study: The study.
         path: PNG file to write.
         dark: Whether the page behind the figure is dark.
     """
-    shown = sorted(study.effects, key=_added_mm, reverse=True)[:MAX_ROWS]
+    most = max(map(_added_mm, study.effects)) or 1.0
+    first = max(map(_used, study.effects)) or 1.0
+    ranked = sorted(study.effects, key=lambda e: max(_added_mm(e) / most, _used(e) / first), reverse=True)
+    shown = sorted(ranked[:MAX_ROWS], key=_added_mm, reverse=True)
     with styled(dark=dark):
         figure = new_figure(_WIDTH_IN, 2.4 + _ROW_IN * len(shown))
         added, reach = figure.subplots(1, 2, sharey=True)
@@ -41,7 +46,7 @@ def draw_tornado(study: ToleranceStudy, path: Path, *, dark: bool = False) -> Pa
         added.tick_params(axis="y", labelsize=SMALL)
         added.set_ylim(len(shown) - 0.4, -0.6)
         left_out = len(study.effects) - len(shown)
-        more = f" ({left_out} that add less are left out)" if left_out else ""
+        more = f" ({left_out} that matter less are left out)" if left_out else ""
         figure.suptitle(f"{study.scene}: each effect alone{more}")
         figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=SMALL)
         return save(figure, path)
@@ -49,6 +54,10 @@ def draw_tornado(study: ToleranceStudy, path: Path, *, dark: bool = False) -> Pa
 
 def _added_mm(effect: EffectResult) -> float:
     return effect.lateral.rms * effect.step if effect.lateral is not None else 0.0
+
+
+def _used(effect: EffectResult) -> float:
+    return 0.0 if effect.threshold is None else min(effect.step / effect.threshold, 1.0)
 
 
 def _draw_added(axes: Axes, shown: list[EffectResult]) -> None:

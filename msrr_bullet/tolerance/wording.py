@@ -121,12 +121,11 @@ GRADE_COLUMNS = (
 FIRST_COLUMNS = (
     "build more precisely",
     "1 sigma of careful",
+    "docks to, and no longer",
+    "share of what docking tolerates",
     "adds to the lateral error [mm]",
     "share of its square",
-    "docks lost at careful / workshop / rough",
-    "docks to, and no longer",
 )
-
 
 EFFECT_COLUMNS = (
     "effect",
@@ -146,10 +145,10 @@ def first_cells(contribution: Contribution) -> list[str]:
     return [
         effect.name,
         with_unit(effect.step, effect),
-        f"{contribution.lateral_mm:.2f}",
-        percent(contribution.share),
-        " / ".join(percent(contribution.lost[grade]) for grade in ("careful", "workshop", "rough")),
         limit(effect),
+        percent(contribution.used_share),
+        f"{contribution.lateral_mm:.2f}",
+        percent(contribution.lateral_share),
     ]
 
 
@@ -168,16 +167,14 @@ def findings(study: ToleranceStudy, found: Sequence[Contribution]) -> list[str]:
                 f"With everything built by the grade careful {counted(sample)} trials docked"
                 f" ({interval(sample.docked)}){error}."
             )
-    costly = [c for c in found if c.lost["careful"] >= 0.001]
-    if costly:
-        listed = ", ".join(f"{c.effect.name} ({percent(c.lost['careful'])})" for c in costly)
-        said.append(f"Effects that alone lose docks at this grade: {listed}.")
-    elif found:
-        said.append("No effect alone loses one dock in a thousand at this grade.")
-    largest = sorted(found, key=lambda c: c.share, reverse=True)[:3]
-    if largest and largest[0].share > 0.0:
-        listed = ", ".join(f"{c.effect.name} ({percent(c.share)})" for c in largest)
-        said.append(f"The largest shares in the squared lateral error: {listed}.")
+    for title, shares in (
+        ("What docking tolerates is used up most by", [c.used_share for c in found]),
+        ("The largest shares in the squared lateral error have", [c.lateral_share for c in found]),
+    ):
+        largest = sorted(zip(shares, found, strict=True), key=lambda pair: pair[0], reverse=True)[:4]
+        listed = [f"{c.effect.name} ({percent(share)})" for share, c in largest if share > 0.0]
+        if listed:
+            said.append(f"{title} {', '.join(listed)}.")
     harmless = [e for e in study.effects if e.fails is None]
     if harmless:
         said.append(

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
+from statistics import NormalDist
 from typing import Any
 
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from msrr_bullet.sweep.trials import one_trial
 from msrr_bullet.sweep.worker_pool import SupportsSubmit
 from msrr_bullet.tolerance.effects import Effect, select_effects
-from msrr_bullet.tolerance.error_budget import contributions, lost, predicted
+from msrr_bullet.tolerance.error_budget import contributions, predicted
 from msrr_bullet.tolerance.model import EffectResult, ToleranceStudy
 from msrr_bullet.tolerance.study import tolerance_study
 from msrr_bullet.trial.result import TrialResult
@@ -66,15 +67,24 @@ def test_the_budget_ranks_what_loses_docks_first(study: ToleranceStudy, law: Any
         "drive.radius_left_percent",
         "drive.track_percent",
     ]
-    yaw, wheel, _ = found
-    assert sum(c.share for c in found) == pytest.approx(1.0)
+    yaw, wheel, track = found
+    assert (yaw.used_share, wheel.used_share, track.used_share) == (1.0, 0.0, 0.0)
+    assert sum(c.lateral_share for c in found) == pytest.approx(1.0)
     assert yaw.lateral_mm == pytest.approx(0.3 * law.mm_per_deg)
-    docked, lateral_mm = predicted(found, "workshop")
+    _, lateral_mm = predicted(found, "workshop")
     assert lateral_mm == pytest.approx(2.0 * math.hypot(yaw.lateral_mm, wheel.lateral_mm))
-    assert docked == pytest.approx(1.0 - yaw.lost["workshop"])
-    # One sigma of rough is 1.2 deg: beyond 1.37 deg lie 25 % of normal errors, and the bracket is 25 % wide.
-    assert 0.18 < yaw.lost["rough"] < 0.34
-    assert lost(yaw.effect, 0.0) == 0.0
+    # One sigma of rough is 1.2 deg, and 1.37 deg dock: the bracket is 25 % wide, so is what is known of it.
+    docked, _ = predicted(found, "rough")
+    low, high = (2.0 * NormalDist().cdf(f * law.docks_to_deg / 1.2) - 1.0 for f in (0.8, 1.25))
+    assert low < docked < high
+    assert predicted(found, "perfect") == (1.0, 0.0)
+
+
+def test_effects_that_use_up_the_same_limit_add_up(study: ToleranceStudy) -> None:
+    """Two equal effects on one limit lose what one of them with the square root of two loses."""
+    (yaw, *_) = contributions(study)
+    twice, _ = predicted([yaw, yaw], "careful")
+    assert twice == pytest.approx(2.0 * NormalDist().cdf(1.0 / (math.sqrt(2.0) * yaw.used)) - 1.0)
 
 
 def test_an_effect_that_forbids_docking_at_all_is_said_to(
