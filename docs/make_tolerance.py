@@ -80,10 +80,13 @@ def page(study: ToleranceStudy) -> str:
         [
             INTRODUCTION.format(scene=study.scene, told=study.told, seeds=len(study.seeds)),
             "\n".join(f"- {text}" for text in wording.findings(study, found)) + "\n",
-            TOGETHER + grades,
-            FIRST + table(wording.FIRST_COLUMNS, map(wording.first_cells, found)),
+            TOGETHER,
+            grades,
+            FIRST,
+            table(wording.FIRST_COLUMNS, map(wording.first_cells, found)),
             FIGURE_TEXT.format(figure=FIGURE),
-            SLOPES + table(columns, map(slope_cells, study.effects)),
+            SLOPES,
+            table(columns, map(slope_cells, study.effects)),
         ]
     )
 

@@ -40,7 +40,7 @@ def tolerance(
     scene: SceneName,
     seeds: Annotated[
         str, typer.Option(metavar="A:B", help=f"Seeds of each effect alone. {SEEDS_HELP}")
-    ] = "0:12",
+    ] = "0:10",
     grade_seeds: Annotated[
         str, typer.Option(metavar="A:B", help="Seeds of each grade, with everything together.")
     ] = "0:30",
