@@ -57,7 +57,7 @@ def tolerance(
         Path | None,
         typer.Option(
             help="Folder of page, figure, JSON and trials, from which a stopped study resumes.",
-            show_default="runs/tolerance-SCENE",
+            show_default="runs/tolerance/SCENE",
         ),
     ] = None,
     jobs: Jobs = DEFAULT_JOBS,
@@ -67,7 +67,7 @@ def tolerance(
     """Try each deviation from the drawing alone and all by grade; say what to build more precisely first."""
     use_one_thread_per_process()
     loaded = load_scene(scene, parse_overrides(overrides))
-    folder = out if out is not None else Path("runs") / f"tolerance-{loaded.name}"
+    folder = out if out is not None else Path("runs") / "tolerance" / loaded.name
     arguments = {"seeds": parse_seeds(seeds), "grade_seeds": parse_seeds(grade_seeds)}
     if len(arguments["seeds"]) < 2:
         raise SceneError(f"--seeds {seeds}: a study needs two seeds or more, one for each sign of an error")
