@@ -230,6 +230,24 @@ class Rig:
         """Port of each unit that is docked, as the truth has it."""
         return {name: unit.holder for name, unit in self.units.items() if unit.holder is not None}
 
+    def bound_s(self) -> float:
+        """Least time [s] in which the docked units could have driven their last routes, all at the same time.
+
+        No unit waits for anything but its parent, docks follow one another along the tree, and no unit has to
+        speed up or brake.
+        """
+        return max(self._earliest_lock_s(name) for name in self.joints)
+
+    def _earliest_lock_s(self, name: str) -> float:
+        unit, drive, dock, begin = self.units[name], 0.0, 0.0, 0.0
+        for leg in unit.authority.legs:
+            time_s = (leg.end - begin) / SPEED[leg.kind]
+            drive, dock = (drive, dock + time_s) if leg.kind is LegKind.DOCK else (drive + time_s, dock)
+            begin = leg.end
+        if unit.holder is None:
+            return drive
+        return max(drive, self._earliest_lock_s(unit.holder.partition(".")[0])) + dock + LOCK_S
+
     def run(self, seconds: float = 400.0) -> MissionStatus:
         while self.now_ns < 1e9 * seconds and self.status.state is MissionState.RUNNING:
             self.step()
