@@ -141,6 +141,7 @@ def test_an_interrupted_study_keeps_its_trials(
     assert not progress[-1].endswith(" 4 from the store")
 
 
+@pytest.mark.nightly
 def test_a_study_of_real_trials_resumes_from_its_store(
     scene: Scene, effects: tuple[Effect, ...], inline: SupportsSubmit, tmp_path: Path
 ) -> None:
