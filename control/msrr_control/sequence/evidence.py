@@ -14,6 +14,10 @@ from msrr_scenes.messages import FailureReason, LockPosition, MonitorState
 _SIGMAS = 3.0
 
 
+#: How much farther a unit may be seen beyond its seat than short of it.
+_DEEPER = 2.0
+
+
 class Loosened(NamedTuple):
     """What speaks against a unit being locked in its seat: which failure that is, and the reason in words."""
 
@@ -47,9 +51,22 @@ def off_seat(c: DockingContext, view: PortView) -> str | None:
     too_far = [
         f"{name} off by {scale * abs(off):.1f} {unit}, {scale * limit:.1f} {unit} accepted"
         for name, off, limit, scale, unit in figures
-        if abs(off) > limit
+        if not (in_seat_range(off, limit) if name == "gap" else abs(off) <= limit)
     ]
     return "; ".join(too_far) or None
+
+
+def in_seat_range(off: float, limit: float) -> bool:
+    """Return whether a gap that is seen ``off`` that of a seated unit [m] may be one of a seated unit.
+
+    No unit is deeper in the port than its seat. What looks so is an error of the estimate, and no sign that
+    the unit is not seated; only far beyond the limit nothing that is seen can be trusted.
+
+    Args:
+        off: Seen gap beyond that of a seated unit, negative if it is smaller [m].
+        limit: Largest gap that is accepted [m].
+    """
+    return -_DEEPER * limit <= off <= limit
 
 
 def with_doubt(accepted: float, sigma: float) -> float:

@@ -16,6 +16,7 @@ from msrr_control.sequence.calibration_drive import calibration_twist
 from msrr_control.sequence.context import DockingContext, Transition
 from msrr_control.sequence.evidence import (
     Loosened,
+    in_seat_range,
     lock_is_open,
     loosened,
     not_parted,
@@ -101,8 +102,8 @@ def dock(c: DockingContext) -> Twist | Transition:
         return _fail(f"target lost for {spec.lost_time_s:.2f} s", FailureReason.TARGET_LOST)
     at_port = view.gap <= c.setup.pin_reach + tuning.contact_m
     closed = switches is not None and switches.both
-    off = abs(view.gap - tuning.seated_gap_m)
-    agrees = off <= with_doubt(tuning.near_m, view.sigma_gap) or not spec.verify.by_sight
+    near = with_doubt(tuning.near_m, view.sigma_gap)
+    agrees = in_seat_range(view.gap - tuning.seated_gap_m, near) or not spec.verify.by_sight
     if c.memory.switches.update(closed and at_port and agrees, c.now_ns) >= tuning.debounce_s:
         return Transition(Phase.LOCK, f"both seat switches closed at {view}")
     # If any progress counted, the unit could creep for minutes: it has to keep a share of the promised speed,

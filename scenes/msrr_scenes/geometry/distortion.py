@@ -117,15 +117,19 @@ def fold_radius(camera: PinholeCamera, distortion: Distortion) -> float | None:
 
     It is exact to a few pixels; None if the lens has an inverse in the whole frame and a small margin.
     """
-    columns, rows = (
-        np.append(np.arange(-_MARGIN - 0.5, size + _MARGIN - 0.5, _SPACING), size + _MARGIN - 0.5)
-        for size in (camera.width, camera.height)
-    )
+    columns, rows = _border_nodes(camera.width), _border_nodes(camera.height)
     _, folded = _ideal_nodes(camera, distortion, columns, rows)
     if not folded.any():
         return None
     distance = np.hypot(columns - camera.cx, (rows - camera.cy)[:, np.newaxis])
     return float(distance[folded].min())
+
+
+def _border_nodes(size: int) -> Array:
+    """Return places along an edge of the frame [px], every pixel near its ends, where lenses fold first."""
+    first, last = -_MARGIN - 0.5, size + _MARGIN - 0.5
+    fine = np.arange(2.0 * _MARGIN + 1.0)
+    return np.unique(np.concatenate([np.arange(first, last, _SPACING), first + fine, last - fine]))
 
 
 def ideal_grid(camera: PinholeCamera, distortion: Distortion, columns: Array, rows: Array) -> Array | None:

@@ -119,11 +119,11 @@ def test_a_cam_that_does_not_close(toy) -> None:
 
 
 def test_sight_contradicts_a_lock(toy) -> None:
-    """The offset is beyond what the check accepts, with three standard deviations of 1 mm each."""
-    robot = toy(seen_offset=0.0058, spec=DockingSpec(attempts=1))
+    """The unit is seen short of its seat by more than is accepted, with three standard deviations of 1 mm."""
+    robot = toy(seen_offset=-0.0034, spec=DockingSpec(attempts=1))
     robot.run()
     assert robot.machine.belief.setback is FailureReason.NOT_VERIFIED
-    trusting = toy(seen_offset=0.0058, spec=BLIND_TRUST)
+    trusting = toy(seen_offset=-0.0034, spec=BLIND_TRUST)
     trusting.run()
     assert trusting.machine.belief.conviction is Conviction.DOCKED
 

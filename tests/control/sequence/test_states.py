@@ -232,7 +232,7 @@ def _phases(desk: Desk, gap: float, steps: int, closed: bool = True) -> Sequence
 
 
 @pytest.mark.parametrize("seated_gap", [0.0, 0.0015])
-@pytest.mark.parametrize(("share", "locks"), [(0.95, True), (1.05, False), (-0.95, True), (-1.05, False)])
+@pytest.mark.parametrize(("share", "locks"), [(0.95, True), (1.05, False), (-1.95, True), (-2.05, False)])
 def test_switches_are_believed_at_the_gap_of_a_seated_unit_only(
     facts: DockSetup, seated_gap: float, share: float, locks: bool
 ) -> None:
