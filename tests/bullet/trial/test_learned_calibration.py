@@ -21,7 +21,10 @@ from msrr_scenes.outcome import Outcome
 @pytest.mark.timeout(3000)
 @pytest.mark.parametrize("learns", [True, False])
 def test_the_second_time_a_port_looks_as_it_did_from_its_seat(learns: bool) -> None:
-    """5 seeds: seen seated to 0.4 mm and 0.3 deg by those that learn, farther off by some of the others."""
+    """5 seeds: seen seated to 0.6 mm and 0.6 deg by those that learn, farther off by some of the others.
+
+    The seat itself varies: in seed 3 the lock closes the first time on a unit that is turned by 0.45 deg.
+    """
     scene, off = load_scene("dock_again", {"docking.learn_seats": str(learns).lower()}), []
     for seed in range(5):
         recorder = MemoryRecorder()
@@ -31,7 +34,7 @@ def test_the_second_time_a_port_looks_as_it_did_from_its_seat(learns: bool) -> N
         last = [m for _, _, m in recorder.messages if isinstance(m, PoseEstimate)][-1]
         off.append([abs(last.X_DU.x + 0.1), abs(last.X_DU.yaw)])
     largest = np.max(off, axis=0)
-    assert ((largest < [4e-4, math.radians(0.3)]).all()) is np.bool_(learns)
+    assert ((largest < [6e-4, math.radians(0.6)]).all()) is np.bool_(learns)
 
 
 @pytest.mark.timeout(300)

@@ -54,7 +54,7 @@ def test_a_port_looks_from_its_seat_as_it_did_the_last_time(careful: Scene, see:
     after = again.estimate(360_000_000)
     assert after is not None
     assert abs(after.X_DU.x - SEATED.x) < 2e-4
-    assert abs(after.X_DU.yaw) < math.radians(0.1)
+    assert abs(after.X_DU.yaw) < math.radians(0.2)
     assert after.covariance[0, 0] < 0.25 * before.covariance[0, 0]
     assert after.covariance[1, 1] > (0.0006) ** 2  # the play of the throat hides the side
 
