@@ -240,9 +240,7 @@ class GuidedUnit:
             assert self.docked_to is not None
             self.dock_step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=self.docked_to)
             guided = self._build_guided(AssemblySetup.of(self._scene, self.dock_step))
-            docked = Autonomy(
-                self._scene, self.dock_step, self._profiler, guided=guided, docked=True, memory=self._memory
-            )
+            docked = self._autonomy(guided, docked=True)
         self._program = self._docking = docked
         docked.undock(newest.legs[0].end)
         self.leaving = True
@@ -260,9 +258,7 @@ class GuidedUnit:
             return
         self.dock_step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=newest.to)
         self._guided = self._build_guided(AssemblySetup.of(self._scene, self.dock_step))
-        self._program = self._docking = Autonomy(
-            self._scene, self.dock_step, self._profiler, guided=self._guided, memory=self._memory
-        )
+        self._program = self._docking = self._autonomy(self._guided)
 
     def _go_on(self) -> None:
         """Go on with the route at the instant after that in which the unit has left its port."""
@@ -293,6 +289,11 @@ class GuidedUnit:
             elif X is not None:  # without a sight of the port the unit has covered no part of its dock leg
                 covered = length + min(X.X_DU.x + self._offset, 0.0)
         self._covered = max(self._covered, covered)
+
+    def _autonomy(self, guided: GuidedAssembler[Any], docked: bool = False) -> Autonomy:
+        assert self.dock_step is not None
+        step, memory = self.dock_step, self._memory
+        return Autonomy(self._scene, step, self._profiler, guided=guided, docked=docked, memory=memory)
 
     def _build_guided(self, setup: AssemblySetup) -> GuidedAssembler[Any]:
         guided = build_guided(self._scene.control.assembly, setup, self._reaction_s)

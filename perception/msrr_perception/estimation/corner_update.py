@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.estimation.motion import FilterState
 from msrr_perception.kernels.calibrated import EDGE
-from msrr_perception.kernels.fit import (
+from msrr_perception.kernels.corners import (
     CornerVariances,
     Seen,
     derivatives,

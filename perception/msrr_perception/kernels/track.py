@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from msrr_perception.kernels.compiled import kernel
-from msrr_perception.kernels.fit import cholesky, solve
+from msrr_perception.kernels.linear_algebra import cholesky, solve
 from msrr_scenes.arrays import Array
 
 #: Longest step of the integration [s].

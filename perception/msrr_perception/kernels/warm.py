@@ -9,16 +9,16 @@ import numpy as np
 
 from msrr_perception.kernels.calibrated import PARAMETERS, TagMap
 from msrr_perception.kernels.compiled import compiler
-from msrr_perception.kernels.drive import Drive, propagate
-from msrr_perception.kernels.edges import refine_corners
-from msrr_perception.kernels.fit import (
+from msrr_perception.kernels.corners import (
     CornerVariances,
     Seen,
     derivatives,
-    fit,
     gate_distances,
     roots_of_covariance,
 )
+from msrr_perception.kernels.drive import Drive, propagate
+from msrr_perception.kernels.edges import refine_corners
+from msrr_perception.kernels.fit import fit
 from msrr_perception.kernels.lens import NO_LENS, undistort
 from msrr_perception.kernels.project import Optics, predict_tags, tag_extent
 from msrr_perception.kernels.track import coast, fuse

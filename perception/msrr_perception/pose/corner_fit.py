@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_perception.kernels.fit import Seen, fit
+from msrr_perception.kernels.corners import Seen
+from msrr_perception.kernels.fit import fit
 from msrr_perception.pose.calibration import StateLayout
 from msrr_perception.pose.target import YAW, TargetModel
 from msrr_scenes.arrays import Array

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from msrr_perception.kernels.fit import Seen
+from msrr_perception.kernels.corners import Seen
 from msrr_perception.pose.corner_fit import CornerFit, deviation, equally_good, fit_corners
 from msrr_perception.pose.target import YAW, TargetModel, pose_vector
 from msrr_scenes.arrays import Array

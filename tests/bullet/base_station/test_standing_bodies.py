@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from msrr_bullet.base_station.base_station import BaseStation
+from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.sensors.devices import Devices
 from msrr_bullet.simulation.simulation import Simulation, open_simulation
@@ -65,7 +66,9 @@ class Watch:
         world = self.simulation.world
         assert world is not None
         world.place(unit, X_WU, (0.0, 0.0))
-        self.simulation.plant._poses[unit] = X_WU  # type: ignore[attr-defined]
+        plant = self.simulation.plant
+        assert isinstance(plant, KinematicPlant)
+        plant._poses[unit] = X_WU  # nothing but a test carries a unit off
 
     def frames_until_known(self, unit: str, driving: str) -> int:
         """Return how many exposures it takes until the base station knows where a unit is."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,9 +49,9 @@ def test_only_what_changes_in_the_window_is_drawn_again(
     drawn: list[Window] = []
     draw = Rasterizer.draw
 
-    def note(self: Rasterizer, camera: PinholeCamera, X_WC: SE3, window: Window, *rest: object) -> Pixels:
+    def note(self: Rasterizer, camera: PinholeCamera, X_WC: SE3, window: Window, *rest: Any) -> Pixels:
         drawn.append(window)
-        return draw(self, camera, X_WC, window, *rest)  # type: ignore[arg-type]
+        return draw(self, camera, X_WC, window, *rest)
 
     monkeypatch.setattr(Rasterizer, "draw", note)
     near, far = (add_box([0.2, 0.2, 0.1], SE3(p=np.array([x, 0.0, 0.1]))) for x in (0.0, 1.0))

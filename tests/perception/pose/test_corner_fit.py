@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from msrr_perception.kernels.fit import Seen
+from msrr_perception.kernels.corners import Seen
 from msrr_perception.pose.corner_fit import equally_good, fit_corners
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.messages import TagDetection

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from msrr_perception.kernels.fit import gate_distances
+from msrr_perception.kernels.corners import gate_distances
 from msrr_perception.pose.corner_fit import equally_good
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.messages import TagDetection

@@ -1,0 +1,192 @@
+"""Measured corners: their covariances, their residuals by these, and the gate before the fit."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_perception.kernels.calibrated import PARAMETERS, TagMap, project_tag
+from msrr_perception.kernels.compiled import inlined, kernel
+from msrr_perception.kernels.linear_algebra import cholesky, solve
+from msrr_perception.kernels.project import Optics
+from msrr_scenes.arrays import Array
+
+#: Way in the image after which an edge lies at another place between the pixels [px], and the largest number
+#: of exposures that count as one.
+_ANOTHER_PLACE_PX, _MOST_REPEATED = 0.5, 250.0
+
+
+class Seen(NamedTuple):
+    """The K tags that were detected in one exposure."""
+
+    which: NDArray[np.int64]  # (K,) index of each tag in the map of the target
+    corners: Array  # (K, 8) measured pixels, ordered u0, v0, u1, v1 ...
+    roots: Array  # (K, 8, 8) lower triangles L, with covariance L L^T of the pixels of a tag [px]
+    rates: Array  # (3,) velocity of (x, y, yaw) in D at the exposure [m/s, rad/s]
+
+
+class CornerVariances(NamedTuple):
+    """Variances of the corners of K tags [px^2]."""
+
+    noise: Array  # (K,) of a cross section of an edge, drawn anew in every exposure
+    place: Array  # (K,) of a cross section, by where the edge lies between pixels
+    rest: float  # of each coordinate, independent of all others
+
+
+@kernel
+def roots_of_covariance(
+    optics: Optics,
+    tags: TagMap,
+    which: NDArray[np.int64],
+    corners: Array,
+    rates: Array,
+    state: Array,
+    variances: CornerVariances,
+    by_offset: float,
+    by_slope: float,
+    period: float,
+) -> Array:
+    """Return the lower triangles of the covariances of measured corners, shape (K, 8, 8).
+
+    The errors of an edge move both of its corners. Those that depend on where it lies between pixels are the
+    same in all exposures until the tag has moved in the image. As a filter takes them for noise that is drawn
+    anew, their variance is multiplied by the number of exposures that it takes. To this comes what is not
+    known of the calibration and is not in the state either.
+
+    Args:
+        optics: Camera and its mounting.
+        tags: The tags of the target.
+        which: Index of each measured tag, shape (K,).
+        corners: Measured pixels, shape (K, 8).
+        rates: Velocity of ``(x, y, yaw)`` in D at the exposure, shape (3,).
+        state: Predicted state, shape (n,) with n >= 5.
+        variances: Variances by noise and by place.
+        by_offset: Offset of a line at its ends for an error of one cross section.
+        by_slope: The same for its slope.
+        period: Time between two exposures [s].
+    """
+    pixels, J, S = np.empty(8), np.empty((8, PARAMETERS)), np.empty((8, 8))
+    roots = np.zeros((which.shape[0], 8, 8))
+    for t in range(which.shape[0]):
+        project_tag(optics, tags, which[t], rates, state, pixels, J)
+        moved = 0.0
+        for r in range(8):
+            speed = J[r, 0] * rates[0] + J[r, 1] * rates[1] + J[r, 2] * rates[2]
+            moved = max(moved, abs(speed) * period)
+            for q in range(8):
+                S[r, q] = variances.rest if r == q else 0.0
+        repeated = min(max(_ANOTHER_PLACE_PX / max(moved, 1e-9), 1.0), _MOST_REPEATED)
+        section = variances.noise[t] + repeated * variances.place[t]
+        same = section * (by_offset * by_offset + by_slope * by_slope)
+        other = section * (by_offset * by_offset - by_slope * by_slope)
+        for e in range(4):
+            a, b = 2 * e, 2 * ((e + 1) % 4)
+            du, dv = corners[t, b] - corners[t, a], corners[t, b + 1] - corners[t, a + 1]
+            length = max(math.hypot(du, dv), 1e-6)
+            nu, nv = dv / length, -du / length
+            for i in range(2):
+                for j in range(2):
+                    both = (nu if i == 0 else nv) * (nu if j == 0 else nv)
+                    S[a + i, a + j] += same * both
+                    S[b + i, b + j] += same * both
+                    S[a + i, b + j] += other * both
+                    S[b + i, a + j] += other * both
+        for k in range(PARAMETERS):
+            variance = tags.considered[which[t], k]
+            if variance > 0.0:
+                for r in range(8):
+                    for q in range(8):
+                        S[r, q] += variance * J[r, k] * J[q, k]
+        cholesky(S, roots[t])
+    return roots
+
+
+@inlined
+def whitened(optics: Optics, tags: TagMap, seen: Seen, t: int, state: Array, pixels: Array, J: Array) -> None:
+    """Write the residual of a tag into ``pixels`` and its derivatives into ``J``, both by its covariance."""
+    tag, L = seen.which[t], seen.roots[t]
+    project_tag(optics, tags, tag, seen.rates, state, pixels, J)
+    for r in range(8):
+        total = seen.corners[t, r] - pixels[r]
+        for k in range(r):
+            total -= L[r, k] * pixels[k]
+        pixels[r] = total / L[r, r]
+    for c in range(PARAMETERS):
+        if tags.columns[tag, c] >= 0:
+            for r in range(8):
+                entry = J[r, c]
+                for k in range(r):
+                    entry -= L[r, k] * J[k, c]
+                J[r, c] = entry / L[r, r]
+
+
+@kernel
+def gate_distances(optics: Optics, tags: TagMap, seen: Seen, state: Array, covariance: Array) -> Array:
+    """Return each tag's squared Mahalanobis distance from the prediction, shape (K,), infinite if undefined.
+
+    Args:
+        optics: Camera and its mounting.
+        tags: The tags of the target.
+        seen: Measured corners.
+        state: Predicted state, shape (n,) with n >= 5.
+        covariance: Covariance of the state, shape (n, n).
+    """
+    count = seen.which.shape[0]
+    out = np.empty(count)
+    pixels, J = np.empty(8), np.empty((8, PARAMETERS))
+    S, L, solved = np.empty((8, 8)), np.zeros((8, 8)), np.empty(8)
+    half = np.empty((8, PARAMETERS))
+    for t in range(count):
+        whitened(optics, tags, seen, t, state, pixels, J)
+        columns = tags.columns[seen.which[t]]
+        for b in range(PARAMETERS):
+            for r in range(8):
+                half[r, b] = 0.0
+            if columns[b] < 0:
+                continue
+            for a in range(PARAMETERS):
+                if columns[a] >= 0:
+                    entry = covariance[columns[a], columns[b]]
+                    for r in range(8):
+                        half[r, b] += J[r, a] * entry
+        for r in range(8):
+            for q in range(8):
+                total = 1.0 if r == q else 0.0
+                for b in range(PARAMETERS):
+                    if columns[b] >= 0:
+                        total += half[r, b] * J[q, b]
+                S[r, q] = total
+        out[t] = np.inf
+        if cholesky(S, L):
+            solve(L, pixels, solved)
+            total = 0.0
+            for r in range(8):
+                total += pixels[r] * solved[r]
+            out[t] = total
+    return out
+
+
+@kernel
+def derivatives(optics: Optics, tags: TagMap, seen: Seen, state: Array) -> tuple[Array, Array]:
+    """Return residuals, shape (8 K,), and derivatives, shape (8 K, n), both by the covariance of the corners.
+
+    Args:
+        optics: Camera and its mounting.
+        tags: The tags of the target.
+        seen: Measured corners.
+        state: State, shape (n,).
+    """
+    count, n = seen.which.shape[0], state.shape[0]
+    residuals, out = np.empty(8 * count), np.zeros((8 * count, n))
+    J = np.empty((8, PARAMETERS))
+    for t in range(count):
+        whitened(optics, tags, seen, t, state, residuals[8 * t : 8 * t + 8], J)
+        columns = tags.columns[seen.which[t]]
+        for c in range(PARAMETERS):
+            if columns[c] >= 0:
+                for r in range(8):
+                    out[8 * t + r, columns[c]] = J[r, c]
+    return residuals, out
