@@ -238,9 +238,7 @@ class GuidedUnit:
             return
         if docked is None or docked.belief.conviction is not Conviction.DOCKED:
             assert self.docked_to is not None
-            self.dock_step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=self.docked_to)
-            guided = self._build_guided(AssemblySetup.of(self._scene, self.dock_step))
-            docked = self._autonomy(guided, docked=True)
+            docked = self._program_at(self.docked_to, docked=True)
         self._program = self._docking = docked
         docked.undock(newest.legs[0].end)
         self.leaving = True
@@ -256,9 +254,7 @@ class GuidedUnit:
             self._docking = None
             self._program = RouteProgram(self._scene, self._unit, ACTIVE_PORT, self._guided, self._profiler)
             return
-        self.dock_step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=newest.to)
-        self._guided = self._build_guided(AssemblySetup.of(self._scene, self.dock_step))
-        self._program = self._docking = self._autonomy(self._guided)
+        self._program = self._docking = self._program_at(newest.to)
 
     def _go_on(self) -> None:
         """Go on with the route at the instant after that in which the unit has left its port."""
@@ -290,9 +286,11 @@ class GuidedUnit:
                 covered = length + min(X.X_DU.x + self._offset, 0.0)
         self._covered = max(self._covered, covered)
 
-    def _autonomy(self, guided: GuidedAssembler[Any], docked: bool = False) -> Autonomy:
-        assert self.dock_step is not None
-        step, memory = self.dock_step, self._memory
+    def _program_at(self, port: str, docked: bool = False) -> Autonomy:
+        """Return the program that docks at a port; the one that undocks there, if the unit is docked."""
+        self.dock_step = step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=port)
+        guided = self._build_guided(AssemblySetup.of(self._scene, step))
+        self._guided, memory = None if docked else guided, self._memory
         return Autonomy(self._scene, step, self._profiler, guided=guided, docked=docked, memory=memory)
 
     def _build_guided(self, setup: AssemblySetup) -> GuidedAssembler[Any]:

@@ -14,7 +14,7 @@ from msrr_scenes.messages import Twist
 
 
 def calibration_twist(c: DockingContext, spec: CalibrationDriveSpec) -> Twist | None:
-    """Return the command of one instant of the drive; None once it has ended.
+    """Return the command of one instant of the drive; None once it has ended, or cannot go on.
 
     The memory of the stay counts the legs: the approach, each turn, and backing out.
 
@@ -26,6 +26,8 @@ def calibration_twist(c: DockingContext, spec: CalibrationDriveSpec) -> Twist | 
     if pose is None or view is None or memory.lasted(c.now_ns) > spec.time_s:
         return None
     if memory.leg == 0:
+        if view.age > c.spec.lost_time_s:
+            return None  # towards a port that is not seen the unit does not drive
         if view.gap > spec.near_m:
             return c.controller.step(c.control_inputs(pose))
         memory.leg = 1

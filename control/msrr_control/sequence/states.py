@@ -91,7 +91,7 @@ def calibrate(c: DockingContext) -> Twist | Transition:
     if twist is not None:
         return twist
     c.calibrate = False
-    return Transition(Phase.HAND_OVER, f"calibrated in {c.memory.lasted(c.now_ns):.1f} s")
+    return Transition(Phase.HAND_OVER, f"drove for {c.memory.lasted(c.now_ns):.1f} s to calibrate")
 
 
 def dock(c: DockingContext) -> Twist | Transition:

@@ -41,7 +41,7 @@ POSE_SIZE, DRIVE_SIZE = 5, 3
 _LASTING_FRAMES = 25.0
 
 
-#: Standard deviation that stands for none, so that a covariance can be inverted [m, rad].
+#: Least standard deviation of an entry, so that a covariance can be inverted: far below any that matters.
 _LEAST_SIGMA = 1e-6
 
 
@@ -187,7 +187,7 @@ def filter_layout(drawn: StateLayout, port_tags: Sequence[int], tolerances: Tole
         for k in parameters:
             if sigmas[k] > 0.0:
                 columns[list(tags), k] = first + len(prior)
-                prior.append(float(sigmas[k]))
+                prior.append(max(float(sigmas[k]), _LEAST_SIGMA))
 
     on_port = [drawn.index[i] for i in port_tags]
     if on_port:

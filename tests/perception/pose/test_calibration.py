@@ -108,3 +108,9 @@ def test_derivatives_are_those_of_the_projection() -> None:
             found = (pixels[1] - pixels[2]) / (2.0 * h)
             # To first order in the angles of the mounts, a few 1e-4 rad here.
             assert np.abs(found - J[:, column]).max() < 0.01 * max(np.abs(found).max(), 1.0), (tag, column)
+
+
+def test_a_tolerance_of_next_to_nothing_can_be_computed_with() -> None:
+    scene = load_scene("close_range", {"as_built.onboard.yaw_deg.sigma": "1e-12"})
+    prior = TargetModel.from_scene(scene.told(), scene.docks[0]).filter_layout.prior
+    assert np.linalg.cond(np.diag(prior**2)) < 1e12
