@@ -21,7 +21,7 @@ from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.detection.detector import DETECTORS, Detector
 from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_perception.estimation.arena_tracker import ArenaTracker
-from msrr_perception.estimation.body_track import Sightings, drawn_anew
+from msrr_perception.estimation.body_track import Sightings
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.problems import dotted
@@ -101,7 +101,7 @@ class BaseStation:
 
     def see(self, message: Detections | GlobalPose) -> Sightings:
         """Process a message of the overhead camera; return what it shows, which is for all units."""
-        sightings = self._tracker.locate(message) if isinstance(message, Detections) else drawn_anew(message)
+        sightings = self._tracker.locate(message)
         for seen in sightings.poses:
             self._tracker.add(seen)
         return sightings

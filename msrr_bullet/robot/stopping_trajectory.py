@@ -39,7 +39,8 @@ class LocalMap:
 
     Attributes:
         reach: Largest distance of the footprint of the unit from the origin of U [m].
-        sigma: Standard deviation of the distance between the unit and the least known other body [m].
+        sigma: Standard deviation of the distance between the unit and the least known other body, if they are
+            near each other [m].
     """
 
     def __init__(
@@ -69,7 +70,9 @@ class LocalMap:
         self._intended = [(i.unit, SE2(*pose)) for i in intents if i.unit in self._poses for pose in i.poses]
         own_variance = _variance(arena.own, self.reach)
         variances = (_variance(b, reaches[b.name]) for b in bodies)
-        self.sigma = math.sqrt(own_variance + max(variances, default=0.0))
+        near = self.reach + max((reaches[b.name] for b in bodies), default=0.0)
+        strained = (arena.strain * near) ** 2
+        self.sigma = math.sqrt(own_variance + max(variances, default=0.0) + strained)
 
     def lower_bound(self, X_WU: SE2) -> float:
         """Return a lower bound of the clearance of the unit at ``X_WU`` [m], from circles about bodies."""
@@ -98,8 +101,11 @@ class LocalMap:
 
 @lru_cache(maxsize=256)  # estimates never change, and that of a body that stands is the same for a while
 def _variance(body: GlobalPose | ObstacleEstimate, reach: float) -> float:
-    """Return the largest variance [m^2], over points of a body and directions, of the position of a point."""
-    (xx, xy, _), (_, yy, _), (_, _, yaw) = body.covariance.tolist()
+    """Return the largest variance [m^2], over points of a body and directions, of the position of a point.
+
+    It is that against bodies that are near, and not that in the world.
+    """
+    (xx, xy, _), (_, yy, _), (_, _, yaw) = body.relative.tolist()
     return float(0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy) + reach**2 * yaw)
 
 

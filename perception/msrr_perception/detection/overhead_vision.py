@@ -232,7 +232,7 @@ class OverheadVision:
         """Return the standard deviation of each corner coordinate, shape (4, 2) [px]."""
         A = pose_jacobian(prediction.X_WB, tag.corners_B[:, :2])
         scale = self.model.camera.focal / (float(self.model.X_WC.p[2]) - tag.height)
-        variance = np.einsum("ij,jk,ik->i", A, prediction.covariance, A)
+        variance = np.einsum("ij,jk,ik->i", A, prediction.relative, A)
         sigma: Array = scale * np.sqrt(np.maximum(variance, 0.0)).reshape(4, 2)
         return sigma
 

@@ -1,7 +1,4 @@
-"""Tracks of all bodies that the overhead camera sees, each for itself, by sight alone.
-
-The camera's pose is known, so that no two bodies' errors are correlated.
-"""
+"""Tracks of all bodies that the overhead camera sees, each for itself, by sight alone."""
 
 from __future__ import annotations
 
@@ -9,9 +6,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 
+import numpy as np
+
 from msrr_perception.estimation.body_track import BodyTrack, Motion, SeenPose, Sightings, TrackNoise
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import NS_PER_S, Detections, GlobalPose, ObstacleEstimate
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -21,9 +21,9 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 
 
 @lru_cache(maxsize=64)
-def _noise(limits: LimitsSpec, gate: float, restart_after: int) -> TrackNoise:
+def _noise(limits: LimitsSpec, gate: float, restart_after: int, clock_s: float) -> TrackNoise:
     """Return the same object for the same values."""
-    return TrackNoise(limits, gate=gate, restart_after=restart_after)
+    return TrackNoise(limits, gate=gate, restart_after=restart_after, clock_s=clock_s)
 
 
 @lru_cache(maxsize=256)
@@ -70,7 +70,7 @@ class ArenaTracker:
             raise SceneError("arena tracker: restart_after must be at least 1")
         self.model = model
         gate = chi_squared_quantile(gate_probability, 3)
-        self.noise = _noise(model.limits, gate, restart_after)
+        self.noise = _noise(model.limits, gate, restart_after, model.errors.clock_s)
         self._standing_period_ns = round(standing_period_s * NS_PER_S)
         self._localizer = model.localizer()
         self._tracks: dict[str, BodyTrack] = {}
@@ -79,17 +79,27 @@ class ArenaTracker:
         """Forget every body."""
         self._tracks = {}
 
-    def locate(self, detections: Detections) -> Sightings:
-        """Return the poses of all known bodies among the detections; none among those of other cameras."""
-        located = self._localizer.locate(detections) if detections.exposure.camera == OVERHEAD else ()
+    def locate(self, message: Detections | GlobalPose) -> Sightings:
+        """Return what a message of the overhead camera shows.
+
+        Args:
+            message: Detections, of which those of other cameras show nothing; or a pose as parametric
+                perception measures it, whose random error is drawn anew each time.
+        """
+        if isinstance(message, GlobalPose):
+            return Sightings(message.stamp_ns, (self._seen(message, np.zeros((3, 3))),))
+        located = self._localizer.locate(message) if message.exposure.camera == OVERHEAD else ()
         seen = (
-            SeenPose(
+            self._seen(
                 replace(pose, covariance=pose.covariance + self.model.noise),
                 self._localizer.lasting_share[pose.name] * pose.covariance,
             )
             for pose in located
         )
-        return Sightings(detections.exposure.stamp_ns, tuple(seen))
+        return Sightings(message.exposure.stamp_ns, tuple(seen))
+
+    def _seen(self, pose: GlobalPose, lasting: Array) -> SeenPose:
+        return SeenPose(pose, lasting, self.model.errors_of(pose))
 
     def add(self, seen: SeenPose) -> None:
         """Add a measured pose."""
@@ -124,7 +134,7 @@ class ArenaTracker:
     def obstacles(self, poses: Mapping[str, GlobalPose]) -> tuple[ObstacleEstimate, ...]:
         """Return the obstacles among ``poses``, which :meth:`poses` has returned."""
         return tuple(
-            ObstacleEstimate(name, self.seen_ns(name), poses[name].X_WB, poses[name].covariance, radius)
+            ObstacleEstimate(name, self.seen_ns(name), body.X_WB, body.covariance, radius, body.shared)
             for name, radius in self.model.obstacle_radius.items()
-            if name in poses
+            if (body := poses.get(name)) is not None
         )

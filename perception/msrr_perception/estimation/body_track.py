@@ -14,6 +14,7 @@ import numpy as np
 
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.kernels.track import coast, fuse
+from msrr_perception.pose.overhead_errors import PoseErrors
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, seconds
@@ -43,6 +44,7 @@ class TrackNoise:
         stands_after: Number of measurements in a row at one place after which a body stands.
         creep: Speed at which a body would have left the place before it counts as standing [m/s].
         turn_creep: As ``creep``, yaw rate [rad/s].
+        clock_s: Standard deviation of the error of time stamps, the same for all [s].
     """
 
     limits: LimitsSpec
@@ -59,6 +61,7 @@ class TrackNoise:
     stands_after: int = 4
     creep: float = 0.02
     turn_creep: float = 0.1
+    clock_s: float = 0.0
 
 
 class Motion(Enum):
@@ -74,13 +77,33 @@ class SeenPose:
     """A measured pose.
 
     Attributes:
-        pose: Measured pose with the covariance of its whole error.
+        pose: Measured pose with the covariance of its error, without the errors of calibration.
         lasting: Part of the covariance, shape (3, 3), of the error that stays the same from measurement to
             measurement while the body stands.
+        errors: Covariances of the errors of calibration, which stay nearly the same wherever the body drives;
+            None if all is as drawn.
     """
 
     pose: GlobalPose
     lasting: Array
+    errors: PoseErrors | None = None
+
+    def estimated(self, stamp_ns: int, X_WB: SE2, covariance: Array, slip: Array | None = None) -> GlobalPose:
+        """Return an estimate that follows from measurements of which this is the last.
+
+        Args:
+            stamp_ns: Time of the estimate.
+            X_WB: Estimated pose.
+            covariance: Covariance of its error, without the errors of calibration.
+            slip: Standard deviation of the way, shape (3,) [m, rad], that the body goes in the time by which
+                stamps are wrong; None while it stands.
+        """
+        errors, name = self.errors, self.pose.name
+        if slip is not None:
+            covariance = covariance + np.outer(slip, slip)
+        if errors is None:
+            return GlobalPose(name, stamp_ns, X_WB, covariance)
+        return GlobalPose(name, stamp_ns, X_WB, covariance + errors.own + errors.shared, errors.shared)
 
     def is_at_place_of(self, other: SeenPose) -> bool:
         """Return whether both measurements are of one place, as far as their errors tell."""
@@ -101,11 +124,6 @@ class Sightings:
 
     stamp_ns: int
     poses: tuple[SeenPose, ...]
-
-
-def drawn_anew(pose: GlobalPose) -> Sightings:
-    """Return a measured pose whose errors are drawn anew each time, as those of parametric perception."""
-    return Sightings(pose.stamp_ns, (SeenPose(pose, np.zeros((3, 3))),))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +202,7 @@ class BodyTrack:
 
     def pose(self, stamp_ns: int, noise: TrackNoise) -> GlobalPose:
         """Return the pose at an instant; before the last measurement it is that of the measurement."""
-        seen_ns, name = self.seen.pose.stamp_ns, self.seen.pose.name
+        seen_ns = self.seen.pose.stamp_ns
         if self.motion is Motion.STANDS:  # asked for at every control instant of every unit
             at_once, own, lasting = self._at_rest
             way, turn = _drift(seconds(max(stamp_ns - seen_ns, 0)), noise)
@@ -192,9 +210,11 @@ class BodyTrack:
             covariance[0, 0] = own[0] + way + lasting[0]
             covariance[1, 1] = own[1] + way + lasting[1]
             covariance[2, 2] = own[2] + turn + lasting[2]
-            return GlobalPose(name, max(stamp_ns, seen_ns), self.X_WB, covariance)
+            return self.seen.estimated(max(stamp_ns, seen_ns), self.X_WB, covariance)
         mean, P = self._predicted(stamp_ns, noise, self.motion)
-        return GlobalPose(name, max(stamp_ns, seen_ns), SE2(*mean[:3].tolist()), P[:3, :3])
+        x, y, yaw, v, w = mean.tolist()
+        slip = noise.clock_s * np.array([v * math.cos(yaw), v * math.sin(yaw), w]) if noise.clock_s else None
+        return self.seen.estimated(max(stamp_ns, seen_ns), SE2(x, y, yaw), P[:3, :3], slip)
 
     def after(self, seen: SeenPose, noise: TrackNoise) -> BodyTrack:
         """Return the track after another measurement.

@@ -11,6 +11,8 @@ import math
 from bisect import bisect_left
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.dock_frame import in_seat, pose_in_D
 from msrr_perception.estimation.knowledge import Knowledge
@@ -19,6 +21,7 @@ from msrr_perception.estimation.wheel_history import WheelHistory
 from msrr_perception.pose.calibration import POSE_SIZE
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import (
     NS_PER_S,
@@ -161,6 +164,13 @@ class CornerEkf:
         if state is newest:
             state = self._advance_head(state, stamp_ns)
         return self._report(self._motion.propagate(state, self._wheels, stamp_ns))
+
+    def velocity(self, stamp_ns: int) -> Array:
+        """Return the velocity of (x, y, yaw) in D, shape (3,) [m/s, rad/s], by the wheels; 0 when lost."""
+        state = self._state_before(stamp_ns)
+        if state is None:
+            return np.zeros(3)
+        return self._motion.rates(self._advance_head(state, stamp_ns), self._wheels)
 
     def estimate(self, now_ns: int) -> PoseEstimate | None:
         """Return the pose for control: of now, or without delay compensation of the last exposure."""

@@ -1,8 +1,8 @@
 """Poses of all bodies in the world, from overhead detections and the docking unit's own wheels.
 
 The docking unit is tracked by the filter that also tracks it at close range, with the world in the place of
-the dock frame, because its wheels tell how it moves; every other body has a track of its own. The camera's
-pose is known, so that no two bodies' errors are correlated.
+the dock frame, because its wheels tell how it moves; every other body has a track of its own. Errors of
+calibration of the camera are common to all of them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from msrr_perception.estimation.arena_tracker import ArenaTracker
-from msrr_perception.estimation.body_track import Place, SeenPose, Sightings, drawn_anew
+from msrr_perception.estimation.body_track import Place, SeenPose, Sightings
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.motion import MotionNoise
 from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
@@ -98,6 +98,7 @@ class GlobalEstimator:
             motion=_OWN_MOTION,
         )
         self._others = ArenaTracker(model, gate_probability, restart_after, standing_period_s)
+        self._clock_s, self._strain = model.errors.clock_s, model.errors.strain
         self.reset()
 
     def reset(self) -> None:
@@ -105,6 +106,7 @@ class GlobalEstimator:
         self._own.reset()
         self._others.reset()
         self._own_place: Place | None = None
+        self._own_seen: SeenPose | None = None
         self._located = False  # whether the unit has been seen, so that its pose is known
 
     def add_odometry(self, reading: WheelOdometry) -> None:
@@ -118,7 +120,7 @@ class GlobalEstimator:
 
     def add_pose(self, pose: GlobalPose) -> None:
         """Add a measured pose whose errors are drawn anew each time, as those of parametric perception."""
-        self.add_sightings(drawn_anew(pose))
+        self.add_sightings(self._others.locate(pose))
 
     def add_sightings(self, sightings: Sightings) -> None:
         """Add what an overhead exposure shows."""
@@ -133,6 +135,7 @@ class GlobalEstimator:
         exposure = Exposure(OVERHEAD, 0, pose.stamp_ns)
         self._own.add_pose(PoseMeasurement(exposure, pose.X_WB, pose.covariance, (None, None)))
         self._own_place = self._own_place.after(seen) if self._own_place else Place(seen)
+        self._own_seen = seen
 
     def predict(self, stamp_ns: int) -> Mapping[str, GlobalPose]:
         """Return the pose of every known body at an instant, for planning windows."""
@@ -171,13 +174,16 @@ class GlobalEstimator:
             others=tuple(poses[name] for name in self._units if name in poses and name != self.target),
             obstacles=self._others.obstacles(poses),
             last_seen_ns=last_seen_ns,
+            strain=self._strain,
         )
 
     def _own_pose(self, own: PoseEstimate) -> GlobalPose:
         place, covariance = self._own_place, own.covariance
         if place is not None and place.times >= self._others.noise.stands_after:
             covariance = covariance + place.first.lasting
-        return GlobalPose(self.unit, own.stamp_ns, own.X_DU, covariance)
+        assert self._own_seen is not None, "it has been seen"
+        slip = self._clock_s * self._own.velocity(own.stamp_ns) if self._clock_s else None
+        return self._own_seen.estimated(own.stamp_ns, own.X_DU, covariance, slip)
 
 
 def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstimate) -> GlobalPose:
@@ -185,7 +191,7 @@ def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstima
 
     X_WU = X_WT X_TD X_DU, with the covariance to first order: the target's rotation moves the unit about the
     target's middle, and the error in D rotates with D. The two errors come from different cameras, so that
-    they are independent.
+    they are independent. What the target shares with other bodies, the unit shares then.
 
     Args:
         name: Name of the unit.
@@ -200,7 +206,8 @@ def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstima
     c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     covariance = by_target @ target.covariance @ by_target.T + turn @ by_sight.covariance @ turn.T
-    return GlobalPose(name, by_sight.stamp_ns, X_WU, covariance)
+    shared = None if target.shared is None else by_target @ target.shared @ by_target.T
+    return GlobalPose(name, by_sight.stamp_ns, X_WU, covariance, shared)
 
 
 def pose_in_dock_frame(arena: ArenaEstimate, X_TD: SE2) -> SE2 | None:

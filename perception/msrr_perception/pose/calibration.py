@@ -45,7 +45,7 @@ _LASTING_FRAMES = 25.0
 _LEAST_SIGMA = 1e-6
 
 
-def _mount(group: MountDeviations) -> tuple[float, ...]:
+def mount_sigmas(group: MountDeviations) -> tuple[float, ...]:
     """Return the standard deviations of a mount: x, y, z [m], roll, pitch, yaw [rad]."""
     places = (group.x_m.sigma, group.y_m.sigma, group.z_m.sigma)
     angles = (group.roll_deg.sigma, group.pitch_deg.sigma, group.yaw_deg.sigma)
@@ -87,14 +87,14 @@ class Tolerances:
         """Take the tolerances that a robot is told; true errors are not looked at."""
         camera, drive = spec.onboard, spec.drive
         return cls(
-            camera=_mount(camera),
+            camera=mount_sigmas(camera),
             focal=0.01 * camera.focal_percent.sigma,
             centre=(camera.cx_px.sigma, camera.cy_px.sigma),
             k1=camera.k1.sigma,
             clock_s=1e-3 * camera.clock_ms.sigma,
             printed=0.01 * spec.tags.print_percent.sigma,
-            bracket=_mount(spec.bracket),
-            tag=_mount(spec.tags),
+            bracket=mount_sigmas(spec.bracket),
+            tag=mount_sigmas(spec.tags),
             wheels=(
                 0.01 * drive.radius_left_percent.sigma,
                 0.01 * drive.radius_right_percent.sigma,

@@ -12,13 +12,14 @@ import numpy as np
 
 from msrr_perception.pose.corner_errors import CornerErrors
 from msrr_perception.pose.global_pose import FlatTag, GlobalLocalizer, flat_tags, overhead_pose
+from msrr_perception.pose.overhead_errors import OverheadErrors, PoseErrors
 from msrr_perception.pose.tone import straight_tone
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import Pixels
+from msrr_scenes.messages import GlobalPose, Pixels
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -43,6 +44,7 @@ class OverheadModel:
         limits: Limits of the drive of all units, by data sheet.
         noise: Covariance, shape (3, 3) [m, rad], of global localisation beyond the camera's noise, by data
             sheet.
+        errors: Errors of calibration of the camera and the tags, by their tolerances.
         to_light: Grey level of every pixel value on a straight tone curve, shape (256,); None if the camera
             has one.
     """
@@ -55,6 +57,7 @@ class OverheadModel:
     corner_errors: CornerErrors
     limits: LimitsSpec
     noise: Array
+    errors: OverheadErrors
     to_light: Pixels | None = None
 
     @classmethod
@@ -78,9 +81,11 @@ class OverheadModel:
                 raise SceneError(f"units.{unit}: the overhead camera cannot find it, its URDF has no tag_top")
         errors = spec.localisation
         yaw = math.radians(errors.noise_yaw_deg)
+        lens, X_WC = spec.lens, overhead_pose(spec)
+        heights = [tag.height for tag in tags.values() if tag.name in scene.units]
         return cls(
-            lens=spec.lens,
-            X_WC=overhead_pose(spec),
+            lens=lens,
+            X_WC=X_WC,
             tags=MappingProxyType(tags),
             obstacle_radius=MappingProxyType(
                 {name: o.radius_m for name, o in scene.obstacles.items() if name in seen}
@@ -89,6 +94,7 @@ class OverheadModel:
             corner_errors=CornerErrors.from_spec(spec),
             limits=scene.limits,
             noise=np.diag([errors.noise_m**2, errors.noise_m**2, yaw**2]),
+            errors=OverheadErrors(lens.camera, X_WC, scene.as_built, float(np.mean(heights or [0.0]))),
             to_light=straight_tone(spec),
         )
 
@@ -96,6 +102,10 @@ class OverheadModel:
     def camera(self) -> PinholeCamera:
         """The ideal camera, in the image of which detections are given."""
         return self.lens.camera
+
+    def errors_of(self, pose: GlobalPose) -> PoseErrors | None:
+        """Return the errors of calibration of a measured pose; None if all is as drawn."""
+        return self.errors.of(self.tags[self.tag_of[pose.name]], pose.X_WB)
 
     @cached_property
     def tag_of(self) -> Mapping[str, int]:

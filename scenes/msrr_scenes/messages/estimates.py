@@ -64,6 +64,7 @@ class ObstacleEstimate:
         X_WB: Pose of the middle of the base on the floor.
         covariance: Covariance of (x, y, yaw) in W, shape (3, 3) [m, rad].
         radius: Radius of the circle about its footprint [m].
+        shared: As in :class:`~msrr_scenes.messages.sensing.GlobalPose`.
     """
 
     name: str
@@ -71,6 +72,12 @@ class ObstacleEstimate:
     X_WB: SE2
     covariance: Array
     radius: float
+    shared: Array | None = None
+
+    @property
+    def relative(self) -> Array:
+        """Covariance of (x, y, yaw) against the bodies near this one, shape (3, 3) [m, rad]."""
+        return self.covariance if self.shared is None else self.covariance - self.shared
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,6 +91,8 @@ class ArenaEstimate:
         others: Poses of the remaining units that have been seen.
         obstacles: All obstacles that have been seen.
         last_seen_ns: Exposure time of the last detection of the docking unit.
+        strain: Standard deviation of the error of the distance between two bodies over that distance, by the
+            errors that they share.
     """
 
     stamp_ns: int
@@ -92,3 +101,4 @@ class ArenaEstimate:
     others: tuple[GlobalPose, ...]
     obstacles: tuple[ObstacleEstimate, ...]
     last_seen_ns: int
+    strain: float = 0.0

@@ -94,12 +94,27 @@ class PoseMeasurement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GlobalPose:
-    """The pose of a unit or obstacle in the world, with the covariance (3, 3) of (x, y, yaw) [m, rad]."""
+    """The pose of a unit or obstacle in the world.
+
+    Attributes:
+        name: Name of the body.
+        stamp_ns: Time of the pose.
+        X_WB: The pose.
+        covariance: Covariance of (x, y, yaw) in W, shape (3, 3) [m, rad].
+        shared: Part of the covariance, shape (3, 3), of the error that the bodies near this one have as well,
+            because they are seen by the same camera; None: no error is shared.
+    """
 
     name: str
     stamp_ns: int
     X_WB: SE2
     covariance: Array
+    shared: Array | None = None
+
+    @property
+    def relative(self) -> Array:
+        """Covariance of (x, y, yaw) against the bodies near this one, shape (3, 3) [m, rad]."""
+        return self.covariance if self.shared is None else self.covariance - self.shared
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ TOPIC = "/perception/a/estimate"
 
 FLOATS = st.floats(allow_nan=True, allow_infinity=True).map(lambda x: math.nan if math.isnan(x) else x)
 METRES = st.floats(-1e3, 1e3)
-SHAPES = {"corners": (4, 2), "covariance": (3, 3), "nearest": (2, 3)}
+SHAPES = {"corners": (4, 2), "covariance": (3, 3), "shared": (3, 3), "nearest": (2, 3)}
 
 
 def strategy(kind: typing.Any, name: str = "") -> st.SearchStrategy[typing.Any]:

@@ -1,0 +1,89 @@
+"""What a robot is told of the errors of the overhead estimates, against what errors do to them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from msrr_bullet.sensors.calibrated_sight import OverheadSight
+from msrr_perception.pose.overhead_errors import PoseErrors
+from msrr_perception.pose.overhead_model import OverheadModel
+from msrr_scenes.as_built import draw_as_built
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.messages import GlobalPose
+
+PLACES = (SE2(-1.1, 0.8, 0.4), SE2(0.9, -0.7, -2.0), SE2(0.6, 0.1, 1.5))
+SHARED = {
+    **dict.fromkeys(("x_m", "y_m", "z_m"), 1e-3),
+    **dict.fromkeys(("roll_deg", "pitch_deg", "yaw_deg"), 0.1),
+    "focal_percent": 0.2,
+    "cx_px": 1.0,
+    "cy_px": 1.0,
+    "k1": 0.003,
+}
+OWN = dict.fromkeys(("x_m", "y_m", "z_m"), 1e-3) | dict.fromkeys(("roll_deg", "pitch_deg", "yaw_deg"), 0.5)
+
+
+def moved(key: str, size: float, X_WB: SE2) -> tuple[np.ndarray, PoseErrors]:
+    """Return what an error does to the pose of unit a, and the covariances by that error as the tolerance."""
+    scene = load_scene(
+        "two_units", {f"as_built.{key}": f"{{error: {size}, sigma: {size}}}", "perception": "parametric"}
+    )
+    seen = OverheadSight(scene, draw_as_built(scene, 0)).see("a", X_WB)
+    assert seen is not None
+    error = seen.as_array() - X_WB.as_array()
+    error[2] = math.remainder(error[2], 2.0 * math.pi)
+    model = OverheadModel.from_scene(scene.told(), ())
+    errors = model.errors_of(GlobalPose("a", 0, X_WB, np.eye(3)))
+    assert errors is not None
+    return error, errors
+
+
+def assert_is_square_of(covariance: np.ndarray, error: np.ndarray) -> None:
+    """Assert that a covariance is that of an error known up to its size, to 0.1 mm and 0.5 mrad or to 3 %."""
+    scale = np.maximum(np.sqrt(np.diag(covariance)), [7e-4, 7e-4, 3e-3])
+    np.testing.assert_allclose(
+        covariance / np.outer(scale, scale), np.outer(error / scale, error / scale), atol=0.03
+    )
+
+
+@pytest.mark.parametrize("quantity", SHARED)
+def test_an_error_of_the_camera_is_shared(quantity: str) -> None:
+    for X_WB in PLACES:
+        error, errors = moved(f"overhead.{quantity}", SHARED[quantity], X_WB)
+        assert np.abs(error).max() > 1e-5
+        assert_is_square_of(errors.shared, error)
+        assert not errors.own.any()
+
+
+@pytest.mark.parametrize("quantity", OWN)
+def test_an_error_of_the_tag_is_its_own(quantity: str) -> None:
+    for X_WB in PLACES:
+        error, errors = moved(f"tags.{quantity}", OWN[quantity], X_WB)
+        assert_is_square_of(errors.own, error)
+        assert not errors.shared.any()
+
+
+@pytest.mark.parametrize("quantity", SHARED)
+def test_distances_err_by_no_more_than_the_strain(quantity: str) -> None:
+    """Bodies 0.3 m apart, anywhere; a turn of the whole picture is left out, since it changes no distance."""
+    scene = load_scene("two_units", {f"as_built.overhead.{quantity}": f"{{sigma: {SHARED[quantity]}}}"})
+    strain = OverheadModel.from_scene(scene.told(), ()).errors.strain
+    found = []
+    for X in PLACES:
+        for way in np.eye(2):
+            p = X.translation + 0.3 * way
+            ends = (moved(f"overhead.{quantity}", SHARED[quantity], at)[0] for at in (X, SE2(*p, X.yaw)))
+            before, after = (error[:2] for error in ends)
+            found.append(abs(float(way @ (after - before))) / 0.3)
+    assert max(found) <= 1.02 * strain + 1e-5
+    assert strain < 0.01
+
+
+def test_of_what_is_as_drawn_there_are_no_errors() -> None:
+    model = OverheadModel.from_scene(load_scene("two_units", {"as_built": "perfect"}), ())
+    assert model.errors_of(GlobalPose("a", 0, SE2(), np.eye(3))) is None
+    assert model.errors.strain == model.errors.clock_s == 0.0
