@@ -147,6 +147,8 @@ def sweep_table(summary: SweepSummary) -> Table:
         _add_steps(table, f"{step.unit} to {step.target}", step)
     if summary.mission is not None:
         _add_steps(table, "all docking steps", summary.mission.docks)
+        if summary.mission.docks_again.trials:
+            _add_steps(table, "those at a port once more", summary.mission.docks_again)
         for name, values, unit in (
             ("last lock of complete missions", summary.mission.makespan_s, "s"),
             ("way of all units", summary.mission.way_m, "m"),

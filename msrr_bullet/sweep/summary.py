@@ -83,6 +83,7 @@ class MissionSummary(BaseModel):
 
     Attributes:
         docks: Figures of all docking steps, which differ from trial to trial.
+        docks_again: Figures of those at a port where the same unit had docked before.
         makespan_s: Time of the last lock, over all complete missions.
         way_m: Way that all units of a mission have driven.
         parallel_percent: Share of the time with any motion in which two units or more moved.
@@ -93,6 +94,7 @@ class MissionSummary(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     docks: StepFigures
+    docks_again: StepFigures
     makespan_s: Quantiles
     way_m: Quantiles
     parallel_percent: Quantiles
@@ -208,12 +210,25 @@ def _summarise_missions(trials: list[TrialResult]) -> MissionSummary:
     complete = [r.mission for r in trials if r.mission is not None and r.docked]
     return MissionSummary(
         docks=_figures([step for r in trials for step in r.steps if not step.undocks]),
+        docks_again=_figures([step for r in trials for step in _docks_again(r)]),
         makespan_s=quantiles(_known(m.makespan_s for m in complete)),
         way_m=quantiles(m.total_way_m for m in missions),
         parallel_percent=quantiles(100.0 * m.parallel_share for m in missions),
         lost_percent=quantiles(100.0 * m.messages_lost / m.messages_sent for m in talking),
         replans=quantiles(float(m.replans) for m in missions),
     )
+
+
+def _docks_again(trial: TrialResult) -> Iterator[StepResult]:
+    """Yield the docking steps at a port where the same unit had docked before."""
+    before: set[tuple[str, str]] = set()
+    for step in trial.steps:
+        if step.undocks:
+            continue
+        if (step.unit, step.target) in before:
+            yield step
+        if step.docked:
+            before.add((step.unit, step.target))
 
 
 def _figures(results: list[StepResult]) -> StepFigures:

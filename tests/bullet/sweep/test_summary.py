@@ -4,6 +4,8 @@ import pytest
 
 from msrr_bullet.sweep.summary import TrialFailure, summarise
 from msrr_bullet.sweep.worker_pool import TrialFunction
+from msrr_scenes import load_scene
+from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
@@ -64,3 +66,19 @@ def test_a_false_dock_counts_whatever_the_trial_ended_with(scene: Scene, made_up
     docked = made_up(scene, 0)
     mixed = docked.model_copy(update={"steps": (*docked.steps, wrong)})
     assert summarise(scene, "hash", "code", [docked, mixed]).false_docks == 1
+
+
+def test_docks_at_a_port_once_more(made_up: TrialFunction) -> None:
+    """Only those count that follow a dock of the same unit at the same port, and none that failed."""
+    scene = load_scene("dock_again")
+    trials = []
+    for seed in (4, 9):  # the dock of seed 9 is a false one
+        trial = made_up(scene, seed)
+        first = trial.steps[0]
+        left = first.model_copy(update={"undocks": True, "outcome": Outcome.UNDOCKED})
+        elsewhere = first.model_copy(update={"target": "b.left"})
+        trials.append(trial.model_copy(update={"steps": (first, left, elsewhere, first)}))
+    mission = summarise(scene, "hash", "code", trials).mission
+    assert mission is not None
+    assert (mission.docks.trials, mission.docks_again.trials) == (6, 1)
+    assert mission.docks_again.contact_lateral_mm.max == pytest.approx(4.0)
