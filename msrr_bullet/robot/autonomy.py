@@ -11,6 +11,7 @@ from typing import Any
 
 from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
+from msrr_bullet.robot.drive_feed_forward import DriveFeedForward
 from msrr_bullet.robot.overhead_localizer import OverheadLocalizer, OverheadReader
 from msrr_bullet.robot.wheel_speed import WheelSpeed
 from msrr_control.docking.controller import build_controller
@@ -154,6 +155,7 @@ class Autonomy:
         self._unit = step.unit
         self._onboard = target.camera_name
         self._speed = WheelSpeed(target.wheel_radius, target.track)
+        self._feed_forward = DriveFeedForward(self._estimator, target.track, scene.control.drive_feed_forward)
         self._switches: SeatSwitches | None = None
         self._lock: LockFeedback | None = None
         self._now_ns = 0
@@ -278,7 +280,7 @@ class Autonomy:
                 part.reset()
         if self._reader is not None and action.phase is Phase.RETREAT and before is not Phase.RETREAT:
             self._reader.restart_search()  # an obstacle may have appeared behind the unit
-        return self._limit_by_clearance(action)
+        return self._feed_forward.apply(self._limit_by_clearance(action))
 
     def _learn_seat(self) -> None:
         """Keep what the unit has learned, now that it is docked; estimators of a user's own keep nothing."""

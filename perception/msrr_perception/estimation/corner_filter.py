@@ -18,7 +18,7 @@ from msrr_perception.estimation.dock_frame import in_seat, pose_in_D
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.motion import DEFAULT_NOISE, DriveMotion, FilterState, MotionNoise
 from msrr_perception.estimation.wheel_history import WheelHistory
-from msrr_perception.pose.calibration import POSE_SIZE
+from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
@@ -184,6 +184,17 @@ class CornerEkf:
         X, J = pose_in_D(self.target.filter_layout, state)
         covariance = J @ state.covariance @ J.T
         return PoseEstimate(state.stamp_ns, X, 0.5 * (covariance + covariance.T), state.last_seen_ns)
+
+    def drive_errors(self) -> tuple[float, float, float]:
+        """Return what is known of the relative errors of the left and right radius and of the track.
+
+        They are those of the motion by a command. An error of the encoders is left out as far as the data
+        sheets tell one from the other: by the share of its variance.
+        """
+        state = self._entries[-1].after if self._entries else None
+        known = self._known.mean[:DRIVE_SIZE] if state is None else state.mean[POSE_SIZE:][:DRIVE_SIZE]
+        left, right, track = (self._motion.in_motion * known).tolist()
+        return left, right, track
 
     @property
     def drawn(self) -> Knowledge:

@@ -288,5 +288,7 @@ class ControlSpec(Spec):
     """Detector of tags in images."""
     delay_compensation: bool = True
     """Whether the estimate is moved from the last exposure up to the control instant."""
+    drive_feed_forward: bool = True
+    """Whether commands make up for the errors of wheel radii and track that the estimator has found out."""
     guard: GuardSpec = GuardSpec()
     """Collision monitor."""

@@ -99,21 +99,24 @@ class Scene(Spec):
 
     @model_validator(mode="before")
     @classmethod
-    def _grade_optics(cls, data: Any) -> Any:
-        """Give the cameras the optics of the grade of the workmanship, where a scene gives no others."""
+    def _grade_data_sheets(cls, data: Any) -> Any:
+        """Give the sensors the data sheets of the grade of the workmanship, where a scene gives no others.
+
+        Wheels that were built with errors have them in their motion, and not in the readings alone as well.
+        """
         built = data.get("as_built") if isinstance(data, dict) else None
         grade = built.get("grade") if isinstance(built, dict) else built
         if not isinstance(grade, str) or grade not in GRADES:
             return data
-        given = data.get("cameras", {})
-        if not isinstance(given, dict):
+        given, odometry = data.get("cameras", {}), data.get("odometry", {})
+        optics = graded_optics(cast(Grade, grade))
+        if not optics or not isinstance(given, dict) or not isinstance(odometry, dict):
             return data
         cameras = {"onboard": {}, **given}
-        optics = graded_optics(cast(Grade, grade))
         for name, camera in cameras.items():
             if isinstance(camera, dict):
                 cameras[name] = {**optics, **camera}
-        return {**data, "cameras": cameras} if optics else data
+        return {**data, "cameras": cameras, "odometry": {"scale_error": 0.0, **odometry}}
 
     @property
     def docks(self) -> tuple[DockStep, ...]:

@@ -202,9 +202,10 @@ class OdometrySpec(Spec):
     ticks_per_turn: int = Field(default=4096, ge=1, le=2**24)
     """Encoder ticks per turn of a wheel; the finest encoders that are sold have 24 bits."""
     scale_error: Annotated[float, between(0.0, 0.2)] = 0.02
-    """Standard deviation of each wheel's unknown relative radius error (slip), drawn once per trial.
+    """Standard deviation of each wheel's unknown relative radius error in the readings, drawn once per trial.
 
-    At 0.2 a draw of five deviations is a wheel without a radius.
+    At 0.2 a draw of five deviations is a wheel without a radius. If ``as_built`` has a grade, it is 0 unless
+    given: the wheels of a grade have their errors in the motion.
     """
     noise_rad: Annotated[float, between(0.0, 2.0 * math.pi)] = 0.002
     """Standard deviation of a reading's noise per square root of a radian turned [rad]; at most a turn."""
