@@ -20,6 +20,10 @@ MAX_NUMBER = 40
 #: Longest key [characters].
 MAX_KEY = 100
 
+#: Key that a text stands for where a mapping may be written as a text: ``as_built: careful`` is short for
+#: ``as_built: {grade: careful}``, so that an override may give a key beside the grade.
+SHORT_FORMS: Mapping[KeyPath, str] = {("as_built",): "grade"}
+
 _TAG = "tag:yaml.org,2002:"
 _SCALARS = {_TAG + kind for kind in ("null", "bool", "int", "float", "str", "timestamp")}
 _ALLOWED = {yaml.MappingNode: {_TAG + "map"}, yaml.SequenceNode: {_TAG + "seq"}, yaml.ScalarNode: _SCALARS}
@@ -102,6 +106,8 @@ def _put(document: YamlDocument, parts: list[str], value: Any, option: str) -> N
         elif isinstance(container, dict) and container.get(key) is None:
             container[key] = {}
             document.origins[path] = option
+        elif path in SHORT_FORMS and isinstance(container[key], str):
+            container[key] = {SHORT_FORMS[path]: container[key]}
         container = container[key]
     for old in [p for p in document.origins if p[: len(path)] == path]:
         del document.origins[old]

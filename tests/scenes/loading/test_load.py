@@ -233,6 +233,17 @@ def test_overrides_reach_everything(tmp_path: Path) -> None:
     assert scene.plant == "unicycle"
 
 
+def test_overrides_reach_below_a_grade_that_is_given_by_its_name_alone(tmp_path: Path) -> None:
+    path = write(tmp_path, GOOD + "\nas_built: workshop\n")
+    built = load_scene(path, {"as_built.onboard.yaw_deg": "2"}).as_built
+    assert str(built) == "workshop but for onboard.yaw_deg = 2"
+    built = load_scene(path, {"as_built": "perfect", "as_built.onboard.yaw_deg": "2"}).as_built
+    assert str(built) == "perfect but for onboard.yaw_deg = 2"
+    path.write_text(GOOD + "\nas_built: workshp\n")
+    with pytest.raises(SceneError, match=r"scene.yaml:\d+:1: as_built.grade: .*workshop"):
+        load_scene(path, {"as_built.onboard.yaw_deg": "2"})
+
+
 @pytest.mark.parametrize(
     ("key", "value", "expected"),
     [
