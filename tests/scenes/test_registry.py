@@ -141,7 +141,7 @@ def test_a_class_that_fails_while_it_is_built_is_named_with_file_and_line(
 
 
 def test_the_implementations_that_a_scene_names_are_found_at_any_depth() -> None:
-    scene = load_scene("two_units", {"cameras.overhead.renderer": "mine:Renderer"})
+    scene = load_scene("two_units", {"as_built": "perfect", "cameras.overhead.renderer": "mine:Renderer"})
     assert {c.name for c in choices(scene) if is_import_path(c)} == {"mine:Renderer"}
     assert {c.name for c in choices(scene)} >= {"raster", "pupil", "corner_ekf", "cbf", "c1"}
 

@@ -66,12 +66,13 @@ def _lens_problems(scene: Scene, name: str, spec: CameraSpec) -> Iterator[Proble
     told, deviations = spec.lens, {key: getattr(getattr(scene.as_built, name), key) for key in COEFFICIENTS}
     if spec.renderer.name != _RENDERER:
         text = f"the renderer {spec.renderer.name!r} draws ideal lenses only, and "
-        remedy = f"use renderer {_RENDERER}, or leave out"
+        remedy = f"use renderer {_RENDERER}, or"
         if told.distorts:
-            text += f"cameras.{name}.calibration is of another one; {remedy} its coefficients, with fy as fx"
+            text += f"cameras.{name}.calibration is of another one; "
+            text += f"{remedy} leave out its coefficients, with fy as fx"
             yield Problem(("cameras", name, "renderer"), text)
         elif any(deviation.error or deviation.sigma for deviation in deviations.values()):
-            text += f"as_built.{name} distorts; {remedy} {', '.join(COEFFICIENTS)} there"
+            text += f"as_built.{name} distorts; {remedy} as_built: perfect without {', '.join(COEFFICIENTS)}"
             yield Problem(("cameras", name, "renderer"), text)
     errors = {key: deviation.error or 0.0 for key, deviation in deviations.items()}
     if any(errors.values()):
@@ -101,7 +102,7 @@ def _shutter_problems(path: KeyPath, spec: CameraSpec) -> Iterator[Problem]:
         if value > 0.0 and spec.renderer.name != _RENDERER:
             text = (
                 f"the renderer {spec.renderer.name!r} draws one instant only; use renderer {_RENDERER}, or "
-                "leave it out"
+                "set it to 0, as as_built: perfect does"
             )
             yield Problem((*path, key), text)
         if value > interval_ms:

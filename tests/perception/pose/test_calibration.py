@@ -46,7 +46,7 @@ X_DU = SE2(-0.42, 0.03, math.radians(5.0))
 def _true_pixels(name: str, error: float) -> tuple[TargetModel, dict[int, np.ndarray]]:
     """Return what a robot is told, and the true pixels of the tags of the port as they were built."""
     given = {f"as_built.{name}.error": str(error), f"as_built.{name}.sigma": "0.01"}
-    scene = load_scene("close_range", given)
+    scene = load_scene("close_range", {"as_built": "perfect", **given})
     step = scene.docks[0]
     told, built = TargetModel.from_scene(scene.told(), step), draw_as_built(scene, 0)
     own, other = built.units["a"], built.units["b"]
@@ -111,6 +111,6 @@ def test_derivatives_are_those_of_the_projection() -> None:
 
 
 def test_a_tolerance_of_next_to_nothing_can_be_computed_with() -> None:
-    scene = load_scene("close_range", {"as_built.onboard.yaw_deg.sigma": "1e-12"})
+    scene = load_scene("close_range", {"as_built": "{onboard: {yaw_deg: {sigma: 1e-12}}}"})
     prior = TargetModel.from_scene(scene.told(), scene.docks[0]).filter_layout.prior
     assert np.linalg.cond(np.diag(prior**2)) < 1e12

@@ -106,7 +106,8 @@ def test_the_field_of_view_of_an_ideal_camera_is_a_short_form() -> None:
 def test_errors_add_to_what_is_known() -> None:
     numbers = "{fx_px: 417, fy_px: 412, cx_px: 322.5, cy_px: 236, k1: -0.2, k2: 0.04}"
     errors = "{focal_percent: 1, cx_px: 3, k1: 0.02, p1: 0.001}"
-    scene = load_scene("close_range", {"cameras.onboard.calibration": numbers, "as_built.onboard": errors})
+    changes = {"cameras.onboard.calibration": numbers, "as_built": f"{{onboard: {errors}}}"}
+    scene = load_scene("close_range", changes)
     true, told = draw_as_built(scene, 0).units["a"].camera, scene.cameras.onboard.lens
     assert true.pinhole.focal == pytest.approx(417.0 * 1.01)
     assert (true.pinhole.cx, true.pinhole.cy) == pytest.approx((325.5, 236.0))
@@ -184,6 +185,7 @@ def test_numbers_of_no_camera_are_refused(numbers: str, message: str) -> None:
 
 def test_a_known_lens_that_the_renderer_does_not_draw_is_refused() -> None:
     tiny = {
+        "as_built": "perfect",
         "cameras.onboard.calibration": "{fx_px: 417, fy_px: 410, cx_px: 320, cy_px: 240}",
         "cameras.onboard.renderer": "tiny",
     }

@@ -21,7 +21,7 @@ from msrr_scenes.loading.load import load_scene
 def test_a_camera_that_cannot_be_is_refused(
     camera: str, key: str, changes: dict[str, str], message: str
 ) -> None:
-    rate = {f"cameras.{camera}.rate_hz": "25"}
+    rate = {"as_built": "perfect", f"cameras.{camera}.rate_hz": "25"}
     prefixed = rate | {f"cameras.{camera}.{name}": value for name, value in changes.items()}
     with pytest.raises(SceneError, match=message) as refused:
         load_scene("two_units", prefixed)
@@ -36,11 +36,21 @@ def test_times_that_just_fit_are_accepted() -> None:
 
 @pytest.mark.parametrize("deviation", ["-0.05", "{sigma: 0.01}"])
 def test_a_lens_that_the_renderer_does_not_draw_is_refused(deviation: str) -> None:
-    tiny = {"as_built.onboard.k1": deviation, "cameras.onboard.renderer": "tiny"}
+    tiny = {"as_built": "perfect", "as_built.onboard.k1": deviation, "cameras.onboard.renderer": "tiny"}
     with pytest.raises(SceneError, match="'tiny' draws ideal lenses only"):
         load_scene("close_range", tiny)
     load_scene("close_range", tiny | {"perception": "parametric"})
     load_scene("close_range", tiny | {"cameras.onboard.renderer": "raster"})
+
+
+def test_a_renderer_of_one_instant_and_ideal_lenses_goes_with_perfect_calibration() -> None:
+    """And both messages about it say so, for exposure and distortion come with a grade."""
+    own = {"as_built": "careful", "cameras.onboard.renderer": "mine:Renderer"}
+    with pytest.raises(SceneError) as refused:
+        load_scene("close_range", own)
+    assert len(lines := str(refused.value).splitlines()) == 2
+    assert all("as_built: perfect" in line for line in lines)
+    load_scene("close_range", own | {"as_built": "perfect"})
 
 
 def test_a_lens_that_folds_the_frame_is_refused() -> None:
