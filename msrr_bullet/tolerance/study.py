@@ -15,7 +15,7 @@ from msrr_bullet.tolerance.trial_plan import Batch, EffectTrials, condition_tria
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.loading.load import scene_hash
-from msrr_scenes.specs.as_built import AsBuiltSpec, Grade
+from msrr_scenes.specs.as_built import Grade
 from msrr_scenes.specs.scene import Scene
 
 #: Called with a line of text that says how far the study is.
@@ -44,8 +44,9 @@ def tolerance_study(
 ) -> ToleranceStudy:
     """Try each effect alone and all together by grade, on common seeds.
 
-    While effects are tried alone, the robots know the tolerances of the scene. Under a grade they know those
-    of the grade.
+    While effects are tried alone, the robots know the tolerances of the scene, and the cameras are its own.
+    Under a grade the tolerances are those of the grade, and so are the optics of the cameras unless the scene
+    gives others.
 
     Args:
         scene: A checked scene.
@@ -66,7 +67,7 @@ def tolerance_study(
     """
     base = as_drawn_scene(scene)
     asking: list[Asking] = [condition_trials(base, seeds)]
-    asking += [condition_trials(_graded(scene, grade), grade_seeds) for grade in grades]
+    asking += [condition_trials(scene.at_grade(grade), grade_seeds) for grade in grades]
     asking += [EffectTrials(base, effect, seeds).ask() for effect in effects]
 
     def run(batches: list[Batch], say: Callable[[int, int], str]) -> Outcomes:
@@ -137,7 +138,3 @@ def run_in_rounds(
                 results[i] = end.value
         asked = following
     return [results[i] for i in range(len(asking))]
-
-
-def _graded(scene: Scene, grade: Grade) -> Scene:
-    return scene.model_copy(update={"as_built": AsBuiltSpec.model_validate({"grade": grade})})

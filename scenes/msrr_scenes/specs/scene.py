@@ -23,7 +23,7 @@ from msrr_scenes.specs.plan import (
     PlanStep,
     Plant,
 )
-from msrr_scenes.specs.sensors import CamerasSpec, OdometrySpec, ParametricSpec
+from msrr_scenes.specs.sensors import CameraSpec, CamerasSpec, OdometrySpec, ParametricSpec
 from msrr_scenes.specs.spec import Duration, Name, PoseSpec, Spec, Text, between
 from msrr_scenes.specs.vehicle import LimitsSpec, LinkSpec, LockSpec, WheelMotorSpec
 
@@ -138,6 +138,22 @@ class Scene(Spec):
         """Return the scene as robots and base station are told it: without true errors and without faults."""
         return self.model_copy(update={"as_built": self.as_built.told(), "faults": ()})
 
+    def at_grade(self, grade: Grade) -> Scene:
+        """Return the scene at another grade of the workmanship, with its optics and without given errors.
+
+        Noise, blur, tone curve and exposure time that are not those of the scene's own grade stay.
+        """
+        cameras = {
+            name: _regraded(spec, self.as_built.grade, grade)
+            for name, spec in self.cameras
+            if isinstance(spec, CameraSpec)
+        }
+        updates = {
+            "as_built": AsBuiltSpec.model_validate(grade),
+            "cameras": self.cameras.model_copy(update=cameras),
+        }
+        return self.model_copy(update=updates)
+
     def start_pose(self, body: str) -> PoseSpec:
         """Return the start pose of a unit or an obstacle: that of an assembled unit is its seat."""
         if body in self.holders:
@@ -172,3 +188,10 @@ class Scene(Spec):
     def tag_size(self, slot: str) -> float:
         """Return the edge [m] of the black square of the tag on link ``slot``."""
         return self.tags.size(slot)
+
+
+def _regraded(spec: CameraSpec, own: Grade, other: Grade) -> CameraSpec:
+    """Return a camera whose optics are those of another grade where they are those of its own."""
+    defaults = {key: type(spec).model_fields[key].default for key in graded_optics("careful")}
+    before, after = ({**defaults, **graded_optics(grade)} for grade in (own, other))
+    return spec.model_copy(update={k: after[k] for k in defaults if getattr(spec, k) == before[k]})

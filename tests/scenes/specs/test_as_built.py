@@ -17,7 +17,7 @@ def spec(data: Any) -> AsBuiltSpec:
 
 
 def test_without_a_word_all_is_as_drawn() -> None:
-    assert load_scene("close_range").as_built == AsBuiltSpec() == spec("perfect") == spec({})
+    assert load_scene("weak_lock").as_built == AsBuiltSpec() == spec("perfect") == spec({})
     assert not [d for _, _, d in AsBuiltSpec().deviations() if d.sigma or d.error is not None]
 
 
@@ -85,7 +85,17 @@ def test_a_grade_gives_cameras_its_optics_where_the_scene_gives_none() -> None:
     assert (overhead.noise_grey, overhead.blur_px) == (4.0, 0.3)
     again = type(careful).model_validate(careful.model_dump())
     assert again.cameras == careful.cameras
-    assert load_scene("two_units", {"as_built": "perfect"}).cameras == load_scene("two_units").cameras
+    perfect = load_scene("two_units", {"as_built": "perfect"}).cameras
+    assert perfect == type(perfect).model_validate({"overhead": {}})
     workshop = load_scene("close_range", {"as_built": "workshop"}).cameras
     assert workshop.overhead is None
     assert (workshop.onboard.noise_grey, workshop.onboard.blur_px) == (8.0, 1.131)
+
+
+@pytest.mark.parametrize("name", ["two_units", "weak_lock"])
+@pytest.mark.parametrize("grade", GRADES)
+def test_a_scene_at_another_grade_is_the_one_that_names_it(name: str, grade: str) -> None:
+    """And what it gives of a camera itself stays."""
+    given = {"cameras.onboard.gamma": "1.1", "as_built.onboard.yaw_deg": "2"}
+    scene = load_scene(name, {**given, "as_built.tags.x_m": "0.001"})
+    assert scene.at_grade(grade) == load_scene(name, {"cameras.onboard.gamma": "1.1", "as_built": grade})
