@@ -78,7 +78,7 @@ def module_sizes() -> tuple[float, float]:
 
 
 def _load() -> tuple[Scene, CameraSpec, OverheadModel]:
-    scene = load_scene(_SCENE)
+    scene = load_scene(_SCENE, {"as_built": "perfect"})
     spec = scene.cameras.overhead
     if spec is None:
         raise SceneError(f"{_SCENE}: has no overhead camera")

@@ -62,8 +62,8 @@ def empty_client() -> Iterator[tuple[int, Path]]:
 
 @contextmanager
 def facing_units(X_DU: SE2) -> Iterator[tuple[Scene, BulletWorld]]:
-    """Open the world of scene ``close_range`` with unit a at ``X_DU`` in front of the rear port of b."""
-    scene = load_scene("close_range")
+    """Open the world of ``close_range``, as drawn, with unit a at ``X_DU`` in front of the rear port of b."""
+    scene = load_scene("close_range", {"as_built": "perfect"})
     X_WD = scene.units["b"].pose.nominal @ scene.geometry("b").dock_frame("rear")
     placement = Placement({"b": scene.units["b"].pose.nominal, "a": X_WD @ X_DU}, {})
     with tempfile.TemporaryDirectory(prefix="msrr-") as folder:

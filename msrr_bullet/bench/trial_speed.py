@@ -47,6 +47,7 @@ class TrialSpeed(BaseModel, frozen=True):
     Attributes:
         scene: Name of the scene.
         seed: Seed of the trial.
+        as_built: Grade of the workmanship, with the quantities that are not as the grade has them.
         outcome: How the trial ended.
         duration_s: Simulated time, without the pull tests at the end.
         real_time_factor: Simulated time, with the pull tests, over wall-clock time of the loop.
@@ -70,6 +71,7 @@ class TrialSpeed(BaseModel, frozen=True):
 
     scene: str
     seed: int
+    as_built: str
     outcome: Outcome
     duration_s: float
     real_time_factor: float
@@ -163,6 +165,7 @@ def measure_trial_speed(scene: Scene, seed: int = 0) -> TrialSpeed:
     return TrialSpeed(
         scene=scene.name,
         seed=seed,
+        as_built=result.as_built,
         outcome=result.outcome,
         duration_s=result.duration_s,
         real_time_factor=1e3 / trial.ms_per_s,
@@ -184,7 +187,7 @@ def measure_trial_speed(scene: Scene, seed: int = 0) -> TrialSpeed:
 
 def trial_speed_table(report: TrialSpeed) -> Table:
     """Return the report as a table for a terminal."""
-    title = f"{report.scene}, seed {report.seed}: {report.duration_s:.1f} s"
+    title = f"{report.scene}, seed {report.seed}, as built {report.as_built}: {report.duration_s:.1f} s"
     table = Table(title=title, title_justify="left")
     table.add_column("")
     table.add_column("per simulated second", justify="right")

@@ -26,7 +26,7 @@ class UnitCost(BaseModel, frozen=True):
 
     Attributes:
         mover_ms_per_s: The mission over the number of units under way, on average over the mission.
-        reference_ms_per_s: The shipped scene ``two_units``, in which one unit is under way.
+        reference_ms_per_s: The shipped scene ``two_units`` at the same grade, in which one unit is under way.
         parked_ms_per_s: A unit of the mission that stands by, seen by the base station, while another docks.
     """
 
@@ -74,7 +74,7 @@ def measure_unit_cost(
     ]
     least = {key: min(each[key] for each in times) for key in scenes}
     crowd, pair = (least[parked, _TO_S] - least[parked, _FROM_S] for parked in (True, False))
-    reference = load_scene(REFERENCE)
+    reference = load_scene(REFERENCE, {"as_built": scene.as_built.grade})
     return UnitCost(
         mover_ms_per_s=mover_ms_per_s,
         reference_ms_per_s=min(time_ms_per_s(reference, seed) for _ in range(2)),

@@ -28,7 +28,8 @@ from msrr_scenes.specs.spec import Choice
 
 #: Part of every description: in the real loop the trajectory is not quite the paper's.
 _GUIDANCE = (
-    "guidance as shipped: the paper's, but it slows down before contact and waits for a unit that lags behind"
+    "perfect calibration; guidance as shipped: the paper's, but it slows down before contact and waits for a"
+    " unit that lags behind"
 )
 
 
@@ -55,8 +56,12 @@ class Experiment:
     overrides: dict[str, str] = field(default_factory=dict)
 
     def load(self, label: str) -> Scene:
-        """Return the scene under one of the controllers."""
-        overrides = {**self.overrides, "control.docking": json.dumps(self.docking[label].model_dump())}
+        """Return the scene under one of the controllers, with the perfect calibration that the paper has."""
+        overrides = {
+            "as_built": "perfect",
+            **self.overrides,
+            "control.docking": json.dumps(self.docking[label].model_dump()),
+        }
         if label in self.assembly:
             overrides["control.assembly"] = json.dumps(self.assembly[label].model_dump())
         return load_scene(self.scene, overrides)

@@ -5,5 +5,5 @@ import pytest
 
 @pytest.fixture
 def blind_loop() -> dict[str, str]:
-    """Overrides that replace contact and pixels by models: a trial of the loop in a fraction of a second."""
-    return {"plant": "unicycle", "perception": "parametric"}
+    """Overrides for the loop as `msrr reproduce` runs it, with models in place of contact and pixels."""
+    return {"as_built": "perfect", "plant": "unicycle", "perception": "parametric"}
