@@ -12,6 +12,10 @@ from msrr_scenes.specs.scene import Scene
 #: How trials of the tests are rendered, unless a test is about rendering.
 RENDERING: Mapping[str, str] = {"cameras.onboard.renderer": "raster"}
 
+#: Robots of the tests are as drawn, unless a test is about how they were built: what a test sees has no other
+#: cause than what it changes, and rendered trials take less time.
+CALIBRATION: Mapping[str, str] = {"as_built": "perfect"}
+
 #: Ideal unicycles and the true pose with errors: a trial in a fraction of a second, for what needs no pixels.
 BLIND: Mapping[str, str] = {"plant": "unicycle", "perception": "parametric"}
 
@@ -22,11 +26,11 @@ ShippedScene = Callable[..., Scene]
 def shipped() -> ShippedScene:
     """Load a shipped scene for a trial: ``shipped("weak_lock", {"lock.strength_n": "60"})``.
 
-    ``blind=True`` replaces contact and pixels by their models.
+    Robots are as drawn; ``blind=True`` replaces contact and pixels by their models.
     """
 
     def load(name: str, overrides: Mapping[str, str] | None = None, *, blind: bool = False) -> Scene:
-        return load_scene(name, {**RENDERING, **(BLIND if blind else {}), **(overrides or {})})
+        return load_scene(name, {**RENDERING, **CALIBRATION, **(BLIND if blind else {}), **(overrides or {})})
 
     return load
 

@@ -53,9 +53,9 @@ def with_step() -> Callable[..., Snapshot]:
 
 
 @pytest.fixture(scope="session")
-def drive() -> Drive:
+def drive(shipped: Callable[..., Scene]) -> Drive:
     """Unit a of scene ``bystander`` drives to the rear of b in 8 s; its estimate is up to 12 mm off."""
-    scene = load_scene("bystander")
+    scene = shipped("bystander")
     step, los = scene.plan[0], scene.los
     bystanders = {name: scene.units[name].pose.nominal for name in ("b", "c")}
     posts = {name: spec.pose.nominal for name, spec in scene.obstacles.items()}
@@ -95,9 +95,9 @@ def drive() -> Drive:
 
 
 @pytest.fixture(scope="session")
-def short_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def short_run(shipped: Callable[..., Scene], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Run folder with the log of 10 s, seen by both cameras, which ends half-way through docking."""
-    scene = load_scene(
+    scene = shipped(
         "two_units",
         {
             "plant": "unicycle",
@@ -130,9 +130,9 @@ def short_snapshots(short_log: Log) -> list[Snapshot]:
 
 
 @pytest.fixture(scope="session")
-def blind_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def blind_run(shipped: Callable[..., Scene], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Run folder with the log of a trial with parametric perception, without any pixels."""
-    scene = load_scene("close_range", {"plant": "unicycle", "perception": "parametric"})
+    scene = shipped("close_range", blind=True)
     folder = tmp_path_factory.mktemp("blind_run")
     with McapRecorder(folder / LOG_NAME, LogHeader.of(scene, 1, {})) as recorder:
         Trial(scene, 1, recorder=recorder).run()

@@ -19,10 +19,10 @@ from msrr_bullet.simulation.world import BulletWorld
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Pixels
 from msrr_scenes.placement.placement import draw_placement
 from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.scene import Scene
 
 #: Largest probability with which a test of this folder may fail by chance although its claim is true.
 LARGEST_FALSE_ALARM = 0.01
@@ -116,20 +116,20 @@ MakeGallery = Callable[[tuple[float, float], int], Gallery]
 
 
 @pytest.fixture(scope="session")
-def gallery() -> MakeGallery:
+def gallery(shipped: Callable[..., Scene]) -> MakeGallery:
     """Render ``count`` views of scene close_range: gaps [m] within limits, up to 12 degrees off the axis."""
     made: dict[tuple[tuple[float, float], int], Gallery] = {}
 
     def make(gaps: tuple[float, float], count: int) -> Gallery:
         if (gaps, count) not in made:
-            made[gaps, count] = _render(gaps, count)
+            made[gaps, count] = _render(shipped, gaps, count)
         return made[gaps, count]
 
     return make
 
 
-def _render(gaps: tuple[float, float], count: int) -> Gallery:
-    scene = load_scene("close_range")
+def _render(shipped: Callable[..., Scene], gaps: tuple[float, float], count: int) -> Gallery:
+    scene = shipped("close_range")
     step, spec = scene.plan[0], scene.cameras.onboard
     target = TargetModel.from_scene(scene, step)
     margin = ImageNoise(0, 2.0, 0.0).margin

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 
 import pytest
 
@@ -18,9 +19,9 @@ from msrr_scenes.specs.spec import Choice
 
 
 @pytest.fixture(scope="module")
-def scene() -> Scene:
+def scene(shipped: Callable[..., Scene]) -> Scene:
     """The beginning of close_range at one sample a pixel, where the naive loop is cheap enough for a test."""
-    loaded = load_scene("close_range")
+    loaded = shipped("close_range")
     onboard = loaded.cameras.onboard.model_copy(update={"samples": 1})
     return loaded.model_copy(
         update={"time_limit_s": 0.8, "cameras": loaded.cameras.model_copy(update={"onboard": onboard})}
@@ -84,9 +85,9 @@ def test_what_a_unit_costs_is_measured_where_one_docks_and_all_others_stand_by()
     assert cost.mover_ratio == pytest.approx(82.0 / (100.0 / 90.0 + 40.0))  # two_units may take 90 s
 
 
-def test_the_guard_is_a_stage_of_its_own() -> None:
+def test_the_guard_is_a_stage_of_its_own(shipped: Callable[..., Scene]) -> None:
     profiler = StageProfiler()
-    Trial(load_scene("two_units", {"time_limit_s": "0.3"}), 0, profiler=profiler).run()
+    Trial(shipped("two_units", {"time_limit_s": "0.3"}), 0, profiler=profiler).run()
     assert profiler.spent_ns["collision monitor"] > 0
     assert profiler.spent_ns["control"] > 0
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,6 @@ from msrr_bullet.log.formats import format_of
 from msrr_bullet.replay import replay, replay_isolated
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
-from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Action, Detections, Phase, PoseEstimate
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -38,10 +38,10 @@ def record(scene: Scene, seed: int, path: Path) -> TrialResult:
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(shipped: Callable[..., Scene], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One docking by rendered images, from the start to the pull test."""
     out = tmp_path_factory.mktemp("docking")
-    result = record(load_scene("close_range"), SEED, out / "trial.mcap")
+    result = record(shipped("close_range"), SEED, out / "trial.mcap")
     assert result.outcome is Outcome.DOCKED
     (out / "result.json").write_text(result.to_json())
     return out
@@ -103,7 +103,7 @@ def test_another_process_writes_the_same_log(run: Path, log: Log, tmp_path: Path
         "from msrr_bullet.log import LogHeader, McapRecorder\n"
         "from msrr_bullet.trial.trial import Trial\n"
         "from msrr_scenes.loading.load import load_scene\n"
-        "scene = load_scene('close_range')\n"
+        "scene = load_scene('close_range', {'as_built': 'perfect'})\n"
         f"header = LogHeader.of(scene, {SEED}, {{}})\n"
         "with McapRecorder(Path(sys.argv[1]) / 'trial.mcap', header) as recorder:\n"
         f"    result = Trial(scene, {SEED}, recorder=recorder).run()\n"
@@ -163,17 +163,19 @@ def test_the_robot_does_not_depend_on_the_truth_of_the_log(log: Log, tmp_path: P
     ],
     ids=["parametric", "unicycle", "dropped frames", "lossy link", "whole frames"],
 )
-def test_other_kinds_of_trial_replay_identically(overrides: dict[str, str], tmp_path: Path) -> None:
+def test_other_kinds_of_trial_replay_identically(
+    overrides: dict[str, str], shipped: Callable[..., Scene], tmp_path: Path
+) -> None:
     # One sample per pixel, for speed.
-    scene = load_scene("close_range", {**overrides, "cameras.onboard.samples": "1"})
+    scene = shipped("close_range", {**overrides, "cameras.onboard.samples": "1"})
     record(scene, 2, tmp_path / "trial.mcap")
     report = replay(tmp_path)
     assert report.mismatches == ()
     assert report.identical
 
 
-def test_recording_changes_nothing_in_the_trial(tmp_path: Path) -> None:
-    quick = load_scene("close_range", {"perception": "parametric"})
+def test_recording_changes_nothing_in_the_trial(shipped: Callable[..., Scene], tmp_path: Path) -> None:
+    quick = shipped("close_range", {"perception": "parametric"})
     assert record(quick, 4, tmp_path / "trial.mcap") == Trial(quick, 4).run()
 
 

@@ -14,7 +14,7 @@ from msrr_bullet.tolerance.model import ToleranceStudy
 from msrr_bullet.tolerance.study import tolerance_study
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import AttemptRecord, Contact, PlanarPose, StepResult
-from msrr_scenes import load_scene, scene_hash
+from msrr_scenes import scene_hash
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.random_streams import stream
@@ -84,8 +84,8 @@ def made_up(scene: Scene, seed: int, outcome: Outcome, lateral_m: float, yaw_rad
 
 
 @pytest.fixture(scope="session")
-def scene() -> Scene:
-    return load_scene("close_range", {"plant": "unicycle", "perception": "parametric"})
+def scene(shipped: Callable[..., Scene]) -> Scene:
+    return shipped("close_range", blind=True)
 
 
 @pytest.fixture(scope="session")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType, MethodType, ModuleType
 from typing import Any
@@ -116,9 +117,9 @@ def test_the_log_holds_specification_and_truth_and_result_and_summary_the_grade(
     assert type(result).from_json(result.to_json()) == result
 
 
-def test_a_trial_in_which_all_is_as_drawn_has_no_such_record() -> None:
+def test_a_trial_in_which_all_is_as_drawn_has_no_such_record(shipped: Callable[..., Scene]) -> None:
     recorder = MemoryRecorder()
-    result = Trial(load_scene("close_range", SHORT), 5, recorder=recorder).run()
+    result = Trial(shipped("close_range", SHORT), 5, recorder=recorder).run()
     assert not [m for *_, m in recorder.messages if isinstance(m, BuiltErrors)]
     assert result.as_built == "perfect"
 

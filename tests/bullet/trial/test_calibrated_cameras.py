@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,8 +11,8 @@ from msrr_bullet.log import LogHeader, McapRecorder
 from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
-from msrr_scenes.loading.load import load_scene
 from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.scene import Scene
 
 ONBOARD = {
     "cameras.onboard.calibration": (
@@ -30,19 +31,21 @@ def contact_mm(result: TrialResult) -> float:
 
 
 @pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1, 12), marks=pytest.mark.nightly)], ids=str)
-def test_a_unit_docks_behind_a_lens_that_it_knows(seeds: range) -> None:
+def test_a_unit_docks_behind_a_lens_that_it_knows(seeds: range, shipped: Callable[..., Scene]) -> None:
     """Units with ideal cameras touch the port within 0.1 mm."""
     for seed in seeds:
-        result = Trial(load_scene("close_range", ONBOARD), seed).run()
+        result = Trial(shipped("close_range", ONBOARD), seed).run()
         assert result.outcome is Outcome.DOCKED
         assert contact_mm(result) < 0.1
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("seed", range(4))
-def test_a_mission_is_led_by_cameras_that_distort(seed: int, tmp_path: Path) -> None:
+def test_a_mission_is_led_by_cameras_that_distort(
+    seed: int, shipped: Callable[..., Scene], tmp_path: Path
+) -> None:
     """And a replay, which has the calibration from the log, finds the same."""
-    scene = load_scene("two_units", ONBOARD | OVERHEAD)
+    scene = shipped("two_units", ONBOARD | OVERHEAD)
     with McapRecorder(tmp_path / "trial.mcap", LogHeader.of(scene, seed, {})) as recorder:
         result = Trial(scene, seed, recorder=recorder).run()
     assert result.outcome is Outcome.DOCKED

@@ -21,10 +21,10 @@ from msrr_perception.pose.joint_pose import joint_pose
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Detections, PoseEstimate
 from msrr_scenes.placement.placement import draw_placement
 from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.scene import Scene
 
 
 @dataclass
@@ -49,8 +49,8 @@ class Rig:
 
 
 @pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
-    scene = load_scene("close_range")
+def rig(shipped: Callable[..., Scene], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    scene = shipped("close_range")
     folder: Path = tmp_path_factory.mktemp("plates")
     placement = draw_placement(scene, lambda name: stream(0, name))
     with BulletWorld(scene, placement, tags=TagVisuals(scene, folder)) as world:
