@@ -64,7 +64,9 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
     assert 0.9 < report.units_under_way <= 1.0
     assert 30.0 < report.peak_mb < 4_000.0
     assert json.loads(report.to_json())["naive_ratio"] == report.naive_ratio
-    assert trial_speed_table(report).row_count == len(report.stages_ms_per_s) + 7
+    table = trial_speed_table(report)
+    assert "as built perfect" in str(table.title)
+    assert table.row_count == len(report.stages_ms_per_s) + 7
 
 
 def test_what_a_unit_costs_is_measured_where_one_docks_and_all_others_stand_by() -> None:
@@ -78,6 +80,7 @@ def test_what_a_unit_costs_is_measured_where_one_docks_and_all_others_stand_by()
 
     def ms_per_s(timed: Scene, seed: int) -> float:
         """A start that takes 100 ms, 10 ms a second for each unit, and 20 ms a second for all."""
+        assert timed.as_built == scene.as_built  # `two_units` as well: a grade costs time
         return 100.0 / timed.time_limit_s + 20.0 + 10.0 * len(timed.units)
 
     cost = measure_unit_cost(scene, 0, 82.0, ms_per_s)

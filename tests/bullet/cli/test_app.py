@@ -51,9 +51,9 @@ def test_scenes_are_listed(capsys: Capture) -> None:
 def test_check(capsys: Capture, tmp_path: Path) -> None:
     assert run(["check", "close_range"]) == 0
     shown = "close_range: ok (2 units, 0 obstacles; a.front to b.rear; as built: {}; "
-    assert shown.format("perfect") in capsys.readouterr().out
-    assert run(["check", "close_range", "--set", "as_built=careful"]) == 0
     assert shown.format("careful") in capsys.readouterr().out
+    assert run(["check", "close_range", "--set", "as_built=perfect"]) == 0
+    assert shown.format("perfect") in capsys.readouterr().out
     (tmp_path / "bad.yaml").write_text("units: {}\n")
     assert run(["check", "bad.yaml", "close_range"]) == 2  # one is bad, the other is still checked
     out, err = capsys.readouterr()

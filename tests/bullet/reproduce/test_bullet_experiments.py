@@ -25,7 +25,9 @@ C1 = Choice(name="c1")
 def test_the_scenes_of_the_paper_load_under_every_controller() -> None:
     for experiment in paper_experiments({"C1": C1, "CBF": Choice(name="cbf")}):
         for label, choice in experiment.docking.items():
-            assert experiment.load(label).control.docking == choice
+            scene = experiment.load(label)
+            assert scene.control.docking == choice
+            assert str(scene.as_built) == "perfect"  # as the paper's calibration
 
 
 def test_stopped_runs_resume(blind_loop: dict[str, str], tmp_path: Path) -> None:
