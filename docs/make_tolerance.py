@@ -22,9 +22,10 @@ INTRODUCTION = """\
 # What to build more precisely first
 
 Each deviation of a robot from its drawing alone, and all together by grade, on `{scene}`. While an effect
-is tried alone, the robots know the tolerances of the scene ({told}) but no error. {seeds} seeds for each
-effect, the same for all; `msrr tolerance {scene}` prints these figures and writes a page that also says how
-they are measured, and `python docs/make_tolerance.py FOLDER` makes this page of it.
+is tried alone, the robots know the tolerances of the scene ({told}) but no error, and all else, the optics of
+the cameras too, is that of perfect calibration. {seeds} seeds for each effect, the same for all;
+`msrr tolerance {scene}` prints these figures and writes a page that also says how they are measured, and
+`python docs/make_tolerance.py FOLDER` makes this page of it.
 """
 
 TOGETHER = """\

@@ -75,7 +75,10 @@ class Effect:
 
 
 def as_drawn_scene(scene: Scene) -> Scene:
-    """Return the scene with its tolerances, which the robots know, and without any true error."""
+    """Return the scene with its tolerances, which the robots know, and without any true error.
+
+    Its cameras have the optics of perfect calibration where they have those of a grade: each effect is alone.
+    """
     groups: dict[str, dict[str, Deviation]] = {}
     for group, quantity, deviation in scene.as_built.deviations():
         if deviation.sigma or deviation.error:
@@ -83,7 +86,8 @@ def as_drawn_scene(scene: Scene) -> Scene:
     updates = {
         group: getattr(scene.as_built, group).model_copy(update=zero) for group, zero in groups.items()
     }
-    return scene.model_copy(update={"as_built": scene.as_built.model_copy(update=updates)})
+    as_built = scene.as_built.model_copy(update=updates)
+    return scene.at_grade("perfect").model_copy(update={"as_built": as_built})
 
 
 def effects_of(scene: Scene) -> tuple[Effect, ...]:

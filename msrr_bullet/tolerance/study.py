@@ -44,9 +44,9 @@ def tolerance_study(
 ) -> ToleranceStudy:
     """Try each effect alone and all together by grade, on common seeds.
 
-    While effects are tried alone, the robots know the tolerances of the scene, and the cameras are its own.
-    Under a grade the tolerances are those of the grade, and so are the optics of the cameras unless the scene
-    gives others.
+    While effects are tried alone, the robots know the tolerances of the scene, and its cameras have the
+    optics of perfect calibration. Under a grade tolerances and optics are those of the grade. Optics that
+    the scene itself gives stay in both.
 
     Args:
         scene: A checked scene.

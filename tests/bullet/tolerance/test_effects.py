@@ -26,7 +26,8 @@ def acting(seen: Scene) -> tuple[Effect, ...]:
 def test_without_an_effect_everything_is_as_drawn_and_the_tolerances_are_told(seen: Scene) -> None:
     base = as_drawn_scene(seen)
     assert set(draw_as_built(base, 3).errors.values()) == {0.0}
-    assert base.told() == seen.told()
+    assert base.told().as_built == seen.told().as_built
+    assert base.cameras == load_scene("close_range", {"as_built": "perfect"}).cameras
 
 
 def test_every_quantity_that_acts_is_an_effect(seen: Scene, acting: tuple[Effect, ...], scene: Scene) -> None:
