@@ -45,10 +45,11 @@ SIZE, DPI = (10.0, 2.7), 100
 INTRODUCTION = """\
 # Gallery of the scenes
 
-This page shows one run of every shipped scene with seed {seed}. The left picture is the run from above: the
-path of the docking unit (blue), the path that it believed in (orange), and the planned path (dashed). Beside
-it are frames of the cameras as the robot read them: grey where it read pixels, elsewhere drawn from truth;
-detected tags are vermillion, the belief is orange, the line of sight is green between the bounds of its cone.
+This page shows one run of every shipped scene with seed {seed}, most of them by robots that are built with
+care. The left picture is the run from above: the path of the docking unit (blue), the path that it believed
+in (orange), and the planned path (dashed). Beside it are frames of the cameras as the robot read them: grey
+where it read pixels, elsewhere drawn from truth; detected tags are vermillion, the belief is orange, the line
+of sight is green between the bounds of its cone.
 In a mission of many units each one has a colour of its own: its way is a line, its route as far as it was
 granted a pale band, and a black bar marks a docked pair.
 
