@@ -81,6 +81,14 @@ def graded_optics(grade: Grade) -> dict[str, float]:
     }
 
 
+def graded_odometry(grade: Grade) -> dict[str, float]:
+    """Return the errors of the encoders of a grade; none of its own if it is perfect.
+
+    Wheels that were built with errors have them in their motion, and not in the readings alone as well.
+    """
+    return {} if GRADES[grade] == 0.0 else {"scale_error": 0.0}
+
+
 class MountDeviations(Spec):
     """Deviations of how a part is mounted: in its own frame, turned by Rz(yaw) Ry(pitch) Rx(roll)."""
 

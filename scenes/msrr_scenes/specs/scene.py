@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any, TypeVar, cast
 
 from pydantic import Field, model_validator
 
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
-from msrr_scenes.specs.as_built import GRADES, AsBuiltSpec, Grade, graded_optics
+from msrr_scenes.specs.as_built import GRADES, AsBuiltSpec, Grade, graded_odometry, graded_optics
 from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
 from msrr_scenes.specs.faults import Fault
 from msrr_scenes.specs.mission import AssembledPair, RadioSpec, Shapes
@@ -26,6 +26,8 @@ from msrr_scenes.specs.plan import (
 from msrr_scenes.specs.sensors import CameraSpec, CamerasSpec, OdometrySpec, ParametricSpec
 from msrr_scenes.specs.spec import Duration, Name, PoseSpec, Spec, Text, between
 from msrr_scenes.specs.vehicle import LimitsSpec, LinkSpec, LockSpec, WheelMotorSpec
+
+AnySpec = TypeVar("AnySpec", bound=Spec)
 
 
 class Scene(Spec):
@@ -100,10 +102,7 @@ class Scene(Spec):
     @model_validator(mode="before")
     @classmethod
     def _grade_data_sheets(cls, data: Any) -> Any:
-        """Give the sensors the data sheets of the grade of the workmanship, where a scene gives no others.
-
-        Wheels that were built with errors have them in their motion, and not in the readings alone as well.
-        """
+        """Give the sensors the data sheets of the grade of the workmanship, where a scene gives no others."""
         built = data.get("as_built") if isinstance(data, dict) else None
         grade = built.get("grade") if isinstance(built, dict) else built
         if not isinstance(grade, str) or grade not in GRADES:
@@ -116,7 +115,7 @@ class Scene(Spec):
         for name, camera in cameras.items():
             if isinstance(camera, dict):
                 cameras[name] = {**optics, **camera}
-        return {**data, "cameras": cameras, "odometry": {"scale_error": 0.0, **odometry}}
+        return {**data, "cameras": cameras, "odometry": {**graded_odometry(cast(Grade, grade)), **odometry}}
 
     @property
     def docks(self) -> tuple[DockStep, ...]:
@@ -139,18 +138,20 @@ class Scene(Spec):
         return self.model_copy(update={"as_built": self.as_built.told(), "faults": ()})
 
     def at_grade(self, grade: Grade) -> Scene:
-        """Return the scene at another grade of the workmanship, with its optics and without given errors.
+        """Return the scene at another grade of the workmanship, with its data sheets, without given errors.
 
-        Noise, blur, tone curve and exposure time that are not those of the scene's own grade stay.
+        Noise, blur, tone curve, exposure time and scale errors of encoders that are not those of the scene's
+        own grade stay.
         """
         cameras = {
-            name: _regraded(spec, self.as_built.grade, grade)
+            name: _regraded(spec, graded_optics, self.as_built.grade, grade)
             for name, spec in self.cameras
             if isinstance(spec, CameraSpec)
         }
         updates = {
             "as_built": AsBuiltSpec.model_validate(grade),
             "cameras": self.cameras.model_copy(update=cameras),
+            "odometry": _regraded(self.odometry, graded_odometry, self.as_built.grade, grade),
         }
         return self.model_copy(update=updates)
 
@@ -190,8 +191,17 @@ class Scene(Spec):
         return self.tags.size(slot)
 
 
-def _regraded(spec: CameraSpec, own: Grade, other: Grade) -> CameraSpec:
-    """Return a camera whose optics are those of another grade where they are those of its own."""
-    defaults = {key: type(spec).model_fields[key].default for key in graded_optics("careful")}
-    before, after = ({**defaults, **graded_optics(grade)} for grade in (own, other))
+def _regraded(
+    spec: AnySpec, graded: Callable[[Grade], dict[str, float]], own: Grade, other: Grade
+) -> AnySpec:
+    """Return a data sheet whose values are those of another grade where they are those of its own.
+
+    Args:
+        spec: The data sheet.
+        graded: Function that returns the values of a grade; those that it leaves out are the defaults.
+        own: Grade that the values are of.
+        other: The other grade.
+    """
+    defaults = {key: type(spec).model_fields[key].default for key in graded("careful")}
+    before, after = ({**defaults, **graded(grade)} for grade in (own, other))
     return spec.model_copy(update={k: after[k] for k in defaults if getattr(spec, k) == before[k]})
