@@ -295,6 +295,6 @@ class Autonomy:
             return action
         docking = action.phase not in _FAR_PHASES
         with self._profiler("collision monitor"):
-            decision = self.guard.limit(action.twist, self.arena, action.stamp_ns, docking)
+            decision = self.guard.limit(action.twist, self.arena, action.stamp_ns, docking, self.estimate)
         self.monitor = decision.message(self._unit, action.stamp_ns)
         return action if decision.twist is action.twist else replace(action, twist=decision.twist)

@@ -7,15 +7,23 @@ know, and it subtracts the uncertainty of the estimates from every clearance.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
-from msrr_bullet.collision.locked_group import NEIGHBOUR_MARGIN_M, neighbour_limits
+from msrr_bullet.collision.locked_group import NEIGHBOUR_MARGIN_M
+from msrr_bullet.robot.close_neighbours import CloseNeighbours
 from msrr_bullet.robot.stopping_trajectory import LocalMap, StoppingTrajectory
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import ArenaEstimate, CollisionMonitorState, MonitorState, Twist, seconds
+from msrr_scenes.messages import (
+    ArenaEstimate,
+    CollisionMonitorState,
+    MonitorState,
+    PoseEstimate,
+    Twist,
+    seconds,
+)
 from msrr_scenes.messages.coordination import Authority, Intent
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
@@ -94,7 +102,7 @@ class CollisionMonitor:
         self._reaches |= {name: spec.radius_m for name, spec in scene.obstacles.items()}
         self._trajectory = StoppingTrajectory(scene)
         self._intents: tuple[Intent, ...] = ()
-        self._close_neighbours: Mapping[str, float] = {}
+        self._neighbours: CloseNeighbours | None = None
         self._told: tuple[tuple[str, str], ...] = ()
         self._expect(joints)
 
@@ -102,8 +110,7 @@ class CollisionMonitor:
         """Expect the units of these docks beside the target; those of earlier calls no more."""
         if self._step is None:
             return
-        limits = neighbour_limits(self._scene, self._model, joints, self._step)
-        self._close_neighbours = {n: limit for n, limit in limits.items() if limit < self._spec.stop_m}
+        self._neighbours = CloseNeighbours(self._scene, self._model, self._step, joints, self._spec.stop_m)
 
     def brief(self, authority: Authority) -> None:
         """Take in what a base station tells of others: docks, and the intents of those that go first."""
@@ -122,7 +129,12 @@ class CollisionMonitor:
         return tuple((X.x, X.y, X.yaw) for X in poses)
 
     def limit(
-        self, twist: Twist, arena: ArenaEstimate | None, now_ns: int, docking: bool = False
+        self,
+        twist: Twist,
+        arena: ArenaEstimate | None,
+        now_ns: int,
+        docking: bool = False,
+        by_sight: PoseEstimate | None = None,
     ) -> MonitorDecision:
         """Decide on one command; to be called for every command, in order of time.
 
@@ -131,26 +143,35 @@ class CollisionMonitor:
             arena: Estimate of all bodies in the arena; None while there is none, and every command passes.
             now_ns: Time of the command.
             docking: Whether the target unit may be touched, which is then ignored.
+            by_sight: Pose of a unit that docks in the dock frame, by its own camera; None if it is not known.
         """
         self._trajectory.advance(now_ns)
-        decision = self._decide(twist, arena, now_ns, docking)
+        decision = self._decide(twist, arena, now_ns, docking, by_sight)
         self._trajectory.send(decision.twist)
         return decision
 
     def _decide(
-        self, twist: Twist, arena: ArenaEstimate | None, now_ns: int, docking: bool
+        self,
+        twist: Twist,
+        arena: ArenaEstimate | None,
+        now_ns: int,
+        docking: bool,
+        by_sight: PoseEstimate | None,
     ) -> MonitorDecision:
         if arena is None or not self._spec.enabled:
             return MonitorDecision(twist, None, MonitorState.FREE, math.inf)
         X_WU = self._trajectory.present_pose(arena.own, now_ns)
-        close = self._close_neighbours if docking else {}
+        close = self._neighbours.limits if docking and self._neighbours is not None else {}
         target = (self._step.target_unit,) if docking and self._step is not None else ()
         ignored = {self._own, *close, *target}
         intents = [i for i in self._intents if seconds(now_ns - i.stamp_ns) < _INTENT_AGE_S]
         free = self._map(arena, self._reaches.keys() - ignored, intents)
         decision = self._decide_on(twist, free, X_WU, self._spec.slow_m, self._spec.stop_m)
-        if not close:
+        if not close or self._neighbours is None:
             return decision
+        if by_sight is not None:
+            arena = self._neighbours.in_dock_frame(arena, by_sight)
+            X_WU = self._trajectory.present_pose(arena.own, now_ns)
         stop_m = min(close.values())
         neighbours = self._map(arena, close)
         slow_m = stop_m + 0.5 * NEIGHBOUR_MARGIN_M

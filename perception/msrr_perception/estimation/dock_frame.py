@@ -13,9 +13,9 @@ from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 
-#: Standard deviations of the pose of a seated unit: the lock pulls the faces together, the throat of the holes
-#: leaves 1.5 mm of play to both sides, and the lock may close before both pins rest at the bottom, which
-#: leaves the unit turned by up to half a degree.
+#: Standard deviations of the pose of a seated unit: the lock pulls the faces together, the throat of the
+#: holes leaves 1.5 mm of play to both sides, and the lock may close before both pins rest at the bottom,
+#: which leaves the unit turned by up to half a degree.
 _SEAT_SIGMAS = np.array([0.0001, 0.0009, math.radians(0.2)])
 
 

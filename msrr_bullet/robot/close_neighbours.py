@@ -1,0 +1,77 @@
+"""Units that are locked to the target of a docking unit, and stand close beside the port."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.collision.locked_group import locked_group, neighbour_limits
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import ArenaEstimate, GlobalPose, PoseEstimate
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
+
+#: Largest distance from its seat, and angle, at which a neighbour that is seen from above is in its seat.
+_IN_SEAT_M, _IN_SEAT_RAD = 0.015, math.radians(4.0)
+
+#: Covariance of the pose of a unit in its seat, in x, y and yaw: the play of pins in their holes.
+_SEATED = np.diag([0.0009**2, 0.0009**2, math.radians(0.2) ** 2])
+
+
+class CloseNeighbours:
+    """The neighbours of a port, and where they stand in its dock frame D.
+
+    A docking unit passes them at some centimetres. It knows itself in D by its own camera, and them by their
+    locks: far better than the overhead camera, whose tags were put on by hand, shows how near they are.
+
+    Attributes:
+        limits: How near the unit may come to each of them [m], by name.
+    """
+
+    def __init__(
+        self, scene: Scene, model: ClearanceModel, step: DockStep, joints: Iterable[DockStep], stop_m: float
+    ) -> None:
+        """Find the neighbours that the unit has to come nearer to than to other bodies.
+
+        Args:
+            scene: Source of the geometry.
+            model: Shapes of all bodies.
+            step: The step in which the unit docks.
+            joints: The other docks that are closed or may close meanwhile.
+            stop_m: Clearance that is kept from other bodies [m].
+        """
+        joints = tuple(joints)
+        limits = neighbour_limits(scene, model, joints, step)
+        self.limits: Mapping[str, float] = MappingProxyType(
+            {name: limit for name, limit in limits.items() if limit < stop_m}
+        )
+        group = locked_group(scene, joints, step.target_unit)
+        self._X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
+        self._seats = {name: self._X_TD.inverse() @ group[name] for name in self.limits}
+
+    def in_dock_frame(self, arena: ArenaEstimate, by_sight: PoseEstimate) -> ArenaEstimate:
+        """Return the unit and the neighbours in D, those in their seats by their locks.
+
+        Args:
+            arena: Estimated poses in W, with that of the target.
+            by_sight: Pose of the unit in D by its own camera.
+        """
+        assert arena.target is not None, "a unit that docks has a target"
+        X_DW = (arena.target.X_WB @ self._X_TD).inverse()
+        own = GlobalPose(arena.own.name, by_sight.stamp_ns, by_sight.X_DU, by_sight.covariance)
+        others = (self._placed(body, X_DW) for body in arena.others if body.name in self.limits)
+        return ArenaEstimate(by_sight.stamp_ns, own, None, tuple(others), (), by_sight.last_seen_ns)
+
+    def _placed(self, body: GlobalPose, X_DW: SE2) -> GlobalPose:
+        """Return a neighbour in D: in its seat if it is seen there, else where it is seen."""
+        seen, seat = X_DW @ body.X_WB, self._seats[body.name]
+        off = seat.inverse() @ seen
+        if math.hypot(off.x, off.y) < _IN_SEAT_M and abs(off.yaw) < _IN_SEAT_RAD:
+            return GlobalPose(body.name, body.stamp_ns, seat, _SEATED)
+        c, s = math.cos(X_DW.yaw), math.sin(X_DW.yaw)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return GlobalPose(body.name, body.stamp_ns, seen, turn @ body.relative @ turn.T)
