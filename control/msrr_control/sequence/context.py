@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from msrr_control.docking.controller import ControlInputs, Controller
 from msrr_control.docking.law import DockSetup
 from msrr_control.sequence.observation import Assembler, Observation
 from msrr_control.sequence.port_view import PortView
 from msrr_control.sequence.tuning import PhaseTuning
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Belief, FailureReason, Phase, PoseEstimate, seconds
 from msrr_scenes.specs.plan import DockingSpec
 
@@ -110,6 +111,8 @@ class DockingContext:
         undocking: Whether the unit was commanded to undock.
         reassemble: Whether the next attempt begins with the long-distance phase.
         calibrate: Whether the unit has yet to calibrate before it docks.
+        aim: Distance from the axis of the dock frame, to its left, at which the unit docks [m]: not 0 after
+            its pins have jammed.
         last_gap: Last known distance between the faces [m], updated by odometry; None while unknown.
     """
 
@@ -128,6 +131,7 @@ class DockingContext:
     undocking: bool = False
     reassemble: bool = False
     calibrate: bool = False
+    aim: float = 0.0
     last_gap: float | None = None
     _previous_ns: int | None = None
 
@@ -157,4 +161,7 @@ class DockingContext:
 
     def control_inputs(self, pose: PoseEstimate) -> ControlInputs:
         """Return what the controller is given at this instant."""
+        if self.aim:
+            x, y, yaw = pose.X_DU.as_array().tolist()
+            pose = replace(pose, X_DU=SE2(x, y - self.aim, yaw))
         return ControlInputs(self.now_ns, self.dt, pose, self.observation.los, self.observation.twist)

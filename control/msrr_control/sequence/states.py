@@ -26,10 +26,14 @@ from msrr_control.sequence.evidence import (
     with_doubt,
 )
 from msrr_control.sequence.observation import GiveUp
+from msrr_control.sequence.port_view import PortView
 from msrr_control.sequence.search import scan_angle, turn_rate
 from msrr_scenes.messages import Belief, Conviction, FailureReason, LockPosition, Phase, Twist
 
 STILL = Twist()
+
+#: Standard deviations of the side by which the next attempt aims beside the axis after pins have jammed.
+_ASIDE = 2.0
 
 
 def assemble(c: DockingContext) -> Twist | Transition:
@@ -116,6 +120,8 @@ def dock(c: DockingContext) -> Twist | Transition:
         reason = f"no progress for {idle:.1f} s at {view}"
         if limited_s >= idle:
             reason = f"held for {idle:.1f} s by the collision monitor: {monitor}, at {view}"
+        elif at_port and not closed:
+            c.aim = _aim_after_jam(c.aim, view)
         return _fail(reason, FailureReason.STALLED)
     twist = c.controller.step(c.control_inputs(pose))
     if not at_port:
@@ -248,6 +254,15 @@ def _after_retreat(c: DockingContext) -> Transition:
     c.last_gap = None  # the unit goes far away
     c.assembler.reset(c.belief.reason)
     return Transition(Phase.ASSEMBLE, reason)
+
+
+def _aim_after_jam(aim: float, view: PortView) -> float:
+    """Return where to aim after pins have jammed, most likely because sight is wrong about the side.
+
+    A funnel that pushes the pins to one side turns the unit to that side: so the next attempt is made there,
+    by two standard deviations of the side, and the one after it on the other side.
+    """
+    return -aim if aim else math.copysign(_ASIDE * view.sigma_lateral, view.yaw)
 
 
 def _fail(reason: str, failure: FailureReason, reassemble: bool = False) -> Transition:

@@ -227,6 +227,31 @@ def test_it_presses_only_from_where_the_funnel_captures(
         assert desk.machine.belief.setback is FailureReason.OFF_AXIS
 
 
+def _turn_after_jam(desk: Desk, yaw: float, sigma_y: float) -> float:
+    """Let pins jam in the port, and return how a unit on the axis turns in the next attempt."""
+    for _ in range(400):
+        at_port = desk.ask(desk.at(0.003, 0.0, yaw), closed=False, covariance=_wide(sigma_y, 1e-3))
+        if at_port.phase is Phase.RETREAT:
+            break
+    assert desk.machine.belief.setback is FailureReason.STALLED
+    for _ in range(400):
+        action = desk.ask(desk.at(desk.spec.retreat_m))
+        if action.phase is Phase.DOCK:
+            return desk.ask(desk.at(0.3)).twist.w
+    raise AssertionError(f"no second attempt: {desk.machine.phase}")
+
+
+@pytest.mark.parametrize("yaw", [-0.02, 0.02])
+def test_after_a_jam_it_aims_beside_the_axis_and_then_on_the_other_side(facts: DockSetup, yaw: float) -> None:
+    """First to the side to which the funnel has turned it; not at all where sight knows the side."""
+    sure, desk = Desk(facts), Desk(facts)
+    for each in (sure, desk):
+        each.to_dock()
+    straight = _turn_after_jam(sure, yaw, 0.0)
+    assert (_turn_after_jam(desk, yaw, 0.001) - straight) * yaw > 0.0
+    assert (_turn_after_jam(desk, yaw, 0.001) - straight) * yaw < 0.0
+
+
 def _phases(desk: Desk, gap: float, steps: int, closed: bool = True) -> Sequence[Phase]:
     return [desk.ask(desk.at(gap), closed=closed).phase for _ in range(steps)]
 
