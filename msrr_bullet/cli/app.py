@@ -12,7 +12,14 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from msrr_bullet.cli import bench_commands, run_commands, study_commands, tolerance_command, trial_commands
+from msrr_bullet.cli import (
+    bench_commands,
+    map_command,
+    run_commands,
+    study_commands,
+    tolerance_command,
+    trial_commands,
+)
 from msrr_bullet.cli.console import open_console
 from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, report_error
 from msrr_bullet.cli.options import Overrides, parse_overrides
@@ -121,6 +128,7 @@ app.command()(run_commands.replay)
 app.command()(study_commands.tune)
 app.command()(study_commands.reproduce)
 app.command()(tolerance_command.tolerance)
+app.command("map")(map_command.map_pictures)
 app.command()(run_commands.frames)
 app.command()(run_commands.plot)
 app.command()(run_commands.export)

@@ -1,0 +1,179 @@
+"""The command ``msrr map``: where real tags are, from pictures of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from msrr_bullet.cli.console import open_console, status_line
+from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.calibration_file import read_calibration
+
+if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
+    from rich.console import Console
+    from rich.table import Table
+
+    from msrr_perception.mapping.mapper import LeftOut, MappedSighting, TagMap
+    from msrr_scenes.geometry.lens import Lens
+
+#: Upper ends of the classes of the size of tags in pictures [px], and of the angle of view [deg].
+_SIZES_PX, _ANGLES_DEG = (25, 50, 75, 100), (15, 30, 45, 60)
+
+#: Largest number of pictures in the table on the console, those with the largest residuals.
+_SHOWN_PICTURES = 10
+
+
+def map_pictures(
+    images: Annotated[
+        list[Path],
+        typer.Argument(metavar="IMAGE...", help="Pictures, or folders of pictures, by one camera."),
+    ],
+    calibration: Annotated[Path, typer.Option(metavar="FILE", help="Calibration by OpenCV or ROS.")],
+    tag_size: Annotated[
+        float,
+        typer.Option(metavar="M", min=1e-3, max=100.0, help="Edge of the black square of the tags [m]."),
+    ],
+    family: Annotated[str, typer.Option(help="Tag family.")] = "tag36h11",
+    refine_lens: Annotated[
+        bool, typer.Option("--refine-lens", help="Adjust focal length, principal point, k1 and k2 as well.")
+    ] = False,
+    out: Annotated[Path, typer.Option(help="Folder of the map, its residuals and figures.")] = Path(
+        "runs/map"
+    ),
+) -> None:
+    """Find where tags are, from pictures of them; name what contradicts the rest."""
+    lens = _lens(calibration)
+    from msrr_bullet.tag_mapping.pictures import image_files, tagged_pictures
+    from msrr_bullet.tag_mapping.result_files import write_results
+    from msrr_perception.detection.detector import PupilDetector, for_lens
+    from msrr_perception.mapping.mapper import map_tags
+
+    files = image_files(images)
+    detector = for_lens(PupilDetector(family), lens)
+    out.mkdir(parents=True, exist_ok=True)
+    console = open_console()
+    with status_line(console, "reading the pictures") as show:
+        pictures = []
+        for picture in tagged_pictures(files, detector, lens):
+            pictures.append(picture)
+            show(f"{len(pictures)} of {len(files)} pictures read")
+        show("adjusting the map")
+        found = map_tags(pictures, lens, tag_size, refine_lens=refine_lens)
+        show("drawing")
+        written = write_results(out, found, family)
+    _report(console, found)
+    typer.echo("files: " + ", ".join(map(str, written)))
+
+
+def _lens(calibration: Path) -> Lens:
+    """Read a calibration.
+
+    Raises:
+        SceneError: The file is none, or does not say of which size its pictures were.
+    """
+    from msrr_scenes.specs.sensors import CameraSpec
+
+    told = read_calibration(calibration)
+    if told.width_px is None or told.height_px is None:
+        raise SceneError(f"{calibration}: image_width and image_height are needed")
+    return CameraSpec(width_px=told.width_px, height_px=told.height_px, calibration=told).lens
+
+
+def _report(console: Console, found: TagMap) -> None:
+    """Print the tags, the residuals by size, angle and picture, what was left out, and the refined lens."""
+    used = [s for s in found.sightings if s.kept]
+    worst = sorted({s.picture for s in used}, key=lambda name: -_rms(s for s in used if s.picture == name))
+    console.print(_tags_table(found))
+    console.print(_classes_table("by size of the tag [px]", used, _SIZES_PX, lambda s: s.edge_px))
+    console.print(_classes_table("by angle [deg]", used, _ANGLES_DEG, lambda s: math.degrees(s.angle)))
+    table = _residual_table("worst pictures")
+    for name in worst[:_SHOWN_PICTURES]:
+        _add_residuals(table, name, [s for s in used if s.picture == name])
+    console.print(table)
+    for left_out in found.left_out:
+        typer.echo(_explained(left_out))
+    if found.unconnected:
+        typer.echo(f"not connected with the map by any tag: {', '.join(found.unconnected)}")
+    if found.lens_sigma:
+        camera, distortion = found.lens.camera, found.lens.distortion
+        values = (camera.focal, camera.cx, camera.cy, distortion.k1, distortion.k2)
+        names = ("focal length [px]", "cx [px]", "cy [px]", "k1", "k2")
+        terms = zip(names, values, found.lens_sigma, strict=True)
+        typer.echo("lens: " + ", ".join(f"{name} {value:.4g} ± {sigma:.2g}" for name, value, sigma in terms))
+    distances = found.distances()
+    median, rms = sorted(distances)[len(distances) // 2], math.sqrt(float((distances**2).mean()))
+    typer.echo(
+        f"{len(found.tags)} tags in {len(found.X_CM)} pictures: corner residuals {median:.2f} px (median), "
+        f"{rms:.2f} px (RMS); {sum(not s.kept for s in found.sightings)} of {len(found.sightings)} "
+        "sightings left out"
+    )
+
+
+def _tags_table(found: TagMap) -> Table:
+    from rich.table import Table
+
+    table = Table(
+        title=f"Tags in the frame of tag {found.reference} (x right, y down, z into it)", title_justify="left"
+    )
+    for column in ("tag", "pictures", "x [m]", "y [m]", "z [m]", "± [mm]", "± [deg]", "RMS [px]"):
+        table.add_column(column, justify="right")
+    for tag_id, tag in found.tags.items():
+        x, y, z = (f"{value:.4f}" for value in tag.X_MT.p.tolist())
+        spread = f"{1e3 * tag.sigma_m:.1f}", f"{math.degrees(tag.sigma_rad):.2f}"
+        rms = _rms(s for s in found.sightings if s.kept and s.tag_id == tag_id)
+        table.add_row(str(tag_id), str(tag.pictures), x, y, z, *spread, f"{rms:.2f}")
+    return table
+
+
+def _classes_table(
+    title: str,
+    used: list[MappedSighting],
+    ends: tuple[int, ...],
+    value: Callable[[MappedSighting], float],
+) -> Table:
+    table = _residual_table(title)
+    for low, high in zip((0, *ends), (*ends, math.inf), strict=True):
+        name = f"{low} to {high}" if math.isfinite(high) else f"{low} and more"
+        _add_residuals(table, name, [s for s in used if low <= value(s) < high])
+    return table
+
+
+def _residual_table(title: str) -> Table:
+    from rich.table import Table
+
+    table = Table(title=f"Corner residuals, {title}", title_justify="left")
+    for column in ("", "tags", "median [px]", "RMS [px]", "95 % [px]"):
+        table.add_column(column, justify="left" if not column else "right")
+    return table
+
+
+def _add_residuals(table: Table, name: str, sightings: list[MappedSighting]) -> None:
+    distances = sorted(d for s in sightings for d in s.distances.tolist())
+    if not distances:
+        return
+    quantiles = (f"{distances[int(q * len(distances))]:.2f}" for q in (0.5, 0.95))
+    median, high = quantiles
+    table.add_row(name, str(len(sightings)), median, f"{_rms(sightings):.2f}", high)
+
+
+def _rms(sightings: Iterable[MappedSighting]) -> float:
+    squares = [d * d for s in sightings for d in s.distances.tolist()]
+    return math.sqrt(sum(squares) / max(len(squares), 1))
+
+
+def _explained(left_out: LeftOut) -> str:
+    """Return in words what was left out and what may be the reason."""
+    pictures = ", ".join(left_out.pictures)
+    what, why = {
+        "sighting": (f"tag {left_out.tags[0]} in {pictures}", "blurred, or moved for this picture"),
+        "tag": (
+            f"tag {left_out.tags[0]} in all of its pictures ({pictures})",
+            "moved, bent, or of another size",
+        ),
+        "picture": (f"picture {pictures}", "blurred, or by another camera"),
+    }[left_out.kind]
+    return f"left out: {what}: {left_out.rms_px:.2f} px from the rest ({left_out.score:.1f} sigma); {why}"

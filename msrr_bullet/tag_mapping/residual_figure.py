@@ -1,0 +1,77 @@
+"""The figure of residuals: by size of the tag in the picture, by angle of view, by picture and by tag."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from msrr_bullet.figures.style import FAINT, SMALL, new_figure, save, styled
+from msrr_bullet.timeline.palette import BLUE, VERMILLION, css
+from msrr_perception.mapping.mapper import MappedSighting, TagMap
+
+#: Largest number of pictures whose names fit below an axis.
+_MOST_NAMES = 60
+
+_WIDTH_IN, _HEIGHT_IN = 15.0, 9.5
+
+
+def draw_residuals(tag_map: TagMap, path: Path) -> Path:
+    """Draw the distances of all corners from where the map puts them; return the file.
+
+    Args:
+        tag_map: The map.
+        path: PNG file to write.
+    """
+    with styled():
+        figure = new_figure(_WIDTH_IN, _HEIGHT_IN)
+        by_size, by_angle, by_picture, by_tag = figure.subplots(2, 2, width_ratios=(1.6, 1.0)).T.ravel()[
+            [0, 2, 1, 3]
+        ]
+        _scatter(
+            by_size, tag_map, [s.edge_px for s in tag_map.sightings], "edge of the tag in the picture [px]"
+        )
+        angles = [math.degrees(s.angle) for s in tag_map.sightings]
+        _scatter(by_angle, tag_map, angles, "angle from the normal of the tag [deg]")
+        by_angle.legend(loc="upper left", frameon=False)
+        _bars(by_picture, tag_map.sightings, [s.picture for s in tag_map.sightings], "picture")
+        _bars(by_tag, tag_map.sightings, [str(s.tag_id) for s in tag_map.sightings], "tag")
+        distances = tag_map.distances()
+        figure.suptitle(
+            f"{len(distances)} corners of {len(tag_map.tags)} tags in {len(tag_map.X_CM)} pictures: "
+            f"median {np.median(distances):.2f} px, RMS {np.sqrt(np.mean(distances**2)):.2f} px"
+        )
+        return save(figure, path)
+
+
+def _scatter(axes: Axes, tag_map: TagMap, places: Sequence[float], label: str) -> None:
+    for kept, colour, name in ((True, BLUE, "used"), (False, VERMILLION, "left out")):
+        chosen = [(x, s.distances) for x, s in zip(places, tag_map.sightings, strict=True) if s.kept == kept]
+        x = np.repeat([x for x, _ in chosen], 4)
+        y = np.array([d for _, d in chosen]).ravel()
+        axes.plot(x, y, ".", color=css(colour), label=name, markersize=7.0, alpha=0.7)
+    axes.set_yscale("log")
+    axes.set_xlabel(label)
+    axes.set_ylabel("corner residual [px]")
+
+
+def _bars(axes: Axes, sightings: Sequence[MappedSighting], keys: Sequence[str], label: str) -> None:
+    """Draw the root mean square of what was used, by key, in the keys' order of appearance."""
+    names = sorted(set(keys), key=lambda key: (len(key), key))
+    values = []
+    for name in names:
+        chosen = [s.distances for s, key in zip(sightings, keys, strict=True) if key == name and s.kept]
+        values.append(float(np.sqrt(np.mean(np.square(chosen)))) if chosen else 0.0)
+    axes.bar(range(len(names)), values, color=[css(BLUE)] * len(names), width=0.7)
+    axes.set_xlabel(label)
+    axes.set_ylabel("RMS residual [px]")
+    axes.grid(axis="x", visible=False)
+    if len(names) <= _MOST_NAMES:
+        axes.set_xticks(range(len(names)), names, rotation=90, fontsize=SMALL - 3.0)
+        for tick, value in zip(axes.get_xticklabels(), values, strict=True):
+            tick.set_color(FAINT if value == 0.0 else "black")
+    else:
+        axes.set_xticks([])

@@ -1,0 +1,174 @@
+"""Sightings, tags and pictures that contradict the others: found by a statistical test and left out.
+
+A group of corners is tested against the map that all others make: under the hypothesis that it is like the
+others, the sum of squares that vanishes from the adjustment together with the group is chi-squared. The
+groups are single sightings, all sightings of a tag (it moved) and all of a picture (it is blurred, or its
+tags moved). The group that is least likely is left out, the rest adjusted again, until no group is too
+unlikely. Source: W. Baarda, "A testing procedure for use in geodetic networks", 1968 (data snooping), for
+groups.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.stats import chi2, norm
+
+from msrr_perception.mapping.adjustment import Adjusted, AdjustmentError, adjust
+from msrr_perception.mapping.bundle import Bundle, Sightings
+from msrr_scenes.arrays import Array
+
+#: Probability that anything of a map without contradictions is left out.
+FALSE_ALARMS = 0.01
+
+#: Share of a corner that has to be checked by others for it to count in the test.
+_LEAST_REDUNDANCY = 1e-6
+
+Kind = Literal["sighting", "tag", "picture"]
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Corners that are tested together.
+
+    Attributes:
+        kind: What they are.
+        members: Indices of the sightings, shape (k,).
+    """
+
+    kind: Kind
+    members: NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Contradiction:
+    """A group that was left out.
+
+    Attributes:
+        group: The group; its members are indices of all sightings.
+        rms_px: Root mean square of the coordinates of its corners that others check, against these [px].
+        score: How unlikely it is, as the quantile of a standard normal distribution.
+    """
+
+    group: Group
+    rms_px: float
+    score: float
+
+
+@dataclass(frozen=True, eq=False)
+class Consistent:
+    """The adjustment of what does not contradict itself.
+
+    Attributes:
+        adjusted: The adjustment.
+        kept: Which sightings it is of, shape (N,).
+        contradictions: What was left out, the worst first.
+    """
+
+    adjusted: Adjusted
+    kept: NDArray[np.bool_]
+    contradictions: tuple[Contradiction, ...]
+
+
+def adjust_consistently(bundle: Bundle, seen: Sightings) -> Consistent:
+    """Return the least-squares adjustment of all sightings but those that contradict the others.
+
+    Sightings that the rest no longer connects with the most are not kept either.
+
+    Args:
+        bundle: Poses of a robust adjustment.
+        seen: The sightings.
+    """
+    kept = np.ones(len(seen), dtype=np.bool_)
+    contradictions: list[Contradiction] = []
+    while True:
+        kept = largest_connected(seen, kept)
+        part = seen.of(kept)
+        found = adjust(bundle.referred_to(most_seen_tag(part)), part)
+        worst = _worst(found, part)
+        if worst is None:
+            return Consistent(found, kept, tuple(contradictions))
+        members = np.flatnonzero(kept)[worst.group.members]
+        kept[members] = False
+        contradictions.append(replace(worst, group=replace(worst.group, members=members)))
+
+
+def most_seen_tag(seen: Sightings) -> int:
+    """Return the index of the tag with the most sightings, of equals the first."""
+    return int(np.bincount(seen.tag).argmax())
+
+
+def largest_connected(seen: Sightings, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which of the kept sightings hang together with the most others by tags and pictures, (N,)."""
+    views, tags = seen.view.max() + 1, seen.tag.max() + 1
+    edges = (np.ones(int(kept.sum())), (seen.view[kept], views + seen.tag[kept]))
+    _, label = connected_components(coo_array(edges, shape=(views + tags, views + tags)), directed=False)
+    part = label[seen.view]
+    out: NDArray[np.bool_] = kept & (part == np.bincount(part[kept]).argmax())
+    return out
+
+
+def _worst(found: Adjusted, seen: Sightings) -> Contradiction | None:
+    """Return the group that contradicts the others most, if one does."""
+    Q = found.factor.solve(np.eye(found.bundle.variables))
+    tested = [(group, *_tested(found, Q, group)) for group in _groups(seen)]
+    tested = [(group, excess, rank) for group, excess, rank in tested if rank]
+    # The median is that of corners which are right, as long as most are.
+    single = [excess / chi2.ppf(0.5, rank) for group, excess, rank in tested if group.kind == "sighting"]
+    variance = float(np.median(single)) if single else 0.0
+    if not variance > 0.0:
+        raise AdjustmentError("no corner is checked by others; take more pictures of every tag")
+    contradictions = []
+    for kind in get_args(Kind):
+        likes = [test for test in tested if test[0].kind == kind]
+        scores = _standing_out(np.array([_quantile(excess / variance, rank) for _, excess, rank in likes]))
+        for (group, excess, rank), score in zip(likes, scores.tolist(), strict=True):
+            contradictions.append(Contradiction(group, math.sqrt(excess / rank), score))
+    worst = max(contradictions, key=lambda contradiction: contradiction.score)
+    return worst if worst.score > norm.isf(FALSE_ALARMS / len(tested)) else None
+
+
+def _groups(seen: Sightings) -> list[Group]:
+    groups = [Group("sighting", np.array([i])) for i in range(len(seen))]
+    tags = [Group("tag", np.flatnonzero(seen.tag == tag)) for tag in np.unique(seen.tag)]
+    pictures = [Group("picture", np.flatnonzero(seen.view == view)) for view in np.unique(seen.view)]
+    return groups + [group for group in tags + pictures if len(group.members) > 1]
+
+
+def _tested(found: Adjusted, Q: Array, group: Group) -> tuple[float, int]:
+    """Return what a group adds to the sum of squares [px^2], and how many of its numbers are checked."""
+    rows = (8 * group.members[:, np.newaxis] + np.arange(8)).ravel()
+    r, J = found.residuals[rows], found.jacobian[rows].toarray()
+    redundancy, directions = np.linalg.eigh(np.eye(len(rows)) - J @ Q @ J.T)
+    checked = redundancy > _LEAST_REDUNDANCY
+    along = directions[:, checked].T @ r
+    return float((along**2 / redundancy[checked]).sum()), int(checked.sum())
+
+
+def _quantile(chi_squared: float, rank: int) -> float:
+    """Return the quantile of a standard normal distribution that is as unlikely as one of chi-squared.
+
+    Source: Wilson and Hilferty, "The distribution of chi-square", 1931; the tail itself underflows.
+    """
+    spread = 2.0 / (9.0 * rank)
+    return (math.cbrt(chi_squared / rank) - 1.0 + spread) / math.sqrt(spread)
+
+
+def _standing_out(quantiles: Array) -> Array:
+    """Return by how many deviations groups of a kind stand out from the others, shape (groups,).
+
+    Blur differs from picture to picture and paper from tag to tag, and what several corners of one tag have
+    in common does not average out. So the groups may spread more widely than chi-squared; less widely does
+    not count.
+    """
+    if not len(quantiles):
+        return quantiles
+    middle = max(float(np.median(quantiles)), 0.0)
+    spread = float(np.median(abs(quantiles - np.median(quantiles)))) / norm.ppf(0.75)
+    return np.asarray((quantiles - middle) / max(spread, 1.0))

@@ -1,0 +1,162 @@
+"""A first guess of all poses, from the poses that single tags allow, one view after the other.
+
+A single flat tag allows two poses. Which of them is right shows where several tags appear in several views:
+a view takes the pose, of all that its tags allow, at which the placed tags appear where they were detected,
+and a tag the pose at which the placed views saw it.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_perception.mapping.bundle import Bundle, Sightings
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.lens import Lens
+from msrr_scenes.geometry.unit_geometry import tag_corners
+
+#: Distance of a corner from where it was detected above which it counts as much as at this distance [px]: it
+#: tells that something is wrong, and no longer how much.
+_FAR_PX = 20.0
+
+#: Least depth of a corner that a camera can have seen [m].
+_NEAREST_M = 0.01
+
+#: Most rounds over all tags and views after the last view is placed; they end when nothing changes.
+_ROUNDS = 10
+
+
+def initial_bundle(seen: Sightings, lens: Lens, tag_size: float) -> Bundle:
+    """Return poses near those that explain all sightings, which have to be connected.
+
+    Args:
+        seen: The sightings.
+        lens: Lens of all pictures.
+        tag_size: Edge of the black square of the tags [m].
+    """
+    guess = _Guess(seen, lens, tag_size)
+    guess.grow()
+    guess.settle()
+    return Bundle(
+        lens=lens,
+        R_CM=guess.views[:, :3, :3],
+        p_CM=guess.views[:, :3, 3],
+        R_MT=guess.tags[:, :3, :3],
+        p_MT=guess.tags[:, :3, 3],
+        reference=guess.first,
+        tag_size=tag_size,
+    )
+
+
+def _one_tag_poses(corners: Array, lens: Lens, tag_size: float) -> tuple[Array, Array]:
+    """Return the two poses X_CT of a tag as matrices (2, 4, 4), and their errors (2,) [px].
+
+    Source: Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014 (IPPE).
+
+    Args:
+        corners: Corners in the ideal image, shape (4, 2) [px].
+        lens: Lens of the picture.
+        tag_size: Edge of the black square of the tag [m].
+    """
+    _, rotations, places, errors = cv2.solvePnPGeneric(
+        tag_corners(tag_size), corners, lens.camera.matrix(), np.zeros(4), flags=cv2.SOLVEPNP_IPPE_SQUARE
+    )
+    found = [_pose(w, p) for w, p in zip(rotations, places, strict=True)]
+    return np.stack([found[0], found[-1]]), np.asarray(errors, dtype=np.float64).ravel()[[0, -1]]
+
+
+def _pose(w: cv2.typing.MatLike, p: cv2.typing.MatLike) -> Array:
+    """Return the matrix of a pose by rotation vector and place, shapes (3, 1) and (4, 4)."""
+    X = np.eye(4)
+    X[:3, :3], X[:3, 3] = cv2.Rodrigues(w)[0], p.ravel()
+    return X
+
+
+class _Guess:
+    """The poses that are placed so far, in the frame of the tag that was placed first.
+
+    Attributes:
+        first: Index of that tag, of which one pose is by far the better one in some view.
+        views: Poses X_CM, shape (V, 4, 4).
+        tags: Poses X_MT, shape (T, 4, 4).
+    """
+
+    def __init__(self, seen: Sightings, lens: Lens, tag_size: float) -> None:
+        self._seen, self._lens = seen, lens
+        self._square = np.column_stack([tag_corners(tag_size), np.ones(4)])
+        self._ideal = lens.undistorted(seen.corners)
+        found = [_one_tag_poses(corners, lens, tag_size) for corners in self._ideal]
+        self._X_CT = np.stack([poses for poses, _ in found])  # (N, 2, 4, 4)
+        errors = np.stack([errors for _, errors in found])
+        self._of_view = [np.flatnonzero(seen.view == v) for v in range(seen.view.max() + 1)]
+        self._of_tag = [np.flatnonzero(seen.tag == t) for t in range(seen.tag.max() + 1)]
+        self.views = np.tile(np.eye(4), (len(self._of_view), 1, 1))
+        self.tags = np.tile(np.eye(4), (len(self._of_tag), 1, 1))
+        self.first = int(seen.tag[(errors[:, 1] - errors[:, 0]).argmax()])
+        self._placed_view = np.zeros(len(self._of_view), dtype=np.bool_)
+        self._placed_tag = np.zeros(len(self._of_tag), dtype=np.bool_)
+
+    def grow(self) -> None:
+        """Place all views and tags, one after the other."""
+        self._placed_tag[self.first] = True
+        while not self._placed_view.all():
+            left: list[int] = np.flatnonzero(~self._placed_view).tolist()
+            view = max(left, key=self._known_tags)
+            self._placed_view[view] = True
+            self._place_view(view)
+            for tag in self._seen.tag[self._of_view[view]]:
+                self._place_tag(tag)
+            self._place_view(view)
+
+    def settle(self) -> None:
+        """Place all tags and views again until nothing changes: later views tell more about earlier tags."""
+        everything = np.arange(len(self._seen))
+        before = np.inf
+        for _ in range(_ROUNDS):
+            X_CT = self.views[self._seen.view] @ self.tags[self._seen.tag]
+            total = self._error(X_CT, everything).sum()
+            if not total < before:
+                return
+            before = total
+            for tag in range(len(self.tags)):
+                self._place_tag(tag)
+            for view in range(len(self.views)):
+                self._place_view(view)
+
+    def _known_tags(self, view: int) -> tuple[int, int]:
+        tags = self._seen.tag[self._of_view[view]]
+        return int(self._placed_tag[tags].sum()), len(tags)
+
+    def _place_view(self, view: int) -> None:
+        which = self._of_view[view][self._placed_tag[self._seen.tag[self._of_view[view]]]]
+        tags = self.tags[self._seen.tag[which]]
+        allowed = (self._X_CT[which] @ np.linalg.inv(tags)[:, np.newaxis]).reshape(-1, 4, 4)
+        best = self._best_view(np.concatenate([self.views[view, np.newaxis], allowed]), which)
+        corners_M = (self._square @ tags.swapaxes(1, 2))[..., :3].reshape(-1, 3)
+        corners = self._ideal[which].reshape(-1, 2)
+        start = cv2.Rodrigues(best[:3, :3])[0], best[:3, 3].copy()
+        refined = cv2.solvePnPRefineLM(corners_M, corners, self._lens.camera.matrix(), np.zeros(4), *start)
+        self.views[view] = self._best_view(np.stack([best, _pose(*refined)]), which)
+
+    def _best_view(self, X_CM: Array, which: NDArray[np.intp]) -> Array:
+        """Return that of some poses of a view, shape (K, 4, 4), at which its tags appear as detected."""
+        errors = self._error(X_CM[:, np.newaxis] @ self.tags[self._seen.tag[which]], which).sum(axis=1)
+        return np.asarray(X_CM[errors.argmin()])
+
+    def _place_tag(self, tag: int) -> None:
+        which = self._of_tag[tag][self._placed_view[self._seen.view[self._of_tag[tag]]]]
+        views = self.views[self._seen.view[which]]
+        allowed = (np.linalg.inv(views)[:, np.newaxis] @ self._X_CT[which]).reshape(-1, 4, 4)
+        X_MT = np.concatenate([self.tags[tag, np.newaxis], allowed]) if self._placed_tag[tag] else allowed
+        errors = self._error(views @ X_MT[:, np.newaxis], which).sum(axis=1)
+        self.tags[tag], self._placed_tag[tag] = X_MT[errors.argmin()], True
+
+    def _error(self, X_CT: Array, which: NDArray[np.intp]) -> Array:
+        """Return how far off tags at poses, shape (..., n, 4, 4), would be seen, shape (..., n) [px]."""
+        corners_C = (self._square @ X_CT.swapaxes(-1, -2))[..., :3]
+        behind = corners_C[..., 2] < _NEAREST_M
+        corners_C[behind] = [0.0, 0.0, 1.0]
+        distance = np.linalg.norm(self._lens.camera.project(corners_C) - self._ideal[which], axis=-1)
+        error: Array = np.where(behind, _FAR_PX, np.minimum(distance, _FAR_PX)).sum(axis=-1)
+        return error

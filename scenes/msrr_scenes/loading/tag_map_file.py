@@ -1,0 +1,42 @@
+"""Maps of tags in files (YAML)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+from pydantic import ValidationError
+
+from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.problems import dotted
+from msrr_scenes.loading.yaml_document import parse_document
+from msrr_scenes.specs.tag_map import TagMapSpec
+
+
+def read_tag_map(path: Path) -> TagMapSpec:
+    """Read a map of tags.
+
+    Raises:
+        SceneError: The file cannot be read, or is no such map.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
+    except OSError as error:
+        raise SceneError(f"{path}: the map cannot be read: {error.strerror}") from None
+    document = parse_document(text, str(path))
+    try:
+        return TagMapSpec.model_validate(document.data)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        text = f"{document.origin(first['loc'])}: {dotted(first['loc'])}: {first['msg']}"
+        raise SceneError(f"{text}; expected a map of tags as msrr map writes it") from None
+
+
+def write_tag_map(path: Path, tag_map: TagMapSpec) -> None:
+    """Write a map of tags as :func:`read_tag_map` reads it."""
+    data = tag_map.model_dump(mode="json")
+    path.write_text(
+        yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110), encoding="utf-8"
+    )
