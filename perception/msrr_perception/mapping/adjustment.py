@@ -54,11 +54,14 @@ class Adjusted:
     factor: SuperLU
 
     @property
+    def redundancy(self) -> int:
+        """Number of corner coordinates beyond those that it takes to find the variables."""
+        return len(self.residuals) - len(np.unique(self.jacobian.indices))
+
+    @property
     def sigma_px(self) -> float:
         """Standard deviation of the coordinates of corners, from the residuals [px]."""
-        rows = len(self.residuals)
-        variables = len(np.unique(self.jacobian.indices))
-        return math.sqrt(float(self.residuals @ self.residuals) / max(rows - variables, 1))
+        return math.sqrt(float(self.residuals @ self.residuals) / max(self.redundancy, 1))
 
     def cofactors(self, columns: NDArray[np.intp]) -> Array:
         """Return the covariance of variables, by their indices, for corners of variance 1; shape (c, c)."""

@@ -1,16 +1,16 @@
 """Sightings, tags and pictures that contradict the others: found by a statistical test and left out.
 
-A group of corners is tested against the map that all others make: under the hypothesis that it is like the
-others, the sum of squares that vanishes from the adjustment together with the group is chi-squared. The
-groups are single sightings, all sightings of a tag (it moved) and all of a picture (it is blurred, or its
-tags moved). The group that is least likely is left out, the rest adjusted again, until no group is too
-unlikely. Source: W. Baarda, "A testing procedure for use in geodetic networks", 1968 (data snooping), for
-groups.
+A group of corners is tested against the map that all others make: if it is like the others, what vanishes
+from the sum of squares together with it, by what is left, has an F distribution. The groups are single
+sightings, all sightings of a tag (it moved) and all of a picture (it is blurred, or its tags moved). The
+group that is least likely is left out and the rest adjusted again, until no group is too unlikely. Source:
+W. Baarda, "A testing procedure for use in geodetic networks", 1968 (data snooping), for groups.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.stats import chi2, norm
+from scipy.stats import norm
 
 from msrr_perception.mapping.adjustment import Adjusted, AdjustmentError, adjust
 from msrr_perception.mapping.bundle import Bundle, Sightings
@@ -119,16 +119,13 @@ def _worst(found: Adjusted, seen: Sightings) -> Contradiction | None:
     Q = found.factor.solve(np.eye(found.bundle.variables))
     tested = [(group, *_tested(found, Q, group)) for group in _groups(seen)]
     tested = [(group, excess, rank) for group, excess, rank in tested if rank]
-    # The median is that of corners which are right, as long as most are.
-    single = [excess / chi2.ppf(0.5, rank) for group, excess, rank in tested if group.kind == "sighting"]
-    variance = float(np.median(single)) if single else 0.0
-    if not variance > 0.0:
+    if not tested or not found.redundancy:
         raise AdjustmentError("no corner is checked by others; take more pictures of every tag")
     contradictions = []
     for kind in get_args(Kind):
         likes = [test for test in tested if test[0].kind == kind]
-        scores = _standing_out(np.array([_quantile(excess / variance, rank) for _, excess, rank in likes]))
-        for (group, excess, rank), score in zip(likes, scores.tolist(), strict=True):
+        quantiles = [_quantile(excess, rank, found) for _, excess, rank in likes]
+        for (group, excess, rank), score in zip(likes, _standing_out(quantiles), strict=True):
             contradictions.append(Contradiction(group, math.sqrt(excess / rank), score))
     worst = max(contradictions, key=lambda contradiction: contradiction.score)
     return worst if worst.score > norm.isf(FALSE_ALARMS / len(tested)) else None
@@ -151,24 +148,31 @@ def _tested(found: Adjusted, Q: Array, group: Group) -> tuple[float, int]:
     return float((along**2 / redundancy[checked]).sum()), int(checked.sum())
 
 
-def _quantile(chi_squared: float, rank: int) -> float:
-    """Return the quantile of a standard normal distribution that is as unlikely as one of chi-squared.
+def _quantile(excess: float, rank: int, found: Adjusted) -> float:
+    """Return the quantile of a standard normal distribution that is as unlikely as what a group adds.
 
-    Source: Wilson and Hilferty, "The distribution of chi-square", 1931; the tail itself underflows.
+    What it adds is compared with what is left without it, so that a group which spoils the whole map is told
+    from those that it spoils. Source: E. Paulson, "An approximate normalization of the analysis of variance
+    distribution", Annals of Mathematical Statistics 13, 1942; the tail of F itself underflows.
     """
-    spread = 2.0 / (9.0 * rank)
-    return (math.cbrt(chi_squared / rank) - 1.0 + spread) / math.sqrt(spread)
+    others = found.redundancy - rank
+    left = found.sigma_px**2 * found.redundancy - excess
+    if others <= 0 or left <= 0.0:  # nothing is left that could be compared
+        return 0.0
+    root = math.cbrt(excess / rank / (left / others))
+    own, rest = 2.0 / (9.0 * rank), 2.0 / (9.0 * others)
+    return ((1.0 - rest) * root - (1.0 - own)) / math.sqrt(rest * root**2 + own)
 
 
-def _standing_out(quantiles: Array) -> Array:
-    """Return by how many deviations groups of a kind stand out from the others, shape (groups,).
+def _standing_out(quantiles: Sequence[float]) -> list[float]:
+    """Return by how many deviations groups of one kind stand out from the others.
 
     Blur differs from picture to picture and paper from tag to tag, and what several corners of one tag have
-    in common does not average out. So the groups may spread more widely than chi-squared; less widely does
-    not count.
+    in common does not average out. So the groups may spread more widely than F; less widely does not count.
     """
-    if not len(quantiles):
-        return quantiles
-    middle = max(float(np.median(quantiles)), 0.0)
-    spread = float(np.median(abs(quantiles - np.median(quantiles)))) / norm.ppf(0.75)
-    return np.asarray((quantiles - middle) / max(spread, 1.0))
+    if not quantiles:
+        return []
+    z, middle = np.array(quantiles), float(np.median(quantiles))
+    spread = float(np.median(abs(z - middle))) / norm.ppf(0.75)
+    scores: list[float] = ((z - max(middle, 0.0)) / max(spread, 1.0)).tolist()
+    return scores
