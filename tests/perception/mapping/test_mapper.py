@@ -70,9 +70,9 @@ def squared_errors(found: TagMap, tags: dict[int, SE3]) -> list[float]:
 def test_covariances_are_those_of_the_errors_and_nothing_right_is_left_out() -> None:
     """Mean of the squared errors over maps: six is right; errors of one map are correlated.
 
-    The mean of 12 maps has a standard deviation of 1 at most (as if all tags of a map erred alike), so that it
-    lies within four of them but for one in 10^4 cases. Of 12 maps, each of which leaves something out in one of
-    100 cases, three or more do so in 2 of 10^4.
+    The mean of 12 maps has a standard deviation of 1 at most (as if all tags of a map erred alike), so that
+    it lies within four of them but for one in 10^4 cases. Of 12 maps, each of which leaves something out in
+    one of 100 cases, three or more do so in 2 of 10^4.
     """
     squares, alarms, sigmas = [], 0, []
     for seed in range(12):
@@ -100,9 +100,9 @@ def test_one_wrong_sighting_is_named() -> None:
     """A corner of one tag in one picture is off by 15 standard deviations."""
     rng = np.random.default_rng(5)
     pictures = photographed(wall(rng), rng)
-    wrong = replace(
-        pictures[2].tags[0], corners=pictures[2].tags[0].corners + [[3.0, 0.0], [0, 0], [0, 0], [0, 0]]
-    )
+    right = pictures[2].tags[0]
+    shift = np.array([[3.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    wrong = replace(right, corners=right.corners + shift)
     pictures[2] = TaggedPicture(pictures[2].name, (wrong, *pictures[2].tags[1:]))
     found = map_tags(pictures, LENS, TAG_SIZE)
     assert [(one.kind, one.tags, one.pictures) for one in found.left_out] == [
