@@ -20,8 +20,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.stats import norm
 
-from msrr_perception.mapping.adjustment import Adjusted, AdjustmentError, adjust
+from msrr_perception.mapping.adjustment import Adjusted, AdjustmentError, adjust, adjust_robustly
 from msrr_perception.mapping.bundle import Bundle, Sightings
+from msrr_perception.mapping.initial_map import alternatives
 from msrr_scenes.arrays import Array
 
 #: Probability that anything of a map without contradictions is left out.
@@ -29,6 +30,9 @@ FALSE_ALARMS = 0.01
 
 #: Share of a corner that has to be checked by others for it to count in the test.
 _LEAST_REDUNDANCY = 1e-6
+
+#: Relative gain of the residuals for which a pose is turned over; less is rounding.
+_LEAST_GAIN = 1e-6
 
 Kind = Literal["sighting", "tag", "picture"]
 
@@ -94,9 +98,23 @@ def adjust_consistently(bundle: Bundle, seen: Sightings) -> Consistent:
         worst = _worst(found, part)
         if worst is None:
             return Consistent(found, kept, tuple(contradictions))
+        turned = _turned_over(found, part, worst.group)
+        if turned is not None:
+            bundle = turned
+            continue
         members = np.flatnonzero(kept)[worst.group.members]
         kept[members] = False
         contradictions.append(replace(worst, group=replace(worst.group, members=members)))
+
+
+def _turned_over(found: Adjusted, seen: Sightings, group: Group) -> Bundle | None:
+    """Return a better map in which a tag or view of a group has the other pose of a flat tag, if any."""
+    views, tags = np.unique(seen.view[group.members]), np.unique(seen.tag[group.members])
+    for bundle in alternatives(found.bundle, seen, views, tags):
+        tried = adjust(adjust_robustly(bundle, seen).referred_to(found.bundle.reference), seen)
+        if tried.sigma_px < (1.0 - _LEAST_GAIN) * found.sigma_px:
+            return tried.bundle
+    return None
 
 
 def most_seen_tag(seen: Sightings) -> int:

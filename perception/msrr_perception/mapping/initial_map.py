@@ -7,6 +7,10 @@ and a tag the pose at which the placed views saw it.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +26,9 @@ _FAR_PX = 20.0
 
 #: Least depth of a corner that a camera can have seen [m].
 _NEAREST_M = 0.01
+
+#: Rotation from which on a pose is another one of the two that a tag allows, and not a better one [rad].
+_OTHER_RAD = math.radians(8.0)
 
 #: Most rounds over all tags and views after the last view is placed; they end when nothing changes.
 _ROUNDS = 10
@@ -49,6 +56,36 @@ def initial_bundle(seen: Sightings, lens: Lens, tag_size: float) -> Bundle:
     )
 
 
+def alternatives(
+    bundle: Bundle, seen: Sightings, views: NDArray[np.intp], tags: NDArray[np.intp]
+) -> Iterator[Bundle]:
+    """Yield bundles in which a view or a tag has the other one of the poses that single tags allow.
+
+    Args:
+        bundle: Poses that are near a minimum, perhaps of the wrong kind.
+        seen: The sightings.
+        views: Indices of the views that are turned over, one at a time.
+        tags: Indices of the tags that are.
+    """
+    guess = _Guess(seen, bundle.lens, bundle.tag_size)
+    for tag in tags:
+        # The pose of the reference is the frame of the map, so that another one has to be the reference.
+        base = bundle.referred_to(int(np.flatnonzero(np.arange(bundle.tags) != tag)[0]))
+        guess.take(base)
+        X = guess.other_tag_pose(int(tag))
+        if X is not None:
+            R, p = base.R_MT.copy(), base.p_MT.copy()
+            R[tag], p[tag] = X[:3, :3], X[:3, 3]
+            yield replace(base, R_MT=R, p_MT=p)
+    guess.take(bundle)
+    for view in views:
+        X = guess.other_view_pose(int(view))
+        if X is not None:
+            R, p = bundle.R_CM.copy(), bundle.p_CM.copy()
+            R[view], p[view] = X[:3, :3], X[:3, 3]
+            yield replace(bundle, R_CM=R, p_CM=p)
+
+
 def _one_tag_poses(corners: Array, lens: Lens, tag_size: float) -> tuple[Array, Array]:
     """Return the two poses X_CT of a tag as matrices (2, 4, 4), and their errors (2,) [px].
 
@@ -71,6 +108,12 @@ def _pose(w: cv2.typing.MatLike, p: cv2.typing.MatLike) -> Array:
     X = np.eye(4)
     X[:3, :3], X[:3, 3] = cv2.Rodrigues(w)[0], p.ravel()
     return X
+
+
+def _turned(poses: Array, X: Array) -> NDArray[np.bool_]:
+    """Return which of some poses, shape (K, 4, 4), are turned against one, shape (4, 4)."""
+    cosine = 0.5 * (np.einsum("kij,ij->k", poses[:, :3, :3], X[:3, :3]) - 1.0)
+    return np.asarray(cosine < math.cos(_OTHER_RAD))
 
 
 class _Guess:
@@ -123,6 +166,29 @@ class _Guess:
                 self._place_tag(tag)
             for view in range(len(self.views)):
                 self._place_view(view)
+
+    def take(self, bundle: Bundle) -> None:
+        """Take the poses of a bundle, all of which are placed."""
+        for poses, R, p in ((self.views, bundle.R_CM, bundle.p_CM), (self.tags, bundle.R_MT, bundle.p_MT)):
+            poses[:, :3, :3], poses[:, :3, 3] = R[: len(poses)], p[: len(poses)]
+
+    def other_tag_pose(self, tag: int) -> Array | None:
+        """Return the best of the poses of a tag that differ from its own, shape (4, 4)."""
+        which = self._of_tag[tag]
+        views = self.views[self._seen.view[which]]
+        allowed = (np.linalg.inv(views)[:, np.newaxis] @ self._X_CT[which]).reshape(-1, 4, 4)
+        others = allowed[_turned(allowed, self.tags[tag])]
+        if not len(others):
+            return None
+        return np.asarray(others[self._error(views @ others[:, np.newaxis], which).sum(axis=1).argmin()])
+
+    def other_view_pose(self, view: int) -> Array | None:
+        """Return the best of the poses of a view that differ from its own, shape (4, 4)."""
+        which = self._of_view[view]
+        tags = self.tags[self._seen.tag[which]]
+        allowed = (self._X_CT[which] @ np.linalg.inv(tags)[:, np.newaxis]).reshape(-1, 4, 4)
+        others = allowed[_turned(allowed, self.views[view])]
+        return self._best_view(others, which) if len(others) else None
 
     def _known_tags(self, view: int) -> tuple[int, int]:
         tags = self._seen.tag[self._of_view[view]]
