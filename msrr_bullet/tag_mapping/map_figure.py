@@ -18,7 +18,7 @@ from msrr_scenes.geometry.unit_geometry import tag_corners
 _WIDTH_IN, _HEIGHT_IN = 15.0, 7.5
 
 #: Directions from which the map is seen: elevation and azimuth [deg], and title.
-_VIEWS = ((25.0, -120.0, "from behind the reference"), (90.0, -180.0, "from above"))
+_VIEWS = ((25.0, -120.0, "from the side"), (90.0, -180.0, "from above"))
 
 #: Depth of the drawn pyramid of a camera, by the size of a tag.
 _CAMERA_DEPTH = 0.8

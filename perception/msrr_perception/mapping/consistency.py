@@ -111,7 +111,10 @@ def _turned_over(found: Adjusted, seen: Sightings, group: Group) -> Bundle | Non
     """Return a better map in which a tag or view of a group has the other pose of a flat tag, if any."""
     views, tags = np.unique(seen.view[group.members]), np.unique(seen.tag[group.members])
     for bundle in alternatives(found.bundle, seen, views, tags):
-        tried = adjust(adjust_robustly(bundle, seen).referred_to(found.bundle.reference), seen)
+        try:
+            tried = adjust(adjust_robustly(bundle, seen).referred_to(found.bundle.reference), seen)
+        except AdjustmentError:  # turned over, the map falls apart: the pose was right
+            continue
         if tried.sigma_px < (1.0 - _LEAST_GAIN) * found.sigma_px:
             return tried.bundle
     return None

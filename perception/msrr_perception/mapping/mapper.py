@@ -75,7 +75,7 @@ class MappedSighting:
     Attributes:
         picture: Name of the picture.
         tag_id: Id of the tag.
-        residuals: Projected minus detected corners, shape (4, 2) [px].
+        residuals: Projected minus detected corners, shape (4, 2) [px]; NaN without tag or picture in M.
         edge_px: Mean length of the edges of the tag in the picture [px].
         angle: Angle between the line of sight and the normal of the tag [rad].
         kept: Whether the map is made of it.
@@ -220,6 +220,8 @@ def _mapped_sightings(
     bundle: Bundle, seen: Sightings, kept: NDArray[np.bool_], names: list[str], ids: list[int]
 ) -> tuple[MappedSighting, ...]:
     residuals = bundle.residuals(seen).reshape(-1, 4, 2)
+    placed = np.isin(seen.view, seen.view[kept]) & np.isin(seen.tag, seen.tag[kept])
+    residuals[~placed] = np.nan
     edges = np.linalg.norm(seen.corners - np.roll(seen.corners, 1, axis=1), axis=2).mean(axis=1)
     return tuple(
         MappedSighting(
