@@ -20,7 +20,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.stats import norm
 
-from msrr_perception.mapping.adjustment import Adjusted, AdjustmentError, adjust, adjust_robustly
+from msrr_perception.mapping.adjustment import Adjusted, AdjustmentError, adjust
 from msrr_perception.mapping.bundle import Bundle, Sightings
 from msrr_perception.mapping.initial_map import alternatives
 from msrr_scenes.arrays import Array
@@ -95,24 +95,23 @@ def adjust_consistently(bundle: Bundle, seen: Sightings) -> Consistent:
         kept = largest_connected(seen, kept)
         part = seen.of(kept)
         found = adjust(bundle.referred_to(most_seen_tag(part)), part)
-        worst = _worst(found, part)
-        if worst is None:
-            return Consistent(found, kept, tuple(contradictions))
-        turned = _turned_over(found, part, worst.group)
+        turned = _turned_over(found, part)
         if turned is not None:
             bundle = turned
             continue
+        worst = _worst(found, part)
+        if worst is None:
+            return Consistent(found, kept, tuple(contradictions))
         members = np.flatnonzero(kept)[worst.group.members]
         kept[members] = False
         contradictions.append(replace(worst, group=replace(worst.group, members=members)))
 
 
-def _turned_over(found: Adjusted, seen: Sightings, group: Group) -> Bundle | None:
-    """Return a better map in which a tag or view of a group has the other pose of a flat tag, if any."""
-    views, tags = np.unique(seen.view[group.members]), np.unique(seen.tag[group.members])
-    for bundle in alternatives(found.bundle, seen, views, tags):
+def _turned_over(found: Adjusted, seen: Sightings) -> Bundle | None:
+    """Return a better map in which one tag or one view has the other pose of a flat tag, if there is one."""
+    for bundle in alternatives(found.bundle, seen, np.unique(seen.view), np.unique(seen.tag)):
         try:
-            tried = adjust(adjust_robustly(bundle, seen).referred_to(found.bundle.reference), seen)
+            tried = adjust(bundle.referred_to(found.bundle.reference), seen)
         except AdjustmentError:  # turned over, the map falls apart: the pose was right
             continue
         if tried.sigma_px < (1.0 - _LEAST_GAIN) * found.sigma_px:

@@ -30,6 +30,10 @@ _NEAREST_M = 0.01
 #: Rotation from which on a pose is another one of the two that a tag allows, and not a better one [rad].
 _OTHER_RAD = math.radians(8.0)
 
+#: Mean distance of corners up to which another pose is worth an adjustment [px]: where the two poses of a tag
+#: can be taken for each other, its corners are at nearly the same pixels in both.
+_NEAR_PX = 4.0
+
 #: Most rounds over all tags and views after the last view is placed; they end when nothing changes.
 _ROUNDS = 10
 
@@ -173,22 +177,26 @@ class _Guess:
             poses[:, :3, :3], poses[:, :3, 3] = R[: len(poses)], p[: len(poses)]
 
     def other_tag_pose(self, tag: int) -> Array | None:
-        """Return the best of the poses of a tag that differ from its own, shape (4, 4)."""
+        """Return the best of the poses of a tag that differ from its own, (4, 4), if it is near."""
         which = self._of_tag[tag]
         views = self.views[self._seen.view[which]]
         allowed = (np.linalg.inv(views)[:, np.newaxis] @ self._X_CT[which]).reshape(-1, 4, 4)
         others = allowed[_turned(allowed, self.tags[tag])]
-        if not len(others):
-            return None
-        return np.asarray(others[self._error(views @ others[:, np.newaxis], which).sum(axis=1).argmin()])
+        return self._least(others, self._error(views @ others[:, np.newaxis], which))
 
     def other_view_pose(self, view: int) -> Array | None:
-        """Return the best of the poses of a view that differ from its own, shape (4, 4)."""
+        """Return the best of the poses of a view that differ from its own, (4, 4), if it is near."""
         which = self._of_view[view]
         tags = self.tags[self._seen.tag[which]]
         allowed = (self._X_CT[which] @ np.linalg.inv(tags)[:, np.newaxis]).reshape(-1, 4, 4)
         others = allowed[_turned(allowed, self.views[view])]
-        return self._best_view(others, which) if len(others) else None
+        return self._least(others, self._error(others[:, np.newaxis] @ tags, which))
+
+    def _least(self, poses: Array, errors: Array) -> Array | None:
+        """Return the pose with the least of the errors, shape (K, n), if all of its tags are near."""
+        if not len(poses) or errors.mean(axis=1).min() > len(self._square) * _NEAR_PX:
+            return None
+        return np.asarray(poses[errors.mean(axis=1).argmin()])
 
     def _known_tags(self, view: int) -> tuple[int, int]:
         tags = self._seen.tag[self._of_view[view]]

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from msrr_perception.mapping.adjustment import AdjustmentError, adjust
+from msrr_perception.mapping.adjustment import AdjustmentError, adjust, adjust_robustly
 from msrr_perception.mapping.bundle import Bundle, Sightings
-from msrr_perception.mapping.initial_map import initial_bundle
+from msrr_perception.mapping.consistency import adjust_consistently
+from msrr_perception.mapping.initial_map import alternatives, initial_bundle
 from msrr_perception.mapping.mapper import TaggedPicture, TagMap, map_tags
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.distortion import Distortion
@@ -160,3 +161,39 @@ def test_pictures_without_a_common_tag_are_named() -> None:
     assert found.unconnected == ("elsewhere",)
     assert set(found.tags) == set(range(TAGS))
     assert len(found.X_CM) == VIEWS
+
+
+def test_a_pose_that_is_turned_over_is_turned_back() -> None:
+    bundle, seen = start(refines_lens=False)
+    right = adjust(adjust_robustly(bundle, seen), seen)
+    nobody = np.array([], dtype=np.intp)
+    for tag in range(TAGS):
+        for turned in alternatives(right.bundle, seen, nobody, np.array([tag])):
+            found = adjust_consistently(turned, seen)
+            assert found.kept.all()
+            assert found.adjusted.sigma_px == pytest.approx(right.sigma_px, rel=1e-6)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", range(20))
+def test_neither_order_nor_names_matter(seed: int) -> None:
+    """Noisy corners of slanted tags far away, so that the first guess turns some of them the wrong way."""
+    rng = np.random.default_rng(100 + seed)
+    pictures = photographed(wall(rng), rng, 0.8)
+    found = map_tags(pictures, LENS, TAG_SIZE)
+    ids, names = rng.permutation(TAGS), rng.permutation(VIEWS)
+    again = map_tags(
+        [
+            TaggedPicture(f"p{n}", tuple(replace(t, tag_id=int(ids[t.tag_id])) for t in reversed(p.tags)))
+            for n, p in zip(names, pictures, strict=True)
+        ],
+        LENS,
+        TAG_SIZE,
+    )
+    back = {int(new): old for old, new in enumerate(ids)}
+    assert {back[tag] for tag in again.tags} == set(found.tags)
+    X_MN = found.tags[back[again.reference]].X_MT
+    for tag, mapped in again.tags.items():
+        np.testing.assert_allclose(
+            (X_MN @ mapped.X_MT).matrix(), found.tags[back[tag]].X_MT.matrix(), atol=1e-5
+        )
