@@ -20,7 +20,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.stats import norm
 
-from msrr_perception.mapping.adjustment import Adjusted, AdjustmentError, adjust
+from msrr_perception.mapping.adjustment import Adjusted, AdjustmentError, adjust, adjust_robustly
 from msrr_perception.mapping.bundle import Bundle, Sightings
 from msrr_perception.mapping.initial_map import alternatives
 from msrr_scenes.arrays import Array
@@ -111,7 +111,7 @@ def _turned_over(found: Adjusted, seen: Sightings) -> Bundle | None:
     """Return a better map in which one tag or one view has the other pose of a flat tag, if there is one."""
     for bundle in alternatives(found.bundle, seen, np.unique(seen.view), np.unique(seen.tag)):
         try:
-            tried = adjust(bundle.referred_to(found.bundle.reference), seen)
+            tried = adjust(adjust_robustly(bundle, seen).referred_to(found.bundle.reference), seen)
         except AdjustmentError:  # turned over, the map falls apart: the pose was right
             continue
         if tried.sigma_px < (1.0 - _LEAST_GAIN) * found.sigma_px:

@@ -32,7 +32,7 @@ _OTHER_RAD = math.radians(8.0)
 
 #: Mean distance of corners up to which another pose is worth an adjustment [px]: where the two poses of a tag
 #: can be taken for each other, its corners are at nearly the same pixels in both.
-_NEAR_PX = 4.0
+_NEAR_PX = 8.0
 
 #: Most rounds over all tags and views after the last view is placed; they end when nothing changes.
 _ROUNDS = 10
