@@ -154,12 +154,13 @@ def fit_edge(pixels: Pixels, square: Array, e: int, optic: Optic, a: Array, b: A
         inside = half_x <= foot_x <= width - 1.0 - half_x and half_y <= foot_y <= height - 1.0 - half_y
         if not inside and not optic.distorts:
             return False
-    black, white, mean, moment = 0.0, 0.0, 0.0, 0.0
+    black, white, mean = 0.0, 0.0, 0.0
+    black_moment, white_moment, moment = 0.0, 0.0, 0.0  # about the middle of the edge
     step = 2.0 * reach / (SAMPLES - 1)
     for i in range(SECTIONS):
         s = END_SHARE + _STEP * i
         foot_x, foot_y = x0 + s * along_x - reach * nx, y0 + s * along_y - reach * ny
-        total = 0.0
+        total, inner, outer = 0.0, 0.0, 0.0
         for k in range(SAMPLES):
             x, y = foot_x + k * step * nx, foot_y + k * step * ny
             if optic.distorts:
@@ -176,22 +177,27 @@ def fit_edge(pixels: Pixels, square: Array, e: int, optic: Optic, a: Array, b: A
             # The mean of two samples at either end is the level on that side. The trapezium rule counts
             # the outermost samples half.
             if k < 2:
-                black += grey
+                inner += grey
             elif k > SAMPLES - 3:
-                white += grey
+                outer += grey
             if k == 0 or k == SAMPLES - 1:
                 total -= 0.5 * grey
-        mean += total
+        black, white, mean = black + inner, white + outer, mean + total
+        black_moment += inner * (s - 0.5)
+        white_moment += outer * (s - 0.5)
         moment += total * (s - 0.5)
-    black, white = black / (2 * SECTIONS), white / (2 * SECTIONS)
+    black, white, mean = black / (2 * SECTIONS), white / (2 * SECTIONS), mean / (SECTIONS * (SAMPLES - 1))
     contrast = white - black
     if not contrast > LEAST_CONTRAST:
         return False
     # The mean brightness of a section is the share of white, which is the distance of the border from the
-    # outer end. A straight line is fitted through these distances.
-    scale = 2.0 * reach / (contrast * (SAMPLES - 1))
-    level = reach * (1.0 + 2.0 * black / contrast) - scale * mean / SECTIONS
-    slope = -scale * moment / SQUARES
+    # outer end. A straight line is fitted through these distances. Light that is uneven along the edge
+    # changes both levels in proportion: a section is compared with the levels where it lies. Compared with
+    # the means of the edge, 5 % more light at one end would turn the edge by as much as 0.3 px.
+    share = (mean - black) / contrast
+    light = (black * black_moment + white * white_moment) / (2.0 * SQUARES * (black * black + white * white))
+    level = reach * (1.0 - 2.0 * share)
+    slope = -2.0 * reach * (moment / (SQUARES * (SAMPLES - 1)) - light * mean) / contrast
     at_a, at_b = level - 0.5 * slope, level + 0.5 * slope
     a[e, 0], a[e, 1] = x0 + at_a * nx, y0 + at_a * ny
     b[e, 0], b[e, 1] = x0 + along_x + at_b * nx, y0 + along_y + at_b * ny

@@ -92,3 +92,23 @@ def test_a_corner_is_not_led_away_step_by_step(plate: Plate, warp: Warp) -> None
     found, measured = refine_corners(image, guess[None])
     assert not measured[0]
     np.testing.assert_array_equal(found[0], guess)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7, 1.6, 2.5])
+def test_light_that_falls_off_along_the_tag_turns_no_edge(plate: Plate, warp: Warp, turn: float) -> None:
+    """A tag of 80 px, lit by 30 % less at one side than at the other: corners are those in even light.
+
+    What is left is the change of the light across an edge, over the length of a cross section.
+    """
+    y, x = np.mgrid[0:120, 0:120] - 60.0
+    light = 1.0 - 0.3 * (0.5 + (np.cos(turn) * x + np.sin(turn) * y) / 80.0).clip(0.0, 1.0)
+    rng, errors = np.random.default_rng(5), []
+    for i in range(6):
+        square = _square(rng, 80.0)
+        image = warp(WINDOW, [(plate(i), square)])
+        shaded = np.round(image * light).astype(np.uint8)
+        (even,), _ = refine_corners(image, square[None])
+        (found,), (measured,) = refine_corners(shaded, square[None])
+        assert measured
+        errors.append(found - even)
+    assert np.abs(errors).max() < 0.06
