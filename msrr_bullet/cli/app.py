@@ -14,6 +14,7 @@ import typer
 
 from msrr_bullet.cli import (
     bench_commands,
+    detect_command,
     map_command,
     run_commands,
     study_commands,
@@ -128,6 +129,7 @@ app.command()(run_commands.replay)
 app.command()(study_commands.tune)
 app.command()(study_commands.reproduce)
 app.command()(tolerance_command.tolerance)
+app.command()(detect_command.detect)
 app.command("map")(map_command.map_pictures)
 app.command()(run_commands.frames)
 app.command()(run_commands.plot)

@@ -45,6 +45,12 @@ class NativeSettings:
     min_white_black_diff: int
 
 
+#: What the library's wrapper searches with when nothing else is asked for.
+LIBRARY_SETTINGS = NativeSettings(
+    quad_decimate=2.0, quad_sigma=0.0, decode_sharpening=0.25, min_white_black_diff=5
+)
+
+
 class _Image(ctypes.Structure):
     """The library's ``image_u8_t``."""
 

@@ -1,0 +1,211 @@
+"""The command ``msrr detect``."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from msrr_bullet.cli.console import open_console, status_line
+from msrr_bullet.cli.exit_codes import BAD_INPUT, report_error
+from msrr_bullet.cli.options import JsonFile, check_writable, write_json
+from msrr_scenes.errors import SceneError
+
+if TYPE_CHECKING:
+    from msrr_perception.photographs.reading import PictureReader, PictureTags
+    from msrr_perception.photographs.tag_finder import FoundTag
+    from msrr_perception.photographs.tag_poses import TagPose
+    from msrr_scenes.messages import Pixels
+
+
+@dataclass
+class _Work:
+    """What was done so far.
+
+    Attributes:
+        pictures: Tags of all pictures that could be read.
+        failed: Number of files that could not be read.
+        own_s: Time that the detection took [s].
+        library_s: Time that the library takes for the same pictures with its defaults [s].
+        library_tags: Number of tags that it finds.
+        names: Names of annotated pictures that were written.
+    """
+
+    pictures: list[PictureTags] = field(default_factory=list)
+    failed: int = 0
+    own_s: float = 0.0
+    library_s: float = 0.0
+    library_tags: int = 0
+    names: set[str] = field(default_factory=set)
+
+
+def detect(
+    images: Annotated[
+        list[Path], typer.Argument(metavar="IMAGE...", help="Pictures, films, or folders of them.")
+    ],
+    family: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FAMILY", help="Tag family; may be repeated.", show_default="tag36h11"),
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Calibration of the camera, by OpenCV or ROS.")
+    ] = None,
+    tag_size: Annotated[
+        float | None, typer.Option(metavar="M", help="Edge of the black square of the tags [m].")
+    ] = None,
+    json_file: JsonFile = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder of annotated pictures.")] = None,
+) -> None:
+    """Find AprilTags in pictures and films; the exit code is 2 if one of the files cannot be read."""
+    from msrr_perception.photographs.picture_files import picture_files
+    from msrr_perception.photographs.reading import PictureReader
+    from msrr_scenes.loading.calibration_file import read_calibration
+
+    check_writable(json_file)
+    if tag_size is not None and calibration is None:
+        raise SceneError("--tag-size: poses need the camera as well; give --calibration FILE")
+    told = None if calibration is None else read_calibration(calibration)
+    reader = PictureReader(family or ["tag36h11"], told, tag_size)
+    files = picture_files(images)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    console = open_console(stderr=json_file == Path("-"))
+    work = _Work()
+    with status_line(console, "reading") as show:
+        for i, file in enumerate(files):
+            show(f"{i + 1} of {len(files)}: {file}")
+            _read_file(file, reader, out, work)
+    if work.pictures:
+        console.print(_table(work.pictures))
+        console.print(_summary(work), highlight=False)
+    write_json(json_file, json.dumps(_report(work), indent=1) + "\n")
+    raise typer.Exit(BAD_INPUT if work.failed else 0)
+
+
+def _read_file(file: Path, reader: PictureReader, out: Path | None, work: _Work) -> None:
+    """Read all pictures of a file; one that cannot be read is reported, and the work goes on."""
+    from msrr_perception.photographs.picture_files import PictureError, read_pictures
+
+    try:
+        for name, pixels in read_pictures(file):
+            start = time.process_time()
+            picture = reader.read(name, pixels)
+            work.own_s += time.process_time() - start
+            _ask_the_library(pixels, picture, reader, work)
+            work.pictures.append(picture)
+            if out is not None:
+                _draw(picture, pixels, reader, out, work)
+    except PictureError as error:
+        work.failed += 1
+        report_error(str(error), BAD_INPUT)
+
+
+def _ask_the_library(pixels: Pixels, picture: PictureTags, reader: PictureReader, work: _Work) -> None:
+    """Measure what the library takes and finds with its own defaults."""
+    from msrr_perception.detection.native_apriltag import LIBRARY_SETTINGS, detect
+
+    start = time.process_time()
+    work.library_tags += sum(len(detect(pixels, family, LIBRARY_SETTINGS)) for family in reader.families)
+    work.library_s += time.process_time() - start
+
+
+def _draw(picture: PictureTags, pixels: Pixels, reader: PictureReader, out: Path, work: _Work) -> None:
+    from msrr_bullet.figures.canvas import write_png
+    from msrr_bullet.figures.photograph import PosedLens, draw_photograph
+
+    lens = reader.lens(picture.width, picture.height)
+    posed = PosedLens(lens, 0.5 * reader.tag_size) if lens is not None and reader.tag_size else None
+    stem = Path(picture.name).name.replace("#", "-")
+    name = next(n for n in _candidates(stem) if n not in work.names)
+    work.names.add(name)
+    write_png(out / name, draw_photograph(pixels, picture.name, picture.tags, posed))
+
+
+def _candidates(stem: str) -> Iterator[str]:
+    """Yield names for the annotated picture of a file: pictures of two folders may have one name."""
+    yield f"{stem}.png"
+    number = 2
+    while True:
+        yield f"{stem}-{number}.png"
+        number += 1
+
+
+def _table(pictures: Sequence[PictureTags]) -> Table:
+    table = Table("picture", "size [px]", "tags")
+    for picture in pictures:
+        ids = ", ".join(_short(found) for found, _ in picture.tags)
+        table.add_row(picture.name, f"{picture.width} x {picture.height}", ids or "none")
+    return table
+
+
+def _short(found: FoundTag) -> str:
+    family = "" if found.family == "tag36h11" else f"{found.family}:"
+    return f"{family}{found.tag.tag_id}"
+
+
+def _summary(work: _Work) -> str:
+    from msrr_perception.photographs.reading import corner_sigma_px
+
+    count, tags = len(work.pictures), sum(len(p.tags) for p in work.pictures)
+    text = (
+        f"{count} pictures, {tags} tags, {1e3 * work.own_s / count:.1f} ms a picture; the library with its "
+        f"defaults: {work.library_tags} tags, {1e3 * work.library_s / count:.1f} ms"
+    )
+    if any(poses for picture in work.pictures for _, poses in picture.tags):
+        text += f"\nstandard deviation of a corner's coordinate: {corner_sigma_px(work.pictures):.2f} px"
+    return text
+
+
+def _report(work: _Work) -> dict[str, Any]:
+    from msrr_perception.photographs.reading import corner_sigma_px
+    from msrr_perception.photographs.tag_poses import CORNER_SIGMA_PX
+
+    sigma = corner_sigma_px(work.pictures)
+    scale = (sigma / CORNER_SIGMA_PX) ** 2
+    images = [
+        {
+            "file": picture.name,
+            "width": picture.width,
+            "height": picture.height,
+            "detections": [_detection(found, poses, scale) for found, poses in picture.tags],
+        }
+        for picture in work.pictures
+    ]
+    count = max(len(work.pictures), 1)
+    return {
+        "corner_sigma_px": sigma,
+        "ms_per_picture": 1e3 * work.own_s / count,
+        "library_ms_per_picture": 1e3 * work.library_s / count,
+        "images": images,
+    }
+
+
+def _detection(found: FoundTag, poses: Sequence[TagPose], scale: float) -> dict[str, Any]:
+    """Return a tag as JSON; ``scale`` is what the covariances are multiplied by."""
+    tag = found.tag
+    return {
+        "id": tag.tag_id,
+        "family": found.family,
+        "corners": tag.corners.tolist(),
+        "margin": tag.decision_margin,
+        "hamming": tag.hamming,
+        "refined": found.refined,
+        "sharpened": found.second,
+        "poses": [
+            {
+                "R_CT": pose.X_CT.R.tolist(),
+                "p_CT_m": pose.X_CT.p.tolist(),
+                "yaw_deg": math.degrees(math.atan2(pose.X_CT.R[0, 2], pose.X_CT.R[2, 2])),
+                "reprojection_px": pose.reprojection_px,
+                "covariance": (scale * pose.covariance).tolist(),
+            }
+            for pose in poses
+        ],
+    }

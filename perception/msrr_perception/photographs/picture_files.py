@@ -1,0 +1,133 @@
+"""Files of pictures and films, read as grey levels.
+
+Pixels are those that the sensor wrote: an orientation in the EXIF data is not applied, because a calibration
+belongs to the sensor and not to the way the camera was held.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+#: Largest number of pixels of a picture: four times those of the largest camera of a telephone.
+MOST_PIXELS = 2**27
+
+# OpenCV takes these from the environment when it is loaded: what it refuses to decode needs no memory, and
+# errors are reported by this module alone. If it is loaded already, the size is checked afterwards.
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+
+import cv2  # noqa: E402 - after its environment
+import numpy as np  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+
+from msrr_scenes.errors import MsrrError  # noqa: E402
+from msrr_scenes.messages import Pixels  # noqa: E402
+
+#: Names of files that are looked for in a folder.
+PICTURES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp")
+FILMS = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".webm")
+
+#: Smallest and largest edge of a picture [px]; smaller ones hold no tag.
+_LEAST_EDGE, _GREATEST_EDGE = 16, 32_768
+
+
+class PictureError(MsrrError):
+    """A file that cannot be read as a picture or a film."""
+
+
+def picture_files(paths: Iterable[Path]) -> tuple[Path, ...]:
+    """Return the files that were named, and all pictures and films of the folders that were named, sorted.
+
+    Raises:
+        PictureError: A folder holds neither, or cannot be read.
+    """
+    files: list[Path] = []
+    for path in paths:
+        if not path.is_dir():
+            files.append(path)
+            continue
+        inside = sorted(p for p in path.iterdir() if p.suffix.lower() in PICTURES + FILMS)
+        if not inside:
+            raise PictureError(f"{path}: no picture or film in this folder ({' '.join(PICTURES + FILMS)})")
+        files.extend(inside)
+    return tuple(dict.fromkeys(files))
+
+
+def read_pictures(file: Path) -> Iterator[tuple[str, Pixels]]:
+    """Yield name and mono8 pixels, shape (height, width), of a picture, or of every frame of a film.
+
+    The name is that of the file; frames of a film have their number behind it: ``film.mp4#12``.
+
+    Raises:
+        PictureError: The file cannot be read, holds no picture, or one of an impossible size.
+    """
+    if file.suffix.lower() in FILMS:
+        yield from _read_film(file)
+    else:
+        yield str(file), read_picture(file)
+
+
+def read_picture(file: Path) -> Pixels:
+    """Return the pixels of a picture, mono8 of shape (height, width).
+
+    Colours become grey levels, and deeper ones than 8 bits are divided so that the brightest pixel fits.
+
+    Raises:
+        PictureError: The file cannot be read, holds no picture, or one of an impossible size.
+    """
+    try:
+        content = np.fromfile(file, dtype=np.uint8)
+    except OSError as error:
+        raise PictureError(f"{file}: cannot be read: {error.strerror or error}") from None
+    if not content.size:
+        raise PictureError(f"{file}: the file is empty")
+    flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+    try:
+        decoded = cv2.imdecode(content, flags)
+    except cv2.error as error:
+        if "PIXELS" in str(error):
+            raise PictureError(f"{file}: more than {MOST_PIXELS} pixels; make it smaller") from None
+        decoded = None
+    if decoded is None:
+        raise PictureError(f"{file}: not a picture that OpenCV can read, or a damaged one")
+    return _mono8(np.asarray(decoded), str(file))
+
+
+def _read_film(file: Path) -> Iterator[tuple[str, Pixels]]:
+    if not file.is_file():
+        raise PictureError(f"{file}: no such film")
+    film = cv2.VideoCapture(str(file))
+    try:
+        film.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+        number = 0
+        while film.isOpened():
+            more, frame = film.read()
+            if not more:
+                break
+            name = f"{file}#{number}"
+            yield name, _mono8(np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)), name)
+            number += 1
+    except cv2.error:
+        raise PictureError(f"{file}: the film cannot be decoded") from None
+    finally:
+        film.release()
+    if not number:
+        raise PictureError(f"{file}: not a film that OpenCV can read, or a damaged one")
+
+
+def _mono8(grey: NDArray[np.generic], name: str) -> Pixels:
+    """Return grey levels as bytes, after a check of their size."""
+    height, width = grey.shape[:2]
+    size = f"{width} x {height} px"
+    if min(width, height) < _LEAST_EDGE:
+        raise PictureError(f"{name}: {size} hold no tag; expected {_LEAST_EDGE} px or more")
+    if max(width, height) > _GREATEST_EDGE or width * height > MOST_PIXELS:
+        raise PictureError(f"{name}: {size} are too many; make the picture smaller")
+    if grey.dtype == np.uint8:
+        return np.asarray(grey, dtype=np.uint8)
+    levels = np.nan_to_num(grey.astype(np.float32), nan=0.0, posinf=0.0, neginf=0.0)
+    brightest = float(levels.max())
+    return np.asarray(np.clip(levels * (255.0 / max(brightest, 1e-9)), 0.0, 255.0), dtype=np.uint8)

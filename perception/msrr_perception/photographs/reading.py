@@ -1,0 +1,118 @@
+"""The tags of many pictures with their poses, and their corners' noise as the pictures show it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from msrr_perception.photographs.picture_files import PictureError
+from msrr_perception.photographs.tag_finder import FoundTag, TagFinder
+from msrr_perception.photographs.tag_poses import CORNER_SIGMA_PX, TagPose, tag_poses
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.lens import Lens
+from msrr_scenes.geometry.pinhole import PinholeCamera
+from msrr_scenes.messages import Pixels
+from msrr_scenes.specs.sensors import CalibrationSpec, CameraSpec
+
+#: Numbers that a pose leaves free of the eight coordinates of a tag's corners.
+_FREE = 2
+
+
+@dataclass(frozen=True, eq=False)
+class PictureTags:
+    """The tags of a picture.
+
+    Attributes:
+        name: Name of the picture.
+        width: Its width [px].
+        height: Its height [px].
+        tags: Each tag with its one or two poses, the best first; no poses if the camera or the size of the
+            tags is not known.
+    """
+
+    name: str
+    width: int
+    height: int
+    tags: tuple[tuple[FoundTag, tuple[TagPose, ...]], ...]
+
+
+class PictureReader:
+    """Reader of the tags of pictures that one camera took, all of one size."""
+
+    def __init__(
+        self,
+        families: Sequence[str],
+        calibration: CalibrationSpec | None = None,
+        tag_size: float | None = None,
+    ) -> None:
+        """Create a reader.
+
+        Args:
+            families: Families of the tags.
+            calibration: Calibration of the camera; None if it is not known.
+            tag_size: Edge of the black square of all tags [m]; None if it is not known.
+
+        Raises:
+            SceneError: There is a size without a calibration, or it is not positive.
+            DetectorError: There is no such family.
+        """
+        if tag_size is not None and calibration is None:
+            raise SceneError("the size of a tag gives poses only with the calibration of the camera")
+        if tag_size is not None and not 0.0 < tag_size < math.inf:
+            raise SceneError(f"the edge of a tag is more than 0 m, found {tag_size}")
+        self.tag_size = tag_size
+        self._calibration = calibration
+        self._finder = TagFinder(families)
+        self.families = self._finder.families
+        self._by_size: dict[tuple[int, int], tuple[Lens, TagFinder]] = {}
+
+    def lens(self, width: int, height: int) -> Lens | None:
+        """Return the lens of pictures of a size [px]; None without a calibration."""
+        return None if self._calibration is None else self._with_lens("", width, height)[0]
+
+    def read(self, name: str, pixels: Pixels) -> PictureTags:
+        """Return the tags of a picture, mono8 of shape (height, width).
+
+        Raises:
+            PictureError: The calibration belongs to pictures of another size.
+        """
+        height, width = pixels.shape
+        if self._calibration is None:
+            found = self._finder.find(pixels)
+            return PictureTags(name, width, height, tuple((tag, ()) for tag in found))
+        lens, finder = self._with_lens(name, width, height)
+        rows = []
+        for found_tag in finder.find(pixels):
+            corners = lens.undistorted(found_tag.tag.corners)
+            poses = () if self.tag_size is None else tag_poses(lens.camera, corners, self.tag_size)
+            rows.append((found_tag, poses))
+        return PictureTags(name, width, height, tuple(rows))
+
+    def _with_lens(self, name: str, width: int, height: int) -> tuple[Lens, TagFinder]:
+        assert self._calibration is not None
+        told = self._calibration
+        if (width, height) != (told.width_px or width, told.height_px or height):
+            size = f"{told.width_px} x {told.height_px} px"
+            raise PictureError(f"{name}: {width} x {height} px, and the calibration is of pictures of {size}")
+        key = width, height
+        if key not in self._by_size:
+            offset = (told.cx_px - 0.5 * (width - 1), told.cy_px - 0.5 * (height - 1))
+            own = Lens(
+                PinholeCamera(width, height, told.fx_px, offset), CameraSpec(calibration=told).distortion
+            )
+            self._by_size[key] = own, TagFinder(self.families, own)
+        return self._by_size[key]
+
+
+def corner_sigma_px(pictures: Sequence[PictureTags]) -> float:
+    """Return the standard deviation of the corners, as the residuals of all best poses together show it [px].
+
+    A calibration that is wrong and tags that are not flat count as well. It is never less than what the
+    corners of photographs were measured to have, :data:`CORNER_SIGMA_PX`, by which covariances are computed.
+    """
+    best = [poses[0].reprojection_px for picture in pictures for _, poses in picture.tags if poses]
+    if not best:
+        return CORNER_SIGMA_PX
+    squares = sum(8.0 * rms * rms for rms in best)
+    return max(CORNER_SIGMA_PX, math.sqrt(squares / (_FREE * len(best))))

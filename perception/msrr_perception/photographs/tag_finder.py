@@ -1,0 +1,121 @@
+"""All tags of a photograph, of one family or several, blurred ones included."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_perception.detection import native_apriltag
+from msrr_perception.detection.detector import FAMILIES, DetectorError
+from msrr_perception.detection.native_apriltag import NativeSettings
+from msrr_perception.kernels.edges import refine_corners
+from msrr_perception.kernels.lens import NO_LENS, optic_of
+from msrr_scenes.errors import nearest
+from msrr_scenes.geometry.lens import Lens
+from msrr_scenes.messages import Pixels, TagDetection
+
+#: Settings of the search: as on board of a unit, but photographs may be dark.
+_SETTINGS = NativeSettings(quad_decimate=1.0, quad_sigma=0.0, decode_sharpening=1.0, min_white_black_diff=15)
+
+#: Decision margin below which a detection is dropped [grey levels].
+_LEAST_MARGIN = 10.0
+
+#: The second search looks at the picture plus this many times what a Gaussian of this deviation takes out of
+#: it: blur by motion joins modules of a tag, and its quad is no longer found. The deviation is about a module
+#: of the smallest tags that can be read [px].
+_SHARPENING, _SHARPENING_PX = 2.0, 4.0
+
+#: Families whose border is white inside, so that their edges are those of the negative.
+_WHITE_INSIDE = ("tagCircle21h7", "tagCircle49h12", "tagCustom48h12", "tagStandard41h12", "tagStandard52h13")
+
+#: Families whose codes differ in so few bits that none of them is corrected: it would make tags of anything.
+_SHORT_CODES = ("tag16h5", "tagCircle21h7")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundTag:
+    """A tag of a photograph.
+
+    Attributes:
+        family: Its family.
+        tag: Its id, corners (4, 2) in pixels of the picture, decision margin and corrected bits.
+        refined: Whether the corners are intersections of measured edges; if not, they are the library's.
+        second: Whether only the search in the sharpened picture found it.
+    """
+
+    family: str
+    tag: TagDetection
+    refined: bool
+    second: bool
+
+
+class TagFinder:
+    """Finder of all tags in photographs.
+
+    It searches each picture twice, as it is and sharpened, and measures all corners in the picture as it is.
+    """
+
+    def __init__(self, families: Sequence[str] = ("tag36h11",), lens: Lens | None = None) -> None:
+        """Create a finder.
+
+        Args:
+            families: Families of the tags, without which there is nothing to find.
+            lens: Lens without which edges are straight; None if it is not known.
+
+        Raises:
+            DetectorError: There is no such family.
+        """
+        for family in families:
+            if family not in FAMILIES:
+                known = ", ".join(FAMILIES)
+                raise DetectorError(
+                    f"unknown tag family {family!r}{nearest(family, FAMILIES)} Known: {known}."
+                )
+        self.families = tuple(dict.fromkeys(families))
+        self._optic = NO_LENS if lens is None else optic_of(lens)
+
+    def find(self, pixels: Pixels) -> tuple[FoundTag, ...]:
+        """Return the tags in ``pixels``, mono8 of shape (height, width), by family and id."""
+        sharpened = _sharpened(pixels)
+        found: list[FoundTag] = []
+        for family in self.families:
+            first = _search(pixels, family)
+            second = [t for t in _search(sharpened, family) if not any(_overlap(t, f) for f in first)]
+            tags = [*first, *second]
+            if not tags:
+                continue
+            corners, refined = self._refined(pixels, family, np.stack([t.corners for t in tags]))
+            rows = [
+                FoundTag(family, replace(t, corners=c), bool(ok), i >= len(first))
+                for i, (t, c, ok) in enumerate(zip(tags, corners, refined, strict=True))
+            ]
+            found.extend(sorted(rows, key=lambda row: (row.tag.tag_id, -row.tag.decision_margin)))
+        return tuple(found)
+
+    def _refined(
+        self, pixels: Pixels, family: str, corners: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        shown = np.invert(pixels) if family in _WHITE_INSIDE else pixels
+        return refine_corners(shown, corners, self._optic)
+
+
+def _search(pixels: Pixels, family: str) -> list[TagDetection]:
+    most = 0 if family in _SHORT_CODES else 1
+    tags = native_apriltag.detect(pixels, family, _SETTINGS)
+    return [t for t in tags if t.hamming <= most and t.decision_margin >= _LEAST_MARGIN]
+
+
+def _sharpened(pixels: Pixels) -> Pixels:
+    blurred = cv2.GaussianBlur(pixels, (0, 0), _SHARPENING_PX)
+    return np.asarray(cv2.addWeighted(pixels, 1.0 + _SHARPENING, blurred, -_SHARPENING, 0.0), dtype=np.uint8)
+
+
+def _overlap(tag: TagDetection, other: TagDetection) -> bool:
+    """Return whether the middle of a tag lies in another one."""
+    x, y = tag.corners.mean(axis=0)
+    outline = other.corners.astype(np.float32)
+    return cv2.pointPolygonTest(outline, (float(x), float(y)), False) >= 0.0

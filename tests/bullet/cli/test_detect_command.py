@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from msrr_bullet.cli.app import run
+from msrr_bullet.cli.exit_codes import BAD_INPUT
+
+CALIBRATION = """
+image_width: 160
+image_height: 140
+camera_matrix: {rows: 3, cols: 3, data: [200.0, 0, 79.5, 0, 200.0, 69.5, 0, 0, 1]}
+distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Folder with a picture of tag 5, 64 px wide and seen from the front, and a file that is no picture."""
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    tag = np.rot90(cv2.aruco.generateImageMarker(family, 5, 64), 2)
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    cv2.imwrite(str(pictures / "tag.png"), np.pad(tag, ((38, 38), (48, 48)), constant_values=230))
+    (pictures / "bad.png").write_bytes(b"no picture")
+    (tmp_path / "camera.yaml").write_text(CALIBRATION)
+    return pictures
+
+
+def test_good_pictures_are_read_and_bad_ones_reported(
+    folder: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--calibration", "camera.yaml", "--tag-size", "0.1", "--json", "tags.json", "--out", "drawn"]
+    assert run(["detect", str(folder), *options]) == BAD_INPUT
+    printed = capfd.readouterr()
+    assert printed.err.count("\n") == 1
+    assert "bad.png: not a picture" in printed.err
+    assert "1 pictures, 1 tags" in printed.out
+    (image,) = json.loads(Path("tags.json").read_text())["images"]
+    (tag,) = image["detections"]
+    assert (tag["id"], tag["family"], tag["hamming"]) == (5, "tag36h11", 0)
+    np.testing.assert_allclose(tag["corners"][0], [47.5, 101.5], atol=0.1)
+    pose = tag["poses"][0]
+    np.testing.assert_allclose(pose["p_CT_m"], [0.0, 0.0, 0.1 * 200.0 / 64.0], atol=0.002)
+    assert np.shape(pose["covariance"]) == (6, 6)
+    drawn = cv2.imread("drawn/tag.png.png")
+    assert (drawn[..., 2].astype(int) - drawn[..., 0] > 60).any()  # the outline is red
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--tag-size", "0.1"], "give --calibration"),
+        (["--family", "tag36h1"], "did you mean 'tag36h11'"),
+        (["--calibration", "missing.yaml"], "missing.yaml"),
+        (["--json", "no/folder.json"], "existing folder"),
+    ],
+)
+def test_wrong_options_are_one_message(
+    folder: Path, capfd: pytest.CaptureFixture[str], options: list[str], message: str
+) -> None:
+    assert run(["detect", str(folder / "tag.png"), *options]) == BAD_INPUT
+    error = capfd.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_a_calibration_of_another_size_is_refused(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    cv2.imwrite(str(folder / "tag.png"), np.full((100, 100), 200, np.uint8))
+    assert run(["detect", str(folder / "tag.png"), "--calibration", "camera.yaml"]) == BAD_INPUT
+    assert "calibration is of pictures of 160 x 140 px" in capfd.readouterr().err
