@@ -61,7 +61,10 @@ def detect(
         float | None, typer.Option(metavar="M", help="Edge of the black square of the tags [m].")
     ] = None,
     json_file: JsonFile = None,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder of annotated pictures.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of annotated pictures.", show_default="none are drawn"),
+    ] = None,
 ) -> None:
     """Find AprilTags in pictures and films; the exit code is 2 if one of the files cannot be read."""
     from msrr_perception.photographs.picture_files import picture_files

@@ -15,6 +15,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import GlobalPose
 
+PERFECT = {"as_built": "perfect", "perception": "parametric"}
 PLACES = (SE2(-1.1, 0.8, 0.4), SE2(0.9, -0.7, -2.0), SE2(0.6, 0.1, 1.5))
 SHARED = {
     **dict.fromkeys(("x_m", "y_m", "z_m"), 1e-3),
@@ -29,9 +30,7 @@ OWN = dict.fromkeys(("x_m", "y_m", "z_m"), 1e-3) | dict.fromkeys(("roll_deg", "p
 
 def moved(key: str, size: float, X_WB: SE2) -> tuple[np.ndarray, PoseErrors]:
     """Return what an error does to the pose of unit a, and the covariances by that error as the tolerance."""
-    scene = load_scene(
-        "two_units", {f"as_built.{key}": f"{{error: {size}, sigma: {size}}}", "perception": "parametric"}
-    )
+    scene = load_scene("two_units", {**PERFECT, f"as_built.{key}": f"{{error: {size}, sigma: {size}}}"})
     seen = OverheadSight(scene, draw_as_built(scene, 0)).see("a", X_WB)
     assert seen is not None
     error = seen.as_array() - X_WB.as_array()
@@ -70,7 +69,9 @@ def test_an_error_of_the_tag_is_its_own(quantity: str) -> None:
 @pytest.mark.parametrize("quantity", SHARED)
 def test_distances_err_by_no_more_than_the_strain(quantity: str) -> None:
     """Bodies 0.3 m apart, anywhere; a turn of the whole picture is left out, since it changes no distance."""
-    scene = load_scene("two_units", {f"as_built.overhead.{quantity}": f"{{sigma: {SHARED[quantity]}}}"})
+    scene = load_scene(
+        "two_units", {**PERFECT, f"as_built.overhead.{quantity}": f"{{sigma: {SHARED[quantity]}}}"}
+    )
     strain = OverheadModel.from_scene(scene.told(), ()).errors.strain
     found = []
     for X in PLACES:
