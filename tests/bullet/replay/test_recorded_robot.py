@@ -97,6 +97,7 @@ def test_a_replay_without_the_simulator_is_identical(run: Path, log: Log) -> Non
     assert report.detections == len(list(log.messages(Detections)))
 
 
+@pytest.mark.nightly
 def test_another_process_writes_the_same_log(run: Path, log: Log, tmp_path: Path) -> None:
     code = (
         "import sys; from pathlib import Path\n"

@@ -65,6 +65,7 @@ def test_the_laws_are_ranked_by_the_tables(unicycle_results: Reproduction) -> No
     assert len(rows) == 2
 
 
+@pytest.mark.nightly
 def test_the_same_results_give_the_same_files(unicycle_results: Reproduction, tmp_path: Path) -> None:
     """Also those that were read from the JSON file; with one figure of each kind."""
     every = unicycle_results

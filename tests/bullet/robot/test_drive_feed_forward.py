@@ -38,6 +38,7 @@ def test_errors_of_the_readings_alone_change_no_command() -> None:
     assert estimator.drive_errors() == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.nightly
 def test_a_wheel_of_another_size_costs_less_than_without() -> None:
     """One wheel 4 % too large, 3 trials without pixels: the same draws, with and without.
 

@@ -68,6 +68,7 @@ def squared_errors(found: TagMap, tags: dict[int, SE3]) -> list[float]:
     return squares
 
 
+@pytest.mark.nightly
 def test_covariances_are_those_of_the_errors_and_nothing_right_is_left_out() -> None:
     """Mean of the squared errors over maps: six is right; errors of one map are correlated.
 
