@@ -8,14 +8,12 @@ of one of them, and contacts can no longer be assigned to a pin.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, SubElement, parse
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se3 import SE3
@@ -156,11 +154,7 @@ def set_origin(element: Element, X: SE3) -> None:
     """Set the pose of a joint, a shape or an inertia of a URDF."""
     for old in element.findall("origin"):
         element.remove(old)
-    with warnings.catch_warnings():
-        # At a pitch of 90 deg the angles are not unique; any of them will do.
-        warnings.simplefilter("ignore", UserWarning)
-        roll_pitch_yaw = Rotation.from_matrix(X.R).as_euler("xyz")
-    element.insert(0, Element("origin", xyz=_numbers(X.p), rpy=_numbers(roll_pitch_yaw)))
+    element.insert(0, Element("origin", xyz=_numbers(X.p), rpy=_numbers(X.rpy())))
 
 
 def _numbers(values: Array) -> str:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from msrr_control.docking.law import DockSetup
 from msrr_scenes.geometry.se2 import wrap_angle
 from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, seconds
@@ -61,17 +59,17 @@ class PortView:
                 wrap_angle(math.atan2(b - y_camera, ahead) - X.yaw)
                 for b in (target.half_width_m, -target.half_width_m)
             )
-        P = pose.covariance
-        along, across = np.array([-1.0, 0.0, setup.offset * s]), np.array([0.0, 1.0, setup.offset * c])
+        P = pose.covariance.tolist()
+        along, across = setup.offset * s, setup.offset * c
         return cls(
             gap=-(X.x + setup.offset * c),
             lateral=X.y + setup.offset * s,
             yaw=X.yaw,
             bearing=wrap_angle(math.atan2(-y_camera, ahead) - X.yaw),
             widest_edge=max(abs(left), abs(right)),
-            sigma_gap=math.sqrt(max(float(along @ P @ along), 0.0)),
-            sigma_lateral=math.sqrt(max(float(across @ P @ across), 0.0)),
-            sigma_yaw=math.sqrt(max(float(P[2, 2]), 0.0)),
+            sigma_gap=_sigma(P[0][0] - 2.0 * along * P[0][2] + along * along * P[2][2]),
+            sigma_lateral=_sigma(P[1][1] + 2.0 * across * P[1][2] + across * across * P[2][2]),
+            sigma_yaw=_sigma(P[2][2]),
             age=seconds(now_ns - pose.last_seen_ns),
             last_seen_ns=pose.last_seen_ns,
         )
@@ -79,3 +77,8 @@ class PortView:
     def off_seat(self, seated_gap: float) -> float:
         """Return the distance [m] from the place of a seated unit."""
         return math.hypot(self.gap - seated_gap, self.lateral)
+
+
+def _sigma(variance: float) -> float:
+    """Return the square root of a variance, which rounding may have made negative."""
+    return math.sqrt(max(variance, 0.0))

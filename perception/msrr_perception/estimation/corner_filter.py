@@ -23,6 +23,7 @@ from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     NS_PER_S,
     Detections,
@@ -181,8 +182,11 @@ class CornerEkf:
 
     def _report(self, state: FilterState) -> PoseEstimate:
         """Return the pose in D of a state, whose pose is that against the marker."""
-        X, J = pose_in_D(self.target.filter_layout, state)
-        covariance = J @ state.covariance @ J.T
+        if self.target.filter_layout.marker is None:  # J would be ones and zeros
+            X, covariance = SE2(*state.mean[:3].tolist()), state.covariance[:3, :3]
+        else:
+            X, J = pose_in_D(self.target.filter_layout, state)
+            covariance = J @ state.covariance @ J.T
         return PoseEstimate(state.stamp_ns, X, 0.5 * (covariance + covariance.T), state.last_seen_ns)
 
     def drive_errors(self) -> tuple[float, float, float]:

@@ -105,6 +105,14 @@ class SE3:
         q /= np.linalg.norm(q)
         return -q if q[3] < 0.0 else q
 
+    def rpy(self) -> Array:
+        """Return roll, pitch, yaw (3,) [rad] in the URDF convention; at a pitch of 90 deg one of many."""
+        (xx, xy, xz), (yx, yy, yz), (zx, _, _) = self.R.tolist()
+        yaw = math.atan2(yx, xx)
+        # Roll and pitch are those of the rotation without this yaw, which is exact at any pitch.
+        c, s = math.cos(yaw), math.sin(yaw)
+        return np.array([math.atan2(s * xz - c * yz, c * yy - s * xy), math.atan2(-zx, c * xx + s * yx), yaw])
+
     def __matmul__(self, other: SE3) -> SE3:
         """Compose: ``X_AC = X_AB @ X_BC``."""
         return SE3._of(self.R @ other.R, self.R @ other.p + self.p)

@@ -53,6 +53,12 @@ def test_rotations_are_rotations(roll: float, pitch: float, yaw: float) -> None:
     assert math.isclose(float(np.linalg.det(R)), 1.0, abs_tol=1e-12)
 
 
+@given(angles, angles | st.sampled_from([math.pi / 2, -math.pi / 2]), angles)
+def test_roll_pitch_and_yaw_come_back(roll: float, pitch: float, yaw: float) -> None:
+    X = SE3.from_xyz_rpy([0.0, 0.0, 0.0], [roll, pitch, yaw])
+    assert close(SE3.from_xyz_rpy([0.0, 0.0, 0.0], X.rpy()), X)
+
+
 @given(st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4))
 def test_quaternions_come_back(q: list[float]) -> None:
     norm = float(np.linalg.norm(q))
