@@ -30,7 +30,7 @@ _SHOWN_PICTURES = 10
 def map_pictures(
     images: Annotated[
         list[Path],
-        typer.Argument(metavar="IMAGE...", help="Pictures, or folders of pictures, by one camera."),
+        typer.Argument(metavar="IMAGE...", help="Pictures, films, or folders of them, by one camera."),
     ],
     calibration: Annotated[Path, typer.Option(metavar="FILE", help="Calibration by OpenCV or ROS.")],
     tag_size: Annotated[
@@ -47,12 +47,13 @@ def map_pictures(
 ) -> None:
     """Find where tags are, from pictures of them; name what contradicts the rest."""
     lens = _lens(calibration)
-    from msrr_bullet.tag_mapping.pictures import image_files, tagged_pictures
     from msrr_bullet.tag_mapping.result_files import write_results
     from msrr_perception.detection.detector import PupilDetector, for_lens
     from msrr_perception.mapping.mapper import map_tags
+    from msrr_perception.photographs.picture_files import picture_files
+    from msrr_perception.photographs.tagged_pictures import tagged_pictures
 
-    files = image_files(images)
+    files = picture_files(images)
     detector = for_lens(PupilDetector(family), lens)
     out.mkdir(parents=True, exist_ok=True)
     console = open_console()
@@ -60,7 +61,7 @@ def map_pictures(
         pictures = []
         for picture in tagged_pictures(files, detector, lens):
             pictures.append(picture)
-            show(f"{len(pictures)} of {len(files)} pictures read")
+            show(f"{len(pictures)} pictures read")
         show("adjusting the map")
         found = map_tags(pictures, lens, tag_size, refine_lens=refine_lens)
         show("drawing")

@@ -115,8 +115,7 @@ _LIBRARY_DEFAULTS = {
 }
 
 
-# pupil-apriltags ships no types: its class is Any to mypy, whose strict mode forbids to inherit from that.
-class _KeptDetector(bindings.Detector):  # type: ignore[misc]
+class _KeptDetector(bindings.Detector):  # type: ignore[misc]  # its package has no types, so it is Any
     """A wrapper that leaves the native memory to the end of the process."""
 
     def __del__(self) -> None:

@@ -16,7 +16,7 @@ from pydantic import ConfigDict, Field, ValidationError
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.loading.problems import dotted
-from msrr_scenes.loading.yaml_document import YamlDocument, parse_document
+from msrr_scenes.loading.yaml_document import YamlDocument, parse_document, read_text
 from msrr_scenes.specs.sensors import CalibrationSpec
 from msrr_scenes.specs.spec import FileName, Spec, between
 
@@ -59,12 +59,7 @@ def read_calibration(path: Path) -> CalibrationSpec:
     Raises:
         SceneError: The file cannot be read, is not such a file, or describes another model of a lens.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
-    except OSError as error:
-        raise SceneError(f"{path}: the calibration cannot be read: {error.strerror}") from None
+    text = read_text(path)
     document = parse_document(text.removeprefix(_HEADER).replace(_MATRIX_TAG, ""), str(path))
     try:
         return _calibration(_CalibrationFile.model_validate(document.data), path)

@@ -21,7 +21,7 @@ from msrr_scenes.loading.plan_checks import fault_problems, mission_problems, pl
 from msrr_scenes.loading.problems import Problem, dotted
 from msrr_scenes.loading.reference_checks import port_problems, reference_problems, value_problems
 from msrr_scenes.loading.validation_errors import explain
-from msrr_scenes.loading.yaml_document import YamlDocument, apply_overrides, parse_document
+from msrr_scenes.loading.yaml_document import YamlDocument, apply_overrides, parse_document, read_text
 from msrr_scenes.specs.scene import Scene
 
 #: How many problems one message lists before it only counts the rest.
@@ -71,12 +71,7 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, str] = _NONE) -
         UnknownNameError: No shipped scene has this name.
     """
     path = find_scene(str(name_or_path))
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
+    text = read_text(path)
     document = parse_document(text, str(path))
     apply_overrides(document, overrides)
     if "source" in document.data:

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.problems import dotted
-from msrr_scenes.loading.yaml_document import parse_document
+from msrr_scenes.loading.yaml_document import parse_document, read_text
 from msrr_scenes.specs.tag_map import TagMapSpec
 
 
@@ -19,12 +19,7 @@ def read_tag_map(path: Path) -> TagMapSpec:
     Raises:
         SceneError: The file cannot be read, or is no such map.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
-    except OSError as error:
-        raise SceneError(f"{path}: the map cannot be read: {error.strerror}") from None
+    text = read_text(path)
     document = parse_document(text, str(path))
     try:
         return TagMapSpec.model_validate(document.data)

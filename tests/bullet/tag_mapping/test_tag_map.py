@@ -259,22 +259,24 @@ def test_command_names_what_is_wrong(folder: Path, capsys: Capture) -> None:
     (folder / "nothing").mkdir()
     cv2.imwrite(str(folder / "small.png"), np.zeros((48, 64), np.uint8))
     cv2.imwrite(str(folder / "black.png"), np.zeros((480, 640), np.uint8))
-    assert "no such file" in refused("missing.png")
-    assert "empty.png: not an image" in refused("empty.png")
-    assert "no image in this folder" in refused("nothing")
+    assert "No such file" in refused("missing.png")
+    assert "empty.png: the file is empty" in refused("empty.png")
+    assert "no picture or film in this folder" in refused("nothing")
     assert "64 x 48 px, but the calibration is of 640 x 480 px" in refused("small.png")
     assert "no tag was found" in refused("black.png")
-    assert "the calibration cannot be read" in refused("black.png", calibration="missing.yaml")
+    assert "missing.yaml: cannot be read" in refused("black.png", calibration="missing.yaml")
 
 
 @pytest.mark.nightly
 def test_map_of_a_walk_past_real_tags(tmp_path: Path, capsys: Capture) -> None:
     """Pictures of a user in ``mapping``, and beside them the calibration of their camera, ``camera.yaml``."""
     if "MSRR_PHOTOGRAPHS" not in os.environ:
+        # Photographs belong to whoever took them, and are no part of this project.
         pytest.skip("MSRR_PHOTOGRAPHS does not name a folder with mapping/ and camera.yaml")
     photographs = Path(os.environ["MSRR_PHOTOGRAPHS"])
     calibration = photographs / "camera.yaml"
     if not calibration.exists():
+        # Only whoever has the camera can calibrate it.
         pytest.skip(f"{calibration} is missing; msrr calibrate or OpenCV writes one")
     arguments = ["map", str(photographs / "mapping"), "--calibration", str(calibration), "--tag-size", "0.16"]
     assert run([*arguments, "--out", str(tmp_path)]) == 0

@@ -35,5 +35,6 @@ def photographs() -> Path:
     """Folder of photographs: ``mapping`` with its ``tags.txt``, ``rotation``, ``chessboard``."""
     folder = os.environ.get("MSRR_PHOTOGRAPHS")
     if not folder:
+        # Photographs belong to whoever took them, and are no part of this project.
         pytest.skip("MSRR_PHOTOGRAPHS names no folder of photographs")
     return Path(folder)
