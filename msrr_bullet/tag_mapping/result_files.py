@@ -6,14 +6,14 @@ import csv
 import math
 from pathlib import Path
 
-import yaml
-
 from msrr_bullet.tag_mapping.map_figure import draw_map
 from msrr_bullet.tag_mapping.residual_figure import draw_residuals
 from msrr_perception.mapping.mapper import TagMap
 from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.geometry.lens import Lens
+from msrr_scenes.loading.calibration_file import write_calibration
 from msrr_scenes.loading.tag_map_file import write_tag_map
+from msrr_scenes.specs.sensors import CalibrationSpec
 from msrr_scenes.specs.tag_map import MappedTagSpec, TagMapSpec
 
 #: Names of the files in the folder of a map.
@@ -28,7 +28,7 @@ def write_results(folder: Path, tag_map: TagMap, family: str) -> list[Path]:
     files = [folder / MAP, folder / RESIDUALS]
     files += [draw_residuals(tag_map, folder / RESIDUAL_FIGURE), draw_map(tag_map, folder / MAP_FIGURE)]
     if tag_map.lens_sigma:
-        _write_calibration(folder / CALIBRATION, tag_map.lens)
+        write_calibration(folder / CALIBRATION, _calibration(tag_map.lens))
         files.append(folder / CALIBRATION)
     return files
 
@@ -58,27 +58,14 @@ def _write_residuals(path: Path, tag_map: TagMap) -> None:
             writer.writerow(head + [f"{r:.3f}" for r in s.residuals.ravel()])
 
 
-def _write_calibration(path: Path, lens: Lens) -> None:
-    """Write a calibration in the form of ROS."""
-    coefficients = [float(getattr(lens.distortion, name)) for name in COEFFICIENTS]
-    camera = lens.camera
-    focal = float(camera.focal)
-    matrix = [
-        focal,
-        0.0,
-        float(camera.cx),
-        0.0,
-        lens.distortion.aspect * focal,
-        float(camera.cy),
-        0.0,
-        0.0,
-        1.0,
-    ]
-    data = {
-        "image_width": camera.width,
-        "image_height": camera.height,
-        "camera_matrix": {"rows": 3, "cols": 3, "data": matrix},
-        "distortion_model": "plumb_bob",
-        "distortion_coefficients": {"rows": 1, "cols": len(coefficients), "data": coefficients},
-    }
-    path.write_text(yaml.safe_dump(data, sort_keys=False, default_flow_style=None), encoding="utf-8")
+def _calibration(lens: Lens) -> CalibrationSpec:
+    camera, distortion = lens.camera, lens.distortion
+    return CalibrationSpec(
+        fx_px=camera.focal,
+        fy_px=distortion.aspect * camera.focal,
+        cx_px=camera.cx,
+        cy_px=camera.cy,
+        **{name: float(getattr(distortion, name)) for name in COEFFICIENTS},
+        width_px=camera.width,
+        height_px=camera.height,
+    )

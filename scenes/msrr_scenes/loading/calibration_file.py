@@ -9,8 +9,9 @@ Source: what OpenCV's calibration sample writes by ``cv::FileStorage``; ``camera
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
+import yaml
 from pydantic import ConfigDict, Field, ValidationError
 
 from msrr_scenes.errors import SceneError
@@ -65,6 +66,48 @@ def read_calibration(path: Path) -> CalibrationSpec:
         return _calibration(_CalibrationFile.model_validate(document.data), path)
     except ValidationError as error:
         raise SceneError(_explained(error, document)) from None
+
+
+def write_calibration(path: Path, told: CalibrationSpec, form: Literal["ros", "opencv"] = "ros") -> None:
+    """Write the calibration of a camera as :func:`read_calibration` reads it, without a loss.
+
+    Args:
+        path: The file to write.
+        told: The calibration, with the size of the images.
+        form: ``ros`` for what ``camera_info_manager`` reads, ``opencv`` for what ``cv::FileStorage`` reads.
+
+    Raises:
+        SceneError: The calibration does not say how large the images are.
+    """
+    if told.width_px is None or told.height_px is None:
+        raise SceneError(f"{path}: a calibration is written with the size of its images, found none")
+    coefficients = [getattr(told, name) for name in COEFFICIENTS]
+    head = {"image_width": told.width_px, "image_height": told.height_px}
+    matrices = {
+        "camera_matrix": (3, 3, [told.fx_px, 0.0, told.cx_px, 0.0, told.fy_px, told.cy_px, 0.0, 0.0, 1.0]),
+        "distortion_coefficients": (1, len(coefficients), coefficients),
+    }
+    text = _opencv_text(head, matrices) if form == "opencv" else _ros_text(head, matrices)
+    path.write_text(text, encoding="utf-8")
+
+
+def _opencv_text(head: dict[str, int], matrices: dict[str, tuple[int, int, list[float]]]) -> str:
+    lines = [_HEADER, "---", *(f"{key}: {value}" for key, value in head.items())]
+    for key, (rows, cols, data) in matrices.items():
+        lines += [f"{key}: {_MATRIX_TAG}", f"   rows: {rows}", f"   cols: {cols}", "   dt: d"]
+        lines.append(f"   data: [ {', '.join(map(repr, data))} ]")
+    return "\n".join([*lines, ""])
+
+
+def _ros_text(head: dict[str, int], matrices: dict[str, tuple[int, int, list[float]]]) -> str:
+    fx, _, cx, _, fy, cy, *_ = matrices["camera_matrix"][2]
+    rectification = (3, 3, [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+    projection = (3, 4, [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0])
+    content: dict[str, Any] = {**head, "camera_name": "camera", "distortion_model": _MODEL}
+    every = {**matrices, "rectification_matrix": rectification, "projection_matrix": projection}
+    for key, (rows, cols, data) in every.items():
+        content[key] = {"rows": rows, "cols": cols, "data": data}
+    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
 
 
 def _calibration(file: _CalibrationFile, path: Path) -> CalibrationSpec:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -14,7 +15,9 @@ from msrr_scenes import load_scene, read_calibration, scene_hash
 from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.distortion import COEFFICIENTS, Distortion
+from msrr_scenes.loading.calibration_file import write_calibration
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import CalibrationSpec
 
 K = [417.0, 0.0, 322.5, 0.0, 412.0, 236.0, 0.0, 0.0, 1.0]
 LENS = [-0.2, 0.04, 0.001, -5e-4, 0.0]
@@ -61,6 +64,34 @@ def test_files_of_opencv_and_ros_say_the_same(tmp_path: Path) -> None:
         assert [told.fx_px, told.fy_px, told.cx_px, told.cy_px] == [417.0, 412.0, 322.5, 236.0]
         assert [getattr(told, key) for key in COEFFICIENTS] == LENS
         assert (told.width_px, told.height_px) == (640, 480)
+
+
+@pytest.mark.parametrize("form", ["ros", "opencv"])
+def test_what_is_written_is_read_again_bit_for_bit(tmp_path: Path, form: Literal["ros", "opencv"]) -> None:
+    """A hundred cameras with any digits, some of them as small as numbers in exponents."""
+    rng, file = np.random.default_rng(5), tmp_path / "camera.yaml"
+    for _ in range(100):
+        fx, fy, cx, cy = rng.uniform(100.0, 1000.0, 4).tolist()
+        digits = (rng.normal(size=5) * 10.0 ** rng.uniform(-12, 1, 5)).tolist()
+        lens = dict(zip(COEFFICIENTS, digits, strict=True))
+        told = CalibrationSpec(fx_px=fx, fy_px=fy, cx_px=cx, cy_px=cy, **lens, width_px=640, height_px=480)
+        write_calibration(file, told, form)
+        assert read_calibration(file) == told
+
+
+def test_opencv_itself_reads_what_is_written_for_it(tmp_path: Path) -> None:
+    told = read_calibration(write(tmp_path / "ros.yaml", ros()))
+    write_calibration(tmp_path / "opencv.yaml", told, "opencv")
+    storage = cv2.FileStorage(str(tmp_path / "opencv.yaml"), cv2.FILE_STORAGE_READ)
+    assert storage.getNode("camera_matrix").mat().ravel().tolist() == K
+    assert storage.getNode("distortion_coefficients").mat().ravel().tolist() == LENS
+    assert storage.getNode("image_width").real() == 640
+
+
+def test_a_calibration_without_a_size_is_not_written(tmp_path: Path) -> None:
+    told = CalibrationSpec(fx_px=400, fy_px=400, cx_px=320, cy_px=240)
+    with pytest.raises(SceneError, match=r"camera\.yaml: .* size of its images"):
+        write_calibration(tmp_path / "camera.yaml", told)
 
 
 def scene_with(folder: Path, calibration: str) -> Path:
