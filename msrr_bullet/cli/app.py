@@ -14,6 +14,7 @@ import typer
 
 from msrr_bullet.cli import (
     bench_commands,
+    calibrate_command,
     detect_command,
     map_command,
     run_commands,
@@ -130,6 +131,7 @@ app.command()(study_commands.tune)
 app.command()(study_commands.reproduce)
 app.command()(tolerance_command.tolerance)
 app.command()(detect_command.detect)
+app.command()(calibrate_command.calibrate)
 app.command("map")(map_command.map_pictures)
 app.command()(run_commands.frames)
 app.command()(run_commands.plot)

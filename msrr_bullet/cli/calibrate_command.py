@@ -1,0 +1,243 @@
+"""The command ``msrr calibrate``: the calibration of a camera from pictures of a board."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from msrr_bullet.cli.console import open_console, status_line
+from msrr_bullet.cli.options import JsonFile, check_writable, write_json
+from msrr_scenes.errors import SceneError
+
+if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
+    from rich.console import Console
+
+    from msrr_perception.camera_calibration.boards import Board
+    from msrr_perception.camera_calibration.fit import BoardView
+    from msrr_perception.camera_calibration.result import CameraCalibration
+    from msrr_scenes.geometry.lens import Lens
+    from msrr_scenes.messages import Pixels
+
+#: Relative uncertainty of the focal length and share of the picture with boards that call for more pictures.
+_POOR_FOCAL, _POOR_COVERAGE = 0.02, 0.6
+
+
+class Kind(StrEnum):
+    """Kinds of boards."""
+
+    CHESSBOARD = "chessboard"
+    CHARUCO = "charuco"
+    APRILTAGS = "apriltags"
+
+
+#: Families of markers if none is given.
+_FAMILIES = {Kind.CHARUCO: "DICT_4X4_50", Kind.APRILTAGS: "tag36h11"}
+
+
+def calibrate(
+    images: Annotated[
+        list[Path], typer.Argument(metavar="IMAGE...", help="Pictures of a board, or folders of pictures.")
+    ],
+    board: Annotated[
+        str,
+        typer.Option(
+            metavar="CxR",
+            help="Columns and rows: inner corners of a chessboard, squares of a charuco board, or tags.",
+        ),
+    ],
+    square_mm: Annotated[
+        float,
+        typer.Option(
+            metavar="MM", min=0.1, max=1e4, help="Edge of a square, or distance from tag to tag [mm]."
+        ),
+    ],
+    kind: Annotated[Kind, typer.Option(help="Kind of the board.")] = Kind.CHESSBOARD,
+    marker_mm: Annotated[
+        float | None,
+        typer.Option(metavar="MM", min=0.1, max=1e4, help="Edge of the black square of a marker [mm]."),
+    ] = None,
+    family: Annotated[
+        str | None,
+        typer.Option(
+            help="Tag family, or dictionary of OpenCV for charuco.", show_default="tag36h11, DICT_4X4_50"
+        ),
+    ] = None,
+    coefficients: Annotated[
+        int | None,
+        typer.Option(
+            help="Free coefficients of the distortion, of k1, k2, p1, p2, k3: 0, 1, 2, 4 or 5.",
+            show_default="as many as the pictures determine",
+        ),
+    ] = None,
+    json_file: JsonFile = None,
+    out: Annotated[
+        Path, typer.Option(metavar="FILE", help="Calibration for ROS and for scenes, or a folder for it.")
+    ] = Path("runs/calibration/camera.yaml"),
+) -> None:
+    """Calibrate a camera from pictures of a board; name pictures that show none, or contradict the others."""
+    from msrr_bullet.figures.coverage import draw_coverage
+    from msrr_perception.photographs.picture_files import picture_files
+    from msrr_scenes.loading.calibration_file import write_calibration
+
+    check_writable(json_file)
+    pattern = _board(kind, board, square_mm, marker_mm, family)
+    files = picture_files(images)
+    file = out if out.suffix in (".yaml", ".yml") else out / "camera.yaml"
+    console = open_console(stderr=json_file == Path("-"))
+    with status_line(console, "reading the pictures") as show:
+        found, missed = _calibrated(pattern, files, coefficients, show)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_calibration(file, found.told)
+        written = [file, file.with_stem(f"{file.stem}_opencv"), file.with_suffix(".png")]
+        write_calibration(written[1], found.told, "opencv")
+        draw_coverage(found, written[2])
+    _report(console, found, missed)
+    console.print("files: " + ", ".join(map(str, written)), soft_wrap=True, highlight=False)
+    write_json(json_file, json.dumps(_summary(found, missed), indent=1) + "\n")
+
+
+def _board(kind: Kind, size: str, square_mm: float, marker_mm: float | None, family: str | None) -> Board:
+    from msrr_perception.camera_calibration.boards import CharucoBoard, Chessboard, TagGrid
+
+    numbers = re.fullmatch(r"(\d{1,3})x(\d{1,3})", size)
+    if numbers is None:
+        raise SceneError(f"--board {size}: expected columns and rows, such as 7x5")
+    columns, rows = int(numbers[1]), int(numbers[2])
+    if kind is Kind.CHESSBOARD:
+        if marker_mm is not None or family is not None:
+            raise SceneError("--marker-mm and --family: a chessboard has no markers; give --kind as well")
+        return Chessboard(columns, rows, 1e-3 * square_mm)
+    if marker_mm is None:
+        raise SceneError(f"--kind {kind}: give the edge of its markers as well, --marker-mm MM")
+    markers = family or _FAMILIES[kind]
+    build = CharucoBoard if kind is Kind.CHARUCO else TagGrid
+    return build(columns, rows, 1e-3 * square_mm, 1e-3 * marker_mm, markers)
+
+
+def _calibrated(
+    board: Board, files: Sequence[Path], coefficients: int | None, show: Callable[[str], None]
+) -> tuple[CameraCalibration, list[str]]:
+    """Return the calibration, and the names of pictures that show no board."""
+    from msrr_perception.camera_calibration.boards import BoardError
+    from msrr_perception.camera_calibration.fit import calibrate_camera
+    from msrr_scenes.specs.sensors import CameraSpec
+
+    views, missed, (width, height) = _views(board, files, None, show)
+    if not views:
+        hints = ((file, board.hint(_read(file))) for file in files)
+        hint = next((f"; {file} shows {text}" for file, text in hints if text), "")
+        raise BoardError(f"no picture of {len(files)} shows the board{hint}; is --board right?")
+    found = calibrate_camera(views, width, height, coefficients)
+    if board.uses_lens:
+        lens = CameraSpec(width_px=width, height_px=height, calibration=found.told).lens
+        views, missed, _ = _views(board, files, lens, show)
+        found = calibrate_camera(views, width, height, coefficients)
+    return found, missed
+
+
+def _views(
+    board: Board, files: Sequence[Path], lens: Lens | None, show: Callable[[str], None]
+) -> tuple[list[BoardView], list[str], tuple[int, int]]:
+    """Return the boards that were found, the pictures without one, and the size of the pictures [px]."""
+    from msrr_perception.camera_calibration.fit import BoardView
+    from msrr_perception.photographs.picture_files import PictureError
+
+    views, missed, size = [], [], (0, 0)
+    for i, file in enumerate(files):
+        show(f"{i + 1} of {len(files)}: {file}")
+        pixels = _read(file)
+        height, width = pixels.shape
+        if size == (0, 0):
+            size = width, height
+        if (width, height) != size:
+            raise PictureError(
+                f"{file}: {width} x {height} px, and {files[0]} has {size[0]} x {size[1]} px; a calibration "
+                "belongs to pictures of one size"
+            )
+        points = board.find(pixels, lens)
+        if points is None:
+            missed.append(str(file))
+        else:
+            views.append(BoardView(str(file), points))
+    return views, missed, size
+
+
+def _read(file: Path) -> Pixels:
+    from msrr_perception.photographs.picture_files import FILMS, PictureError, read_picture
+
+    if file.suffix.lower() in FILMS:
+        raise PictureError(f"{file}: a film; take ten to twenty sharp pictures out of it")
+    return read_picture(file)
+
+
+def _report(console: Console, found: CameraCalibration, missed: Sequence[str]) -> None:
+    from rich.table import Table
+
+    from msrr_bullet.figures.coverage import covered, tilt
+
+    table = Table("picture", "points", "residual [px]", "tilt [deg]", "")
+    for view in found.views:
+        cells = str(len(view.corners)), f"{view.rms_px:.2f}", f"{math.hypot(*tilt(view)):.0f}"
+        table.add_row(Path(view.name).name, *cells, "" if view.used else "left out")
+    console.print(table)
+    if found.models:
+        table = Table("free coefficients", "residual of pictures held out [px]", "")
+        for model in found.models:
+            word = "chosen" if model == found.model else "folds the picture" if model.folds else ""
+            table.add_row(_names(model.free), f"{model.held_out_px:.3f}", word)
+        console.print(table)
+    table = Table("", "value", "sigma", "sigma by noise alone")
+    for name, sigma in found.sigma.items():
+        if sigma:
+            noise = f"{found.noise_sigma[name]:.2g}"
+            table.add_row(name, f"{getattr(found.told, name):.5g}", f"{sigma:.2g}", noise)
+    console.print(table)
+    lines = [f"no board: {name}" for name in missed]
+    lines += [
+        f"left out: {view.name}: {view.rms_px:.2f} px from the rest; blurred, bent or wrongly read"
+        for view in found.views
+        if not view.used
+    ]
+    if found.sigma["fx_px"] > _POOR_FOCAL * found.told.fx_px:
+        lines.append(
+            "the focal length is poorly known: tilt the board more, by 30 to 45 degrees to all sides"
+        )
+    used = sum(view.used for view in found.views)
+    lines.append(
+        f"{used} pictures: residual {found.rms_px:.3f} px RMS, {found.model.held_out_px:.3f} px of pictures "
+        f"held out; points in {100.0 * covered(found):.0f} % of the picture"
+    )
+    console.print("\n".join(lines), soft_wrap=True, highlight=False)
+
+
+def _names(free: int) -> str:
+    from msrr_scenes.geometry.distortion import COEFFICIENTS
+
+    return ", ".join(COEFFICIENTS[:free]) or "none"
+
+
+def _summary(found: CameraCalibration, missed: Sequence[str]) -> dict[str, Any]:
+    return {
+        "calibration": found.told.model_dump(),
+        "sigma": dict(found.sigma),
+        "sigma_by_noise": dict(found.noise_sigma),
+        "rms_px": found.rms_px,
+        "held_out_px": found.model.held_out_px,
+        "free_coefficients": found.model.free,
+        "models": [
+            {"free_coefficients": m.free, "held_out_px": m.held_out_px, "folds": m.folds}
+            for m in found.models
+        ],
+        "no_board": list(missed),
+        "images": [
+            {"file": view.name, "points": len(view.corners), "rms_px": view.rms_px, "used": view.used}
+            for view in found.views
+        ],
+    }

@@ -1,0 +1,244 @@
+"""The camera that shows boards as they were seen: intrinsics, distortion, and how sure they are.
+
+OpenCV fits (``calibrateCameraExtended``, after Z. Zhang, "A flexible new technique for camera calibration",
+PAMI 22, 2000). What is added here: how many coefficients of the distortion are free, standard deviations
+that hold on real pictures, and which pictures contradict the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from pydantic import ValidationError
+
+from msrr_perception.camera_calibration.boards import BoardPoints
+from msrr_perception.camera_calibration.result import ENTRIES, CameraCalibration, FittedView, LensModel
+from msrr_scenes.arrays import Array
+from msrr_scenes.errors import MsrrError
+from msrr_scenes.geometry.distortion import COEFFICIENTS, has_inverse
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.specs.sensors import CalibrationSpec, CameraSpec
+
+#: Numbers of coefficients that may be free: none, k1, k2, p1 and p2, k3.
+MODELS = (0, 1, 2, 4, 5)
+
+#: Fewest pictures: two determine a camera, and a third one shows whether they contradict each other.
+FEWEST_PICTURES = 3
+
+#: Largest number of groups into which pictures are dealt to be held out in turn.
+_MOST_GROUPS = 10
+
+#: A picture contradicts the others if its residual is more than this many times the median. By noise alone
+#: the residuals of twenty points and more are within a third of each other; sharpness differs more than that.
+_BAD = 3.0
+
+#: Angle within which boards count as parallel [deg]. Parallel boards do not tell the focal length (Zhang,
+#: section 3.4); near to that it is known by the noise alone, which feigns angles of some degrees.
+_PARALLEL_DEG = 8.0
+
+#: Number of coefficients that are free while bad pictures are looked for.
+_FIRST_MODEL = 2
+
+#: Flags of OpenCV that hold what is not free, by the number of free coefficients.
+_HELD: Mapping[int, int] = {
+    0: cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3,
+    1: cv2.CALIB_FIX_K2 | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3,
+    2: cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3,
+    4: cv2.CALIB_FIX_K3,
+    5: 0,
+}
+
+
+class CalibrationError(MsrrError):
+    """Pictures that do not determine a camera."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoardView:
+    """A board in a picture.
+
+    Attributes:
+        name: Name of the picture.
+        points: The points of the board that were found.
+    """
+
+    name: str
+    points: BoardPoints
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """What OpenCV returns, and the residual of each picture [px]."""
+
+    K: Array
+    lens: Array
+    sigma: Array
+    residuals_px: Array
+
+    @property
+    def entries(self) -> Array:
+        return np.array([self.K[0, 0], self.K[1, 1], self.K[0, 2], self.K[1, 2], *self.lens])
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A lens model: the fit to all pictures, those to parts of them, and the errors where it was not fitted.
+
+    Attributes:
+        fit: Fit to all pictures.
+        partial: Fits without one group of pictures each.
+        errors: Mean squared residual of each picture by the fit without its group [px^2].
+        folds: Whether the lens has no inverse somewhere in the picture.
+    """
+
+    fit: _Fit
+    partial: list[_Fit]
+    errors: Array
+    folds: bool
+
+    @classmethod
+    def of(cls, views: Sequence[BoardView], size: tuple[int, int], free: int) -> _Trial:
+        group = np.arange(len(views)) % _MOST_GROUPS
+        errors, partial = np.zeros(len(views)), []
+        for number in np.unique(group):
+            partial.append(_fit([v for v, g in zip(views, group, strict=True) if g != number], size, free))
+            for i in np.flatnonzero(group == number):
+                fitted = _fitted(views[int(i)], partial[-1].K, partial[-1].lens, used=False)
+                errors[i] = fitted.rms_px**2
+        fit = _fit(views, size, free)
+        return cls(fit, partial, errors, _folds(fit, size))
+
+
+def calibrate_camera(
+    views: Sequence[BoardView], width: int, height: int, free: int | None = None
+) -> CameraCalibration:
+    """Return the camera that shows some boards.
+
+    The number of coefficients of the distortion that are free is the smallest one with which pictures that
+    were held out are shown as well as with any other one, within one standard error. Pictures that contradict
+    the others are left out.
+
+    Args:
+        views: The boards.
+        width: Width of all pictures [px].
+        height: Their height [px].
+        free: Number of free coefficients, one of :data:`MODELS`; None to have it chosen.
+
+    Raises:
+        CalibrationError: The pictures do not determine a camera.
+    """
+    if free is not None and free not in MODELS:
+        raise CalibrationError(f"{free} free coefficients; expected one of {', '.join(map(str, MODELS))}")
+    if len(views) < FEWEST_PICTURES:
+        raise CalibrationError(
+            f"{len(views)} picture(s) with a board; {FEWEST_PICTURES} are the fewest, and 10 to 20 are "
+            "better, with the board tilted to all sides and near all borders of the picture"
+        )
+    size = width, height
+    used = _consistent(views, size, _FIRST_MODEL if free is None else free)
+    kept = [views[i] for i in used]
+    tried = {n: _Trial.of(kept, size, n) for n in (MODELS if free is None else (free,))}
+    chosen = _choose({n: trial.errors for n, trial in tried.items() if not trial.folds})
+    fit, spread = tried[chosen].fit, np.array([f.entries for f in tried[chosen].partial])
+    fitted = tuple(_fitted(view, fit.K, fit.lens, i in used) for i, view in enumerate(views))
+    _refuse_parallel([view for view in fitted if view.used])
+    models = tuple(LensModel(n, float(np.sqrt(t.errors.mean())), t.folds) for n, t in tried.items())
+    jackknife = np.sqrt((len(spread) - 1) * spread.var(axis=0))
+    return CameraCalibration(
+        told=_specification(fit, size),
+        sigma=dict(zip(ENTRIES, np.maximum(jackknife, fit.sigma).tolist(), strict=True)),
+        noise_sigma=dict(zip(ENTRIES, fit.sigma.tolist(), strict=True)),
+        model=next(m for m in models if m.free == chosen),
+        models=models if free is None else (),
+        views=fitted,
+    )
+
+
+def board_residuals(view: BoardView, told: CalibrationSpec) -> Array:
+    """Return by how much a camera shows a board elsewhere at the best pose for it, shape (N, 2) [px]."""
+    K = np.array([[told.fx_px, 0.0, told.cx_px], [0.0, told.fy_px, told.cy_px], [0.0, 0.0, 1.0]])
+    return _fitted(view, K, np.array([getattr(told, name) for name in COEFFICIENTS]), used=False).residuals
+
+
+def _fit(views: Sequence[BoardView], size: tuple[int, int], free: int) -> _Fit:
+    points = [view.points.points_B.astype(np.float32) for view in views]
+    corners = [view.points.corners.astype(np.float32) for view in views]
+    try:
+        _, K, lens, _, _, sigma, _, residuals = cv2.calibrateCameraExtended(
+            points, corners, size, np.eye(3), np.zeros(len(COEFFICIENTS)), flags=_HELD[free]
+        )
+    except cv2.error:
+        raise CalibrationError("no camera shows the boards like this; are there different views?") from None
+    return _Fit(
+        K=np.asarray(K, dtype=np.float64),
+        lens=np.asarray(lens, dtype=np.float64).ravel()[: len(COEFFICIENTS)],
+        sigma=np.asarray(sigma, dtype=np.float64).ravel()[: len(ENTRIES)],
+        residuals_px=np.asarray(residuals, dtype=np.float64).ravel(),
+    )
+
+
+def _consistent(views: Sequence[BoardView], size: tuple[int, int], free: int) -> list[int]:
+    """Return the indices of the pictures that agree with each other: the worst is left out, one by one."""
+    used = list(range(len(views)))
+    while True:
+        residuals = _fit([views[i] for i in used], size, free).residuals_px
+        worst = int(residuals.argmax())
+        if len(used) == FEWEST_PICTURES or residuals[worst] <= _BAD * np.median(residuals):
+            return used
+        del used[worst]
+
+
+def _choose(errors: Mapping[int, Array]) -> int:
+    """Return the smallest number of coefficients that is as good as the best, within its standard error.
+
+    Source: L. Breiman et al., Classification and Regression Trees, 1984, section 3.4.3. It matters: models
+    with more coefficients gain a little where the boards were, and lose much where they were not.
+    """
+    if not errors:
+        raise CalibrationError("the pictures do not determine the lens; show the board near all borders")
+    best = min(errors.values(), key=lambda squares: float(squares.mean()))
+    limit = best.mean() + best.std(ddof=1) / np.sqrt(len(best))
+    return min(n for n, squares in errors.items() if squares.mean() <= limit)
+
+
+def _refuse_parallel(views: Sequence[FittedView]) -> None:
+    normals = np.array([view.X_CB.R[:, 2] for view in views])
+    spread = np.degrees(np.arccos(np.clip(np.abs(normals @ normals.T).min(), 0.0, 1.0)))
+    if spread < _PARALLEL_DEG:
+        raise CalibrationError(
+            f"the boards are parallel, within {spread:.0f} degrees; tilt them by 30 to all sides"
+        )
+
+
+def _folds(fit: _Fit, size: tuple[int, int]) -> bool:
+    """Return whether the lens has no inverse somewhere in the picture, or is none at all."""
+    try:
+        told = _specification(fit, size)
+    except CalibrationError:
+        return True
+    lens = CameraSpec(width_px=size[0], height_px=size[1], calibration=told).lens
+    return not has_inverse(lens.camera, lens.distortion)
+
+
+def _specification(fit: _Fit, size: tuple[int, int]) -> CalibrationSpec:
+    try:
+        values = dict(zip(ENTRIES, fit.entries.tolist(), strict=True))
+        return CalibrationSpec(**values, width_px=size[0], height_px=size[1])
+    except ValidationError as error:
+        wrong = error.errors(include_url=False)[0]
+        text = f"{'.'.join(map(str, wrong['loc']))} = {wrong['input']!s:.20}: {wrong['msg'].lower()}"
+        raise CalibrationError(f"the pictures lead to a camera that cannot be: {text}") from None
+
+
+def _fitted(view: BoardView, K: Array, lens: Array, used: bool) -> FittedView:
+    """Return a board at the pose at which a camera shows it best."""
+    points_B, corners = view.points.points_B, view.points.corners
+    _, rotation, translation = cv2.solvePnP(points_B, corners, K, lens)
+    rotation, translation = cv2.solvePnPRefineLM(points_B, corners, K, lens, rotation, translation)
+    shown = cv2.projectPoints(points_B, rotation, translation, K, lens)[0].reshape(-1, 2)
+    R_CB = np.asarray(cv2.Rodrigues(rotation)[0], dtype=np.float64)
+    X_CB = SE3(R_CB, np.asarray(translation, dtype=np.float64).ravel())
+    return FittedView(view.name, corners, np.asarray(shown - corners), X_CB, used)
