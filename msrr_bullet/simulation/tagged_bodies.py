@@ -17,6 +17,7 @@ from msrr_scenes.as_built import AsBuilt, BuiltTag, as_drawn
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
+from msrr_scenes.geometry.unit_geometry import read_unit
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
 
@@ -73,7 +74,7 @@ class TagVisuals:
             mesh, _ = write_plate(self._folder, f"{unit}_{slot}", size, shown)
             _add_visual(links[slot], mesh)
             plates[slot] = PLATE_RATIO * size
-        build(tree, geometry, built, plates)
+        build(tree, read_unit(geometry.urdf), built, plates)
         weld(tree, geometry.pins)
         path = self._folder / f"{unit}.urdf"
         tree.write(path, encoding="utf-8", xml_declaration=True)

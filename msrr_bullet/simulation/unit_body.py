@@ -15,7 +15,7 @@ from msrr_bullet.simulation.urdf_welding import read_urdf, weld
 from msrr_scenes.as_built import BuiltUnit
 from msrr_scenes.errors import GeometryError, UnknownNameError
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.unit_geometry import UnitGeometry
+from msrr_scenes.geometry.unit_geometry import UnitGeometry, read_unit
 
 #: Link index by which PyBullet names a body's root link.
 ROOT = -1
@@ -90,7 +90,7 @@ def load_unit(
 def _weld_and_load(geometry: UnitGeometry, client: int, built: BuiltUnit | None) -> int:
     tree = read_urdf(geometry.urdf)
     if built is not None:
-        build(tree, geometry, built)
+        build(tree, read_unit(geometry.urdf), built)
     weld(tree, geometry.pins)
     with tempfile.TemporaryDirectory(prefix="msrr-") as folder:
         path = Path(folder) / geometry.urdf.name

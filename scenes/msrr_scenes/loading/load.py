@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import TypeVar
 from xml.etree import ElementTree
 
 from pydantic import ValidationError
@@ -17,9 +18,11 @@ from msrr_scenes.loading.as_built_checks import as_built_problems
 from msrr_scenes.loading.calibration_file import read_calibration
 from msrr_scenes.loading.camera_checks import camera_problems
 from msrr_scenes.loading.geometry_checks import geometry_problems
+from msrr_scenes.loading.marker_checks import marker_problems
 from msrr_scenes.loading.plan_checks import fault_problems, mission_problems, plan_problems
-from msrr_scenes.loading.problems import Problem, dotted
+from msrr_scenes.loading.problems import KeyPath, Problem, dotted
 from msrr_scenes.loading.reference_checks import port_problems, reference_problems, value_problems
+from msrr_scenes.loading.tag_map_file import read_tag_map
 from msrr_scenes.loading.validation_errors import explain
 from msrr_scenes.loading.yaml_document import YamlDocument, apply_overrides, parse_document, read_text
 from msrr_scenes.specs.scene import Scene
@@ -29,6 +32,9 @@ MAX_LISTED = 8
 
 #: Folder of the shipped scene files.
 LIBRARY = Path(__file__).resolve().parents[1] / "library"
+
+#: What a file says that a scene names.
+_File = TypeVar("_File")
 
 _NONE: Mapping[str, str] = MappingProxyType({})
 
@@ -78,6 +84,7 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, str] = _NONE) -
         raise SceneError(f"{document.origin(('source',))}: source: unknown key; it is set by the program")
     document.data.setdefault("name", _plain_name(path.stem))
     _embed_calibrations(document, path.parent)
+    _embed_maps(document, path.parent)
     scene = _validate(document, path)
     _refuse(document, _contradictions(scene))
     return scene
@@ -128,14 +135,44 @@ def _embed_calibrations(document: YamlDocument, beside: Path) -> None:
         named = spec.get("calibration") if isinstance(spec, dict) else None
         if not isinstance(named, str):
             continue
-        place = f"{document.origin(('cameras', name, 'calibration'))}: cameras.{name}.calibration"
-        file = next((path for path in (beside / named, Path(named)) if path.is_file()), None)
-        if file is None:
-            raise SceneError(f"{place}: no file {named!r} beside the scene or in the working folder")
-        try:
-            spec["calibration"] = read_calibration(file).model_dump()
-        except SceneError as error:
-            raise SceneError(f"{place}: {error}") from None
+        key = ("cameras", name, "calibration")
+        spec["calibration"] = _embedded(document, key, named, beside, read_calibration).model_dump()
+
+
+def _embed_maps(document: YamlDocument, beside: Path) -> None:
+    """Replace the names of maps of markers by what they say of places, so that a log needs none of them.
+
+    Raises:
+        SceneError: A file is neither beside the scene nor in the working folder, or is no map.
+    """
+    units = document.data.get("units")
+    for unit, spec in units.items() if isinstance(units, dict) else ():
+        markers = spec.get("markers") if isinstance(spec, dict) else None
+        if not isinstance(markers, dict):
+            continue
+        for port, marker in markers.items():
+            if isinstance(marker, str):
+                markers[port] = {"map": marker}
+            named = markers[port].get("map") if isinstance(markers[port], dict) else None
+            if isinstance(named, str):
+                found = _embedded(document, ("units", unit, "markers", port), named, beside, read_tag_map)
+                # What a scene does not use must not change its digest.
+                unused = {"tags": {"__all__": {"covariance", "pictures"}}}
+                markers[port]["map"] = found.model_dump(exclude=unused)
+
+
+def _embedded(
+    document: YamlDocument, key: KeyPath, named: str, beside: Path, read: Callable[[Path], _File]
+) -> _File:
+    """Return what a file says that a scene names."""
+    place = f"{document.origin(key)}: {dotted(key)}"
+    file = next((path for path in (beside / named, Path(named)) if path.is_file()), None)
+    if file is None:
+        raise SceneError(f"{place}: no file {named!r} beside the scene or in the working folder")
+    try:
+        return read(file)
+    except SceneError as error:
+        raise SceneError(f"{place}: {error}") from None
 
 
 def _validate(document: YamlDocument, path: Path) -> Scene:
@@ -154,6 +191,9 @@ def _contradictions(scene: Scene) -> list[Problem]:
     Later checks need what earlier ones establish (a unit has to exist before its port can), so the list
     ends with the first stage that finds something.
     """
+    problems = marker_problems(scene)
+    if problems:
+        return problems
     problems = [
         *reference_problems(scene),
         *value_problems(scene),

@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from msrr_scenes.specs.spec import Coordinate, FileName, PoseSpec, Size, Spec, Time
+from msrr_scenes.specs.spec import Coordinate, FileName, Name, PoseSpec, Size, Spec, Time
+from msrr_scenes.specs.tag_map import TagMapSpec
 
 TAGS_PER_UNIT = 10
 
@@ -50,6 +51,19 @@ class TagsSpec(Spec):
         return self.mast_m if slot.endswith("_middle") else self.side_m
 
 
+class MarkerSpec(Spec):
+    """The marker of a port as it was measured, in the place of its drawing.
+
+    A scene file may write the name of the map's file alone: ``rear: marker.yaml``.
+    """
+
+    map: TagMapSpec
+    """Map of its three tags, as ``msrr map`` writes it; a scene file names the file, relative to its own
+    folder."""
+    anchor: Literal["left", "middle", "right"] = "middle"
+    """Tag of the marker that is where the URDF has it, so that it says where the map is on the unit."""
+
+
 class UnitSpec(Spec):
     """One unit."""
 
@@ -61,6 +75,8 @@ class UnitSpec(Spec):
     """Start pose."""
     tag_ids: dict[str, TagId] = Field(default_factory=dict, max_length=TAGS_PER_UNIT)
     """Tag ids that differ from those of the number, by link name."""
+    markers: dict[Name, MarkerSpec] = Field(default_factory=dict, max_length=TAGS_PER_UNIT)
+    """Markers of ports whose tags are where a map has them instead of the URDF, by port; everybody knows."""
 
 
 class _Obstacle(Spec):

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast
 
 from pydantic import Field, model_validator
 
-from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, marker_links, read_unit
 from msrr_scenes.specs.as_built import GRADES, AsBuiltSpec, Grade, graded_odometry, graded_optics
 from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
 from msrr_scenes.specs.faults import Fault
@@ -175,20 +179,54 @@ class Scene(Spec):
         return self.radio is not None or self.shape is not None or bool(self.assembled) or others
 
     def geometry(self, unit: str) -> UnitGeometry:
-        """Return the geometry of a unit, read from its URDF."""
+        """Return the geometry of a unit: that of its URDF, with its markers where they were measured.
+
+        Raises:
+            SceneError: There is no such URDF, or the map of a marker lacks one of its tags.
+        """
+        drawn, markers = self._drawn(unit), self.units[unit].markers
+        if not markers:
+            return drawn
+        ids = self.tag_ids(unit)
+        measured = []
+        for port, marker in markers.items():
+            slots = [slot for slot in marker_links(port) if ids.get(slot) in marker.map.tags]
+            if len(slots) != len(marker_links(port)):
+                raise SceneError(f"unit {unit!r}: the map of the marker of port {port!r} lacks a tag of it")
+            tags = [(slot, marker.map.tags[ids[slot]]) for slot in slots]
+            poses = tuple((slot, tag.position_m, tag.quaternion_xyzw) for slot, tag in tags)
+            measured.append((f"port_{port}_marker_{marker.anchor}", poses))
+        return _with_markers(drawn.urdf, tuple(measured))
+
+    def _drawn(self, unit: str) -> UnitGeometry:
         beside = self.source.parent if self.source else None
         return read_unit(find_urdf(self.units[unit].urdf, beside))
 
     def tag_ids(self, unit: str) -> dict[str, int]:
         """Return the tag id of every tag slot (link name) of a unit."""
         spec = self.units[unit]
-        slots = self.geometry(unit).tag_slots
+        slots = self._drawn(unit).tag_slots
         ids = {slot: TAGS_PER_UNIT * spec.number + i for i, slot in enumerate(slots)}
         return {**ids, **spec.tag_ids}
 
     def tag_size(self, slot: str) -> float:
         """Return the edge [m] of the black square of the tag on link ``slot``."""
         return self.tags.size(slot)
+
+
+#: A tag of a map: its link, its place [m] and its rotation.
+_MappedTag = tuple[str, tuple[float, ...], tuple[float, ...]]
+
+
+@lru_cache(maxsize=32)
+def _with_markers(urdf: Path, markers: tuple[tuple[str, tuple[_MappedTag, ...]], ...]) -> UnitGeometry:
+    """Return the geometry of a URDF with measured markers, each given by the link that anchors its map."""
+    drawn, frames = read_unit(urdf), dict[str, SE3]()
+    for anchor, tags in markers:
+        X_MT = {slot: SE3.from_quaternion_xyzw(p, xyzw) for slot, p, xyzw in tags}
+        X_UM = drawn.frame(anchor) @ X_MT[anchor].inverse()
+        frames |= {slot: drawn.frame(slot) if slot == anchor else X_UM @ X for slot, X in X_MT.items()}
+    return replace(drawn, frames={**drawn.frames, **frames})
 
 
 def _regraded(

@@ -21,7 +21,7 @@ from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.unit_geometry import tag_corners
+from msrr_scenes.geometry.unit_geometry import find_urdf, marker_links, read_unit, tag_corners
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
 
@@ -36,12 +36,28 @@ def client() -> Iterator[int]:
     pybullet.disconnect(client)
 
 
+def measured_marker() -> dict[str, object]:
+    """The rear marker of unit number 1 with a left tag 3 mm and 2 degrees off its place in the drawing."""
+    drawn = read_unit(find_urdf("unit.urdf"))
+    first = 10 + drawn.tag_slots.index("port_rear_marker_left")
+    X_UT = [drawn.frame(slot) for slot in marker_links("rear")]
+    X_UT[0] = X_UT[0] @ SE3.from_xyz_rpy([0.003, 0.0, -0.001], [0.0, 0.035, 0.0])
+    poses = {
+        first + i: {"position_m": X.p.tolist(), "quaternion_xyzw": X.quaternion_xyzw().tolist()}
+        for i, X in enumerate(X_UT)
+    }
+    return {"map": {"family": "tag36h11", "tag_size_m": 0.05, "reference": first, "tags": poses}}
+
+
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     return Scene.model_validate(
         {
             "name": "plates",
-            "units": {"a": {"number": 1}, "b": {"number": 0, "tag_ids": {"tag_top": 400}}},
+            "units": {
+                "a": {"number": 1, "markers": {"rear": measured_marker()}},
+                "b": {"number": 0, "tag_ids": {"tag_top": 400}},
+            },
             "obstacles": {
                 "post": {"shape": "cylinder", "radius_m": 0.06, "tag_id": 500},
                 "crate": {"shape": "box", "length_m": 0.2, "width_m": 0.1},
