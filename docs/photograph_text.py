@@ -23,10 +23,9 @@ are and where the camera stood, from the detections alone, and writes
 What contradicts the rest is named by a test of the residuals (`msrr_perception.mapping.consistency`),
 not by hand. The refined lens: {lens}.
 
-`msrr_scenes.loading.tag_map_file.read_tag_map` reads `map.yaml`. A scene takes the places of tags from
-its URDF (the frames `port_rear_marker_left` and so on): bring the map into the frame of the body that
-carries the tags (`X_UT = X_UM @ tag.X_MT`, where X_UM follows from one tag or edge that is known on the
-body), and write the poses into these frames. There is no key of a scene that does so by itself.
+`msrr_scenes.loading.tag_map_file.read_tag_map` reads `map.yaml`. A scene takes it for
+the marker of a port, `units.b.markers: {rear: map.yaml}`; the
+[tutorial](tutorial_own_camera.md) shows the whole way.
 
 ## What the residuals are made of
 {explained}
