@@ -83,10 +83,13 @@ def calibrate(
 ) -> None:
     """Calibrate a camera from pictures of a board; name pictures that show none, or contradict the others."""
     from msrr_bullet.figures.coverage import draw_coverage
+    from msrr_perception.camera_calibration.fit import MODELS
     from msrr_perception.photographs.picture_files import picture_files
     from msrr_scenes.loading.calibration_file import write_calibration
 
     check_writable(json_file)
+    if coefficients not in (None, *MODELS):
+        raise SceneError(f"--coefficients {coefficients}: expected one of {', '.join(map(str, MODELS))}")
     pattern = _board(kind, board, square_mm, marker_mm, family)
     files = picture_files(images)
     file = out if out.suffix in (".yaml", ".yml") else out / "camera.yaml"

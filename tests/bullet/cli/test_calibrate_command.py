@@ -65,22 +65,22 @@ def test_files_are_written_that_a_scene_takes(pictures: Path, capfd: pytest.Capt
 
 
 def test_what_is_wrong_is_one_message(pictures: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    boards = [str(pictures / f"board_{i}.png") for i in range(4)]
+    board = str(pictures / "board_0.png")
     cv2.imwrite("large.png", np.full((480, 640), 120, np.uint8))
     Path("film.mp4").write_bytes(b"")
     for arguments, message in (
         (
-            [*boards, "--board", "9x6", "--square-mm", "30"],
+            [board, "--board", "9x6", "--square-mm", "30"],
             "board_0.png shows a chessboard of 5x4 inner corners",
         ),
         ([str(pictures / "wall.png"), *BOARD], "no picture of 1 shows the board; is --board right?"),
-        ([boards[0], *BOARD], "1 picture(s) with a board; 3 are the fewest"),
-        ([boards[0], "large.png", *BOARD], "large.png: 640 x 480 px, and "),
+        ([board, *BOARD], "1 picture(s) with a board; 3 are the fewest"),
+        ([board, "large.png", *BOARD], "large.png: 640 x 480 px, and "),
         (["film.mp4", *BOARD], "film.mp4: a film; take ten to twenty sharp pictures"),
-        ([boards[0], "--board", "5", "--square-mm", "30"], "--board 5: expected columns and rows"),
-        ([boards[0], *BOARD, "--kind", "charuco"], "--kind charuco: give the edge of its markers"),
-        ([boards[0], *BOARD, "--marker-mm", "20"], "a chessboard has no markers"),
-        ([*boards, *BOARD, "--coefficients", "3"], "3 free coefficients; expected one of 0, 1, 2, 4, 5"),
+        ([board, "--board", "5", "--square-mm", "30"], "--board 5: expected columns and rows"),
+        ([board, *BOARD, "--kind", "charuco"], "--kind charuco: give the edge of its markers"),
+        ([board, *BOARD, "--marker-mm", "20"], "a chessboard has no markers"),
+        ([board, *BOARD, "--coefficients", "3"], "--coefficients 3: expected one of 0, 1, 2, 4, 5"),
     ):
         assert run(["calibrate", *arguments]) == BAD_INPUT, arguments
         error = capfd.readouterr().err

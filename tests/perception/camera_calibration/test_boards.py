@@ -17,7 +17,7 @@ Camera, Printed = Any, Callable[[str], Any]
 @pytest.mark.parametrize(
     ("name", "share", "rms_px"),
     [
-        ("chessboard", 1.0, 0.12),
+        pytest.param("chessboard", 1.0, 0.12, marks=pytest.mark.nightly),
         ("charuco", 0.6, 0.3),
         ("tags", 1.0, 0.2),
         pytest.param("old charuco", 0.6, 0.3, marks=pytest.mark.nightly),
