@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.ticker import MaxNLocator
 
 from msrr_bullet.figures.style import FAINT, SMALL, new_figure, save, styled
@@ -63,8 +64,8 @@ def _draw_points(axes: Axes, calibration: CameraCalibration) -> None:
     for view in calibration.views:
         colour = css(BLUE if view.used else VERMILLION)
         axes.plot(*view.corners.T, ".", color=colour, markersize=3.0)
-        ends = view.corners + scale * view.residuals
-        axes.plot(*np.stack([view.corners, ends]).transpose(2, 0, 1), color=colour, linewidth=0.8)
+        lines = np.stack([view.corners, view.corners + scale * view.residuals], axis=1)
+        axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=0.8))
     for i in range(1, _CELLS[0]):
         axes.axvline(i * width / _CELLS[0] - 0.5, color=FAINT, linewidth=0.4)
     for i in range(1, _CELLS[1]):
@@ -84,9 +85,8 @@ def _draw_tilts(axes: Axes, calibration: CameraCalibration) -> None:
     for angle in (15.0, 30.0, 45.0):
         around = np.linspace(0.0, 2.0 * np.pi, 100)
         axes.plot(angle * np.cos(around), angle * np.sin(around), color=FAINT, linewidth=0.6)
-        axes.annotate(
-            f"{angle:.0f}", (0.0, angle), ha="center", va="bottom", fontsize=SMALL - 3.0, color=FAINT
-        )
+        at = 0.7 * angle, 0.7 * angle
+        axes.annotate(f"{angle:.0f}", at, ha="left", va="top", fontsize=SMALL - 3.0, color=FAINT)
     reach = max(48.0, *(max(map(abs, tilt(view))) + 3.0 for view in calibration.views))
     axes.set(xlim=(-reach, reach), ylim=(reach, -reach), aspect="equal")
     axes.set_title("tilt of the boards [deg]")
