@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-import fcntl
-import os
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.mcap_recorder import McapRecorder
-from msrr_bullet.log.reader import LOG_NAME, begun_by_msrr, read_log
+from msrr_bullet.log.reader import LOG_NAME, read_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.log.records import StartPoses, StepStart
 from msrr_bullet.profiler import Profiler
+from msrr_bullet.run_folder import (
+    PICTURE_NAME,
+    REPLAY_NAME,
+    RESULT_NAME,
+    RunFolderError,
+    check_folder,
+    delete_run,
+    locked,
+    make_folder,
+)
 from msrr_bullet.timeline.camera_views import docking_views
 from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.snapshot import Viewer
@@ -22,21 +30,10 @@ from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial
 from msrr_bullet.trial.versions import package_versions
-from msrr_scenes.errors import MsrrError, ProgramFailedError
+from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure, Pixels
 from msrr_scenes.specs.scene import Scene
-
-RESULT_NAME = "result.json"
-REPLAY_NAME = "replay.html"
-PICTURE_NAME = "picture.png"
-
-#: The files of a run, the log last. Files of other names in a run folder are left alone.
-RUN_FILES = (RESULT_NAME, REPLAY_NAME, PICTURE_NAME, LOG_NAME)
-
-
-class RunFolderError(MsrrError):
-    """A run folder cannot be written."""
 
 
 def run_trial(
@@ -91,7 +88,7 @@ def _run(
     with ExitStack() as stack:
         recorder: Recorder = NullRecorder()
         if out is not None:
-            _check(out)
+            check_folder(out)
         with suppress(ProgramFailedError):  # the trial ends with that outcome
             check_trial(scene)
         if out is not None:
@@ -130,61 +127,13 @@ class _RunRecorder:
 
     def _opened(self) -> McapRecorder:
         if self._log is None:
-            _make_folder(self._out)
-            self._lock.enter_context(_locked(self._out))
-            _delete_run(self._out)
+            make_folder(self._out)
+            self._lock.enter_context(locked(self._out))
+            delete_run(self._out)
             self._log = McapRecorder(self._out / LOG_NAME, self._header)
             for head in self._head:
                 self._log.write(*head)
         return self._log
-
-
-def _check(out: Path) -> None:
-    """Refuse a folder in which a run would overwrite what no run wrote."""
-    present = [name for name in RUN_FILES if os.path.lexists(out / name)]
-    foreign = [name for name in present if not (out / name).is_file()]
-    if not foreign and present and not (LOG_NAME in present and begun_by_msrr(out / LOG_NAME)):
-        foreign = present  # what lies beside a log is of its run; without one, nothing says so
-    if foreign:
-        raise RunFolderError(
-            f"{out}: holds {', '.join(foreign)} without the log of a run beside it;"
-            " choose another --out, or move what is there"
-        )
-
-
-def _delete_run(out: Path) -> None:
-    """Delete what a run wrote, its log last: it tells the folder of a run from others."""
-    try:
-        for name in RUN_FILES:
-            (out / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise RunFolderError(
-            f"{error.filename}: the run of before cannot be deleted ({error.strerror}); choose another --out"
-        ) from None
-
-
-@contextmanager
-def _locked(out: Path) -> Iterator[None]:
-    """Keep a folder for one run; the lock ends with the process at the latest, and leaves no file."""
-    folder = os.open(out, os.O_RDONLY)
-    try:
-        try:
-            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            text = "another run is under way in this folder; choose another --out"
-            raise RunFolderError(f"{out}: {text}") from None
-        yield
-    finally:
-        os.close(folder)
-
-
-def _make_folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunFolderError(
-            f"{out}: the run folder cannot be made ({error.strerror}); choose another --out"
-        ) from None
 
 
 def _write_derived_files(out: Path, result: TrialResult) -> None:

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from msrr_bullet.simulation.simulation import camera_pose, overhead_camera_pose
-from msrr_bullet.simulation.tag_plates import PLATE_RATIO
 from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
+from msrr_bullet.tag_print import PLATE_RATIO
 from msrr_bullet.timeline.palette import OBSTACLE, link_colour, unit_colours
 from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import AsBuilt

@@ -11,8 +11,9 @@ import numpy as np
 import pybullet
 
 from msrr_bullet.simulation.built_urdf import build
-from msrr_bullet.simulation.tag_plates import PLATE_RATIO, load_tag_plate, set_texture, write_plate
+from msrr_bullet.simulation.tag_plates import load_tag_plate, set_texture, write_plate
 from msrr_bullet.simulation.urdf_welding import read_urdf, weld
+from msrr_bullet.tag_print import PLATE_RATIO
 from msrr_scenes.as_built import AsBuilt, BuiltTag, as_drawn
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2

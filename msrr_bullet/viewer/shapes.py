@@ -10,7 +10,7 @@ import meshcat.geometry as g
 import numpy as np
 from numpy.typing import ArrayLike
 
-from msrr_bullet.simulation.tag_plates import PLATE_RATIO, plate_texture
+from msrr_bullet.tag_print import PLATE_RATIO, plate_texture
 from msrr_bullet.viewer.commands import Command, set_object, set_transform
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
 from msrr_scenes.geometry.solid import Solid

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.log import read_log
-from msrr_bullet.run import RUN_FILES, RunFolderError, run_trial
+from msrr_bullet.run import run_trial
+from msrr_bullet.run_folder import RUN_FILES, RunFolderError
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial

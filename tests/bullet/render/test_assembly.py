@@ -10,7 +10,7 @@ import pytest
 from msrr_bullet.render.raster.assembly import VisualShape, assemble
 from msrr_bullet.render.raster.mesh import box
 from msrr_bullet.render.raster.texture import texture_of
-from msrr_bullet.simulation.tag_plates import plate_texture
+from msrr_bullet.tag_print import plate_texture
 from msrr_scenes.geometry.se3 import SE3
 
 

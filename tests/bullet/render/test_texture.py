@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msrr_bullet.render.raster.texture import rectangles, texture_of
-from msrr_bullet.simulation.tag_plates import plate_texture, tag_bitmap
+from msrr_bullet.tag_print import plate_texture, tag_bitmap
 
 
 @given(st.integers(0, 586))

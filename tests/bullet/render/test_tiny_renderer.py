@@ -13,8 +13,9 @@ import pytest
 from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.tiny_renderer import TinyRenderer, rotated_grid
-from msrr_bullet.simulation.tag_plates import PLATE_RATIO, write_plate
+from msrr_bullet.simulation.tag_plates import write_plate
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
+from msrr_bullet.tag_print import PLATE_RATIO
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners

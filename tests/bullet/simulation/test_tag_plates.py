@@ -13,13 +13,8 @@ import pytest
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.renderer import RenderContext
 from msrr_bullet.render.tiny_renderer import TinyRenderer
-from msrr_bullet.simulation.tag_plates import (
-    PLATE_RATIO,
-    load_tag_plate,
-    plate_texture,
-    tag_bitmap,
-    write_plate,
-)
+from msrr_bullet.simulation.tag_plates import load_tag_plate, write_plate
+from msrr_bullet.tag_print import PLATE_RATIO, plate_texture, tag_bitmap
 from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window

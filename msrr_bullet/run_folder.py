@@ -1,0 +1,72 @@
+"""A run folder: its files, what may be overwritten in it, and the lock that keeps it for one run."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from msrr_bullet.log.reader import LOG_NAME, begun_by_msrr
+from msrr_scenes.errors import MsrrError
+
+RESULT_NAME = "result.json"
+REPLAY_NAME = "replay.html"
+PICTURE_NAME = "picture.png"
+
+#: The files of a run, the log last. Files of other names in a run folder are left alone.
+RUN_FILES = (RESULT_NAME, REPLAY_NAME, PICTURE_NAME, LOG_NAME)
+
+
+class RunFolderError(MsrrError):
+    """A run folder cannot be written."""
+
+
+def check_folder(out: Path) -> None:
+    """Refuse a folder in which a run would overwrite what no run wrote."""
+    present = [name for name in RUN_FILES if os.path.lexists(out / name)]
+    foreign = [name for name in present if not (out / name).is_file()]
+    if not foreign and present and not (LOG_NAME in present and begun_by_msrr(out / LOG_NAME)):
+        foreign = present  # what lies beside a log is of its run; without one, nothing says so
+    if foreign:
+        raise RunFolderError(
+            f"{out}: holds {', '.join(foreign)} without the log of a run beside it;"
+            " choose another --out, or move what is there"
+        )
+
+
+def delete_run(out: Path) -> None:
+    """Delete what a run wrote, its log last: it tells the folder of a run from others."""
+    try:
+        for name in RUN_FILES:
+            (out / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise RunFolderError(
+            f"{error.filename}: the run of before cannot be deleted ({error.strerror}); choose another --out"
+        ) from None
+
+
+@contextmanager
+def locked(out: Path) -> Iterator[None]:
+    """Keep a folder for one run; the lock ends with the process at the latest, and leaves no file."""
+    folder = os.open(out, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            text = "another run is under way in this folder; choose another --out"
+            raise RunFolderError(f"{out}: {text}") from None
+        yield
+    finally:
+        os.close(folder)
+
+
+def make_folder(out: Path) -> None:
+    """Make a run folder, if it is not there."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFolderError(
+            f"{out}: the run folder cannot be made ({error.strerror}); choose another --out"
+        ) from None
