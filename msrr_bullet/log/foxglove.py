@@ -134,7 +134,8 @@ def scene_frames(scene: Scene) -> FrameLinks:
         geometry = scene.geometry(unit)
         for port in geometry.ports:
             links.append(FrameLink(unit, f"{unit}.{port}", SE3.from_se2(geometry.dock_frame(port))))
-        links.append(FrameLink(unit, f"{unit}/onboard", optical_pose(geometry.frame("camera"))))
+        if geometry.drives:
+            links.append(FrameLink(unit, f"{unit}/onboard", optical_pose(geometry.frame("camera"))))
     overhead = scene.cameras.overhead
     if overhead is not None:
         # Image right is world x, image down is world -y: half a turn about x.

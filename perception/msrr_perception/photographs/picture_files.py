@@ -65,7 +65,8 @@ def read_pictures(file: Path) -> Iterator[tuple[str, Pixels]]:
         PictureError: The file cannot be read, holds no picture, or one of an impossible size.
     """
     if file.suffix.lower() in FILMS:
-        yield from _read_film(file)
+        for name, _, pixels in read_film(file):
+            yield name, pixels
     else:
         yield str(file), read_picture(file)
 
@@ -84,19 +85,37 @@ def read_picture(file: Path) -> Pixels:
         raise PictureError(f"{file}: cannot be read: {error.strerror or error}") from None
     if not content.size:
         raise PictureError(f"{file}: the file is empty")
+    return decoded_picture(content, str(file))
+
+
+def decoded_picture(content: Pixels, name: str) -> Pixels:
+    """Return the pixels of a picture whose file is in memory, as :func:`read_picture` does.
+
+    Args:
+        content: Bytes of the file, shape (N,).
+        name: Name for messages.
+
+    Raises:
+        PictureError: The bytes hold no picture, or one of an impossible size.
+    """
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        decoded = cv2.imdecode(content, flags)
+        decoded = cv2.imdecode(content, flags) if content.size else None
     except cv2.error as error:
         if "PIXELS" in str(error):
-            raise PictureError(f"{file}: more than {MOST_PIXELS} pixels; make it smaller") from None
+            raise PictureError(f"{name}: more than {MOST_PIXELS} pixels; make it smaller") from None
         decoded = None
     if decoded is None:
-        raise PictureError(f"{file}: not a picture that OpenCV can read, or a damaged one")
-    return _mono8(np.asarray(decoded), str(file))
+        raise PictureError(f"{name}: not a picture that OpenCV can read, or a damaged one")
+    return mono8(np.asarray(decoded), name)
 
 
-def _read_film(file: Path) -> Iterator[tuple[str, Pixels]]:
+def read_film(file: Path) -> Iterator[tuple[str, float, Pixels]]:
+    """Yield name, time since the start [s] and mono8 pixels, shape (height, width), of every frame of a film.
+
+    Raises:
+        PictureError: The file cannot be read, or holds no film.
+    """
     if not file.is_file():
         raise PictureError(f"{file}: no such film")
     film = cv2.VideoCapture(str(file))
@@ -108,7 +127,8 @@ def _read_film(file: Path) -> Iterator[tuple[str, Pixels]]:
             if not more:
                 break
             name = f"{file}#{number}"
-            yield name, _mono8(np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)), name)
+            time_s = 1e-3 * film.get(cv2.CAP_PROP_POS_MSEC)
+            yield name, time_s, mono8(np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)), name)
             number += 1
     except cv2.error:
         raise PictureError(f"{file}: the film cannot be decoded") from None
@@ -118,8 +138,12 @@ def _read_film(file: Path) -> Iterator[tuple[str, Pixels]]:
         raise PictureError(f"{file}: not a film that OpenCV can read, or a damaged one")
 
 
-def _mono8(grey: NDArray[np.generic], name: str) -> Pixels:
-    """Return grey levels as bytes, after a check of their size."""
+def mono8(grey: NDArray[np.generic], name: str) -> Pixels:
+    """Return grey levels as bytes; deeper ones are divided so that the brightest pixel fits.
+
+    Raises:
+        PictureError: The size is impossible.
+    """
     height, width = grey.shape[:2]
     size = f"{width} x {height} px"
     if min(width, height) < _LEAST_EDGE:

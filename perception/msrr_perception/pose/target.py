@@ -27,6 +27,9 @@ from msrr_scenes.specs.scene import Scene
 #: Largest distance of the LOS points of the scene from the tag edges of the URDF [m]; scenes round to 0.1 mm.
 _EDGE_TOLERANCE_M = 0.002
 
+#: Corners of the left and of the right edge of a tag.
+_UPRIGHT_EDGES = (0, 3), (1, 2)
+
 #: Index of the yaw in a state or pose vector.
 YAW = 2
 
@@ -93,7 +96,8 @@ class TargetModel:
 
         Raises:
             GeometryError: A URDF lacks a frame.
-            SceneError: The target port has no tags, or no tag edge lies where the scene's LOS target is.
+            SceneError: The target port has no tags, or no tag edge lies where the scene's LOS target is; that
+                of a fixture is given by the outermost edges of its tags.
         """
         target = scene.geometry(step.target_unit)
         X_DT = SE3.from_se2(target.dock_frame(step.target_port)).inverse()
@@ -106,7 +110,8 @@ class TargetModel:
         port_tags = tuple(ids[slot] for slot in target.tag_slots if slot.startswith(prefix))
         if not port_tags:
             raise SceneError(f"{step.to}: this port carries no tags, so nothing can be docked to it by sight")
-        edges = _los_edges({i: corners[i] for i in port_tags}, scene.los, step.to)
+        on_port = {i: corners[i] for i in port_tags}
+        edges = _los_edges(on_port, scene.los, step.to) if target.drives else _outermost_edges(on_port)
         return cls._of_unit(scene, step.unit, step.port, MappingProxyType(corners), port_tags, edges)
 
     @classmethod
@@ -208,7 +213,7 @@ def _los_edges(corners_D: Mapping[int, Array], los: LosSpec, port: str) -> tuple
             (
                 (float(np.linalg.norm(corners[list(pair), :2] - point, axis=1).max()), TagEdge(tag, pair))
                 for tag, corners in corners_D.items()
-                for pair in ((0, 3), (1, 2))  # the left and the right edge of a tag
+                for pair in _UPRIGHT_EDGES
             ),
             key=lambda found: found[0],
         )
@@ -219,3 +224,10 @@ def _los_edges(corners_D: Mapping[int, Array], los: LosSpec, port: str) -> tuple
             )
         found.append(edge)
     return found[0], found[1]
+
+
+def _outermost_edges(corners_D: Mapping[int, Array]) -> tuple[TagEdge, TagEdge]:
+    """Return the edges farthest to the left and to the right: a fixture has its tags anywhere."""
+    edges = [TagEdge(tag, pair) for tag in corners_D for pair in _UPRIGHT_EDGES]
+    y = [float(corners_D[edge.tag_id][list(edge.corners), 1].mean()) for edge in edges]
+    return edges[y.index(max(y))], edges[y.index(min(y))]

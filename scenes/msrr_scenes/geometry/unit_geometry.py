@@ -6,6 +6,9 @@ face, x out of the face), ``tag_top`` and, for each passive port, ``port_<name>_
 (tag frames: x right, y down, z into the tag, as a viewer in front of the tag sees it). The lock needs the
 links ``pin_{left,right}`` and, for each passive port, ``port_<name>_hole_{left,right}``: the bottoms of the
 holes. Any URDF with these frames works.
+
+A fixture, ``<robot kind="fixture">``, is docked to and does not drive: it needs the link ``axle`` and its
+ports alone, and a port may carry any tags: links ``port_<name>_marker_...``.
 """
 
 from __future__ import annotations
@@ -28,6 +31,9 @@ from msrr_scenes.geometry.solid import Solid, convex_hull
 
 #: Rotation by pi: from a port's frame P (x out of the face) to its dock frame D (x into the unit).
 X_PD = SE2(0.0, 0.0, math.pi)
+
+#: Kind of a body without a drive in its URDF.
+FIXTURE = "fixture"
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -72,8 +78,8 @@ class UnitGeometry:
         urdf: URDF file of the unit.
         frames: ``X_UF`` of every link F.
         solids: Collision shapes.
-        wheel_radius: Radius of the wheels [m].
-        track: Distance between the wheels' contact points [m].
+        wheel_radius: Radius of the wheels [m]; 0 for a fixture.
+        track: Distance between the wheels' contact points [m]; 0 for a fixture.
     """
 
     urdf: Path
@@ -95,6 +101,11 @@ class UnitGeometry:
                 f"{self.urdf}: no link named {name!r}; links: {', '.join(sorted(self.frames))}"
             ) from None
 
+    @property
+    def drives(self) -> bool:
+        """Whether it is a unit, and no fixture."""
+        return self.wheel_radius > 0.0
+
     @cached_property
     def ports(self) -> tuple[str, ...]:
         """Names of the ports, without the prefix ``port_``."""
@@ -107,7 +118,7 @@ class UnitGeometry:
     @cached_property
     def passive_ports(self) -> tuple[str, ...]:
         """Ports that carry a marker, in the order of the URDF."""
-        return tuple(p for p in self.ports if self.frames.keys() & marker_links(p))
+        return tuple(p for p in self.ports if self._marker_slots(p))
 
     def port(self, name: str) -> SE2:
         """Return ``X_UP`` of a port: the origin is on the face, x points out of the unit."""
@@ -140,8 +151,14 @@ class UnitGeometry:
         """Links that carry a tag, in the order of the tag ids: top, then per port left, middle, right."""
         slots = ["tag_top"] if "tag_top" in self.frames else []
         for port in self.passive_ports:
-            slots += marker_links(port)
+            slots += self._marker_slots(port)
         return tuple(slots)
+
+    def _marker_slots(self, port: str) -> list[str]:
+        """Return the links of the tags of a port; none for an active port."""
+        if self.drives:
+            return marker_links(port) if self.frames.keys() & marker_links(port) else []
+        return [name for name in self.frames if name.startswith(f"port_{port}_marker_")]
 
     @cached_property
     def pins(self) -> tuple[str, ...]:
@@ -241,7 +258,8 @@ def _read_tree(path: Path, root: ElementTree.Element) -> UnitGeometry:
             X = X_step @ X
         return X
 
-    required = ("axle", "camera", "wheel_left", "wheel_right", "port_front")
+    fixture = root.get("kind") == FIXTURE
+    required = ("axle",) if fixture else ("axle", "camera", "wheel_left", "wheel_right", "port_front")
     missing = [name for name in required if name not in links]
     if missing:
         raise GeometryError(
@@ -254,6 +272,8 @@ def _read_tree(path: Path, root: ElementTree.Element) -> UnitGeometry:
         for name, link in links.items()
         for collision in link.findall("collision")
     )
+    if fixture:
+        return UnitGeometry(path, frames, solids, 0.0, 0.0)
     _check_markers(path, frames)
     wheel = next(s for s in solids if s.link == "wheel_left")
     track = float(frames["wheel_left"].p[1] - frames["wheel_right"].p[1])

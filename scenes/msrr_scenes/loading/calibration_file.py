@@ -8,6 +8,7 @@ Source: what OpenCV's calibration sample writes by ``cv::FileStorage``; ``camera
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -110,7 +111,37 @@ def _ros_text(head: dict[str, int], matrices: dict[str, tuple[int, int, list[flo
     return yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
 
 
-def _calibration(file: _CalibrationFile, path: Path) -> CalibrationSpec:
+def calibration_of(
+    size: tuple[int, int], matrix: Sequence[float], coefficients: Sequence[float], model: str, name: str
+) -> CalibrationSpec:
+    """Return a calibration from the numbers of a message, such as ``CameraInfo`` of ROS.
+
+    Args:
+        size: Width and height of the pictures [px].
+        matrix: Camera matrix K, row by row, 9 numbers.
+        coefficients: Distortion k1, k2, p1, p2, k3; none for an ideal lens.
+        model: Name of the model of the lens.
+        name: Where the numbers come from, for messages.
+
+    Raises:
+        SceneError: The numbers are no calibration, or of another model.
+    """
+    distortion = tuple(coefficients) or (0.0,) * len(COEFFICIENTS)
+    try:
+        file = _CalibrationFile(
+            image_width=size[0],
+            image_height=size[1],
+            camera_matrix=_Matrix(rows=3, cols=3, data=tuple(matrix)),
+            distortion_coefficients=_Matrix(rows=1, cols=len(distortion), data=distortion),
+            distortion_model=model or _MODEL,
+        )
+        return _calibration(file, name)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise SceneError(f"{name}: {dotted(first['loc'])}: {first['msg']}") from None
+
+
+def _calibration(file: _CalibrationFile, path: Path | str) -> CalibrationSpec:
     if file.distortion_model != _MODEL or file.fisheye_model:
         model = "fisheye" if file.fisheye_model else repr(file.distortion_model)
         raise SceneError(f"{path}: the lens has the model {model}; calibrate with {_MODEL!r}, which is known")

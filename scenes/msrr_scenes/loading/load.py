@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeVar
+from typing import Any, TypeVar
 from xml.etree import ElementTree
 
 from pydantic import ValidationError
@@ -26,6 +26,7 @@ from msrr_scenes.loading.tag_map_file import read_tag_map
 from msrr_scenes.loading.validation_errors import explain
 from msrr_scenes.loading.yaml_document import YamlDocument, apply_overrides, parse_document, read_text
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import Spec
 
 #: How many problems one message lists before it only counts the rest.
 MAX_LISTED = 8
@@ -34,7 +35,7 @@ MAX_LISTED = 8
 LIBRARY = Path(__file__).resolve().parents[1] / "library"
 
 #: What a file says that a scene names.
-_File = TypeVar("_File")
+_File = TypeVar("_File", bound=Spec)
 
 _NONE: Mapping[str, str] = MappingProxyType({})
 
@@ -77,17 +78,25 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, str] = _NONE) -
         UnknownNameError: No shipped scene has this name.
     """
     path = find_scene(str(name_or_path))
-    text = read_text(path)
-    document = parse_document(text, str(path))
+    document = read_document(path)
     apply_overrides(document, overrides)
     if "source" in document.data:
         raise SceneError(f"{document.origin(('source',))}: source: unknown key; it is set by the program")
-    document.data.setdefault("name", _plain_name(path.stem))
+    document.data.setdefault("name", plain_name(path.stem))
     _embed_calibrations(document, path.parent)
     _embed_maps(document, path.parent)
     scene = _validate(document, path)
-    _refuse(document, _contradictions(scene))
+    refuse(document, _contradictions(scene))
     return scene
+
+
+def read_document(path: Path) -> YamlDocument:
+    """Read a file of YAML.
+
+    Raises:
+        SceneError: The file cannot be read, or is none.
+    """
+    return parse_document(read_text(path), str(path))
 
 
 def check_scene(scene: Scene) -> None:
@@ -96,7 +105,7 @@ def check_scene(scene: Scene) -> None:
     Raises:
         SceneError: The scene is unusable; one message lists every problem.
     """
-    _refuse(YamlDocument({}), _contradictions(scene))
+    refuse(YamlDocument({}), _contradictions(scene))
 
 
 def scene_hash(scene: Scene) -> str:
@@ -113,7 +122,7 @@ def scene_hash(scene: Scene) -> str:
     return digest.hexdigest()
 
 
-def _plain_name(stem: str) -> str:
+def plain_name(stem: str) -> str:
     """Return a name of a scene like that of its file, which may hold any characters."""
     return re.sub(r"^[.-]|[^A-Za-z0-9._-]", "_", stem[:64])
 
@@ -125,18 +134,30 @@ def _files_of(urdf: Path) -> list[Path]:
 
 
 def _embed_calibrations(document: YamlDocument, beside: Path) -> None:
-    """Replace the names of calibration files by what they say, so that a log needs none of them.
+    """Replace the names of calibration files of the cameras of a scene by what they say."""
+    cameras = document.data.get("cameras")
+    for name in cameras if isinstance(cameras, dict) else ():
+        embed_file(document, ("cameras", name, "calibration"), beside, read_calibration)
+
+
+def embed_file(document: YamlDocument, path: KeyPath, beside: Path, read: Callable[[Path], Spec]) -> None:
+    """Replace the name of a file in a document by what the file says, so that a log needs none of them.
+
+    Args:
+        document: The document; it may have something else at the path, or nothing.
+        path: Key path of the name.
+        beside: Folder of the document, which is searched before the working folder.
+        read: Reads the file.
 
     Raises:
-        SceneError: A file is neither beside the scene nor in the working folder, or is no calibration.
+        SceneError: The file is in neither folder, or cannot be used.
     """
-    cameras = document.data.get("cameras")
-    for name, spec in cameras.items() if isinstance(cameras, dict) else ():
-        named = spec.get("calibration") if isinstance(spec, dict) else None
-        if not isinstance(named, str):
-            continue
-        key = ("cameras", name, "calibration")
-        spec["calibration"] = _embedded(document, key, named, beside, read_calibration).model_dump()
+    holder: Any = document.data
+    for key in path[:-1]:
+        holder = holder.get(key) if isinstance(holder, dict) else None
+    named = holder.get(path[-1]) if isinstance(holder, dict) else None
+    if isinstance(named, str):
+        holder[path[-1]] = _embedded(document, path, named, beside, read).model_dump()
 
 
 def _embed_maps(document: YamlDocument, beside: Path) -> None:
@@ -168,7 +189,7 @@ def _embedded(
     place = f"{document.origin(key)}: {dotted(key)}"
     file = next((path for path in (beside / named, Path(named)) if path.is_file()), None)
     if file is None:
-        raise SceneError(f"{place}: no file {named!r} beside the scene or in the working folder")
+        raise SceneError(f"{place}: no file {named!r} beside the file or in the working folder")
     try:
         return read(file)
     except SceneError as error:
@@ -180,7 +201,7 @@ def _validate(document: YamlDocument, path: Path) -> Scene:
         scene = Scene.model_validate(document.data)
     except ValidationError as error:
         found = [explain(e, document) for e in error.errors(include_url=False)]
-        _refuse(document, [problem for problem in found if problem is not None])
+        refuse(document, [problem for problem in found if problem is not None])
         raise AssertionError("a validation error explains itself") from error
     return scene.model_copy(update={"source": path.resolve()})
 
@@ -212,7 +233,8 @@ def _contradictions(scene: Scene) -> list[Problem]:
     return problems or [*port_problems(scene), *plan_problems(scene)] or geometry_problems(scene)
 
 
-def _refuse(document: YamlDocument, problems: list[Problem]) -> None:
+def refuse(document: YamlDocument, problems: list[Problem]) -> None:
+    """Raise a :class:`SceneError` that lists problems of a document with their places; none is fine."""
     if not problems:
         return
     unique = list(dict.fromkeys(problems))

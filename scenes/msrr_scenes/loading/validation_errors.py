@@ -24,14 +24,20 @@ _NAME = "a name of at most 32 lower-case letters, digits and underscores that st
 _NOT_KEYS = {"source"}  # fields that the program fills in
 
 
-def explain(error: ErrorDetails, document: YamlDocument) -> Problem | None:
-    """Return the problem that one pydantic error stands for; None if the error only repeats another one."""
+def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel] = Scene) -> Problem | None:
+    """Return the problem that one pydantic error stands for; None if the error only repeats another one.
+
+    Args:
+        error: The error.
+        document: The document that was validated.
+        root: Model of the whole document.
+    """
     kind, loc, given = error["type"], error["loc"], error["input"]
     path = _written_path(loc, document.data)
     found = _shown(given)
     context = error.get("ctx", {})
     if kind == "extra_forbidden":
-        keys = _keys_at(loc[:-1])
+        keys = _keys_at(root, loc[:-1])
         return Problem(path, f"unknown key{nearest(loc[-1], keys)} Keys here: {', '.join(keys)}")
     if kind == "missing":
         return Problem((*path, str(loc[-1])), "required, and missing", rank=1)
@@ -48,7 +54,7 @@ def explain(error: ErrorDetails, document: YamlDocument) -> Problem | None:
     if kind == "too_long":
         return Problem(path, f"expected at most {context['max_length']} entries, found {len(given)}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        return _wrong_tag((*path, context["discriminator"].strip("'")), _tags(loc), context.get("tag"))
+        return _wrong_tag((*path, context["discriminator"].strip("'")), _tags(root, loc), context.get("tag"))
     if kind == "literal_error":
         valid = [part.strip("'") for part in context["expected"].replace(" or ", ", ").split(", ")]
         return Problem(path, f"expected {context['expected']}, found {found}{nearest(given, valid)}")
@@ -140,17 +146,17 @@ def _step(annotation: Any, part: int | str) -> Any:
     return None
 
 
-def _type_at(loc: tuple[int | str, ...]) -> Any:
-    annotation: Any = Scene
+def _type_at(root: type[BaseModel], loc: tuple[int | str, ...]) -> Any:
+    annotation: Any = root
     for part in loc:
         annotation = None if annotation is None else _step(annotation, part)
     return annotation
 
 
-def _keys_at(loc: tuple[int | str, ...]) -> list[str]:
-    model: Any = _members(_type_at(loc))[0]
+def _keys_at(root: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
+    model: Any = _members(_type_at(root, loc))[0]
     return [k for k in model.model_fields if k not in _NOT_KEYS] if _is_model(model) else []
 
 
-def _tags(loc: tuple[int | str, ...]) -> list[str]:
-    return [tag for m in _members(_type_at(loc)) if _is_model(m) for tag in _literals(m)]
+def _tags(root: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
+    return [tag for m in _members(_type_at(root, loc)) if _is_model(m) for tag in _literals(m)]

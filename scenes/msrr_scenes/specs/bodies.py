@@ -73,7 +73,7 @@ class UnitSpec(Spec):
     """File name of the URDF: beside the scene file, in the working folder, or a shipped one."""
     pose: PoseSpec = PoseSpec()
     """Start pose."""
-    tag_ids: dict[str, TagId] = Field(default_factory=dict, max_length=TAGS_PER_UNIT)
+    tag_ids: dict[str, TagId] = Field(default_factory=dict, max_length=LAST_TAG + 1)
     """Tag ids that differ from those of the number, by link name."""
     markers: dict[Name, MarkerSpec] = Field(default_factory=dict, max_length=TAGS_PER_UNIT)
     """Markers of ports whose tags are where a map has them instead of the URDF, by port; everybody knows."""

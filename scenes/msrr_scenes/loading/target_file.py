@@ -1,0 +1,129 @@
+"""Target files: what a robot docks to in a recording, read, checked, and turned into a :class:`Scene`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.derived_urdf import fixture_urdf, marker_slot, with_camera
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
+from msrr_scenes.loading.calibration_file import read_calibration
+from msrr_scenes.loading.load import embed_file, plain_name, read_document, refuse
+from msrr_scenes.loading.tag_map_file import read_tag_map
+from msrr_scenes.loading.validation_errors import explain
+from msrr_scenes.loading.yaml_document import YamlDocument
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import CalibrationSpec
+from msrr_scenes.specs.target import DOCK, ROBOT, TARGET, MappedMarkerSpec, TargetSpec, TargetUnitSpec
+
+#: Keys of a target that mean the same in a scene.
+_SHARED = ("odometry", "as_built", "los", "control", "description")
+
+
+def read_target(path: Path) -> TargetSpec:
+    """Read a target file.
+
+    Raises:
+        SceneError: The file cannot be used; one message lists every problem with place and key.
+    """
+    document = read_document(path)
+    embed_file(document, ("camera", "calibration"), path.parent, read_calibration)
+    embed_file(document, ("marker", "map"), path.parent, read_tag_map)
+    try:
+        return TargetSpec.model_validate(document.data)
+    except ValidationError as error:
+        found = [explain(e, document, TargetSpec) for e in error.errors(include_url=False)]
+        refuse(document, [problem for problem in found if problem is not None])
+        raise AssertionError("a validation error explains itself") from error
+
+
+def target_scene(
+    spec: TargetSpec, path: Path, folder: Path, calibration: CalibrationSpec | None = None
+) -> Scene:
+    """Return the scene of a recording: a robot and its target, with the dock frame D as the world.
+
+    Args:
+        spec: The target.
+        path: Its file, which names the scene and beside which URDFs are looked for.
+        folder: Existing folder for the URDFs that are made.
+        calibration: Calibration of the camera, if it is not the one of the target.
+
+    Raises:
+        SceneError: A URDF is missing, or nothing tells of the camera.
+        GeometryError: A URDF cannot be used.
+    """
+    given = spec.model_dump(exclude_unset=True)
+    beside = path.parent
+    units: dict[str, Any] = {ROBOT: {"number": 0, "urdf": str(_robot_urdf(spec, beside, folder))}}
+    tags = given.get("tags", {})
+    if spec.unit is not None:
+        units[TARGET], port = _drawn_unit(spec.unit, beside), spec.unit.port
+    else:
+        assert spec.marker is not None  # one of both is given
+        units[TARGET], port = _fixture(spec.marker, folder), DOCK
+        tags = {"family": spec.marker.map.family, "side_m": spec.marker.map.tag_size_m}
+    units[ROBOT]["number"] = 1 if units[TARGET]["number"] == 0 else 0
+    data = {
+        "name": plain_name(path.stem),
+        "units": units,
+        "cameras": {"onboard": _camera(given.get("camera", {}), calibration, path)},
+        "tags": tags,
+        "plan": [{"unit": ROBOT, "port": spec.robot.port, "to": f"{TARGET}.{port}"}],
+        **{key: given[key] for key in _SHARED if key in given},
+    }
+    try:
+        return Scene.model_validate(data)
+    except ValidationError as error:
+        document = YamlDocument(data, {(): str(path)})
+        found = [explain(e, document) for e in error.errors(include_url=False)]
+        refuse(document, [problem for problem in found if problem is not None])
+        raise AssertionError("a validation error explains itself") from error
+
+
+def _robot_urdf(spec: TargetSpec, beside: Path, folder: Path) -> Path:
+    urdf = find_urdf(spec.robot.urdf, beside).resolve()
+    if spec.robot.camera is None:
+        return urdf
+    mounted = folder / f"{ROBOT}.urdf"
+    mounted.write_text(with_camera(urdf, spec.robot.camera.X), encoding="utf-8")
+    return mounted
+
+
+def _drawn_unit(unit: TargetUnitSpec, beside: Path) -> dict[str, Any]:
+    """Return a unit whose port has the world as its dock frame."""
+    urdf = find_urdf(unit.urdf, beside).resolve()
+    geometry = read_unit(urdf)
+    if unit.port not in geometry.passive_ports:
+        known = ", ".join(geometry.passive_ports)
+        raise SceneError(f"unit.port: {unit.port!r} is no port of {urdf.name} with a marker; known: {known}")
+    X_DU = geometry.dock_frame(unit.port).inverse()
+    pose = {"x_m": X_DU.x, "y_m": X_DU.y, "yaw_deg": math.degrees(X_DU.yaw)}
+    return {"number": unit.number, "urdf": str(urdf), "tag_ids": unit.tag_ids, "pose": pose}
+
+
+def _fixture(marker: MappedMarkerSpec, folder: Path) -> dict[str, Any]:
+    """Write the URDF of a fixture with the tags of a map, and return the unit that it is."""
+    X_DT = marker.X_DT
+    urdf = folder / f"{TARGET}.urdf"
+    urdf.write_text(fixture_urdf(DOCK, X_DT, marker.map.tag_size_m), encoding="utf-8")
+    return {"number": 0, "urdf": str(urdf), "tag_ids": {marker_slot(DOCK, tag): tag for tag in X_DT}}
+
+
+def _camera(given: dict[str, Any], calibration: CalibrationSpec | None, path: Path) -> dict[str, Any]:
+    """Return the camera with the calibration that holds, and the size of the pictures it was made of."""
+    camera = dict(given)
+    if calibration is not None:
+        camera["calibration"] = calibration.model_dump()
+    told = camera.get("calibration")
+    if told is None and "hfov_deg" not in camera:
+        raise SceneError(
+            f"{path}: nothing tells of the camera; give --calibration FILE, or camera.calibration in it"
+        )
+    for key in ("width_px", "height_px"):
+        if told is not None and told.get(key) is not None:
+            camera[key] = told[key]
+    return camera
