@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from msrr_bullet.bench.detection_metrics import Candidate, FullFrameReader, RecordingDetector
-from msrr_bullet.robot.autonomy import FULL_FRAME_PERIOD
 from msrr_perception.detection.detector import Detector, PupilDetector, default_search_detector
-from msrr_perception.detection.onboard_vision import OnboardVision
+from msrr_perception.detection.onboard_vision import FULL_FRAME_PERIOD, OnboardVision
 from msrr_perception.detection.overhead_vision import OVERHEAD_POLICY, OverheadVision
 from msrr_perception.detection.windows import DEFAULT_POLICY, WindowPolicy
 from msrr_perception.pose.overhead_model import OverheadModel

@@ -17,6 +17,7 @@ from msrr_bullet.cli import (
     calibrate_command,
     detect_command,
     map_command,
+    perceive_command,
     run_commands,
     study_commands,
     tolerance_command,
@@ -133,6 +134,7 @@ app.command()(tolerance_command.tolerance)
 app.command()(detect_command.detect)
 app.command()(calibrate_command.calibrate)
 app.command("map")(map_command.map_pictures)
+app.command()(perceive_command.perceive)
 app.command()(run_commands.frames)
 app.command()(run_commands.plot)
 app.command()(run_commands.export)

@@ -103,7 +103,8 @@ def plot(
 
     file = out if out is not None else _run_folder(run) / PLOT_NAME
     with status_line(open_console(), f"{run}: drawing"), unpacked_log(run) as log:
-        headline = f"{read_verdict(log) or 'broken off'}, seed {log.header.seed}"
+        verdict = read_verdict(log) or (None if log.header.recording else "broken off")
+        headline = ", ".join(filter(None, (verdict, log.header.origin)))
         write_plot(file, log.header.scene, read_snapshots(log), headline, unit)
     typer.echo(str(file))
 

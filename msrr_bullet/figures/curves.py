@@ -45,8 +45,10 @@ def lateral(axes: Axes, series: TrialSeries) -> None:
 
 def yaw(axes: Axes, series: TrialSeries) -> None:
     """Draw the heading in the dock frame, as continuous lines also where it passes 180 deg."""
-    truth = _unwrapped(series)
-    believed = truth + _wrapped(series.believed_port[:, 2] - truth)
+    truth = _unwrapped(series, series.true_port[:, 2])
+    believed = _unwrapped(series, series.believed_port[:, 2])
+    if np.isfinite(truth).any():
+        believed = truth + _wrapped(believed - truth)
     _truth_and_belief(axes, series, truth, believed, math.degrees(1.0), "yaw [deg]")
     _use_log_scale(axes, series, LINEAR_DEG)
 
@@ -58,12 +60,12 @@ def gap(axes: Axes, series: TrialSeries) -> None:
     )
 
 
-def _unwrapped(series: TrialSeries) -> Array:
-    """Return the true heading without jumps by a full turn, shape (T,) [rad].
+def _unwrapped(series: TrialSeries, angles: Array) -> Array:
+    """Return headings, shape (T,), without jumps by a full turn [rad].
 
-    At the end of each step of the plan it is within half a turn, as it is measured.
+    At the end of each step of the plan they are within half a turn, as they are measured.
     """
-    heading = series.true_port[:, 2].copy()
+    heading = angles.copy()
     for step in np.split(np.arange(len(heading)), np.flatnonzero(series.new_step)):
         known = step[np.isfinite(heading[step])]
         heading[known] = np.unwrap(heading[known][::-1])[::-1]
@@ -91,8 +93,9 @@ def _truth_and_belief(
         (truth, PATH, 2.6, "truth"),
         (believed, BELIEF, 1.0, "believed"),
     ):
-        curve = scale * series.with_gaps(values)
-        axes.plot(series.time, curve, color=css(colour), linewidth=width, label=name)
+        if np.isfinite(values).any():  # a recording has no truth
+            curve = scale * series.with_gaps(values)
+            axes.plot(series.time, curve, color=css(colour), linewidth=width, label=name)
     axes.axhline(0.0, color=css(DARK), linewidth=0.6)
     axes.set_ylabel(label)
     _add_grid(axes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -67,12 +68,14 @@ def write_plot(
     ]
     if series.follows_path:
         left.insert(0, lambda axes: curves.off_path(axes, series))
-    right: list[Callable[[Axes], None]] = [
-        lambda axes: curves.speed(axes, series, scene.limits),
-        lambda axes: curves.turn_rate(axes, series, scene.limits),
-        lambda axes: curves.clearance(axes, series, scene.control.guard, scene.judge),
-        lambda axes: curves.sight(axes, series, scene),
-    ]
+    right: list[Callable[[Axes], None]] = [lambda axes: curves.sight(axes, series, scene)]
+    if np.isfinite(series.commanded).any():  # of a recording nobody knows how it was driven
+        right = [
+            lambda axes: curves.speed(axes, series, scene.limits),
+            lambda axes: curves.turn_rate(axes, series, scene.limits),
+            lambda axes: curves.clearance(axes, series, scene.control.guard, scene.judge),
+            *right,
+        ]
     figure = Figure(figsize=(WIDTH, ROW * max(len(left), len(right)) + 0.6), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     columns = figure.add_gridspec(1, 2)

@@ -36,6 +36,7 @@ class LogHeader:
         versions: Versions of the packages by name.
         files: Contents of URDFs and meshes by their name in the log.
         urdfs: Name of the URDF in the log by the name of the unit.
+        recording: Where the messages come from if not from a trial, in words; else None.
     """
 
     scene: Scene
@@ -43,10 +44,16 @@ class LogHeader:
     versions: dict[str, str]
     files: dict[str, bytes]
     urdfs: dict[str, str]
+    recording: str | None = None
+
+    @property
+    def origin(self) -> str:
+        """Seed of the trial, or what was recorded, in words."""
+        return f"seed {self.seed}" if self.recording is None else "recording"
 
     @classmethod
-    def of(cls, scene: Scene, seed: int, versions: dict[str, str]) -> LogHeader:
-        """Build the header of a trial's log, with the files that the scene refers to.
+    def of(cls, scene: Scene, seed: int, versions: dict[str, str], recording: str | None = None) -> LogHeader:
+        """Build the header of a trial's log, or of one of a recording, with the files of the scene.
 
         Raises:
             SceneError: A URDF is missing.
@@ -62,7 +69,7 @@ class LogHeader:
                 names[path] = f"urdf/{len(names)}/{path.name}"
                 files |= _bundle(path, names[path])
             urdfs[unit] = names[path]
-        return cls(scene, seed, versions, files, urdfs)
+        return cls(scene, seed, versions, files, urdfs, recording)
 
     def unpacked(self, folder: Path) -> LogHeader:
         """Write the files of the log into a folder and return a header whose scene refers to these files.
@@ -90,6 +97,7 @@ class LogHeader:
             "seed": str(self.seed),
             "versions": json.dumps(self.versions, sort_keys=True),
             "urdfs": json.dumps(self.urdfs),
+            **({} if self.recording is None else {"recording": self.recording}),
         }
 
     @classmethod
@@ -106,6 +114,7 @@ class LogHeader:
                 versions=_texts(fields["versions"]),
                 files=files,
                 urdfs=_texts(fields["urdfs"]),
+                recording=fields.get("recording"),
             )
         except (KeyError, ValueError, TypeError, ValidationError) as error:
             raise LogError(f"the header of the log cannot be read: {error}") from error

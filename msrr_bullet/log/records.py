@@ -91,7 +91,7 @@ class StartPoses:
 
     Attributes:
         redraws: Number of random starts that were rejected and drawn again.
-        poses: ``X_WB`` by the name of the body.
+        poses: ``X_WB`` by the name of the body; of a recording the target alone, whose dock frame is W.
     """
 
     redraws: int

@@ -27,6 +27,10 @@ def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool =
         SceneError: The scene of the log contradicts itself.
     """
     log = read_log(run)
+    if log.header.recording is not None:
+        raise ReplayError(
+            f"{log.path}: the log is of a recording, in which no robot of ours decided; use msrr perceive"
+        )
     named = [choice.name for choice in choices(log.header.scene.control) if is_import_path(choice)]
     if named and not trust:
         raise ReplayError(

@@ -22,7 +22,7 @@ from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_control.staging.registry import build_assembler
 from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.detection.detector import DETECTORS, Detector
-from msrr_perception.detection.onboard_vision import OnboardVision
+from msrr_perception.detection.onboard_vision import FULL_FRAME_PERIOD, OnboardVision
 from msrr_perception.estimation.body_track import Sightings
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.estimator import ESTIMATORS, Estimator
@@ -54,9 +54,6 @@ from msrr_scenes.messages import (
 from msrr_scenes.registry import build
 from msrr_scenes.specs.plan import DockStep, in_order
 from msrr_scenes.specs.scene import Scene
-
-#: Period with which the onboard camera searches the full frame [frames].
-FULL_FRAME_PERIOD = 50
 
 #: Phases in which the unit is localised by the overhead camera.
 _FAR_PHASES = frozenset({Phase.ASSEMBLE, Phase.HAND_OVER})

@@ -38,8 +38,8 @@ class StepSnapshot:
         unit: Name of the unit.
         step: The step: to which port the unit docks, or which one it leaves; None on a route into the open.
         estimate: Pose ``X_WU`` that the unit believes to have; None without an estimate.
-        phase: Phase of the unit.
-        attempt: Number of the docking attempt, from 1.
+        phase: Phase of the unit; None on a recording, which shows perception alone.
+        attempt: Number of the docking attempt, from 1; 0 on a recording.
         los: Line of sight of the unit to its target.
         twist: Velocity command of the unit.
         reason: Why the phase was entered.
@@ -52,7 +52,7 @@ class StepSnapshot:
     unit: str
     step: DockStep | None
     estimate: SE2 | None
-    phase: Phase
+    phase: Phase | None
     attempt: int
     los: LosObservation | None = None
     twist: Twist | None = None
@@ -74,7 +74,7 @@ class Snapshot:
 
     Attributes:
         stamp_ns: Simulated time.
-        units: True poses ``X_WU`` of all units.
+        units: True poses ``X_WU`` of all units; of a recording that of the target, whose port is the world.
         obstacles: True poses ``X_WB`` of the obstacles that have appeared.
         clearance: Smallest clearance of all pairs of bodies that may not touch, which leaves out a pair that
             is docking and units that are locked together; None without such a pair.
@@ -176,6 +176,11 @@ class Snapshot:
         """True pose ``X_WU`` of the unit of the first step under way; None without one."""
         return self.units.get(self.first.unit) if self.first else None
 
+    def pose_of(self, unit: str) -> SE2 | None:
+        """Pose ``X_WU`` of a unit: the true one, or where nobody knows it, what the unit believes."""
+        believed = (step.estimate for step in self.steps if step.unit == unit)
+        return self.units.get(unit) or next(believed, None)
+
     @property
     def phase_text(self) -> str:
         """Phase, and stage of the long-distance phase, in words; empty before the first decision."""
@@ -191,9 +196,9 @@ class Snapshot:
         return f"{self.assembly.s:.2f} of {self.assembly.length:.2f} m, {1e3 * error:.0f} mm off"
 
 
-def phase_name(phase: Phase) -> str:
-    """Return the name of a phase in words."""
-    return phase.value.replace("_", " ")
+def phase_name(phase: Phase | None) -> str:
+    """Return the name of a phase in words; none has an empty one."""
+    return "" if phase is None else phase.value.replace("_", " ")
 
 
 def step_histories(

@@ -40,6 +40,7 @@ class SnapshotBuilder:
 
     The estimates and the truth of an instant follow the decisions, so an instant is over when a message of a
     later one comes. In a mission of a base station an instant is one of the truth, with or without decisions.
+    On a recording an instant is one of the line of sight.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -55,7 +56,7 @@ class SnapshotBuilder:
         self._heard_ns: dict[str, int] = {}
         self._stamp_ns = 0
         self._truth = False
-        self._actions: dict[str, Action] = {}
+        self._actions: dict[str, Action | None] = {}  # None: perception alone, as on a recording
         self._latest: dict[tuple[str, type], object] = {}
         self._clearance: ClearanceRecord | None = None
 
@@ -75,7 +76,7 @@ class SnapshotBuilder:
                 self._paths[topics.unit_of(topic)] = message
             case StartPoses():
                 self._starts = message.poses
-                self._units = {name: message.poses[name] for name in self._scene.units}
+                self._units = {n: message.poses[n] for n in self._scene.units if n in message.poses}
             case StepStart():
                 self._begin(message)
             case ClearanceRecord():
@@ -92,6 +93,9 @@ class SnapshotBuilder:
             case _:
                 if isinstance(message, _OF_DECISIONS):
                     self._latest[topics.unit_of(topic), type(message)] = message
+                if isinstance(message, LosObservation):
+                    self._actions.setdefault(topics.unit_of(topic), None)
+                    self._stamp_ns = stamp_ns
 
     def _begin(self, start: StepStart) -> None:
         path = self._paths.get(start.unit)
@@ -127,7 +131,11 @@ class SnapshotBuilder:
         )
 
     def _step(
-        self, unit: str, step: DockStep | None, action: Action, latest: Mapping[tuple[str, type], object]
+        self,
+        unit: str,
+        step: DockStep | None,
+        action: Action | None,
+        latest: Mapping[tuple[str, type], object],
     ) -> StepSnapshot:
         def get(kind: type[T]) -> T | None:
             message = latest.get((unit, kind))
@@ -135,7 +143,7 @@ class SnapshotBuilder:
 
         estimate, situation = get(PoseEstimate), get(ArenaEstimate)
         believed = None
-        if action.phase is Phase.ASSEMBLE and situation is not None:
+        if action is not None and action.phase is Phase.ASSEMBLE and situation is not None:
             believed = situation.own.X_WB
         elif estimate is not None and step is not None:
             believed = target_frame(self._scene, step, self._units) @ estimate.X_DU
@@ -143,11 +151,11 @@ class SnapshotBuilder:
             unit=unit,
             step=step,
             estimate=believed,
-            phase=action.phase,
-            attempt=action.attempt,
+            phase=action.phase if action else None,
+            attempt=action.attempt if action else 0,
             los=get(LosObservation),
-            twist=action.twist,
-            reason=action.reason,
+            twist=action.twist if action else None,
+            reason=action.reason if action else "",
             situation=situation,
             monitor=get(CollisionMonitorState),
             assembly=get(AssemblyProgress),

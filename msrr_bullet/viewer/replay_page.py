@@ -54,7 +54,7 @@ def _thinned(snapshots: Iterable[Snapshot]) -> Iterator[Snapshot]:
         yield last
 
 
-def _phases(snapshot: Snapshot) -> list[Phase]:
+def _phases(snapshot: Snapshot) -> list[Phase | None]:
     return [step.phase for step in snapshot.steps]
 
 

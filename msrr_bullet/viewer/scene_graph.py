@@ -201,8 +201,9 @@ class SceneGraph:
             los = watched.los
             # In a mission most units are far from their targets, and nothing would be seen for all the cones.
             visible = snapshot.mission is None or (los is not None and los.status is not LosStatus.LOST)
-            X_WU = snapshot.units[watched.unit]
-            X_WC = SE3.from_se2(X_WU) @ self._geometries[watched.unit].frame("camera")
+            X_WU = snapshot.pose_of(watched.unit)
+            visible = visible and X_WU is not None
+            X_WC = SE3.from_se2(X_WU or SE2()) @ self._geometries[watched.unit].frame("camera")
             X_WF = SE3.from_se2(X_WC.to_se2(), SIGHT_Z)
         yield "sight", Placement(visible=visible)
         yield "sight/camera", Placement(X_WC)

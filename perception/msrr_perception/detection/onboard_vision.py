@@ -20,6 +20,9 @@ from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import Detections, Exposure, Fetch, PoseEstimate
 
+#: Period with which the onboard camera of a robot searches the full frame [frames].
+FULL_FRAME_PERIOD = 50
+
 #: Misses in a row after which a tag rests; one alone may come from a wrong prediction or from noise.
 _MISSES_BEFORE_REST = 2
 

@@ -1,0 +1,105 @@
+"""The command ``msrr perceive``: the perception of a robot on a recording."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from msrr_bullet.cli.console import open_console, status_line
+from msrr_bullet.cli.exit_codes import BAD_INPUT, report_error
+
+if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
+    from msrr_bullet.recordings.perceiver import Instant
+    from msrr_bullet.recordings.result import RecordingResult, Sigma
+
+
+def perceive(
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING",
+            help="MCAP file of Foxglove or ROS 2, film, picture, folder of pictures, or run folder.",
+        ),
+    ],
+    target: Annotated[Path, typer.Option(metavar="FILE", help="Target file: target, robot and camera.")],
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Calibration of the camera, by OpenCV or ROS.",
+            show_default="that of the target file, or else of the recording",
+        ),
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            min=0.01,
+            max=1000.0,
+            help="Pictures per second in a folder.",
+            show_default="rate_hz of the camera in the target file",
+        ),
+    ] = None,
+    topic: Annotated[
+        str | None, typer.Option(help="Topic of the images.", show_default="the only one with images")
+    ] = None,
+    odometry: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TOPIC", help="Topic of the odometry; none leaves it out.", show_default="the only one"
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Run folder.")] = Path("runs/perceived"),
+) -> None:
+    """Run perception on a recording, to see where the robot was; exits with 2 if parts cannot be read."""
+    from msrr_bullet.recordings.run import Options, perceive
+    from msrr_scenes.loading.calibration_file import read_calibration
+
+    told = None if calibration is None else read_calibration(calibration)
+    console = open_console()
+    with status_line(console, str(recording)) as show:
+
+        def observe(instant: Instant) -> None:
+            show(f"{recording}: {1e-9 * instant.stamp_ns:.1f} s")
+
+        def report(text: str) -> None:
+            report_error(text, BAD_INPUT)
+
+        result = perceive(
+            recording,
+            target,
+            Options(told, rate, topic, odometry),
+            out=out,
+            report=report,
+            observer=observe,
+        )
+    for line in _lines(result):
+        typer.echo(line)
+    typer.echo(f"{out}: trial.mcap, result.json, replay.html, picture.png")
+    raise typer.Exit(BAD_INPUT if result.unusable or result.cut_off else 0)
+
+
+def _lines(result: RecordingResult) -> list[str]:
+    """Return the result in words."""
+    lines = [f"assumed: {text}" for text in result.assumptions]
+    sights = ", ".join(f"{count} {status}" for status, count in result.line_of_sight.items())
+    lines.append(
+        f"{result.frames} frames in {result.duration_s:.1f} s: {result.unusable} unusable, target in "
+        f"{result.with_target}, used {result.used}; line of sight: {sights or 'none'}"
+    )
+    if result.last_pose is None or result.last_sigma is None or result.median_sigma is None:
+        return [*lines, "no estimate: nowhere did tags of the target determine a pose"]
+    x, y, yaw = result.last_pose
+    lines.append(
+        f"{result.estimates} of {result.instants} instants with an estimate, ± {_text(result.median_sigma)} "
+        f"(median); the last: x {x:.4f} m, y {y:.4f} m, yaw {math.degrees(yaw):.2f} deg "
+        f"± {_text(result.last_sigma)}"
+    )
+    return lines
+
+
+def _text(sigma: Sigma) -> str:
+    return f"{1e3 * sigma.position_m:.1f} mm, {math.degrees(sigma.yaw_rad):.2f} deg"

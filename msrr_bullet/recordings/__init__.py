@@ -1,0 +1,1 @@
+"""Recordings of a robot's camera, read with its own perception: films, pictures, MCAP files."""

@@ -1,0 +1,120 @@
+"""Messages of MCAP files in the encodings of Foxglove and of ROS 2: JSON, protobuf and CDR."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import zstandard
+from google.protobuf.message import DecodeError
+from mcap.decoder import DecoderFactory
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.records import Channel, Schema
+from mcap_protobuf.decoder import DecoderFactory as ProtobufDecoderFactory
+from mcap_ros2.decoder import DecoderFactory as Ros2DecoderFactory
+
+from msrr_bullet.recordings.recording import RecordingError
+from msrr_scenes.messages import NS_PER_S
+
+#: What decoders raise on bytes that are no message, and what is raised where a message lacks a field.
+DAMAGE = (
+    *(McapError, zstandard.ZstdError, struct.error, DecodeError, EOFError, OSError),
+    *(ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, MemoryError),
+)
+
+
+class DecodedMessage(NamedTuple):
+    """A message of an MCAP file.
+
+    Attributes:
+        topic: Its topic.
+        schema: Name of its schema.
+        log_ns: Time at which it was recorded.
+        message: The message, with its fields as attributes.
+    """
+
+    topic: str
+    schema: str
+    log_ns: int
+    message: Any
+
+
+class _JsonDecoderFactory(DecoderFactory):
+    """Decodes messages in JSON."""
+
+    def decoder_for(self, message_encoding: str, schema: Schema | None) -> Callable[[bytes], Any] | None:
+        """Return the decoder of messages in JSON; None for others."""
+        return _from_json if message_encoding == "json" else None
+
+
+def _from_json(data: bytes) -> Any:
+    return json.loads(data, object_hook=lambda fields: SimpleNamespace(**fields))
+
+
+def read_channels(path: Path) -> dict[str, str]:
+    """Return the topics of an MCAP file, each with the name of its schema.
+
+    Raises:
+        RecordingError: The file cannot be read, or is none.
+    """
+    try:
+        with path.open("rb") as file:
+            reader = make_reader(file)
+            summary = reader.get_summary()
+            if summary is not None and summary.channels:
+                return {c.topic: _name(summary.schemas.get(c.schema_id)) for c in summary.channels.values()}
+            return {channel.topic: _name(schema) for schema, channel in _channels_of(reader)}
+    except DAMAGE as error:
+        raise RecordingError(f"{path}: cannot be read as MCAP: {error}") from None
+
+
+def _channels_of(reader: Any) -> Iterator[tuple[Schema | None, Channel]]:
+    """Yield the channels of a file without a summary, as far as it goes."""
+    try:
+        for schema, channel, _ in reader.iter_messages(log_time_order=False):
+            yield schema, channel
+    except DAMAGE:
+        return  # the file was cut off; reading its messages will say so
+
+
+def _name(schema: Schema | None) -> str:
+    return "" if schema is None else schema.name
+
+
+def read_messages(path: Path, topics: list[str]) -> Iterator[DecodedMessage]:
+    """Yield the messages on some topics in the order of their recording.
+
+    Raises:
+        RecordingError: The file is damaged from some message on, or cut off there; those before were yielded.
+    """
+    count = 0
+    try:
+        with path.open("rb") as file:
+            factories = [_JsonDecoderFactory(), ProtobufDecoderFactory(), Ros2DecoderFactory()]
+            reader = make_reader(file, decoder_factories=factories)
+            for schema, channel, record, message in reader.iter_decoded_messages(topics=topics):
+                yield DecodedMessage(channel.topic, _name(schema), record.log_time, message)
+                count += 1
+    except DAMAGE as error:
+        text = f"{type(error).__name__} {error}"[:200].strip()
+        raise RecordingError(
+            f"{path}: damaged, cut off or of an unknown encoding behind message {count}: {text}"
+        ) from None
+
+
+def stamp_of(message: Any) -> int | None:
+    """Return the time stamp of a message [ns]: ``timestamp`` of Foxglove, ``header.stamp`` of ROS 2, or ours.
+
+    It is None where nobody has set it.
+    """
+    if hasattr(message, "stamp_ns"):
+        return int(message.stamp_ns)
+    time = message.timestamp if hasattr(message, "timestamp") else message.header.stamp
+    whole = time.sec if hasattr(time, "sec") else time.seconds
+    parts = (getattr(time, name) for name in ("nanosec", "nsec", "nanos") if hasattr(time, name))
+    return int(whole) * NS_PER_S + int(next(parts)) or None

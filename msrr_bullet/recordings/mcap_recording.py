@@ -1,0 +1,176 @@
+"""Recordings in MCAP files: images and calibration of Foxglove or ROS 2, wheels or odometry beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+from msrr_bullet.recordings.images import pixels_of
+from msrr_bullet.recordings.mcap_messages import (
+    DAMAGE,
+    DecodedMessage,
+    read_channels,
+    read_messages,
+    stamp_of,
+)
+from msrr_bullet.recordings.recording import (
+    LONGEST_LATENCY_NS,
+    Item,
+    RecordedFrame,
+    Recording,
+    RecordingError,
+    WheelReading,
+)
+from msrr_bullet.recordings.wheels import JOINT_STATE, ODOMETRY, WHEELS, WheelReader
+from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.calibration_file import calibration_of
+from msrr_scenes.messages import NS_PER_S
+from msrr_scenes.specs.sensors import CalibrationSpec
+
+IMAGES = (
+    *("foxglove.CompressedImage", "foxglove.RawImage"),
+    *("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"),
+)
+CALIBRATIONS = ("foxglove.CameraCalibration", "sensor_msgs/msg/CameraInfo")
+
+#: Name of no topic, by which odometry is left out.
+NONE = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class _Topics:
+    """Topics of images, and of calibration and odometry if there are any."""
+
+    images: str
+    calibration: str | None
+    odometry: str | None
+
+    def all(self) -> list[str]:
+        return [self.images, *((self.odometry,) if self.odometry else ())]
+
+
+def open_mcap(
+    path: Path,
+    topic: str | None,
+    odometry: str | None,
+    wheels: Callable[[], WheelReader],
+) -> Recording:
+    """Return the recording in an MCAP file.
+
+    Args:
+        path: The file.
+        topic: Topic of the images; None if only one has images.
+        odometry: Topic of the odometry; None if at most one has any, :data:`NONE` to leave it out.
+        wheels: Returns a reader of wheel angles.
+
+    Raises:
+        RecordingError: The file cannot be read, a topic is not in it, or which one is meant is not said.
+    """
+    schemas = read_channels(path)
+    joints = wheels().joints
+    kinds = (WHEELS, ODOMETRY) if joints is None else (JOINT_STATE,)
+    image_topic = _chosen(path, schemas, IMAGES, topic, "--topic")
+    if image_topic is None:
+        found = ", ".join(sorted(set(schemas.values()))) or "nothing"
+        raise RecordingError(f"{path}: no images ({' or '.join(IMAGES)}); the file holds {found}")
+    chosen = _Topics(
+        image_topic,
+        _nearest(image_topic, [t for t, schema in schemas.items() if schema in CALIBRATIONS]),
+        None if odometry == NONE else _chosen(path, schemas, kinds, odometry, "--odometry"),
+    )
+    first = next(iter(read_messages(path, chosen.all())), None)
+    if first is None:
+        raise RecordingError(f"{path}: no message on {chosen.images}")
+    # Stamps are counted from a whole second before the first one, so that none is negative.
+    start_ns = max(first.log_ns - LONGEST_LATENCY_NS, 0) // NS_PER_S * NS_PER_S
+    items = partial(_items, path, chosen, start_ns, wheels)
+    calibration = None if chosen.calibration is None else _read_calibration(path, chosen.calibration)
+    source = f"{path}, {' and '.join(chosen.all())}"
+    return Recording(source, items, calibration, chosen.odometry is not None, start_ns)
+
+
+def _chosen(
+    path: Path, schemas: Mapping[str, str], kinds: Sequence[str], named: str | None, option: str
+) -> str | None:
+    """Return the topic of some kinds of messages that was named, or the only one; None if there is none."""
+    known = sorted(topic for topic, schema in schemas.items() if schema in kinds)
+    if named is not None and named not in known:
+        text = f"{option} {named}: no such topic with {' or '.join(kinds)}"
+        raise RecordingError(f"{path}: {text}; there are {', '.join(known) or 'none'}")
+    if named is None and len(known) > 1:
+        raise RecordingError(f"{path}: several topics; choose one of {', '.join(known)} by {option}")
+    return named or next(iter(known), None)
+
+
+def _nearest(topic: str, candidates: Sequence[str]) -> str | None:
+    """Return the topic of the calibration that shares most of its path with the images; None without one."""
+
+    def shared(other: str) -> int:
+        pairs = zip(topic.split("/"), other.split("/"), strict=False)
+        return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+
+    return max(sorted(candidates), key=shared, default=None)
+
+
+def _items(path: Path, topics: _Topics, start_ns: int, wheels: Callable[[], WheelReader]) -> Iterator[Item]:
+    reader, number = wheels(), 0
+    for found in read_messages(path, topics.all()):
+        arrival_ns = found.log_ns - start_ns
+        stamp_ns = _stamp(path, found, start_ns)
+        if found.topic == topics.images:
+            name = f"{path}: {found.topic} at {1e-9 * stamp_ns:.3f} s"
+            decode = partial(pixels_of, found.message, name)
+            yield RecordedFrame(name, stamp_ns, max(arrival_ns, stamp_ns), decode, number)
+            number += 1
+            continue
+        try:
+            angles = reader.angles(found.schema, found.message)
+        except DAMAGE as error:
+            raise RecordingError(f"{path}: {found.topic}: not a {found.schema}: {error}") from None
+        if angles is not None:
+            yield WheelReading(arrival_ns, stamp_ns, *angles)
+
+
+def _stamp(path: Path, found: DecodedMessage, start_ns: int) -> int:
+    """Return the time stamp of a message; that of its recording where nobody has set it."""
+    try:
+        stamp_ns = stamp_of(found.message)
+    except DAMAGE as error:
+        raise RecordingError(f"{path}: {found.topic}: not a {found.schema}: {error}") from None
+    if stamp_ns is None:
+        return found.log_ns - start_ns
+    if abs(stamp_ns - found.log_ns) > LONGEST_LATENCY_NS:
+        apart_s = 1e-9 * (found.log_ns - stamp_ns)
+        raise RecordingError(
+            f"{path}: {found.topic}: its stamps are {apart_s:.1f} s before their recording; with clocks that "
+            "far apart nobody knows what belongs together"
+        )
+    return max(stamp_ns - start_ns, 0)
+
+
+def _read_calibration(path: Path, topic: str) -> CalibrationSpec:
+    found = next(iter(read_messages(path, [topic])), None)
+    name = f"{path}: {topic}"
+    if found is None:
+        raise RecordingError(f"{name}: no message; give --calibration FILE")
+    message: Any = found.message
+    try:
+        K, D = (getattr(message, n) if hasattr(message, n) else getattr(message, n.lower()) for n in "KD")
+        size = int(message.width), int(message.height)
+        model = str(message.distortion_model)
+        binned = max(getattr(message, "binning_x", 0), getattr(message, "binning_y", 0)) > 1
+        region = getattr(message, "roi", None)
+        cut = region is not None and region.width not in (0, size[0])
+        numbers = [float(k) for k in K], [float(d) for d in D]
+    except DAMAGE as error:
+        raise RecordingError(f"{name}: not a {found.schema}: {error}") from None
+    if binned or cut:
+        raise RecordingError(f"{name}: of binned or cut pictures; give --calibration FILE for what they are")
+    try:
+        return calibration_of(size, *numbers, model, name)
+    except SceneError as error:
+        raise RecordingError(f"{error}; give --calibration FILE") from None

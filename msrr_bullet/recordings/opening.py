@@ -1,0 +1,61 @@
+"""The choice of what a path is: an MCAP file, the log or folder of a trial, a film, or pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from msrr_bullet.log.reader import LOG_NAME, begun_by_msrr
+from msrr_bullet.recordings.mcap_recording import NONE, open_mcap
+from msrr_bullet.recordings.picture_recording import open_film, open_pictures
+from msrr_bullet.recordings.recording import Recording, RecordingError
+from msrr_bullet.recordings.trial_recording import open_trial
+from msrr_bullet.recordings.wheels import WheelReader
+from msrr_perception.photographs.picture_files import FILMS
+
+#: Ending of MCAP files.
+_MCAP = ".mcap"
+
+
+@dataclass(frozen=True, slots=True)
+class Sources:
+    """What the user says of a recording.
+
+    Attributes:
+        topic: Topic of the images; None if there is no choice.
+        odometry: Topic of the odometry, or ``none``; None if there is no choice.
+        rate_hz: Rate of pictures that have no times [Hz].
+        latency_ns: Latency of pictures that have no times of arrival.
+    """
+
+    topic: str | None
+    odometry: str | None
+    rate_hz: float
+    latency_ns: int
+
+
+def open_recording(path: Path, sources: Sources, wheels: Callable[[], WheelReader]) -> Recording:
+    """Open a recording.
+
+    Args:
+        path: MCAP file, run folder of a trial, film, picture, or folder of pictures.
+        sources: What the user says of it.
+        wheels: Returns a reader of wheel angles.
+
+    Raises:
+        MsrrError: There is nothing, or it cannot be read.
+    """
+    if not path.exists():
+        raise RecordingError(f"{path}: no such file or folder")
+    if path.is_dir() and (path / LOG_NAME).is_file():
+        path = path / LOG_NAME
+    if path.suffix.lower() == _MCAP:
+        if begun_by_msrr(path):
+            return open_trial(path, sources.topic, odometry=sources.odometry != NONE)
+        return open_mcap(path, sources.topic, sources.odometry, wheels)
+    if sources.topic is not None or sources.odometry not in (None, NONE):
+        raise RecordingError(f"{path}: --topic and --odometry are for MCAP files")
+    if path.suffix.lower() in FILMS:
+        return open_film(path, sources.latency_ns)
+    return open_pictures(path, sources.rate_hz, sources.latency_ns)

@@ -1,0 +1,182 @@
+"""The perception of a robot on a recording: detector, windows, corner filter and line of sight."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from msrr_bullet.log import topics
+from msrr_bullet.log.recorder import Recorder
+from msrr_bullet.recordings.recording import Item as RecordedItem
+from msrr_bullet.recordings.recording import RecordedFrame, WheelReading, moments
+from msrr_perception.detection.detector import DETECTORS, Detector
+from msrr_perception.detection.onboard_vision import FULL_FRAME_PERIOD, OnboardVision
+from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.estimation.estimator import ESTIMATORS, Estimator
+from msrr_perception.estimation.los import LosEstimator
+from msrr_perception.estimation.motion import DEFAULT_NOISE, MotionNoise
+from msrr_perception.photographs.picture_files import PictureError
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.messages import (
+    Detections,
+    Exposure,
+    LosObservation,
+    Pixels,
+    PoseEstimate,
+    WheelOdometry,
+)
+from msrr_scenes.registry import build, resolve
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.target import ROBOT, RobotSpec
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Instant:
+    """What is known at one instant of a recording.
+
+    Attributes:
+        stamp_ns: Time.
+        estimate: Pose of the robot in the dock frame D; None while nothing is known.
+        los: Line of sight to the target.
+        arrived: Tags of the frame that arrived at this instant; None at other instants.
+    """
+
+    stamp_ns: int
+    estimate: PoseEstimate | None
+    los: LosObservation
+    arrived: Detections | None
+
+
+def random_walk(robot: RobotSpec, frame_period_s: float) -> MotionNoise:
+    """Return the motion that is assumed without odometry: a random walk of a robot that stands.
+
+    Its standard deviation over the time between two frames is the way at the largest speed, in every
+    direction; so a robot that keeps to that speed stays within one.
+
+    Args:
+        robot: Its largest speeds.
+        frame_period_s: Time between two frames [s].
+    """
+    root = math.sqrt(frame_period_s)
+    return MotionNoise(
+        drift=robot.speed_mps * root,
+        turn_drift=robot.turn_rate_radps * root,
+        tilt_sigma=DEFAULT_NOISE.tilt_sigma,
+    )
+
+
+@dataclass
+class Perceiver:
+    """Runs perception over a recording and records what it reads and estimates, as a trial does.
+
+    Attributes:
+        scene: Robot and target.
+        robot: Largest speeds of the robot.
+        recorder: Gets all messages.
+        report: Called with the message about every picture that cannot be used.
+        odometry: Whether there are wheel readings.
+    """
+
+    scene: Scene
+    robot: RobotSpec
+    recorder: Recorder
+    report: Callable[[str], None]
+    odometry: bool
+    _arriving: dict[int, Detections] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        scene = self.scene
+        self.target = TargetModel.from_scene(scene, scene.docks[0])
+        detector: Detector = build("detector", scene.control.detector, DETECTORS)
+        whole = scene.cameras.onboard.readout == "frames"
+        self._vision = OnboardVision(self.target, detector, full_every=1 if whole else FULL_FRAME_PERIOD)
+        self._estimator = self._build_estimator()
+        self._los = LosEstimator(self.target)
+
+    def _build_estimator(self) -> Estimator:
+        choice, fixed = self.scene.control.estimator, {}
+        if not self.odometry and resolve("estimator", choice.name, ESTIMATORS) is CornerEkf:
+            fixed["motion"] = random_walk(self.robot, self.target.frame_period_s)
+        estimator: Estimator = build(
+            "estimator",
+            choice,
+            ESTIMATORS,
+            self.target,
+            self.scene.odometry,
+            delay_compensation=self.scene.control.delay_compensation,
+            **fixed,
+        )
+        return estimator
+
+    def run(self, items: Iterable[RecordedItem]) -> Iterator[Instant]:
+        """Yield what is known at the arrival of every frame, and at the decisions of the recording.
+
+        Raises:
+            RecordingError: The recording is damaged from some message on; what came before was yielded.
+        """
+        pending: tuple[int, Detections | None] | None = None
+        for moment in moments(items):
+            if pending is not None and pending[0] < moment.at_ns:
+                yield self._instant(*pending)
+                pending = None
+            item = moment.item
+            if isinstance(item, WheelReading):
+                reading = WheelOdometry(ROBOT, item.stamp_ns, item.left, item.right)
+                self.recorder.write(topics.sensor(ROBOT, reading), moment.at_ns, reading)
+                self._estimator.add_odometry(reading)
+            elif isinstance(item, RecordedFrame) and moment.exposes:
+                self._expose(item)
+            elif isinstance(item, RecordedFrame):
+                pending = (moment.at_ns, self._deliver(item, moment.at_ns))
+            else:
+                pending = (moment.at_ns, pending[1] if pending else None)
+        if pending is not None:
+            yield self._instant(*pending)
+
+    def _expose(self, frame: RecordedFrame) -> None:
+        """Read the tags of a frame, with what is known when it is exposed."""
+        try:
+            pixels = self._checked(frame.decode(), frame.name)
+        except PictureError as error:
+            self.report(str(error))
+            return
+        exposure = Exposure(self.target.camera_name, frame.number, frame.stamp_ns)
+        self.recorder.write(topics.exposure(exposure.camera), frame.stamp_ns, exposure)
+
+        def fetch(window: Window) -> Pixels:
+            part = np.ascontiguousarray(pixels[window.y : window.y_end, window.x : window.x_end])
+            self.recorder.window(exposure, window, part)
+            return part
+
+        prediction = self._estimator.predict(frame.stamp_ns)
+        self._arriving[frame.number] = self._vision.detect(exposure, prediction, fetch)
+
+    def _checked(self, pixels: Pixels, name: str) -> Pixels:
+        camera = self.target.camera
+        if pixels.shape != (camera.height, camera.width):
+            height, width = pixels.shape
+            raise PictureError(
+                f"{name}: {width} x {height} px, and the calibration is of pictures of {camera.width} x "
+                f"{camera.height} px"
+            )
+        return pixels
+
+    def _deliver(self, frame: RecordedFrame, now_ns: int) -> Detections | None:
+        found = self._arriving.pop(frame.number, None)
+        if found is not None:
+            self.recorder.write(topics.sensor(ROBOT, found), now_ns, found)
+            self._estimator.add_detections(found)
+            self._los.add_detections(found)
+        return found
+
+    def _instant(self, now_ns: int, arrived: Detections | None) -> Instant:
+        estimate = self._estimator.estimate(now_ns)
+        los = self._los.observe(now_ns, self._estimator)
+        if estimate is not None:
+            self.recorder.write(topics.estimate(ROBOT), now_ns, estimate)
+        self.recorder.write(topics.los(ROBOT), now_ns, los)
+        return Instant(now_ns, estimate, los, arrived)

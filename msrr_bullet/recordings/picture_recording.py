@@ -1,0 +1,68 @@
+"""Recordings that are films, or pictures at a constant rate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from msrr_bullet.recordings.recording import RecordedFrame, Recording, RecordingError
+from msrr_perception.photographs.picture_files import (
+    FILMS,
+    picture_files,
+    read_film,
+    read_picture,
+)
+from msrr_scenes.messages import NS_PER_S, Pixels
+
+
+def open_film(path: Path, latency_ns: int) -> Recording:
+    """Return the recording that is a film; its frames say when they were taken.
+
+    Args:
+        path: The film.
+        latency_ns: Time from the exposure of a frame to its arrival.
+
+    Raises:
+        PictureError: The file is no film.
+    """
+    next(read_film(path))  # a file that is none is refused before the work begins
+
+    def frames() -> Iterator[RecordedFrame]:
+        before_ns = -1
+        for number, (name, time_s, pixels) in enumerate(read_film(path)):
+            # Formats with times in milliseconds may give two frames the same one.
+            before_ns = stamp_ns = max(round(time_s * NS_PER_S), before_ns + 1)
+            yield RecordedFrame(name, stamp_ns, stamp_ns + latency_ns, partial(_known, pixels), number)
+
+    return Recording(str(path), frames)
+
+
+def open_pictures(path: Path, rate_hz: float, latency_ns: int) -> Recording:
+    """Return the recording that is a folder of pictures, in the order of their names.
+
+    Args:
+        path: The folder, or a picture.
+        rate_hz: Pictures per second [Hz].
+        latency_ns: Time from the exposure of a frame to its arrival.
+
+    Raises:
+        PictureError: The folder cannot be read, or holds no picture.
+        RecordingError: It holds films.
+    """
+    files = picture_files([path])
+    films = [file.name for file in files if file.suffix.lower() in FILMS]
+    if films:
+        raise RecordingError(f"{path}: holds the film {films[0]}; name the film itself, or remove it")
+
+    def frames() -> Iterator[RecordedFrame]:
+        for number, file in enumerate(files):
+            stamp_ns = round(number * NS_PER_S / rate_hz)
+            decode = partial(read_picture, file)
+            yield RecordedFrame(str(file), stamp_ns, stamp_ns + latency_ns, decode, number)
+
+    return Recording(f"{path}, {len(files)} pictures at {rate_hz:g} Hz", frames)
+
+
+def _known(pixels: Pixels) -> Pixels:
+    return pixels

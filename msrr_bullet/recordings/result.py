@@ -1,0 +1,158 @@
+"""The figures of a recording: what was seen of the target, and how sure the estimates are."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+from statistics import median
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from msrr_bullet.recordings.perceiver import Instant
+from msrr_bullet.trial.versions import package_versions
+from msrr_scenes.messages import PoseEstimate, seconds
+from msrr_scenes.specs.scene import Scene
+
+
+class Sigma(BaseModel):
+    """Standard deviations of an estimate.
+
+    Attributes:
+        position_m: Of the position, in its worst direction [m].
+        yaw_rad: Of the heading [rad].
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    position_m: float
+    yaw_rad: float
+
+
+class RecordingResult(BaseModel):
+    """The result of perception on a recording, in SI units and radians. There is no truth to compare with.
+
+    Attributes:
+        recording: What was recorded, in words.
+        target: Name of the target.
+        assumptions: What was taken for granted because the recording does not say it.
+        start_ns: Time on the clock of the recording that is 0 in the log.
+        duration_s: Time from the first to the last estimate [s].
+        frames: Number of frames.
+        unusable: Number of those that could not be read.
+        cut_off: Whether the recording is damaged from some point on, and was read up to there.
+        with_target: Number of frames in which tags of the target were found.
+        used: Number of frames whose tags agreed with the estimate, or began it.
+        tags: Number of frames in which each tag was found, by id; others than the target's included.
+        instants: Number of instants for which estimates were wanted.
+        estimates: Number of instants with an estimate.
+        line_of_sight: Number of instants by where the line of sight came from.
+        median_sigma: Median of the standard deviations of all estimates; None without one.
+        last_pose: Last estimate in the dock frame: x, y [m], yaw [rad]; None without one.
+        last_sigma: Its standard deviations.
+        versions: Installed versions.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    recording: str
+    target: str
+    assumptions: tuple[str, ...]
+    start_ns: int
+    duration_s: float
+    frames: int
+    unusable: int
+    cut_off: bool
+    with_target: int
+    used: int
+    tags: dict[int, int]
+    instants: int
+    estimates: int
+    line_of_sight: dict[str, int]
+    median_sigma: Sigma | None
+    last_pose: tuple[float, float, float] | None
+    last_sigma: Sigma | None
+    versions: dict[str, str] = Field(default_factory=package_versions)
+
+    def to_json(self) -> str:
+        """Return the result as indented JSON."""
+        return self.model_dump_json(indent=2) + "\n"
+
+
+@dataclass
+class Tally:
+    """Counts while a recording is read.
+
+    Attributes:
+        scene: Robot and target.
+        target_tags: Ids of the tags of the target.
+        unusable: Number of frames that could not be read.
+        cut_off: Whether the recording is damaged from some point on.
+    """
+
+    scene: Scene
+    target_tags: frozenset[int]
+    unusable: int = 0
+    cut_off: bool = False
+    _read: int = 0
+    _with_target: int = 0
+    _used: int = 0
+    _tags: Counter[int] = field(default_factory=Counter)
+    _sights: Counter[str] = field(default_factory=Counter)
+    _sigmas: list[Sigma] = field(default_factory=list)
+    _last: PoseEstimate | None = None
+    _times_ns: list[int] = field(default_factory=list)
+
+    def add(self, instant: Instant) -> None:
+        """Count an instant."""
+        self._times_ns = [*self._times_ns[:1], instant.stamp_ns]
+        self._sights[instant.los.status.value] += 1
+        if instant.estimate is not None:
+            self._last = instant.estimate
+            self._sigmas.append(sigma_of(instant.estimate))
+        found = instant.arrived
+        if found is None:
+            return
+        self._read += 1
+        self._tags.update(tag.tag_id for tag in found.tags)
+        if self.target_tags.isdisjoint(tag.tag_id for tag in found.tags):
+            return
+        self._with_target += 1
+        estimate = instant.estimate
+        self._used += estimate is not None and estimate.last_seen_ns == found.exposure.stamp_ns
+
+    def result(self, recording: str, start_ns: int, assumptions: tuple[str, ...]) -> RecordingResult:
+        """Return the figures so far."""
+        last, sigmas = self._last, self._sigmas
+        middle = None
+        if sigmas:
+            middle = Sigma(
+                position_m=median(s.position_m for s in sigmas), yaw_rad=median(s.yaw_rad for s in sigmas)
+            )
+        times = self._times_ns or [0]
+        return RecordingResult(
+            recording=recording,
+            target=self.scene.name,
+            assumptions=assumptions,
+            start_ns=start_ns,
+            duration_s=seconds(times[-1] - times[0]),
+            frames=self._read + self.unusable,
+            unusable=self.unusable,
+            cut_off=self.cut_off,
+            with_target=self._with_target,
+            used=self._used,
+            tags=dict(sorted(self._tags.items())),
+            instants=self._sights.total(),
+            estimates=len(sigmas),
+            line_of_sight=dict(sorted(self._sights.items())),
+            median_sigma=middle,
+            last_pose=None if last is None else (last.X_DU.x, last.X_DU.y, last.X_DU.yaw),
+            last_sigma=None if last is None else sigmas[-1],
+        )
+
+
+def sigma_of(estimate: PoseEstimate) -> Sigma:
+    """Return the standard deviations of an estimate."""
+    (xx, xy, _), (_, yy, _), (_, _, turn) = estimate.covariance.tolist()
+    largest = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
+    return Sigma(position_m=math.sqrt(largest), yaw_rad=math.sqrt(turn))

@@ -1,0 +1,199 @@
+"""Perception on a recording, with a run folder as a trial has one: log, figures, page and picture."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from msrr_bullet.figures.summary import write_picture
+from msrr_bullet.log import topics
+from msrr_bullet.log.foxglove import WORLD
+from msrr_bullet.log.header import LogHeader
+from msrr_bullet.log.mcap_recorder import McapRecorder
+from msrr_bullet.log.reader import LOG_NAME, unpacked_log
+from msrr_bullet.log.recorder import NullRecorder, Recorder
+from msrr_bullet.log.records import Event, FrameLink, FrameLinks, Level, StartPoses, StepStart
+from msrr_bullet.recordings.opening import Sources, open_recording
+from msrr_bullet.recordings.perceiver import Instant, Perceiver
+from msrr_bullet.recordings.recording import Recording, RecordingError
+from msrr_bullet.recordings.result import RecordingResult, Tally
+from msrr_bullet.recordings.wheels import WheelReader
+from msrr_bullet.run_folder import (
+    PICTURE_NAME,
+    REPLAY_NAME,
+    RESULT_NAME,
+    RunFolderError,
+    check_folder,
+    delete_run,
+    locked,
+    make_folder,
+)
+from msrr_bullet.timeline.camera_views import docking_views
+from msrr_bullet.timeline.log_snapshots import read_snapshots
+from msrr_bullet.trial.versions import package_versions
+from msrr_bullet.viewer.replay_page import write_replay
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
+from msrr_scenes.loading.target_file import read_target, target_scene
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import CalibrationSpec
+from msrr_scenes.specs.target import ROBOT, TARGET, TargetSpec
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user says beside the recording and the target.
+
+    Attributes:
+        calibration: Calibration of the camera; None takes that of the target, or else of the recording.
+        rate_hz: Rate of pictures without times [Hz]; None takes that of the camera of the target.
+        topic: Topic of the images in an MCAP file; None if there is no choice.
+        odometry: Topic of the odometry, or ``none`` to leave it out; None if there is no choice.
+    """
+
+    calibration: CalibrationSpec | None = None
+    rate_hz: float | None = None
+    topic: str | None = None
+    odometry: str | None = None
+
+
+def perceive(
+    path: Path,
+    target: Path,
+    options: Options | None = None,
+    *,
+    out: Path | None = None,
+    report: Callable[[str], None] | None = None,
+    observer: Callable[[Instant], None] | None = None,
+) -> RecordingResult:
+    """Run the perception of a robot over a recording.
+
+    Args:
+        path: MCAP file, run folder of a trial, film, picture, or folder of pictures.
+        target: Target file.
+        options: What else is to be said.
+        out: Run folder for the log, the result, the page and the picture; None writes nothing.
+        report: Called with one message for every picture that cannot be used, and for a recording that is
+            damaged from some point on.
+        observer: Called with what is known at every instant.
+
+    Returns:
+        The figures.
+
+    Raises:
+        MsrrError: The target or the recording cannot be used at all, or the folder cannot be written.
+    """
+    options = options or Options()
+    spec = read_target(target)
+    recording = _opened(path, spec, target, options)
+    calibration = options.calibration
+    if calibration is None and not {"calibration", "hfov_deg"} & spec.camera.model_fields_set:
+        calibration = recording.calibration
+    with tempfile.TemporaryDirectory(prefix="msrr-perceive-") as folder, ExitStack() as lock:
+        scene = target_scene(spec, target, Path(folder), calibration)
+        if options.rate_hz is not None:
+            scene = _at_rate(scene, options.rate_hz)
+        if out is None:
+            return _run(scene, spec, recording, NullRecorder(), report, observer)
+        with _recorder(out, scene, recording, lock) as recorder:
+            result = _run(scene, spec, recording, recorder, report, observer)
+        _write_derived_files(out, result)
+    return result
+
+
+def _opened(path: Path, spec: TargetSpec, target: Path, options: Options) -> Recording:
+    robot = read_unit(find_urdf(spec.robot.urdf, target.parent))
+
+    def wheels() -> WheelReader:
+        return WheelReader(robot.wheel_radius, robot.track, spec.robot.wheel_joints)
+
+    rate_hz = options.rate_hz or spec.camera.rate_hz
+    latency_ns = round(1e6 * spec.camera.latency_ms)
+    return open_recording(path, Sources(options.topic, options.odometry, rate_hz, latency_ns), wheels)
+
+
+def _at_rate(scene: Scene, rate_hz: float) -> Scene:
+    onboard = scene.cameras.onboard.model_copy(update={"rate_hz": rate_hz})
+    return scene.model_copy(update={"cameras": scene.cameras.model_copy(update={"onboard": onboard})})
+
+
+def assumptions(spec: TargetSpec, recording: Recording, rate_hz: float) -> tuple[str, ...]:
+    """Return what is taken for granted because the recording does not say it."""
+    robot = spec.robot
+    if recording.has_odometry:
+        return ()
+    return (
+        f"no odometry: between frames, at {rate_hz:g} Hz, the robot is taken to move at random by about "
+        f"{1e3 * robot.speed_mps / rate_hz:.0f} mm in every direction, at {robot.speed_mps:g} m/s and "
+        f"{robot.turn_rate_radps:g} rad/s",
+    )
+
+
+def _run(
+    scene: Scene,
+    spec: TargetSpec,
+    recording: Recording,
+    recorder: Recorder,
+    report: Callable[[str], None] | None,
+    observer: Callable[[Instant], None] | None,
+) -> RecordingResult:
+    now_ns = 0
+    tags = frozenset(scene.tag_ids(TARGET).values())
+    tally = Tally(scene, tags)
+
+    def complain(text: str) -> None:
+        recorder.write(topics.EVENTS, now_ns, Event(now_ns, "recording", text, Level.WARNING))
+        if report is not None:
+            report(text)
+
+    def unusable(text: str) -> None:
+        tally.unusable += 1
+        complain(text)
+
+    perceiver = Perceiver(scene, spec.robot, recorder, unusable, recording.has_odometry)
+    try:
+        for instant in perceiver.run(recording.items()):
+            now_ns = instant.stamp_ns
+            tally.add(instant)
+            if observer is not None:
+                observer(instant)
+    except RecordingError as error:  # what came before is worth having
+        tally.cut_off = True
+        complain(str(error))
+    assumed = assumptions(spec, recording, scene.cameras.onboard.rate_hz)
+    return tally.result(recording.source, recording.start_ns, assumed)
+
+
+@contextmanager
+def _recorder(out: Path, scene: Scene, recording: Recording, lock: ExitStack) -> Iterator[Recorder]:
+    """Open the log of a run folder, which is kept for this run until ``lock`` is closed, and begin it."""
+    check_folder(out)
+    header = LogHeader.of(scene, 0, package_versions(), recording.source)
+    make_folder(out)
+    lock.enter_context(locked(out))
+    delete_run(out)
+    with McapRecorder(out / LOG_NAME, header) as recorder:
+        step = scene.docks[0]
+        X_WU = scene.units[TARGET].pose.nominal
+        recorder.write(topics.STARTS, 0, StartPoses(0, {TARGET: X_WU}))
+        recorder.write(topics.FRAMES, 0, FrameLinks(0, (FrameLink(WORLD, TARGET, SE3.from_se2(X_WU)),)))
+        recorder.write(topics.STEPS, 0, StepStart(0, 0, ROBOT, step.port, step.to))
+        yield recorder
+
+
+def _write_derived_files(out: Path, result: RecordingResult) -> None:
+    """Write what follows from the log; the result comes first, in case a later file cannot be written."""
+    try:
+        (out / RESULT_NAME).write_text(result.to_json())
+        with unpacked_log(out) as log:
+            snapshots = read_snapshots(log)
+            if not snapshots:
+                return
+            write_replay(out / REPLAY_NAME, log.header.scene, snapshots)
+            views, scene = docking_views(log), log.header.scene
+            write_picture(out / PICTURE_NAME, scene, snapshots, views, log.header.origin)
+    except OSError as error:
+        raise RunFolderError(f"{error.filename or out}: cannot be written ({error.strerror})") from None

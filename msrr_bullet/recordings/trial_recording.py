@@ -1,0 +1,80 @@
+"""Recordings that are logs of trials, whose onboard camera delivered whole frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from msrr_bullet.log import topics
+from msrr_bullet.log.reader import Log, read_log
+from msrr_bullet.log.records import CameraWindow
+from msrr_bullet.recordings.recording import (
+    Decision,
+    Item,
+    RecordedFrame,
+    Recording,
+    RecordingError,
+    WheelReading,
+)
+from msrr_perception.pose.overhead_model import OVERHEAD
+from msrr_scenes.messages import Action, Detections, Exposure, Pixels, WheelOdometry
+
+
+def open_trial(path: Path, topic: str | None, odometry: bool = True) -> Recording:
+    """Return the recording in the log of a trial: frames, wheels and decisions of one unit.
+
+    Args:
+        path: Log, or run folder.
+        topic: Topic of the exposures of its camera; None if the log has those of one unit.
+        odometry: Whether its wheel readings are used.
+
+    Raises:
+        LogError: The log cannot be read.
+        RecordingError: It holds windows of frames alone, or nothing of such a camera, or several have frames.
+    """
+    log = read_log(path)
+    cameras = {m.camera for _, m in log.messages(Exposure, "/camera/*") if m.camera != OVERHEAD}
+    known = sorted(topics.exposure(camera) for camera in cameras)
+    if topic is None and len(known) == 1:
+        topic = known[0]
+    if topic not in known:
+        text = f"no frames on {topic}" if topic else "which camera is meant is not said"
+        raise RecordingError(f"{log.path}: {text}; --topic is one of {', '.join(known) or '(none)'}")
+    unit = topics.unit_of(topic)
+    camera = f"{unit}/onboard"
+    frame = log.header.scene.cameras.onboard.lens.camera.frame
+    for _, first in log.messages(CameraWindow, topics.window(camera)):
+        if first.window != frame:
+            raise RecordingError(
+                f"{log.path}: holds windows of frames alone; run the trial with "
+                "--set cameras.onboard.readout=frames"
+            )
+        break
+    return Recording(f"{log.path}, {camera}", partial(_items, log, unit, odometry), None, odometry)
+
+
+def _items(log: Log, unit: str, odometry: bool) -> Iterator[Item]:
+    camera = f"{unit}/onboard"
+    detections = log.messages(Detections, topics.sensor(unit, Detections(Exposure("", 0, 0), (), ())))
+    arrivals = {m.exposure: stamp for stamp, m in detections if m.exposure.camera == camera}
+    wheels = topics.sensor(unit, WheelOdometry(unit, 0, 0.0, 0.0))
+    exposure: Exposure | None = None
+    for record in log.records(topics.exposure(camera), topics.window(camera), wheels, topics.action(unit)):
+        if record.kind is Exposure:
+            exposure = record.message
+        elif record.kind is CameraWindow and exposure in arrivals:
+            arrival_ns = arrivals[exposure]
+            decode = partial(_pixels, record.message)
+            name = f"{log.path}: frame {exposure.frame}"
+            yield RecordedFrame(name, exposure.stamp_ns, arrival_ns, decode, exposure.frame)
+            del arrivals[exposure]  # what is read of it again is the same
+        elif record.kind is WheelOdometry and odometry:
+            reading: WheelOdometry = record.message
+            yield WheelReading(record.stamp_ns, reading.stamp_ns, reading.left, reading.right)
+        elif record.kind is Action:
+            yield Decision(record.stamp_ns)
+
+
+def _pixels(window: CameraWindow) -> Pixels:
+    return window.pixels

@@ -1,0 +1,53 @@
+"""Wheel angles from what a recording says of the motion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from msrr_scenes.geometry.se2 import SE2
+
+WHEELS, JOINT_STATE, ODOMETRY = "msrr.WheelOdometry", "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
+
+
+@dataclass
+class WheelReader:
+    """Reads the angles of both wheels from messages: ours, joint states, or a pose by odometry.
+
+    A pose is turned into the angles by which wheels without any slip would have driven there.
+
+    Attributes:
+        radius: Radius of the wheels [m].
+        track: Distance between the wheels [m].
+        joints: Names of the left and the right wheel in joint states; None if others tell of them.
+    """
+
+    radius: float
+    track: float
+    joints: tuple[str, str] | None = None
+    _pose: SE2 | None = field(default=None, init=False)
+    _left: float = field(default=0.0, init=False)
+    _right: float = field(default=0.0, init=False)
+
+    def angles(self, schema: str, message: Any) -> tuple[float, float] | None:
+        """Return the angles of the left and the right wheel [rad]; None if a message does not tell."""
+        if schema == WHEELS:
+            return float(message.left), float(message.right)
+        if schema == JOINT_STATE:
+            assert self.joints is not None
+            known = dict(zip(message.name, message.position, strict=False))
+            left, right = (known.get(name) for name in self.joints)
+            return None if left is None or right is None else (float(left), float(right))
+        return self._driven(message.pose.pose)
+
+    def _driven(self, pose: Any) -> tuple[float, float]:
+        q = pose.orientation
+        yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+        X = SE2(float(pose.position.x), float(pose.position.y), yaw)
+        if self._pose is not None:
+            forward, _, turn = (float(part) for part in (self._pose.inverse() @ X).log())
+            self._left += (forward - 0.5 * turn * self.track) / self.radius
+            self._right += (forward + 0.5 * turn * self.track) / self.radius
+        self._pose = X
+        return self._left, self._right
