@@ -38,7 +38,7 @@ MIN_NAMED_FRACTION = 0.06
 
 def lateral(axes: Axes, series: TrialSeries) -> None:
     """Draw the lateral offset of the port from the axis of the dock frame."""
-    _truth_and_belief(axes, series, series.true_port[:, 1], series.believed_port[:, 1], 1e3, "lateral [mm]")
+    _truth_and_belief(axes, series, 1, 1e3, "lateral [mm]")
     _use_log_scale(axes, series, LINEAR_MM)
     axes.legend(loc="best", fontsize=8)
 
@@ -49,15 +49,13 @@ def yaw(axes: Axes, series: TrialSeries) -> None:
     believed = _unwrapped(series, series.believed_port[:, 2])
     if np.isfinite(truth).any():
         believed = truth + _wrapped(believed - truth)
-    _truth_and_belief(axes, series, truth, believed, math.degrees(1.0), "yaw [deg]")
+    _truth_and_belief(axes, series, 2, math.degrees(1.0), "yaw [deg]", (truth, believed))
     _use_log_scale(axes, series, LINEAR_DEG)
 
 
 def gap(axes: Axes, series: TrialSeries) -> None:
     """Draw the distance between the faces."""
-    _truth_and_belief(
-        axes, series, series.true_port[:, 0], series.believed_port[:, 0], 1.0, "gap to the port [m]"
-    )
+    _truth_and_belief(axes, series, 0, 1.0, "gap to the port [m]")
 
 
 def _unwrapped(series: TrialSeries, angles: Array) -> Array:
@@ -86,8 +84,21 @@ def _use_log_scale(axes: Axes, series: TrialSeries, linear_range: float) -> None
 
 
 def _truth_and_belief(
-    axes: Axes, series: TrialSeries, truth: Array, believed: Array, scale: float, label: str
+    axes: Axes,
+    series: TrialSeries,
+    column: int,
+    scale: float,
+    label: str,
+    curves: tuple[Array, Array] | None = None,
 ) -> None:
+    """Draw a column of the series of the port; ``curves`` are its true and believed values, if others."""
+    truth, believed = curves or (series.true_port[:, column], series.believed_port[:, column])
+    if not np.isfinite(truth).any():  # a recording; there it matters how sure the estimate is
+        two_sigma = 2.0 * series.port_sigma[:, column]
+        low, high = (scale * series.with_gaps(believed + k * two_sigma) for k in (-1.0, 1.0))
+        axes.fill_between(
+            series.time, low, high, color=css(BELIEF), alpha=0.25, linewidth=0.0, label="believed, ± 2 sigma"
+        )
     # The thin line of the belief lies on the thick line of the truth, so that both show where they agree.
     for values, colour, width, name in (
         (truth, PATH, 2.6, "truth"),

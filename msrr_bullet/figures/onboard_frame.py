@@ -47,7 +47,7 @@ def draw_onboard(context: DrawingContext, view: CameraView, snapshot: Snapshot) 
     unit = view.exposure.camera.partition("/")[0]
     snapshot = snapshot.of_unit(unit)
     scene, step = context.scene, snapshot.step
-    perspective = Perspective.onboard(scene, context.built, unit, snapshot.pose_of(unit) or SE2())
+    perspective = Perspective.onboard(scene, context.built, unit, snapshot.shown.get(unit, SE2()))
     canvas = draw_frame(context, view, perspective, snapshot)
     for limit, dashed in ((scene.los.inner, True), (scene.los.outer, False)):
         for side in (1.0, -1.0):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence, Set
 from itertools import pairwise
 
 import numpy as np
@@ -55,7 +55,7 @@ def extent(scene: Scene, snapshots: Sequence[Snapshot]) -> tuple[tuple[float, fl
     discs = {
         (X.x, X.y, reach[name])
         for snapshot in (snapshots[0], *snapshots[:: max(1, len(snapshots) // 200)], snapshots[-1])
-        for name, X in (*snapshot.units.items(), *snapshot.obstacles.items())
+        for name, X in (*snapshot.shown.items(), *snapshot.obstacles.items())
     }
     discs |= {(x, y, 0.0) for path in planned_paths(snapshots) for x, y in path.points}
     x, y, r = np.array(sorted(discs)).T
@@ -64,9 +64,10 @@ def extent(scene: Scene, snapshots: Sequence[Snapshot]) -> tuple[tuple[float, fl
     return (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
 
 
-def _marks(snapshots: Sequence[Snapshot], docking: Collection[str]) -> list[tuple[str, Snapshot, set[str]]]:
+def _marks(snapshots: Sequence[Snapshot], docking: Set[str]) -> list[tuple[str, Snapshot, set[str]]]:
     """Return the instants at which units are drawn: the event that the title names, and the units."""
-    marks = [("start", snapshots[0], set(docking))]
+    start = next((s for s in snapshots if docking <= s.shown.keys()), snapshots[0])
+    marks = [("start", start, set(docking))]
     for step, history in step_histories(snapshots).items():
         for (before_at, before), (at, after) in pairwise(history):
             if before.phase is Phase.ASSEMBLE and after.phase is Phase.HAND_OVER:
@@ -86,9 +87,11 @@ def _draw_units(
         if name not in docking:
             draw_body(axes, unit_parts(scene.geometry(name)), X, colours[name], 1.0)
     for i, (_, snapshot, shown) in enumerate(marks):
-        for name in filter(shown.__contains__, snapshot.units):
+        poses = snapshot.shown
+        for name in filter(shown.__contains__, poses):
             opacity = 0.25 + 0.65 * i / (len(marks) - 1)
-            draw_body(axes, unit_parts(scene.geometry(name)), snapshot.units[name], colours[name], opacity)
+            colour = colours[name] if name in snapshot.units else BELIEF
+            draw_body(axes, unit_parts(scene.geometry(name)), poses[name], colour, opacity)
 
 
 def _draw_paths(axes: Axes, snapshots: Sequence[Snapshot]) -> None:
@@ -101,7 +104,8 @@ def _draw_paths(axes: Axes, snapshots: Sequence[Snapshot]) -> None:
         for i, (step, history) in enumerate(histories.items()):
             poses = [s.estimate if colour == BELIEF else at.units.get(step.unit) for at, s in history]
             points = np.array([(X.x, X.y) if X else (np.nan, np.nan) for X in poses])
-            axes.plot(*points.T, color=css(colour), linewidth=width, label=None if i else label)
+            if np.isfinite(points).any():  # a recording has no truth
+                axes.plot(*points.T, color=css(colour), linewidth=width, label=None if i else label)
     if histories:
         axes.legend(loc="best", fontsize=8, framealpha=0.9)
 

@@ -111,7 +111,8 @@ def _opened(path: Path, spec: TargetSpec, target: Path, options: Options) -> Rec
         return WheelReader(robot.wheel_radius, robot.track, spec.robot.wheel_joints)
 
     rate_hz = options.rate_hz or spec.camera.rate_hz
-    latency_ns = round(1e6 * spec.camera.latency_ms)
+    # A film does not say when its frames arrived; estimates that are made later may use them at once.
+    latency_ns = round(1e6 * spec.camera.latency_ms) if "latency_ms" in spec.camera.model_fields_set else 0
     return open_recording(path, Sources(options.topic, options.odometry, rate_hz, latency_ns), wheels)
 
 

@@ -35,6 +35,7 @@ class TrialSeries:
             along the axis of the dock frame D [m], offset to the left of that axis on the way in [m],
             heading [rad].
         believed_port: Estimate of ``true_port``, shape (T, 3).
+        port_sigma: Standard deviations of ``believed_port`` by the estimate, shape (T, 3).
         commanded: Commanded forward velocity and turn rate, shape (T, 2) [m/s, rad/s].
         driven: True forward velocity and turn rate, shape (T, 2) [m/s, rad/s].
         sight: Angles of the target's left and right edge, shape (T, 2) [rad].
@@ -53,6 +54,7 @@ class TrialSeries:
     phases: tuple[Phase | None, ...]
     true_port: Array
     believed_port: Array
+    port_sigma: Array
     commanded: Array
     driven: Array
     sight: Array
@@ -95,6 +97,7 @@ class TrialSeries:
             phases=tuple(s.phase for s in snapshots),
             true_port=np.array([port_in_dock(scene, s, s.docking_pose) for s in snapshots]),
             believed_port=np.array([port_in_dock(scene, s, s.estimate) for s in snapshots]),
+            port_sigma=np.array([_port_sigma(scene, s) for s in snapshots]),
             commanded=np.array([(s.twist.v, s.twist.w) if s.twist else _UNKNOWN for s in snapshots]),
             driven=_driven(snapshots),
             sight=np.array([(s.los.left, s.los.right) if s.los else _UNKNOWN for s in snapshots]),
@@ -141,6 +144,18 @@ def port_in_dock(scene: Scene, snapshot: Snapshot, X_WU: SE2 | None) -> tuple[fl
     X_WD = target_frame(scene, step, snapshot.units)
     X_DP = X_WD.inverse() @ X_WU @ scene.geometry(step.unit).port(step.port)
     return -X_DP.x, X_DP.y, X_DP.yaw
+
+
+def _port_sigma(scene: Scene, snapshot: Snapshot) -> tuple[float, float, float]:
+    """Return the standard deviations of gap [m], lateral offset [m] and heading [rad] of the active port."""
+    step, first = snapshot.step, snapshot.first
+    if step is None or first is None or first.covariance is None:
+        return math.nan, math.nan, math.nan
+    offset = scene.geometry(step.unit).control_offset(step.port)
+    yaw = port_in_dock(scene, snapshot, snapshot.estimate)[2]
+    J = np.array([[-1.0, 0.0, offset * math.sin(yaw)], [0.0, 1.0, offset * math.cos(yaw)], [0.0, 0.0, 1.0]])
+    gap, lateral, heading = np.sqrt(np.diagonal(J @ first.covariance @ J.T).clip(min=0.0)).tolist()
+    return gap, lateral, heading
 
 
 def _off_path(scene: Scene, snapshot: Snapshot) -> tuple[float, float]:

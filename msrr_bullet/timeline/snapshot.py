@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.timeline.mission_snapshot import MissionSnapshot
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
@@ -43,6 +44,8 @@ class StepSnapshot:
         los: Line of sight of the unit to its target.
         twist: Velocity command of the unit.
         reason: Why the phase was entered.
+        covariance: Covariance of the estimate (x, y, yaw) in the dock frame D, shape (3, 3) [m, rad]; None
+            for one that is not relative to a port.
         situation: Estimates of all bodies in the arena; None without an overhead camera in use.
         monitor: Decision of the collision monitor; None without an overhead camera.
         assembly: Progress of the long-distance phase; None outside that phase.
@@ -57,6 +60,7 @@ class StepSnapshot:
     los: LosObservation | None = None
     twist: Twist | None = None
     reason: str = ""
+    covariance: Array | None = None
     situation: ArenaEstimate | None = None
     monitor: CollisionMonitorState | None = None
     assembly: AssemblyProgress | None = None
@@ -176,10 +180,11 @@ class Snapshot:
         """True pose ``X_WU`` of the unit of the first step under way; None without one."""
         return self.units.get(self.first.unit) if self.first else None
 
-    def pose_of(self, unit: str) -> SE2 | None:
-        """Pose ``X_WU`` of a unit: the true one, or where nobody knows it, what the unit believes."""
-        believed = (step.estimate for step in self.steps if step.unit == unit)
-        return self.units.get(unit) or next(believed, None)
+    @property
+    def shown(self) -> dict[str, SE2]:
+        """Poses ``X_WU`` at which units are drawn: true ones, and beliefs where nobody knows the truth."""
+        believed = {step.unit: step.estimate for step in self.steps if step.estimate is not None}
+        return {**believed, **self.units}
 
     @property
     def phase_text(self) -> str:

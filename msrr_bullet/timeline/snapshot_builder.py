@@ -142,11 +142,12 @@ class SnapshotBuilder:
             return message if isinstance(message, kind) else None
 
         estimate, situation = get(PoseEstimate), get(ArenaEstimate)
-        believed = None
+        believed, covariance = None, None
         if action is not None and action.phase is Phase.ASSEMBLE and situation is not None:
             believed = situation.own.X_WB
         elif estimate is not None and step is not None:
             believed = target_frame(self._scene, step, self._units) @ estimate.X_DU
+            covariance = estimate.covariance
         return StepSnapshot(
             unit=unit,
             step=step,
@@ -156,6 +157,7 @@ class SnapshotBuilder:
             los=get(LosObservation),
             twist=action.twist if action else None,
             reason=action.reason if action else "",
+            covariance=covariance,
             situation=situation,
             monitor=get(CollisionMonitorState),
             assembly=get(AssemblyProgress),

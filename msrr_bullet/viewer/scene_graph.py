@@ -201,7 +201,7 @@ class SceneGraph:
             los = watched.los
             # In a mission most units are far from their targets, and nothing would be seen for all the cones.
             visible = snapshot.mission is None or (los is not None and los.status is not LosStatus.LOST)
-            X_WU = snapshot.pose_of(watched.unit)
+            X_WU = snapshot.shown.get(watched.unit)
             visible = visible and X_WU is not None
             X_WC = SE3.from_se2(X_WU or SE2()) @ self._geometries[watched.unit].frame("camera")
             X_WF = SE3.from_se2(X_WC.to_se2(), SIGHT_Z)
@@ -244,7 +244,7 @@ def path_commands(name: str, points: Sequence[Array]) -> Iterator[Command]:
 
 def look_at(snapshots: Sequence[Snapshot]) -> Iterator[Command]:
     """Yield the commands that show all bodies of some snapshots from the left, behind and above."""
-    poses = [X for snapshot in snapshots for X in (*snapshot.units.values(), *snapshot.obstacles.values())]
+    poses = [X for snapshot in snapshots for X in (*snapshot.shown.values(), *snapshot.obstacles.values())]
     points = np.array([[X.x, X.y] for X in poses])
     low, high = points.min(axis=0), points.max(axis=0)
     middle = 0.5 * (low + high)
