@@ -45,7 +45,8 @@ class Routes:
 
     def __init__(self, scene: Scene) -> None:
         """Begin without a route."""
-        self._offset = {name: scene.geometry(name).control_offset(ACTIVE_PORT) for name in scene.units}
+        geometries = {name: scene.geometry(name) for name in scene.units}
+        self._offset = {n: unit.control_offset(ACTIVE_PORT) for n, unit in geometries.items() if unit.drives}
         self._known: dict[tuple[str, int], Route] = {}
 
     def of(self, authority: Authority) -> Route:
