@@ -28,7 +28,8 @@ T = TypeVar("T")
 #: Name of the log in a run folder.
 LOG_NAME = "trial.mcap"
 
-_MAGIC = b"\x89MCAP0\r\n"
+#: First and last bytes of an MCAP file.
+MAGIC = b"\x89MCAP0\r\n"
 
 #: Errors that the MCAP reader raises when a record is cut off or damaged.
 _DAMAGE = (McapError, CRCValidationError, struct.error, zstandard.ZstdError, UnicodeDecodeError)
@@ -131,13 +132,13 @@ def read_log(path: Path) -> Log:
     path = path / LOG_NAME if path.is_dir() else path
     try:
         with path.open("rb") as file:
-            start = file.read(len(_MAGIC))
+            start = file.read(len(MAGIC))
             size = file.seek(0, os.SEEK_END)
-            file.seek(max(0, size - len(_MAGIC)))
-            complete = size > len(_MAGIC) and file.read() == _MAGIC
+            file.seek(max(0, size - len(MAGIC)))
+            complete = size > len(MAGIC) and file.read() == MAGIC
     except OSError as error:
         raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
-    if start != _MAGIC:
+    if start != MAGIC:
         raise LogError(f"{path}: not an MCAP file")
     metadata: dict[str, str] | None = None
     files: dict[str, bytes] = {}
@@ -169,7 +170,7 @@ def begun_by_msrr(path: Path) -> bool:
             start = file.read(64)
     except OSError as error:
         raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
-    return not start or (start.startswith(_MAGIC) and LIBRARY.encode() in start)
+    return not start or (start.startswith(MAGIC) and LIBRARY.encode() in start)
 
 
 @contextmanager

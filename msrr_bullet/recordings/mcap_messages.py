@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import json
+import os
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import zstandard
 from google.protobuf.message import DecodeError
 from mcap.decoder import DecoderFactory
 from mcap.exceptions import McapError
-from mcap.reader import make_reader
+from mcap.reader import McapReader, NonSeekingReader, SeekingReader
 from mcap.records import Channel, Schema
 from mcap_protobuf.decoder import DecoderFactory as ProtobufDecoderFactory
 from mcap_ros2.decoder import DecoderFactory as Ros2DecoderFactory
 
+from msrr_bullet.log.reader import MAGIC
 from msrr_bullet.recordings.recording import RecordingError
 from msrr_scenes.messages import NS_PER_S
 
@@ -64,8 +66,8 @@ def read_channels(path: Path) -> dict[str, str]:
     """
     try:
         with path.open("rb") as file:
-            reader = make_reader(file)
-            summary = reader.get_summary()
+            reader = _reader(file)
+            summary = reader.get_summary() if isinstance(reader, SeekingReader) else None
             if summary is not None and summary.channels:
                 return {c.topic: _name(summary.schemas.get(c.schema_id)) for c in summary.channels.values()}
             return {channel.topic: _name(schema) for schema, channel in _channels_of(reader)}
@@ -73,7 +75,20 @@ def read_channels(path: Path) -> dict[str, str]:
         raise RecordingError(f"{path}: cannot be read as MCAP: {error}") from None
 
 
-def _channels_of(reader: Any) -> Iterator[tuple[Schema | None, Channel]]:
+def _reader(file: IO[bytes]) -> McapReader:
+    """Return a reader of a file; one that was cut off has no index, and is read from its beginning."""
+    factories = [_JsonDecoderFactory(), ProtobufDecoderFactory(), Ros2DecoderFactory()]
+    start, size = file.read(len(MAGIC)), file.seek(0, os.SEEK_END)
+    file.seek(max(0, size - len(MAGIC)))
+    end = file.read()
+    file.seek(0)
+    if start != MAGIC:
+        raise ValueError("its first bytes are others")
+    kind = SeekingReader if size > len(MAGIC) and end == MAGIC else NonSeekingReader
+    return kind(file, validate_crcs=True, decoder_factories=factories)
+
+
+def _channels_of(reader: McapReader) -> Iterator[tuple[Schema | None, Channel]]:
     """Yield the channels of a file without a summary, as far as it goes."""
     try:
         for schema, channel, _ in reader.iter_messages(log_time_order=False):
@@ -95,9 +110,10 @@ def read_messages(path: Path, topics: list[str]) -> Iterator[DecodedMessage]:
     count = 0
     try:
         with path.open("rb") as file:
-            factories = [_JsonDecoderFactory(), ProtobufDecoderFactory(), Ros2DecoderFactory()]
-            reader = make_reader(file, decoder_factories=factories)
-            for schema, channel, record, message in reader.iter_decoded_messages(topics=topics):
+            reader = _reader(file)
+            ordered = isinstance(reader, SeekingReader)  # else all of the file would be read to sort it
+            found = reader.iter_decoded_messages(topics=topics, log_time_order=ordered)
+            for schema, channel, record, message in found:
                 yield DecodedMessage(channel.topic, _name(schema), record.log_time, message)
                 count += 1
     except DAMAGE as error:

@@ -82,9 +82,9 @@ def open_mcap(
         _nearest(image_topic, [t for t, schema in schemas.items() if schema in CALIBRATIONS]),
         None if odometry == NONE else _chosen(path, schemas, kinds, odometry, "--odometry"),
     )
-    first = next(iter(read_messages(path, chosen.all())), None)
-    if first is None:
+    if next(iter(read_messages(path, [chosen.images])), None) is None:
         raise RecordingError(f"{path}: no message on {chosen.images}")
+    first = next(iter(read_messages(path, chosen.all())))
     # Stamps are counted from a whole second before the first one, so that none is negative.
     start_ns = max(first.log_ns - LONGEST_LATENCY_NS, 0) // NS_PER_S * NS_PER_S
     items = partial(_items, path, chosen, start_ns, wheels)

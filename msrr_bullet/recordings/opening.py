@@ -51,6 +51,8 @@ def open_recording(path: Path, sources: Sources, wheels: Callable[[], WheelReade
     if path.is_dir() and (path / LOG_NAME).is_file():
         path = path / LOG_NAME
     if path.suffix.lower() == _MCAP:
+        if not path.stat().st_size:
+            raise RecordingError(f"{path}: the file is empty")
         if begun_by_msrr(path):
             return open_trial(path, sources.topic, odometry=sources.odometry != NONE)
         return open_mcap(path, sources.topic, sources.odometry, wheels)

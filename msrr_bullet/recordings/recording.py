@@ -109,16 +109,25 @@ def moments(items: Iterable[Item]) -> Iterator[Moment]:
 
     Args:
         items: What a recording holds, in the order of arrival.
+
+    Raises:
+        RecordingError: The recording is damaged from some item on; all that happened before was yielded.
     """
     waiting: list[Moment] = []
-    for order, item in enumerate(items):
-        for moment in _moments_of(item, order):
-            heapq.heappush(waiting, moment)
-        arrival_ns = item.stamp_ns if isinstance(item, Decision) else item.arrival_ns
-        while waiting and waiting[0].at_ns < arrival_ns - LONGEST_LATENCY_NS:
-            yield heapq.heappop(waiting)
+    damage: RecordingError | None = None
+    try:
+        for order, item in enumerate(items):
+            for moment in _moments_of(item, order):
+                heapq.heappush(waiting, moment)
+            arrival_ns = item.stamp_ns if isinstance(item, Decision) else item.arrival_ns
+            while waiting and waiting[0].at_ns < arrival_ns - LONGEST_LATENCY_NS:
+                yield heapq.heappop(waiting)
+    except RecordingError as error:
+        damage = error
     while waiting:
         yield heapq.heappop(waiting)
+    if damage is not None:
+        raise damage
 
 
 def _moments_of(item: Item, order: int) -> Iterator[Moment]:

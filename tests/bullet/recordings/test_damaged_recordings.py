@@ -1,0 +1,189 @@
+"""What cannot be read is answered by one message each, and what can be read is."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from msrr_bullet.cli.app import run
+from msrr_bullet.log import read_log
+from msrr_bullet.log.records import Event, TruePose
+from msrr_bullet.recordings.recording import RecordingError
+from msrr_bullet.recordings.run import Options, perceive
+from msrr_perception.photographs.picture_files import PictureError
+from msrr_scenes.errors import MsrrError, SceneError
+from msrr_scenes.messages import PoseEstimate
+from tests.bullet.recordings.conftest import Trial
+from tests.bullet.recordings.mcap_files import png, write_foxglove, write_ros2
+
+#: EXIF block of a JPEG that says: turn by 90 degrees (orientation 6).
+EXIF_TURNED = (
+    b"\xff\xe1\x00\x22Exif\x00\x00II*\x00\x08\x00\x00\x00\x01\x00"
+    b"\x12\x01\x03\x00\x01\x00\x00\x00\x06\x00\x00\x00\x00\x00\x00\x00"
+)
+
+
+@pytest.fixture(scope="module")
+def pictures(trial: Trial, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two good pictures, one each in colour, of 16 bits and turned, and four that nobody can use."""
+    folder = tmp_path_factory.mktemp("pictures")
+    grey = [pixels for _, _, pixels in trial.frames()[:5]]
+    for i in (0, 1):
+        (folder / f"{i}.png").write_bytes(png(grey[i]))
+    (folder / "2.png").write_bytes(png(cv2.cvtColor(grey[2], cv2.COLOR_GRAY2BGR)))
+    (folder / "3.png").write_bytes(png(grey[3].astype(np.uint16) * 257))
+    jpeg = cv2.imencode(".jpg", grey[4], [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+    (folder / "4.jpg").write_bytes(jpeg[:2] + EXIF_TURNED + jpeg[2:])
+    (folder / "5.png").write_bytes(b"")
+    (folder / "6.png").write_bytes(png(grey[0])[:1000])
+    (folder / "7.pgm").write_bytes(b"P5 30000 30000 255\n" + bytes(100))
+    (folder / "8.png").write_bytes(png(grey[0][:, :320]))
+    return folder
+
+
+def _arguments(pictures: Path, trial: Trial, out: Path) -> list[str]:
+    return ["perceive", str(pictures), "--target", str(trial.target), "--rate", "24", "--out", str(out)]
+
+
+def test_good_pictures_are_used_and_others_named(
+    trial: Trial, pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert run(_arguments(pictures, trial, out)) == 2
+    messages = capsys.readouterr().err.strip().splitlines()
+    assert [line.split("/")[-1].split(":")[0] for line in messages] == ["5.png", "6.png", "7.pgm", "8.png"]
+    assert "320 x 480 px, and the calibration is of pictures of 640 x 480 px" in messages[-1]
+    result = json.loads((out / "result.json").read_text())
+    assert (result["frames"], result["unusable"], result["used"]) == (9, 4, 5)
+    assert (out / "replay.html").stat().st_size > 1000
+    assert cv2.imread(str(out / "picture.png")) is not None
+    log = read_log(out)
+    assert len(list(log.messages(Event))) == 4
+    assert not list(log.messages(TruePose))  # nobody knows the truth, and nothing claims it
+    assert len(list(log.messages(PoseEstimate))) == result["estimates"] >= 5
+
+
+@pytest.mark.nightly
+def test_the_command_runs_without_the_simulator(trial: Trial, pictures: Path, tmp_path: Path) -> None:
+    """The whole command, in a process that cannot import PyBullet; by day imports alone are tried so."""
+    code = (
+        "import sys; sys.modules['pybullet'] = None\n"
+        "from msrr_bullet.cli.app import run; sys.exit(run(sys.argv[1:]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *_arguments(pictures, trial, tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+    )
+    assert done.returncode == 2, done.stderr
+    assert len(done.stderr.strip().splitlines()) == 4
+    assert (tmp_path / "out" / "picture.png").is_file()
+
+
+def _first_frames(trial: Trial, path: Path) -> Path:
+    return write_foxglove(path, trial.frames()[:2], trial.wheels()[:20], protobuf=False)
+
+
+def test_a_file_that_was_cut_off_is_read_as_far_as_it_goes(trial: Trial, tmp_path: Path) -> None:
+    path = tmp_path / "cut.mcap"
+    whole = write_ros2(path, trial.frames(), trial.wheels(), raw=True).read_bytes()
+    path.write_bytes(whole[: len(whole) * 2 // 3])  # no end, no index
+    messages: list[str] = []
+    result = perceive(path, trial.target, Options(odometry="none"), report=messages.append)
+    assert result.cut_off
+    assert 0 < result.frames < len(trial.frames())
+    assert len(messages) == 1
+    assert "cut.mcap: damaged" in messages[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda path: path.write_bytes(b"no file of this kind"), "cannot be read as MCAP"),
+        (lambda path: path.write_bytes(b""), "the file is empty"),
+        (lambda path: path.unlink(), "no such file"),
+    ],
+)
+def test_what_is_no_recording_is_refused(
+    trial: Trial, tmp_path: Path, change: Callable[[Path], object], text: str
+) -> None:
+    path = _first_frames(trial, tmp_path / "film.mcap")
+    change(path)
+    with pytest.raises(MsrrError, match=rf"film\.mcap: .*{text}"):
+        perceive(path, trial.target)
+
+
+def test_topics_that_are_not_there_are_refused_with_those_that_are(trial: Trial, tmp_path: Path) -> None:
+    path = _first_frames(trial, tmp_path / "film.mcap")
+    with pytest.raises(RecordingError, match=r"--topic /head: no such topic .*there are /camera$"):
+        perceive(path, trial.target, Options(topic="/head"))
+    with pytest.raises(RecordingError, match=r"--topic is one of /camera/a/onboard/exposure"):
+        perceive(trial.folder, trial.target, Options(topic="/head"))
+    empty = write_foxglove(tmp_path / "empty.mcap", [], trial.wheels()[:2], protobuf=False)
+    with pytest.raises(RecordingError, match=r"empty\.mcap: no message on /camera"):
+        perceive(empty, trial.target)
+
+
+def test_a_camera_that_nobody_tells_of_is_refused(trial: Trial, tmp_path: Path) -> None:
+    target = tmp_path / "blind.yaml"
+    target.write_text("unit: {number: 1, port: rear}")
+    with pytest.raises(SceneError, match=r"blind\.yaml: nothing tells of the camera; give --calibration"):
+        perceive(_first_frames(trial, tmp_path / "film.mcap"), target)
+
+
+def _fuzz(trial: Trial, folder: Path, count: int) -> tuple[int, int]:
+    """Perceive damaged pictures and MCAP files; return how many pictures were used and refused."""
+    rng = np.random.default_rng(5)
+    frame = trial.frames()[0][2]
+    whole = {
+        ".png": png(frame),
+        ".jpg": cv2.imencode(".jpg", frame)[1].tobytes(),
+        ".tiff": cv2.imencode(".tiff", frame)[1].tobytes(),
+        ".mcap": _first_frames(trial, folder / "whole.mcap").read_bytes(),
+    }
+    used = refused = misnamed = 0
+    for i in range(count):
+        kind = (*whole,)[i % len(whole)]
+        data = bytearray(whole[kind])
+        if rng.integers(2):
+            data = data[: rng.integers(len(data))]
+        for place in rng.integers(0, max(len(data), 1), 1 + rng.integers(20)):
+            data[place : place + 1] = bytes([rng.integers(256)])
+        file = folder / f"damaged{kind}"
+        file.write_bytes(data)
+        messages: list[str] = []
+        try:
+            result = perceive(file, trial.target, report=messages.append)
+        except (PictureError, RecordingError) as error:
+            refused += 1
+            misnamed += str(file) not in str(error)
+            continue
+        assert len(messages) == result.unusable + result.cut_off
+        assert all(str(file) in message for message in messages)
+        refused += bool(messages)
+        used += result.used > 0
+    assert not misnamed
+    return used, refused
+
+
+def test_damaged_files_are_used_or_refused(trial: Trial, tmp_path: Path) -> None:
+    used, refused = _fuzz(trial, tmp_path, 16)
+    assert used > 0
+    assert refused > 0
+
+
+@pytest.mark.nightly
+def test_two_thousand_damaged_files_are_used_or_refused(trial: Trial, tmp_path: Path) -> None:
+    used, refused = _fuzz(trial, tmp_path, 2000)
+    assert used > 100
+    assert refused > 100

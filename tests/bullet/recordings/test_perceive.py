@@ -1,0 +1,114 @@
+"""Perception on a film of a trial gives the estimates of the trial, whatever the film is made of."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from msrr_bullet.recordings.perceiver import Instant
+from msrr_bullet.recordings.run import Options, perceive
+from msrr_bullet.recordings.wheels import ODOMETRY, WheelReader
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import NS_PER_S, PoseEstimate
+from msrr_scenes.specs.sensors import CalibrationSpec
+from tests.bullet.recordings.conftest import Trial
+from tests.bullet.recordings.mcap_files import FOCAL, write_foxglove, write_ros2
+
+
+def _estimates(path: Path, target: Path, options: Options | None = None) -> dict[int, PoseEstimate]:
+    found: list[Instant] = []
+    result = perceive(path, target, options, observer=found.append)
+    assert result.used == result.with_target == result.frames > 4
+    return {i.stamp_ns: i.estimate for i in found if i.estimate is not None}
+
+
+def _agree(trial: Trial, estimates: dict[int, PoseEstimate], shift_ns: int = 0) -> int:
+    """Check that estimates are those of the trial to 1e-6; return how many were compared."""
+    of_trial, compared = trial.estimates(), 0
+    for stamp, estimate in estimates.items():
+        right = of_trial.get(stamp - shift_ns)
+        if right is None:
+            continue
+        a, b = estimate.X_DU, right.X_DU
+        np.testing.assert_allclose([a.x, a.y, a.yaw], [b.x, b.y, b.yaw], atol=1e-6, rtol=0.0)
+        np.testing.assert_allclose(estimate.covariance, right.covariance, atol=1e-9)
+        assert estimate.last_seen_ns - shift_ns == right.last_seen_ns
+        compared += 1
+    return compared
+
+
+def test_the_log_of_a_trial_gives_the_estimates_of_the_trial(trial: Trial) -> None:
+    found = _estimates(trial.folder, trial.target)
+    assert _agree(trial, found) == len(trial.estimates()) > 10
+
+
+@pytest.mark.parametrize("kind", ["json", "protobuf", "ros2", "ros2_raw"])
+def test_mcap_files_of_its_pictures_give_the_estimates_of_the_trial(
+    trial: Trial, tmp_path: Path, kind: str
+) -> None:
+    frames, wheels, path = trial.frames()[:5], trial.wheels(), tmp_path / "film.mcap"
+    target, shift_ns = trial.target, 0
+    if kind.startswith("ros2"):
+        # Absolute times, wheels as joints, and the calibration from the file.
+        told = yaml.safe_load(target.read_text()) | {"robot": {"wheel_joints": ["l", "r"]}}
+        del told["camera"]["hfov_deg"]
+        target = tmp_path / "target.yaml"
+        target.write_text(yaml.safe_dump(told))
+        write_ros2(path, frames, wheels, raw=kind == "ros2_raw", start_ns=1_700_000_000_000_000_000)
+        shift_ns = 2_000_000_000
+    else:
+        write_foxglove(path, frames, wheels, protobuf=kind == "protobuf")
+    # A frame arrives at a tick of the physics, and not at every one the robot of the trial decides.
+    assert _agree(trial, _estimates(path, target), shift_ns) >= 3
+
+
+def test_a_lossless_film_without_odometry_agrees_within_its_covariance(trial: Trial, tmp_path: Path) -> None:
+    """The robot is taken to move at random, and it moves by less than its largest speed."""
+    frames, path = trial.frames(), tmp_path / "film.mkv"
+    height, width = frames[0][2].shape
+    film = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"FFV1"), 25.0, (width, height))
+    for _, _, pixels in frames:
+        film.write(cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR))
+    film.release()
+    found: list[Instant] = []
+    told = yaml.safe_load(trial.target.read_text())
+    del told["camera"]["hfov_deg"]
+    target = tmp_path / "film.yaml"
+    target.write_text(yaml.safe_dump(told))
+    calibration = CalibrationSpec(fx_px=FOCAL, fy_px=FOCAL, cx_px=0.5 * (width - 1), cy_px=0.5 * (height - 1))
+    result = perceive(path, target, Options(calibration), observer=found.append)
+    assert (result.frames, result.used) == (len(frames), len(frames))
+    assert "no odometry" in result.assumptions[0]
+    by_exposure = {e.last_seen_ns: e for e in trial.estimates().values()}
+    compared = 0
+    for k, ((stamp, _, _), instant) in enumerate(zip(frames, found, strict=True)):
+        assert instant.stamp_ns == pytest.approx(k / 25.0 * NS_PER_S, abs=NS_PER_S / 500)
+        assert instant.estimate is not None
+        right = by_exposure.get(stamp)
+        if right is not None:
+            a, b = instant.estimate.X_DU, right.X_DU
+            off = np.array([a.x - b.x, a.y - b.y, a.yaw - b.yaw])
+            # The estimate of the trial is of up to 0.1 s later, at 0.12 m/s and 0.5 rad/s at most.
+            sigma = np.sqrt(np.diagonal(instant.estimate.covariance))
+            assert (np.abs(off) < 4.0 * sigma + [0.012, 0.012, 0.05]).all()
+            compared += 1
+    assert compared >= 5
+
+
+def test_wheels_follow_from_the_pose_of_an_odometry() -> None:
+    """A pose by odometry becomes the angles of wheels that drive there: those of an arc come back."""
+    reader = WheelReader(radius=0.033, track=0.13)
+    angles = None
+    for k in range(21):
+        yaw = 0.05 * k
+        X = SE2.exp(0.02 * k, 0.0, yaw)
+        q = SimpleNamespace(x=0.0, y=0.0, z=math.sin(0.5 * yaw), w=math.cos(0.5 * yaw))
+        pose = SimpleNamespace(position=SimpleNamespace(x=X.x, y=X.y), orientation=q)
+        angles = reader.angles(ODOMETRY, SimpleNamespace(pose=SimpleNamespace(pose=pose)))
+    assert angles == pytest.approx(((0.4 - 0.065) / 0.033, (0.4 + 0.065) / 0.033), abs=1e-9)
