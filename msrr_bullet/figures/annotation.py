@@ -21,7 +21,7 @@ from msrr_bullet.timeline.series import port_in_dock
 from msrr_bullet.timeline.snapshot import Snapshot, phase_name
 from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.as_built import AsBuilt, draw_as_built
+from msrr_scenes.as_built import AsBuilt, as_drawn, draw_as_built
 from msrr_scenes.geometry.lens import frame_outline
 from msrr_scenes.messages import Phase, seconds
 from msrr_scenes.specs.plan import DockStep
@@ -37,6 +37,7 @@ _ENDS = (Phase.DONE, Phase.FAILED)
 _HEADINGS = ("", "does", "to", "driven/granted/route", "waits")
 
 READ_KEY = Key(WINDOW, "window read (elsewhere: drawn from truth)")
+RECORDED_KEY = Key(WINDOW, "window read (elsewhere: drawn from the estimate)")
 DETECTION_KEY = Key(DETECTION, "tag detected")
 
 
@@ -46,17 +47,17 @@ class DrawingContext:
 
     Attributes:
         scene: Scene of the run.
-        seed: Seed of the run.
+        seed: Seed of the run; None for a recording.
     """
 
     scene: Scene
-    seed: int
+    seed: int | None
     _targets: dict[DockStep, TargetModel] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def built(self) -> AsBuilt:
-        """What was not as the scene says."""
-        return draw_as_built(self.scene, self.seed)
+        """What was not as the scene says; of a recording nobody knows."""
+        return as_drawn(self.scene) if self.seed is None else draw_as_built(self.scene, self.seed)
 
     @cached_property
     def solids(self) -> Mapping[str, Solids]:
@@ -146,10 +147,13 @@ def annotate(
     """Return a drawn frame with three title lines: scene and time, phase, detections and details."""
     time, exposure = f"{seconds(view.stamp_ns):.2f} s", view.exposure
     number = f"frame {exposure.frame}" if exposure.frame >= 0 else "not looking"
-    first = f"{context.scene.name}, seed {context.seed}    {exposure.camera}, {number}    {time}"
+    origin = "recording" if context.seed is None else f"seed {context.seed}"
+    first = f"{context.scene.name}, {origin}    {exposure.camera}, {number}    {time}"
     second, caption = "before the first decision", f"{time}, {exposure.camera}"
     if snapshot.mission is not None and exposure.camera == OVERHEAD:
         second = mission_text(snapshot.mission)
+    elif context.seed is None:
+        second = _present_text(context.scene, snapshot)
     elif snapshot.phase is not None:
         second = (
             f"attempt {snapshot.attempt}, {snapshot.phase_text}: {_present_text(context.scene, snapshot)}"

@@ -62,7 +62,7 @@ class FrameAnnotator:
             MsrrError: The run ended before the first decision.
         """
         self.trial = SnapshotInterpolator(read_snapshots(log))
-        self.context = DrawingContext(log.header.scene, log.header.seed)
+        self.context = DrawingContext(log.header.scene, None if log.header.recording else log.header.seed)
 
     def draw(self, view: CameraView) -> AnnotatedFrame:
         """Annotate a frame."""

@@ -9,6 +9,7 @@ import numpy as np
 from msrr_bullet.figures.annotation import (
     DETECTION_KEY,
     READ_KEY,
+    RECORDED_KEY,
     AnnotatedFrame,
     DrawingContext,
     annotate,
@@ -61,7 +62,8 @@ def draw_onboard(context: DrawingContext, view: CameraView, snapshot: Snapshot) 
             dashed = snapshot.los.status is LosStatus.PREDICTED
             for angle in (snapshot.los.left, snapshot.los.right):
                 _draw_vertical(canvas, view, angle, SIGHT, 2, dashed)
-    return annotate(context, view, snapshot, canvas, _los_text(snapshot.los), _LEGEND)
+    legend = (RECORDED_KEY, *_LEGEND[1:]) if context.seed is None else _LEGEND
+    return annotate(context, view, snapshot, canvas, _los_text(snapshot.los), legend)
 
 
 def _draw_vertical(

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -97,3 +98,9 @@ def test_arrays_of_a_pose_cannot_be_written() -> None:
         except ValueError:
             continue
         raise AssertionError("a pose was changed in place")
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.4, -1.5, math.pi / 2.0, -math.pi / 2.0])
+def test_roll_pitch_and_yaw_give_the_rotation_back(pitch: float) -> None:
+    X = SE3.from_xyz_rpy([0.0, 0.0, 0.0], [0.3, pitch, -2.0])
+    np.testing.assert_allclose(SE3.from_xyz_rpy([0.0, 0.0, 0.0], X.rpy()).R, X.R, atol=1e-8)

@@ -1,0 +1,111 @@
+"""Target files: a unit as scenes have it, or a map of tags; both become the geometry of perception."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.pinhole import optical_pose
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import tag_corners
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.loading.tag_map_file import write_tag_map
+from msrr_scenes.loading.target_file import read_target, target_scene
+from msrr_scenes.specs.sensors import CalibrationSpec
+from msrr_scenes.specs.tag_map import MappedTagSpec, TagMapSpec
+
+CAMERA = {"hfov_deg": 75.0}
+
+#: Poses of tags in the dock frame, upright: x into the tag, y left, z up. Tag 4 is the map's reference.
+TAGS = {
+    4: ((0.05, 0.0, 0.2), (0.0, 0.0, 0.0)),
+    12: ((0.03, 0.1, 0.15), (0.02, -0.03, 0.6)),
+    30: ((0.04, -0.12, 0.17), (0.0, 0.05, -0.5)),
+}
+
+
+def model(file: Path, data: object, calibration: CalibrationSpec | None = None) -> TargetModel:
+    file.write_text(yaml.safe_dump(data, default_flow_style=True))
+    folder = Path(tempfile.mkdtemp(dir=file.parent))  # geometry is cached by file
+    scene = target_scene(read_target(file), file, folder, calibration)
+    return TargetModel.from_scene(scene, scene.docks[0])
+
+
+def write_map(file: Path) -> dict[int, SE3]:
+    """Write the map of :data:`TAGS` in the frame of tag 4, and return their poses in D."""
+    X_DT = {tag: optical_pose(SE3.from_xyz_rpy(*pose)) for tag, pose in TAGS.items()}
+    tags = {}
+    for tag, X in X_DT.items():
+        X_MT = X_DT[4].inverse() @ X
+        tags[tag] = MappedTagSpec(
+            position_m=tuple(X_MT.p.tolist()), quaternion_xyzw=tuple(X_MT.quaternion_xyzw().tolist())
+        )
+    write_tag_map(file, TagMapSpec(family="tag36h11", tag_size_m=0.06, reference=4, tags=tags))
+    return X_DT
+
+
+def test_a_unit_is_told_as_in_a_scene(tmp_path: Path) -> None:
+    scene = load_scene("close_range")
+    step = scene.docks[0]
+    right = TargetModel.from_scene(scene, step)
+    unit = {"number": scene.units[step.target_unit].number, "port": step.target_port}
+    own = model(tmp_path / "pair.yaml", {"unit": unit, "camera": CAMERA, "as_built": "careful"})
+    assert own.port_tags == right.port_tags
+    assert own.edges == right.edges
+    assert own.tolerances == right.tolerances
+    for tag, corners in right.corners_D.items():
+        np.testing.assert_array_equal(own.corners_D[tag], corners)
+    np.testing.assert_array_equal(own.X_UC.p, right.X_UC.p)
+
+
+def test_mapped_tags_are_where_the_map_and_the_place_of_the_port_put_them(tmp_path: Path) -> None:
+    X_DT = write_map(tmp_path / "map.yaml")
+    dock = {"x_m": -0.05, "z_m": -0.2}
+    own = model(tmp_path / "wall.yaml", {"marker": {"map": "map.yaml", "dock": dock}, "camera": CAMERA})
+    assert own.tags == own.port_tags == (4, 12, 30)
+    for tag, X in X_DT.items():
+        np.testing.assert_allclose(own.corners_D[tag], X.act(tag_corners(0.06)), atol=1e-9)
+    assert [edge.tag_id for edge in own.edges] == [12, 30]  # the outermost: left, right
+    some = {"map": "map.yaml", "dock": dock, "tags": [30]}
+    assert model(tmp_path / "wall.yaml", {"marker": some, "camera": CAMERA}).tags == (30,)
+
+
+def test_the_mount_of_the_camera_and_its_calibration_can_be_given(tmp_path: Path) -> None:
+    mount = {"x_m": 0.02, "z_m": 0.3, "pitch_deg": 10.0, "yaw_deg": 5.0}
+    told = CalibrationSpec(fx_px=700.0, fy_px=710.0, cx_px=401.0, cy_px=299.0, width_px=800, height_px=600)
+    data = {"unit": {"number": 1, "port": "rear"}, "robot": {"camera": mount}}
+    own = model(tmp_path / "t.yaml", data, told)
+    X_UB = SE3.from_xyz_rpy([0.02, 0.0, 0.3], [0.0, math.radians(10.0), math.radians(5.0)])
+    np.testing.assert_allclose(own.X_UC.matrix(), optical_pose(X_UB).matrix(), atol=1e-12)
+    assert own.camera.focal == 700.0
+    assert (own.camera.width, own.camera.height) == (800, 600)
+    assert own.wheel_radius > 0.0
+
+
+@pytest.mark.parametrize(
+    ("data", "text"),
+    [
+        ({"unit": {"number": 1, "port": "rear"}}, "nothing tells of the camera"),
+        ({"unit": {"number": 1, "port": "top"}, "camera": CAMERA}, "'top' is no port of unit.urdf"),
+        ({"camera": CAMERA}, "expected either unit or marker"),
+        ({"unit": {"nmber": 1, "port": "rear"}}, r"t\.yaml:1:9: unit\.nmber: unknown key.*'number'"),
+        ({"marker": {"map": "nowhere.yaml"}}, r"marker\.map: no file 'nowhere\.yaml' beside the file"),
+        ({"marker": {"map": "map.yaml", "tags": [4, 5]}}, "tags 5 are not in the map, which has 4, 12, 30"),
+        (
+            {"unit": {"number": 1, "port": "rear"}, "robot": {"urdf": "none.urdf"}},
+            "no URDF named",
+        ),
+    ],
+)
+def test_mistakes_are_answered_with_place_and_mend(tmp_path: Path, data: object, text: str) -> None:
+    write_map(tmp_path / "map.yaml")
+    file = tmp_path / "t.yaml"
+    with pytest.raises(SceneError, match=text):
+        model(file, data)
