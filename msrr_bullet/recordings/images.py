@@ -42,6 +42,13 @@ def pixels_of(message: Any, name: str) -> Pixels:
     Raises:
         PictureError: The image is damaged, or in a form that is not known.
     """
+    try:
+        return _pixels(message, name)
+    except (AttributeError, TypeError, ValueError, OverflowError, cv2.error) as error:
+        raise PictureError(f"{name}: not an image: {error}") from None
+
+
+def _pixels(message: Any, name: str) -> Pixels:
     data = _bytes(message.data, name)
     if not hasattr(message, "encoding"):
         return decoded_picture(data, name)
@@ -59,10 +66,10 @@ def pixels_of(message: Any, name: str) -> Pixels:
 
 def _bytes(data: Any, name: str) -> Pixels:
     try:
-        content = base64.b64decode(data, validate=True) if isinstance(data, str) else bytes(data)
-    except (binascii.Error, ValueError):
+        content = base64.b64decode(data, validate=True) if isinstance(data, str) else memoryview(data)
+    except binascii.Error:
         raise PictureError(f"{name}: the image is not in base 64") from None
-    if not content:
+    if not len(content):
         raise PictureError(f"{name}: the image is empty")
     return np.frombuffer(content, dtype=np.uint8)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -119,7 +120,7 @@ def _nearest(topic: str, candidates: Sequence[str]) -> str | None:
 def _items(path: Path, topics: _Topics, start_ns: int, wheels: Callable[[], WheelReader]) -> Iterator[Item]:
     reader, number = wheels(), 0
     for found in read_messages(path, topics.all()):
-        arrival_ns = found.log_ns - start_ns
+        arrival_ns = max(found.log_ns - start_ns, 0)
         stamp_ns = _stamp(path, found, start_ns)
         if found.topic == topics.images:
             name = f"{path}: {found.topic} at {1e-9 * stamp_ns:.3f} s"
@@ -131,7 +132,7 @@ def _items(path: Path, topics: _Topics, start_ns: int, wheels: Callable[[], Whee
             angles = reader.angles(found.schema, found.message)
         except DAMAGE as error:
             raise RecordingError(f"{path}: {found.topic}: not a {found.schema}: {error}") from None
-        if angles is not None:
+        if angles is not None and all(map(math.isfinite, angles)):
             yield WheelReading(arrival_ns, stamp_ns, *angles)
 
 

@@ -37,15 +37,15 @@ from msrr_bullet.viewer.readings import (
 from msrr_scenes.messages import seconds
 from msrr_scenes.specs.scene import Scene
 
-#: Entries of the legend that a recording, whose truth nobody knows, does not have.
-_LEGEND_TRUTH = (("docking unit, truth", DOCKING_UNIT), ("driven path", PATH))
 _LEGEND = (
-    _LEGEND_TRUTH[0],
+    ("docking unit, truth", DOCKING_UNIT),
     ("its belief: itself, its path, other bodies", BELIEF),
-    _LEGEND_TRUTH[1],
+    ("driven path", PATH),
     ("camera and line of sight", SIGHT),
     ("smallest clearance", CLEARANCE),
 )
+#: Colours of the truth, which nobody knows of a recording.
+_TRUTH = (DOCKING_UNIT, PATH, CLEARANCE)
 #: Legend of a mission, whose units have colours of their own.
 _LEGEND_MISSION = (
     ("way of a unit: narrow; granted route: wide", DARK),
@@ -66,10 +66,10 @@ def render_page(
     scene: Scene, commands: Iterable[Command] = (), snapshots: Sequence[Snapshot] | None = None
 ) -> str:
     """Return the page: a replay of snapshots, or without them a live page that connects to the server."""
-    own: tuple[tuple[str, int], ...] = _LEGEND
-    if snapshots and all(snapshot.docking_pose is None for snapshot in snapshots):
-        own = tuple(entry for entry in _LEGEND if entry not in _LEGEND_TRUTH)
-    legend = own + (_LEGEND_OVERHEAD if scene.cameras.overhead is not None else ())
+    own = list(_LEGEND)
+    if snapshots and all(snapshot.docking_pose is None for snapshot in snapshots):  # a recording
+        own = [(name, colour) for name, colour in _LEGEND if colour not in _TRUTH]
+    legend = (*own, *(_LEGEND_OVERHEAD if scene.cameras.overhead is not None else ()))
     legend = _LEGEND_MISSION if scene.coordinated else legend
     data = {
         "title": scene.name,
