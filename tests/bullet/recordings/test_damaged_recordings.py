@@ -212,7 +212,7 @@ def _fuzz(trial: Trial, folder: Path, count: int) -> tuple[int, int]:
 
 
 def test_damaged_files_are_used_or_refused(trial: Trial, tmp_path: Path) -> None:
-    used, refused = _fuzz(trial, tmp_path, 16)
+    used, refused = _fuzz(trial, tmp_path, 12)
     assert used > 0
     assert refused > 0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tempfile
 from pathlib import Path
 
@@ -87,6 +88,28 @@ def test_the_mount_of_the_camera_and_its_calibration_can_be_given(tmp_path: Path
     assert own.camera.focal == 700.0
     assert (own.camera.width, own.camera.height) == (800, 600)
     assert own.wheel_radius > 0.0
+
+
+def test_the_target_files_of_the_page_can_be_used(tmp_path: Path) -> None:
+    """The page shows two; both name a calibration, and the second one a map."""
+    page = Path(__file__).parents[3] / "docs" / "recordings.md"
+    examples = re.findall(r"```yaml\n(.*?)```", page.read_text(), re.DOTALL)
+    assert len(examples) == 2
+    (tmp_path / "runs" / "map").mkdir(parents=True)
+    tags = {
+        tag: MappedTagSpec(position_m=(0.1 * tag, 0.0, 0.0), quaternion_xyzw=(0, 0, 0, 1)) for tag in range(8)
+    }
+    tag_map = TagMapSpec(family="tag36h11", tag_size_m=0.05, reference=4, tags=tags)
+    write_tag_map(tmp_path / "runs" / "map" / "map.yaml", tag_map)
+    (tmp_path / "camera.yaml").write_text(
+        "{image_width: 800, image_height: 600,"
+        " distortion_coefficients: {rows: 1, cols: 4, data: [0, 0, 0, 0]},"
+        " camera_matrix: {rows: 3, cols: 3, data: [700, 0, 400, 0, 700, 300, 0, 0, 1]}}"
+    )
+    drawn, mapped = (model(tmp_path / "t.yaml", yaml.safe_load(text)) for text in examples)
+    assert len(drawn.port_tags) == 3
+    assert mapped.tags == (4, 5, 6)
+    assert drawn.camera.width == mapped.camera.width == 800
 
 
 @pytest.mark.parametrize(
