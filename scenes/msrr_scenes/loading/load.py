@@ -227,7 +227,11 @@ def _contradictions(scene: Scene) -> list[Problem]:
         return problems
     for unit in scene.units:
         try:
-            _ = scene.geometry(unit).footprint
+            geometry = scene.geometry(unit)
+            _ = geometry.footprint
+            if not geometry.drives:
+                text = f"{geometry.urdf}: a fixture, for target files alone; a unit has wheels"
+                problems.append(Problem(("units", unit, "urdf"), text))
         except (GeometryError, SceneError) as error:
             problems.append(Problem(("units", unit, "urdf"), str(error)))
     return problems or [*port_problems(scene), *plan_problems(scene)] or geometry_problems(scene)

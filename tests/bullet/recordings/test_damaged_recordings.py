@@ -20,6 +20,7 @@ from msrr_bullet.log import read_log
 from msrr_bullet.log.records import Event, TruePose
 from msrr_bullet.recordings.recording import RecordingError
 from msrr_bullet.recordings.run import Options, perceive
+from msrr_bullet.replay import ReplayError, replay
 from msrr_perception.photographs.picture_files import PictureError
 from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.messages import PoseEstimate
@@ -70,6 +71,9 @@ def test_good_pictures_are_used_and_others_named(
     assert "docking unit, truth" not in page
     assert cv2.imread(str(out / "picture.png")) is not None
     log = read_log(out)
+    assert log.header.recording is not None
+    with pytest.raises(ReplayError, match="the log is of a recording"):
+        replay(out)
     assert len(list(log.messages(Event))) == 4
     assert not list(log.messages(TruePose))  # nobody knows the truth, and nothing claims it
     assert len(list(log.messages(PoseEstimate))) == result["estimates"] >= 5

@@ -78,6 +78,16 @@ def test_mapped_tags_are_where_the_map_and_the_place_of_the_port_put_them(tmp_pa
     assert model(tmp_path / "wall.yaml", {"marker": some, "camera": CAMERA}).tags == (30,)
 
 
+def test_a_fixture_is_no_unit_of_a_scene(tmp_path: Path) -> None:
+    write_map(tmp_path / "map.yaml")
+    model(tmp_path / "wall.yaml", {"marker": {"map": "map.yaml"}, "camera": CAMERA})
+    (urdf,) = tmp_path.rglob("target.urdf")
+    with pytest.raises(
+        SceneError, match=r"units\.b\.urdf: .*target\.urdf: a fixture, for target files alone"
+    ):
+        load_scene("close_range", {"units.b.urdf": str(urdf)})
+
+
 def test_the_mount_of_the_camera_and_its_calibration_can_be_given(tmp_path: Path) -> None:
     mount = {"x_m": 0.02, "z_m": 0.3, "pitch_deg": 10.0, "yaw_deg": 5.0}
     told = CalibrationSpec(fx_px=700.0, fy_px=710.0, cx_px=401.0, cy_px=299.0, width_px=800, height_px=600)
