@@ -88,7 +88,7 @@ FOCAL = 417.0321
 
 
 def write_foxglove(path: Path, frames: Frames, wheels: Wheels, protobuf: bool) -> Path:
-    """Write compressed images in JSON or protobuf, and wheel odometry as our own logs have it."""
+    """Write compressed images in JSON, with a calibration, or protobuf, and odometry as in our own logs."""
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start()
@@ -101,6 +101,11 @@ def write_foxglove(path: Path, frames: Frames, wheels: Wheels, protobuf: bool) -
         own = writer.register_schema("msrr.WheelOdometry", "jsonschema", b"{}")
         odometry = writer.register_channel("/wheels", "json", own)
         messages: list[tuple[int, int, bytes]] = []
+        if not protobuf:
+            known = writer.register_schema("foxglove.CameraCalibration", "jsonschema", b"{}")
+            K = [FOCAL, 0.0, 319.5, 0.0, FOCAL, 239.5, 0.0, 0.0, 1.0]
+            camera = {"width": 640, "height": 480, "distortion_model": "plumb_bob", "D": [], "K": K}
+            messages.append((0, writer.register_channel("/info", "json", known), json.dumps(camera).encode()))
         for arrival, reading in wheels:
             text = {"unit": "a", "stamp_ns": reading.stamp_ns, "left": reading.left, "right": reading.right}
             messages.append((arrival, odometry, json.dumps(text).encode()))

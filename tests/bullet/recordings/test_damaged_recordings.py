@@ -176,8 +176,9 @@ def test_topics_that_are_not_there_are_refused_with_those_that_are(trial: Trial,
 def test_a_camera_that_nobody_tells_of_is_refused(trial: Trial, tmp_path: Path) -> None:
     target = tmp_path / "blind.yaml"
     target.write_text("unit: {number: 1, port: rear}")
+    film = write_foxglove(tmp_path / "film.mcap", trial.frames()[:1], [], protobuf=True)
     with pytest.raises(SceneError, match=r"blind\.yaml: nothing tells of the camera; give --calibration"):
-        perceive(_first_frames(trial, tmp_path / "film.mcap"), target)
+        perceive(film, target)
 
 
 def _fuzz(trial: Trial, folder: Path, count: int) -> tuple[int, int]:
