@@ -7,11 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
-import numpy as np
-
-from msrr_bullet.log import foxglove, topics
 from msrr_bullet.log.codec import Json, LogError, codec, log_name
+from msrr_bullet.log.frames import LoggedFrame, from_png
 from msrr_bullet.log.records import (
     BuiltErrors,
     CameraWindow,
@@ -39,7 +36,6 @@ from msrr_scenes.messages import (
     LockFeedback,
     LosObservation,
     ObstacleEstimate,
-    Pixels,
     PoseEstimate,
     PoseMeasurement,
     SeatSwitches,
@@ -54,75 +50,51 @@ class Format:
 
     Attributes:
         kind: Message class.
-        schema_name: Name of the JSON Schema: ``msrr.<class>`` or that of a well-known Foxglove message.
+        schema_name: Name of the JSON Schema, ``msrr.<class>``.
         schema: JSON Schema.
-        encode: Conversion of (message, topic) to JSON.
+        encode: Conversion of a message to JSON.
         decode: Conversion of JSON to a message.
     """
 
     kind: type
     schema_name: str
     schema: dict[str, Json]
-    encode: Callable[[Any, str], Json]
+    encode: Callable[[Any], Json]
     decode: Callable[[Json], Any]
 
 
 def _plain(kind: type) -> Format:
     own = codec(kind)
-    return Format(kind, f"msrr.{log_name(kind)}", own.schema, lambda m, _: own.encode(m), own.decode)
-
-
-def _well_known(kind: type, name: str, to_foxglove: Callable[[Any, str], dict[str, Json]]) -> Format:
-    own = codec(kind)
     return Format(
-        kind,
-        name,
-        foxglove.schema(name, own.schema),
-        lambda m, topic: {**to_foxglove(m, topic), "msrr": own.encode(m)},
-        lambda value: own.decode(value["msrr"]),
+        kind, f"msrr.{log_name(kind)}", own.schema, own.encode, lambda value: own.decode(_exact(value))
     )
 
 
-def _estimate_to_foxglove(m: PoseEstimate, topic: str) -> dict[str, Json]:
-    return foxglove.pose_in_frame(m.stamp_ns, foxglove.target_frame(topics.unit_of(topic)), m.X_DU)
-
-
-def _body_to_foxglove(m: GlobalPose | ObstacleEstimate, topic: str) -> dict[str, Json]:
-    return foxglove.pose_in_frame(m.stamp_ns, foxglove.WORLD, m.X_WB)
-
-
-def _links_to_foxglove(m: FrameLinks, topic: str) -> dict[str, Json]:
-    return {"transforms": [foxglove.frame_transform(m.stamp_ns, a.parent, a.child, a.X) for a in m.links]}
-
-
-def to_png(pixels: Pixels) -> bytes:
-    """Return mono8 pixels as PNG. The compression level is low because sensor noise hardly compresses."""
-    encoded, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    if not encoded:
-        raise LogError(f"cannot write an image of {pixels.dtype} and shape {pixels.shape} as PNG")
-    return data.tobytes()
-
-
-def from_png(data: bytes) -> Pixels:
-    """Return the mono8 pixels of a PNG file."""
-    pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
-    if pixels is None:
-        raise LogError("an image in the log is not a PNG file")
-    return pixels.astype(np.uint8, copy=False)
+def _exact(value: Json) -> Json:
+    """Return an exact message, which logs of version 0.2 or earlier carry inside one of Foxglove's."""
+    return value["msrr"] if isinstance(value, dict) and "msrr" in value else value
 
 
 _EXPOSURE, _WINDOW = codec(Exposure), codec(Window)
 
 
-def _encode_window(m: CameraWindow, topic: str) -> Json:
-    data = binascii.b2a_base64(to_png(m.pixels), newline=False).decode("ascii")
-    return {
-        **foxglove.compressed_image(m.exposure.stamp_ns, m.exposure.camera, data),
-        "msrr": {"exposure": _EXPOSURE.encode(m.exposure), "window": _WINDOW.encode(m.window)},
-    }
+def _encode_window(m: CameraWindow) -> Json:
+    """Return what identifies a window; its pixels are in the frame, the next image of the camera."""
+    return {"exposure": _EXPOSURE.encode(m.exposure), "window": _WINDOW.encode(m.window)}
+
+
+def window_in(value: Json, frame: LoggedFrame) -> CameraWindow:
+    """Return a window whose pixels are in a frame.
+
+    Raises:
+        LogError: The frame is damaged, or the window is not inside it.
+    """
+    window = _WINDOW.decode(value["window"])
+    return CameraWindow(_EXPOSURE.decode(value["exposure"]), window, frame.crop(window))
 
 
 def _decode_window(value: Json) -> CameraWindow:
+    """Return a window of a log of version 0.2 or earlier, which holds the pixels of each window by itself."""
     exact = value["msrr"]
     window = _WINDOW.decode(exact["window"])
     pixels = from_png(binascii.a2b_base64(value["data"]))
@@ -133,11 +105,6 @@ def _decode_window(value: Json) -> CameraWindow:
     return CameraWindow(_EXPOSURE.decode(exact["exposure"]), window, pixels)
 
 
-_WINDOW_PARTS: dict[str, Json] = {
-    "type": "object",
-    "properties": {"exposure": _EXPOSURE.schema, "window": _WINDOW.schema},
-}
-
 _FORMATS: dict[type, Format] = {
     f.kind: f
     for f in (
@@ -145,24 +112,15 @@ _FORMATS: dict[type, Format] = {
         *map(_plain, (Localisation, LosObservation, ArenaEstimate, Action, AssemblyProgress, AssemblyPath)),
         *map(_plain, (Belief, CollisionMonitorState, ClearanceRecord, StepStart, StartPoses, BuiltErrors)),
         *map(_plain, (Authority, UnitReport, MissionStatus, RadioReceipt)),
-        _well_known(PoseEstimate, "foxglove.PoseInFrame", _estimate_to_foxglove),
-        _well_known(GlobalPose, "foxglove.PoseInFrame", _body_to_foxglove),
-        _well_known(ObstacleEstimate, "foxglove.PoseInFrame", _body_to_foxglove),
-        _well_known(
-            TruePose,
-            "foxglove.FrameTransform",
-            lambda m, _: foxglove.frame_transform(m.stamp_ns, foxglove.WORLD, m.name, m.X_WB),
-        ),
-        _well_known(FrameLinks, "foxglove.FrameTransforms", _links_to_foxglove),
-        _well_known(
-            Event,
-            "foxglove.Log",
-            lambda m, _: foxglove.log_line(m.stamp_ns, m.level.value, m.source, m.text),
-        ),
+        *map(_plain, (PoseEstimate, GlobalPose, ObstacleEstimate, TruePose, FrameLinks, Event)),
         Format(
             CameraWindow,
-            "foxglove.CompressedImage",
-            foxglove.schema("foxglove.CompressedImage", _WINDOW_PARTS),
+            "msrr.CameraWindow",
+            {
+                "title": "msrr.CameraWindow",
+                "type": "object",
+                "properties": {"exposure": _EXPOSURE.schema, "window": _WINDOW.schema},
+            },
             _encode_window,
             _decode_window,
         ),

@@ -1,152 +1,215 @@
-"""Well-known Foxglove messages in JSON, and the tree of coordinate frames, for viewing a log in Foxglove.
+"""Messages of Foxglove's schemas in protobuf, built by its SDK, from values of this project.
 
-They are for display only. Each carries an exact copy of the project's own message under the extra key
-``msrr``, and reading a log uses that copy.
-(https://docs.foxglove.dev/docs/visualization/message-schemas/introduction)
+Source: https://docs.foxglove.dev/docs/sdk/schemas
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 
 import numpy as np
-
-from msrr_bullet.log.codec import Json, number
-from msrr_bullet.log.records import FrameLink, FrameLinks, StepStart
-from msrr_scenes.geometry.pinhole import optical_pose
-from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
-from msrr_scenes.messages import NS_PER_S
-from msrr_scenes.specs.scene import Scene
-
-WORLD = "world"
-
-
-def _object(**properties: Json) -> dict[str, Json]:
-    return {"type": "object", "properties": properties}
-
-
-_NUMBER = {"type": "number"}
-_STRING = {"type": "string"}
-_TIME = {"title": "time", **_object(sec={"type": "integer"}, nsec={"type": "integer"})}
-_VECTOR = _object(x=_NUMBER, y=_NUMBER, z=_NUMBER)
-_QUATERNION = _object(x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER)
-_TRANSFORM = _object(
-    timestamp=_TIME,
-    parent_frame_id=_STRING,
-    child_frame_id=_STRING,
-    translation=_VECTOR,
-    rotation=_QUATERNION,
+from foxglove.messages import (
+    CameraCalibration,
+    Color,
+    CompressedImage,
+    CubePrimitive,
+    CylinderPrimitive,
+    FrameTransform,
+    LinePrimitive,
+    LinePrimitiveLineType,
+    Log,
+    LogLevel,
+    Point2,
+    Point3,
+    PointsAnnotation,
+    PointsAnnotationType,
+    Pose,
+    PoseInFrame,
+    Quaternion,
+    SceneEntity,
+    SpherePrimitive,
+    TextAnnotation,
+    Timestamp,
+    Vector3,
 )
 
-SCHEMAS: dict[str, dict[str, Json]] = {
-    "foxglove.FrameTransform": _TRANSFORM,
-    "foxglove.FrameTransforms": _object(transforms={"type": "array", "items": _TRANSFORM}),
-    "foxglove.PoseInFrame": _object(
-        timestamp=_TIME, frame_id=_STRING, pose=_object(position=_VECTOR, orientation=_QUATERNION)
-    ),
-    "foxglove.CompressedImage": _object(
-        timestamp=_TIME,
-        frame_id=_STRING,
-        data={"type": "string", "contentEncoding": "base64"},
-        format=_STRING,
-    ),
-    "foxglove.Log": _object(
-        timestamp=_TIME,
-        level={"type": "integer"},
-        message=_STRING,
-        name=_STRING,
-        file=_STRING,
-        line={"type": "integer"},
-    ),
+from msrr_bullet.log.records import Event, Level
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.lens import Lens
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.solid import Solid
+from msrr_scenes.messages import NS_PER_S
+
+_LEVELS = {
+    Level.DEBUG: LogLevel.Debug,
+    Level.INFO: LogLevel.Info,
+    Level.WARNING: LogLevel.Warning,
+    Level.ERROR: LogLevel.Error,
 }
 
-
-def schema(name: str, exact: dict[str, Json]) -> dict[str, Json]:
-    """Return the JSON Schema of a well-known message that carries ``exact`` under ``msrr``."""
-    known = SCHEMAS[name]
-    return {"title": name, **known, "properties": {**known["properties"], "msrr": exact}}
+#: Width of lines on the floor, and in images [m, px].
+_LINE_M, _LINE_PX = 0.01, 1.5
 
 
-def time(stamp_ns: int) -> Json:
-    """Return a time in the form of ``foxglove.Time``."""
-    return {"sec": stamp_ns // NS_PER_S, "nsec": stamp_ns % NS_PER_S}
+def colour(rgb: int, opacity: float = 1.0) -> Color:
+    """Return a colour from ``0xRRGGBB``."""
+    r, g, b = (float(rgb >> shift & 255) / 255.0 for shift in (16, 8, 0))
+    return Color(r=r, g=g, b=b, a=opacity)
 
 
-def _parts(X: SE2 | SE3) -> tuple[Json, Json]:
-    X = SE3.from_se2(X) if isinstance(X, SE2) else X
-    p, q = map(number, X.p), map(number, X.quaternion_xyzw())  # the pose of a diverged filter may be NaN
-    return dict(zip("xyz", p, strict=True)), dict(zip("xyzw", q, strict=True))
+def timestamp(stamp_ns: int) -> Timestamp:
+    """Return a simulated time."""
+    return Timestamp(stamp_ns // NS_PER_S, stamp_ns % NS_PER_S)
 
 
-def frame_transform(stamp_ns: int, parent: str, child: str, X: SE2 | SE3) -> dict[str, Json]:
-    """Return ``foxglove.FrameTransform`` of ``X_parent_child``."""
-    position, rotation = _parts(X)
-    return {
-        "timestamp": time(stamp_ns),
-        "parent_frame_id": parent,
-        "child_frame_id": child,
-        "translation": position,
-        "rotation": rotation,
-    }
+def _vector(xyz: Iterable[float]) -> Vector3:
+    x, y, z = xyz
+    return Vector3(x=float(x), y=float(y), z=float(z))
 
 
-def pose_in_frame(stamp_ns: int, frame: str, X: SE2 | SE3) -> dict[str, Json]:
-    """Return ``foxglove.PoseInFrame`` of a pose in ``frame``."""
-    position, rotation = _parts(X)
-    return {
-        "timestamp": time(stamp_ns),
-        "frame_id": frame,
-        "pose": {"position": position, "orientation": rotation},
-    }
+def _quaternion(X: SE2 | SE3) -> Quaternion:
+    if isinstance(X, SE2):
+        return Quaternion(x=0.0, y=0.0, z=math.sin(0.5 * X.yaw), w=math.cos(0.5 * X.yaw))
+    x, y, z, w = X.quaternion_xyzw().tolist()
+    return Quaternion(x=x, y=y, z=z, w=w)
 
 
-def compressed_image(stamp_ns: int, frame: str, data_base64: str) -> dict[str, Json]:
-    """Return ``foxglove.CompressedImage`` of a PNG file in base64."""
-    return {"timestamp": time(stamp_ns), "frame_id": frame, "data": data_base64, "format": "png"}
+def _place(X: SE2 | SE3) -> Vector3:
+    return Vector3(x=X.x, y=X.y, z=0.0) if isinstance(X, SE2) else _vector(X.p.tolist())
 
 
-def log_line(stamp_ns: int, level: int, source: str, text: str) -> dict[str, Json]:
-    """Return ``foxglove.Log`` of an event."""
-    return {
-        "timestamp": time(stamp_ns),
-        "level": level,
-        "message": text,
-        "name": source,
-        "file": "",
-        "line": 0,
-    }
+def pose(X: SE2 | SE3) -> Pose:
+    """Return a pose."""
+    return Pose(position=_place(X), orientation=_quaternion(X))
 
 
-def target_frame(unit: str) -> str:
-    """Return the name of the dock frame D of the port to which ``unit`` docks."""
-    return f"{unit}/target"
+def frame_transform(stamp_ns: int, parent: str, child: str, X: SE2 | SE3) -> FrameTransform:
+    """Return ``X_parent_child``."""
+    return FrameTransform(
+        timestamp=timestamp(stamp_ns),
+        parent_frame_id=parent,
+        child_frame_id=child,
+        translation=_place(X),
+        rotation=_quaternion(X),
+    )
 
 
-def scene_frames(scene: Scene) -> FrameLinks:
-    """Return the frames that are fixed to the units and to the world, from the nominal scene.
-
-    The dock frame D of a port is called ``<unit>.<port>``, as in a plan. The optical frame of a camera has
-    the name of the camera.
-    """
-    links: list[FrameLink] = []
-    for unit in scene.units:
-        geometry = scene.geometry(unit)
-        for port in geometry.ports:
-            links.append(FrameLink(unit, f"{unit}.{port}", SE3.from_se2(geometry.dock_frame(port))))
-        if geometry.drives:
-            links.append(FrameLink(unit, f"{unit}/onboard", optical_pose(geometry.frame("camera"))))
-    overhead = scene.cameras.overhead
-    if overhead is not None:
-        # Image right is world x, image down is world -y: half a turn about x.
-        down = rotation_from_rpy(math.pi, 0.0, 0.0)
-        position = np.array([overhead.x_m, overhead.y_m, overhead.height_m])
-        links.append(FrameLink(WORLD, "overhead", SE3(down, position)))
-    return FrameLinks(0, tuple(links))
+def pose_in_frame(stamp_ns: int, frame: str, X: SE2) -> PoseInFrame:
+    """Return a pose in ``frame``."""
+    return PoseInFrame(timestamp=timestamp(stamp_ns), frame_id=frame, pose=pose(X))
 
 
-def step_frames(scene: Scene, start: StepStart) -> FrameLinks:
-    """Return the dock frame in which the estimates of a step are given, ``<unit>/target``, if it has one."""
-    step = start.step(scene)
-    links = () if step is None else (FrameLink(step.to, target_frame(start.unit), SE3()),)
-    return FrameLinks(start.stamp_ns, links)
+def compressed_image(stamp_ns: int, frame: str, png: bytes) -> CompressedImage:
+    """Return a PNG file as an image of the camera whose optical frame is ``frame``."""
+    return CompressedImage(timestamp=timestamp(stamp_ns), frame_id=frame, data=png, format="png")
+
+
+def camera_calibration(frame: str, lens: Lens) -> CameraCalibration:
+    """Return what a robot is told of its camera."""
+    camera, d = lens.camera, lens.distortion
+    K = [camera.focal, 0.0, camera.cx, 0.0, camera.focal * d.aspect, camera.cy, 0.0, 0.0, 1.0]
+    return CameraCalibration(
+        timestamp=timestamp(0),
+        frame_id=frame,
+        width=camera.width,
+        height=camera.height,
+        distortion_model="plumb_bob",
+        D=[d.k1, d.k2, d.p1, d.p2, d.k3],
+        K=K,
+        R=np.eye(3).ravel().tolist(),
+        P=[*K[:3], 0.0, *K[3:6], 0.0, *K[6:], 0.0],
+    )
+
+
+def log_line(event: Event) -> Log:
+    """Return an event as a line of a log."""
+    return Log(
+        timestamp=timestamp(event.stamp_ns),
+        level=_LEVELS[event.level],
+        message=event.text,
+        name=event.source,
+    )
+
+
+def loop(
+    stamp_ns: int, pixels: Array, shade: Color, text: str = ""
+) -> tuple[PointsAnnotation, list[TextAnnotation]]:
+    """Return a closed line through pixels, shape (N, 2), in an image, with a text at the first one."""
+    points = [Point2(x=u, y=v) for u, v in pixels.tolist()]
+    line = PointsAnnotation(
+        timestamp=timestamp(stamp_ns),
+        type=PointsAnnotationType.LineLoop,
+        points=points,
+        outline_color=shade,
+        thickness=_LINE_PX,
+    )
+    label = TextAnnotation(
+        timestamp=timestamp(stamp_ns),
+        position=points[0],
+        text=text,
+        font_size=12.0,
+        text_color=shade,
+        background_color=colour(0xFFFFFF, 0.6),
+    )
+    return line, [label] if text else []
+
+
+def line(stamp_ns: int, pixels: Sequence[tuple[float, float]], shade: Color) -> PointsAnnotation:
+    """Return an open line through pixels in an image."""
+    return PointsAnnotation(
+        timestamp=timestamp(stamp_ns),
+        type=PointsAnnotationType.LineStrip,
+        points=[Point2(x=u, y=v) for u, v in pixels],
+        outline_color=shade,
+        thickness=_LINE_PX,
+    )
+
+
+def line_entity(
+    stamp_ns: int, name: str, frame: str, points: Array, shade: Color, *, closed: bool = False
+) -> SceneEntity:
+    """Return a line in space, through points of shape (N, 3) [m] in ``frame``."""
+    kind = LinePrimitiveLineType.LineLoop if closed else LinePrimitiveLineType.LineStrip
+    line = LinePrimitive(
+        type=kind,
+        pose=pose(SE3()),
+        thickness=_LINE_M,
+        points=[Point3(x=x, y=y, z=z) for x, y, z in points.tolist()],
+        color=shade,
+    )
+    return SceneEntity(timestamp=timestamp(stamp_ns), frame_id=frame, id=name, lines=[line])
+
+
+def solids_entity(stamp_ns: int, name: str, frame: str, solids: Iterable[Solid], shade: Color) -> SceneEntity:
+    """Return bodies that move with ``frame``, of boxes, cylinders and spheres; of a mesh the box about it."""
+    cubes, cylinders, spheres = [], [], []
+    for solid in solids:
+        X = solid.X_UG
+        if solid.kind == "cylinder":
+            radius, length = solid.size
+            size = _vector((2.0 * radius, 2.0 * radius, length))
+            cylinders.append(
+                CylinderPrimitive(pose=pose(X), size=size, bottom_scale=1.0, top_scale=1.0, color=shade)
+            )
+        elif solid.kind == "sphere":
+            spheres.append(
+                SpherePrimitive(pose=pose(X), size=_vector([2.0 * solid.size[0]] * 3), color=shade)
+            )
+        elif solid.kind == "box":
+            cubes.append(CubePrimitive(pose=pose(X), size=_vector(solid.size), color=shade))
+        else:
+            points = solid.points()
+            low, high = points.min(axis=0), points.max(axis=0)
+            middle = SE3(p=0.5 * (low + high))
+            cubes.append(CubePrimitive(pose=pose(middle), size=_vector((high - low).tolist()), color=shade))
+    return SceneEntity(
+        timestamp=timestamp(stamp_ns),
+        frame_id=frame,
+        id=name,
+        frame_locked=True,
+        cubes=cubes,
+        cylinders=cylinders,
+        spheres=spheres,
+    )

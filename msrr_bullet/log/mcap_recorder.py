@@ -9,21 +9,27 @@ nor on the wall clock.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
+from foxglove.messages import CompressedImage
 from mcap.writer import CompressionType, IndexType, Writer
 
 from msrr_bullet.log import topics
 from msrr_bullet.log.codec import LogError, log_name, to_bytes
-from msrr_bullet.log.formats import Format, format_of
-from msrr_bullet.log.foxglove import scene_frames, step_frames
+from msrr_bullet.log.display import Display, DisplayMessages, Shown, cameras
+from msrr_bullet.log.formats import format_named, format_of
+from msrr_bullet.log.foxglove import compressed_image
+from msrr_bullet.log.frame_tree import scene_frames, step_frames
+from msrr_bullet.log.frames import FRAMES_OF, FrameComposer
 from msrr_bullet.log.header import LIBRARY, METADATA, LogHeader
 from msrr_bullet.log.records import CameraWindow, StepStart
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import NS_PER_S, Exposure, Pixels
 
@@ -35,15 +41,48 @@ _BATCHES_WAITING = 8
 _OVERHEAD_BYTES = 256
 
 
+class _ChannelKind(NamedTuple):
+    """What the messages of a topic are: a schema, and what a reader has to know besides."""
+
+    name: str
+    schema_encoding: str
+    schema: bytes
+    encoding: str
+    metadata: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _FrameToWrite:
+    """A frame that the worker has yet to put together."""
+
+    exposure: Exposure
+    windows: list[tuple[Window, Pixels]]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Entry:
-    """Message that waits to be written: encoded, or with pixels that the worker has yet to encode."""
+    """Message that waits to be written: encoded, or a frame."""
 
     topic: str
-    format: Format
+    kind: _ChannelKind
     stamp_ns: int
     sequence: int
-    content: bytes | CameraWindow
+    content: bytes | _FrameToWrite
+
+
+@cache
+def _exact_kind(kind: type) -> _ChannelKind:
+    """Return the channels of an exact message: JSON, with the name of its class."""
+    known, name = format_named(log_name(kind)), log_name(kind)
+    return _ChannelKind(known.schema_name, "jsonschema", to_bytes(known.schema), "json", (("type", name),))
+
+
+@cache
+def _shown_kind(kind: type[Shown], camera: str = "") -> _ChannelKind:
+    """Return the channels of a message for clients; the frames of a camera tell whose they are."""
+    schema = kind.get_schema()
+    metadata = ((FRAMES_OF, camera),) if camera else ()
+    return _ChannelKind(schema.name, schema.encoding, schema.data, "protobuf", metadata)
 
 
 class McapRecorder:
@@ -61,7 +100,7 @@ class McapRecorder:
             LogError: The file cannot be written.
         """
         self._path = path
-        self._sequence = 0
+        self._sequence = -1
         self._flush_every_ns = round(flush_every_s * NS_PER_S)
         self._flush_at = self._flush_every_ns
         self._batch: list[_Entry] = []
@@ -78,7 +117,10 @@ class McapRecorder:
         self._submit(self._writer.start, header)
         self._await_batches(0)
         self._scene = header.scene
+        self._display = DisplayMessages(header.scene)
+        self._frame: _FrameToWrite | None = None
         self.write(topics.FRAMES, 0, scene_frames(header.scene))
+        self._show(self._display.start())
 
     def write(self, topic: str, stamp_ns: int, message: object) -> None:
         """Record a message; see :class:`~msrr_bullet.log.recorder.Recorder`.
@@ -87,12 +129,19 @@ class McapRecorder:
         """
         message_format = format_of(message)
         if isinstance(message, CameraWindow):
-            # The camera may overwrite its buffer before the worker encodes the pixels.
-            copy = CameraWindow(message.exposure, message.window, message.pixels.copy())
-            self._append(topic, message_format, stamp_ns, copy, copy.pixels.nbytes)
+            frame = self._frame
+            if frame is None or frame.exposure != message.exposure:
+                self._finish_frame()
+                frame = self._frame = _FrameToWrite(message.exposure, [])
+            # The camera may overwrite its buffer before the worker puts the frame together.
+            frame.windows.append((message.window, message.pixels.copy()))
         else:
-            content = to_bytes(message_format.encode(message, topic))
-            self._append(topic, message_format, stamp_ns, content, len(content))
+            self._finish_frame()
+        content = to_bytes(message_format.encode(message))
+        self._append(topic, _exact_kind(type(message)), stamp_ns, content, len(content))
+        if isinstance(message, Exposure):
+            self._frame = _FrameToWrite(message, [])
+        self._show(self._display.of(topic, stamp_ns, message))
         if isinstance(message, StepStart) and (frames := step_frames(self._scene, message)).links:
             self.write(topics.FRAMES, stamp_ns, frames)
 
@@ -111,6 +160,7 @@ class McapRecorder:
         self._closed = True
         try:
             if self._failed is None:
+                self._finish_frame()
                 self._send()
                 self._submit(self._writer.finish)
                 self._await_batches(0)
@@ -132,8 +182,21 @@ class McapRecorder:
         """Close."""
         self.close()
 
+    def _finish_frame(self) -> None:
+        """Record the frame of the last exposure: its windows are all there when another message comes."""
+        frame, self._frame = self._frame, None
+        if frame is not None:
+            camera, size = frame.exposure.camera, sum(pixels.nbytes for _, pixels in frame.windows)
+            kind = _shown_kind(CompressedImage, camera)
+            self._append(topics.image(camera), kind, frame.exposure.stamp_ns, frame, size)
+
+    def _show(self, messages: Iterator[Display]) -> None:
+        for topic, stamp_ns, message in messages:
+            content = message.encode()
+            self._append(topic, _shown_kind(type(message)), stamp_ns, content, len(content))
+
     def _append(
-        self, topic: str, message_format: Format, stamp_ns: int, content: bytes | CameraWindow, size: int
+        self, topic: str, kind: _ChannelKind, stamp_ns: int, content: bytes | _FrameToWrite, size: int
     ) -> None:
         if self._closed:
             raise LogError(f"{self._path}: the log is closed")
@@ -142,8 +205,9 @@ class McapRecorder:
         if stamp_ns >= self._flush_at:
             self._send(flush=True)
             self._flush_at = (stamp_ns // self._flush_every_ns + 1) * self._flush_every_ns
-        self._batch.append(_Entry(topic, message_format, stamp_ns, self._sequence, content))
-        self._sequence += 1
+        # Exact messages are counted; what clients show of one has its number.
+        self._sequence += kind.encoding == "json"
+        self._batch.append(_Entry(topic, kind, stamp_ns, self._sequence, content))
         self._batch_bytes += size + _OVERHEAD_BYTES
         if self._batch_bytes >= _BATCH_BYTES:
             self._send()
@@ -172,10 +236,13 @@ class _Writer:
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
         self._mcap = Writer(file, compression=CompressionType.ZSTD, index_types=IndexType.ALL)
-        self._channels: dict[str, int] = {}
+        self._channels: dict[tuple[str, _ChannelKind], int] = {}
         self._schemas: dict[str, int] = {}
+        self._cameras: dict[str, Lens] = {}
+        self._composers: dict[str, FrameComposer] = {}
 
     def start(self, header: LogHeader) -> None:
+        self._cameras = cameras(header.scene)
         self._mcap.start(profile="", library=LIBRARY)
         self._mcap.add_metadata(METADATA, header.metadata())
         for name, content in header.files.items():
@@ -186,10 +253,10 @@ class _Writer:
     def write(self, batch: list[_Entry], flush: bool) -> None:
         for entry in batch:
             content = entry.content
-            if isinstance(content, CameraWindow):
-                content = to_bytes(entry.format.encode(content, entry.topic))
+            if isinstance(content, _FrameToWrite):
+                content = self._image(content)
             self._mcap.add_message(
-                channel_id=self._channel(entry.topic, entry.format),
+                channel_id=self._channel(entry.topic, entry.kind),
                 log_time=entry.stamp_ns,
                 publish_time=entry.stamp_ns,
                 sequence=entry.sequence,
@@ -202,15 +269,21 @@ class _Writer:
         self._mcap.finish()
         self._file.flush()
 
-    def _channel(self, topic: str, message_format: Format) -> int:
-        kind = log_name(message_format.kind)
-        key = f"{topic}\0{kind}"
+    def _image(self, frame: _FrameToWrite) -> bytes:
+        camera = frame.exposure.camera
+        if camera not in self._composers:
+            self._composers[camera] = FrameComposer(self._cameras[camera].camera.frame)
+        png = self._composers[camera].png(frame.windows)
+        return compressed_image(frame.exposure.stamp_ns, camera, png).encode()
+
+    def _channel(self, topic: str, kind: _ChannelKind) -> int:
+        key = topic, kind
         if key not in self._channels:
-            if kind not in self._schemas:
-                self._schemas[kind] = self._mcap.register_schema(
-                    message_format.schema_name, "jsonschema", to_bytes(message_format.schema)
+            if kind.name not in self._schemas:
+                self._schemas[kind.name] = self._mcap.register_schema(
+                    kind.name, kind.schema_encoding, kind.schema
                 )
             self._channels[key] = self._mcap.register_channel(
-                topic, "json", self._schemas[kind], {"type": kind}
+                topic, kind.encoding, self._schemas[kind.name], dict(kind.metadata)
             )
         return self._channels[key]

@@ -19,9 +19,12 @@ from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
 from mcap.stream_reader import CRCValidationError, StreamReader
 
+from msrr_bullet.log import topics
 from msrr_bullet.log.codec import LogError
-from msrr_bullet.log.formats import Format, format_named
+from msrr_bullet.log.formats import Format, format_named, window_in
+from msrr_bullet.log.frames import FRAMES_OF, LoggedFrame
 from msrr_bullet.log.header import LIBRARY, METADATA, LogHeader
+from msrr_bullet.log.records import CameraWindow
 
 T = TypeVar("T")
 
@@ -45,6 +48,7 @@ class LogRecord:
         sequence: Position in the log, counted from 0 over all topics.
         data: JSON text. Equal messages have equal texts.
         format: Format by which the text is decoded.
+        frame: The frame that holds the pixels of a window; None for all else.
     """
 
     topic: str
@@ -52,6 +56,7 @@ class LogRecord:
     sequence: int
     data: bytes
     format: Format
+    frame: LoggedFrame | None = None
 
     @property
     def kind(self) -> type:
@@ -66,11 +71,52 @@ class LogRecord:
             LogError: The text is not a message of this class.
         """
         try:
-            return self.format.decode(loads(self.data))
+            value = loads(self.data)
+            return self.format.decode(value) if self.frame is None else window_in(value, self.frame)
         except (KeyError, TypeError, ValueError, JSONDecodeError) as error:
             raise LogError(
                 f"message {self.sequence} on {self.topic} is not a {self.kind.__name__}: {error!r}"
             ) from error
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """A whole frame of a camera: the message for clients, which holds the pixels of the windows before it."""
+
+    camera: str
+    stamp_ns: int
+    data: bytes
+
+
+class _WindowsAndFrames:
+    """Joins windows with their frame, which comes behind them, and keeps the order of the messages."""
+
+    def __init__(self) -> None:
+        self._waiting: list[LogRecord] = []
+
+    def add(self, record: LogRecord | _Frame) -> Iterator[LogRecord]:
+        """Take the next record, and yield the messages that are complete."""
+        if isinstance(record, _Frame):
+            frame, topic = LoggedFrame(record.data), topics.window(record.camera)
+            self._waiting = [
+                replace(w, frame=frame) if _lacks_frame(w) and w.topic == topic else w for w in self._waiting
+            ]
+        else:
+            self._waiting.append(record)
+        if not any(map(_lacks_frame, self._waiting)):
+            complete, self._waiting = self._waiting, []
+            yield from complete
+
+    def rest(self) -> Iterator[LogRecord]:
+        """Yield what is left at the end; the windows of a log that ended before their frame are lost."""
+        yield from (record for record in self._waiting if not _lacks_frame(record))
+
+
+def _lacks_frame(record: LogRecord) -> bool:
+    """Return whether a record is a window without pixels, which old logs do not have."""
+    return (
+        record.kind is CameraWindow and record.frame is None and not record.data.startswith(b'{"timestamp"')
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,18 +146,30 @@ class Log:
         Raises:
             LogError: The file is damaged. An early end is no damage.
         """
-        channels: dict[int, tuple[str, Format] | None] = {}
+        joined = _WindowsAndFrames()
+        for record in self._raw_records(patterns):
+            if start_ns is not None and record.stamp_ns < start_ns:
+                continue
+            if end_ns is not None and record.stamp_ns >= end_ns:
+                continue
+            yield from joined.add(record)
+        yield from joined.rest()
+
+    def _raw_records(self, patterns: tuple[str, ...]) -> Iterator[LogRecord | _Frame]:
+        """Iterate over exact messages on topics that match, and over the frames of all cameras."""
+        channels: dict[int, Channel] = {}
+        formats: dict[int, Format | None] = {}
         for record in _records(self.path, self.complete):
             if isinstance(record, Channel):
-                channels[record.id] = _topic_and_format(record, patterns)
-            elif isinstance(record, Message):
-                channel = channels.get(record.channel_id)
-                if channel is None or (start_ns is not None and record.log_time < start_ns):
-                    continue
-                if end_ns is not None and record.log_time >= end_ns:
-                    continue
-                topic, message_format = channel
-                yield LogRecord(topic, record.log_time, record.sequence, record.data, message_format)
+                channels[record.id], formats[record.id] = record, _format_of(record, patterns)
+            elif isinstance(record, Message) and record.channel_id in channels:
+                channel, message_format = channels[record.channel_id], formats[record.channel_id]
+                if message_format is not None:
+                    yield LogRecord(
+                        channel.topic, record.log_time, record.sequence, record.data, message_format
+                    )
+                elif FRAMES_OF in channel.metadata:
+                    yield _Frame(channel.metadata[FRAMES_OF], record.log_time, record.data)
 
     def messages(self, kind: type[T], *patterns: str) -> Iterator[tuple[int, T]]:
         """Iterate over (stamp, message) of all messages of one class, on topics that match the patterns."""
@@ -200,8 +258,9 @@ def _records(path: Path, complete: bool) -> Iterator[McapRecord]:
             raise LogError(f"{path}: the log is damaged: {error!r}") from error
 
 
-def _topic_and_format(channel: Channel, patterns: tuple[str, ...]) -> tuple[str, Format] | None:
+def _format_of(channel: Channel, patterns: tuple[str, ...]) -> Format | None:
+    """Return the format of an exact message on a topic that matches the patterns; None for all else."""
     kind = channel.metadata.get("type")
     if kind is None or (patterns and not any(fnmatchcase(channel.topic, p) for p in patterns)):
         return None
-    return channel.topic, format_named(kind)
+    return format_named(kind)

@@ -110,7 +110,7 @@ class CoordinatedReplayer(Replayer):
         """Report the authorities of the last decision of the base station that the log does not hold."""
         while self._unlogged:
             authority = self._unlogged.popleft()
-            logged = encoded(authority, topics.authority(authority.unit)).decode()
+            logged = encoded(authority).decode()
             self._comparison.add("authority", record, None, logged)
 
     def _compare_failure(self, record: LogRecord) -> None:

@@ -60,7 +60,7 @@ class ReplayedRobot:
     """A robot that runs again, its estimates that the log has not confirmed yet, and its last path."""
 
     robot: ObservableRobot
-    estimates: dict[type, bytes] = field(default_factory=dict)
+    estimates: dict[type, object] = field(default_factory=dict)
     path: AssemblyPath | None = None
 
 
@@ -210,17 +210,15 @@ class Replayer(ABC):
         path, replayed.path = (None if robot.path is replayed.path else robot.path), robot.path
         for estimate in (robot.estimate, robot.los, robot.arena, monitor, robot.assembly, path, robot.belief):
             if estimate is not None:
-                replayed.estimates[type(estimate)] = encoded(estimate, record.topic)
+                replayed.estimates[type(estimate)] = estimate
 
     def _compare_estimate(self, record: LogRecord) -> None:
         self._counts["estimates"] += 1
-        data = self._robot_of(record).estimates.pop(record.kind, None)
-        if data != record.data:
-            logged, replayed = record.data.decode(), None if data is None else data.decode()
-            self._comparison.add(_ESTIMATES[record.kind], record, logged, replayed)
+        estimate = self._robot_of(record).estimates.pop(record.kind, None)
+        self._comparison.compare(_ESTIMATES[record.kind], record, estimate)
 
     def _report_unlogged_estimates(self, record: LogRecord, robot: ReplayedRobot) -> None:
         """Report the estimates of the last decision of a robot that the log does not hold."""
-        for kind, data in robot.estimates.items():
-            self._comparison.add(_ESTIMATES[kind], record, None, data.decode())
+        for kind, estimate in robot.estimates.items():
+            self._comparison.add(_ESTIMATES[kind], record, None, encoded(estimate).decode())
         robot.estimates.clear()

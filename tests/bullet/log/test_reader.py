@@ -16,7 +16,7 @@ from msrr_bullet.log import (
     read_log,
     topics,
 )
-from msrr_bullet.log.foxglove import scene_frames
+from msrr_bullet.log.frame_tree import scene_frames
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Exposure,

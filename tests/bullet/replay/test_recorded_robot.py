@@ -182,7 +182,7 @@ def test_recording_changes_nothing_in_the_trial(shipped: Callable[..., Scene], t
 
 def test_every_message_of_a_trial_is_encoded_again_to_the_same_bytes(log: Log) -> None:
     for record in log.records():
-        assert to_bytes(format_of(record.message).encode(record.message, record.topic)) == record.data
+        assert to_bytes(format_of(record.message).encode(record.message)) == record.data
 
 
 def test_a_log_of_an_earlier_version_can_be_replayed() -> None:

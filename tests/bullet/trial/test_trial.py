@@ -40,7 +40,7 @@ def docking(shipped: Load) -> Docking:
 
 
 def texts(found: list[tuple[str, int, object]]) -> list[tuple[str, int, bytes]]:
-    return [(topic, stamp_ns, to_bytes(format_of(m).encode(m, topic))) for topic, stamp_ns, m in found]
+    return [(topic, stamp_ns, to_bytes(format_of(m).encode(m))) for topic, stamp_ns, m in found]
 
 
 def messages(scene: Scene, seed: int) -> list[tuple[str, int, bytes]]:
