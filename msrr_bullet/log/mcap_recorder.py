@@ -71,9 +71,9 @@ class _Entry:
 
 
 @cache
-def _exact_kind(kind: type) -> _ChannelKind:
-    """Return the channels of an exact message: JSON, with the name of its class."""
-    known, name = format_named(log_name(kind)), log_name(kind)
+def _exact_kind(name: str) -> _ChannelKind:
+    """Return the channels of an exact message: JSON, with the name of its class in logs."""
+    known = format_named(name)
     return _ChannelKind(known.schema_name, "jsonschema", to_bytes(known.schema), "json", (("type", name),))
 
 
@@ -138,7 +138,7 @@ class McapRecorder:
         else:
             self._finish_frame()
         content = to_bytes(message_format.encode(message))
-        self._append(topic, _exact_kind(type(message)), stamp_ns, content, len(content))
+        self._append(topic, _exact_kind(log_name(type(message))), stamp_ns, content, len(content))
         if isinstance(message, Exposure):
             self._frame = _FrameToWrite(message, [])
         self._show(self._display.of(topic, stamp_ns, message))

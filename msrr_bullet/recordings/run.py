@@ -10,7 +10,7 @@ from pathlib import Path
 
 from msrr_bullet.figures.summary import write_picture
 from msrr_bullet.log import topics
-from msrr_bullet.log.foxglove import WORLD
+from msrr_bullet.log.frame_tree import WORLD
 from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.reader import LOG_NAME, unpacked_log
