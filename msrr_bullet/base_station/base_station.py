@@ -18,7 +18,7 @@ from msrr_control.coordination.shape import Shape
 from msrr_control.coordination.tasks import plan_tasks
 from msrr_control.staging.registry import route_params
 from msrr_control.staging.setup import AssemblySetup
-from msrr_perception.detection.detector import DETECTORS, Detector
+from msrr_perception.detection.detector import scene_detector
 from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_perception.estimation.arena_tracker import ArenaTracker
 from msrr_perception.estimation.body_track import Sightings
@@ -27,7 +27,6 @@ from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.problems import dotted
 from msrr_scenes.messages import Detections, Exposure, Fetch, GlobalPose
 from msrr_scenes.messages.coordination import Authority, MissionState, MissionStatus, UnitReport, UnitState
-from msrr_scenes.registry import build
 from msrr_scenes.specs.scene import Scene
 
 #: Name of the base station in logs.
@@ -59,7 +58,7 @@ class BaseStation:
         """
         units = tuple(scene.units)
         model = OverheadModel.from_scene(scene, units)
-        detector: Detector = build("detector", scene.control.detector, DETECTORS)
+        detector = scene_detector(scene)
         self._vision = OverheadVision(
             model, units, detector, standing_every=_STANDING_EVERY, half_resolution=True
         )

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from msrr_bullet.simulation.simulation import camera_pose, overhead_camera_pose
 from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
-from msrr_bullet.tag_print import PLATE_RATIO
 from msrr_bullet.timeline.palette import OBSTACLE, link_colour, unit_colours
 from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import AsBuilt
@@ -110,11 +109,13 @@ class Solids:
 
     Attributes:
         shapes: Convex solids, each as points (N, 3) [m] whose hull it is, and a colour.
-        tags: Tags, each as ``X_BT`` and the edge of the black square [m].
+        tags: Tags, each as ``X_BT`` and its size [m].
+        plate_ratio: Edge of the print of a tag over its size.
     """
 
     shapes: tuple[tuple[Array, int], ...]
     tags: tuple[tuple[SE3, float], ...]
+    plate_ratio: float
 
     @property
     def points(self) -> Array:
@@ -125,24 +126,25 @@ class Solids:
         """Yield ``X_WT`` of every tag, and the corners of plate and square in W, each (4, 3) [m]."""
         for X_BT, size in self.tags:
             X_WT = SE3.from_se2(X_WB) @ X_BT
-            yield X_WT, X_WT.act(tag_corners(PLATE_RATIO * size)), X_WT.act(tag_corners(size))
+            yield X_WT, X_WT.act(tag_corners(self.plate_ratio * size)), X_WT.act(tag_corners(size))
 
 
 def scene_solids(scene: Scene, built: AsBuilt) -> dict[str, Solids]:
     """Return the solids of every body of a scene by name, without covered tags, as they were built."""
     hidden = {fault.unit for fault in scene.faults if isinstance(fault, MarkerHidden)}
-    solids = {}
+    solids, ratio = {}, scene.tags.tag_family.plate_ratio
     for unit, colour in unit_colours(scene).items():
         geometry, scale = built.units[unit].geometry, built.units[unit].print_scale
         shapes = tuple((solid.points(), link_colour(solid.link, colour)) for solid in geometry.solids)
         slots = () if unit in hidden else geometry.tag_slots
-        solids[unit] = Solids(shapes, tuple((geometry.frame(s), scale * scene.tag_size(s)) for s in slots))
+        tags = tuple((geometry.frame(s), scale * scene.tag_size(s)) for s in slots)
+        solids[unit] = Solids(shapes, tags, ratio)
     for name, spec in scene.obstacles.items():
-        tags: tuple[tuple[SE3, float], ...] = ()
+        tags = ()
         if name in built.obstacle_tags:
             tag = built.obstacle_tags[name]
             tags = ((obstacle_tag_pose(spec.height_m, tag), tag.print_scale * spec.tag_m),)
-        solids[name] = Solids(((_prism(spec), OBSTACLE),), tags)
+        solids[name] = Solids(((_prism(spec), OBSTACLE),), tags, ratio)
     return solids
 
 

@@ -21,7 +21,7 @@ from msrr_control.sequence.state_machine import PhaseMachine
 from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_control.staging.registry import build_assembler
 from msrr_control.staging.setup import AssemblySetup
-from msrr_perception.detection.detector import DETECTORS, Detector
+from msrr_perception.detection.detector import scene_detector
 from msrr_perception.detection.onboard_vision import FULL_FRAME_PERIOD, OnboardVision
 from msrr_perception.estimation.body_track import Sightings
 from msrr_perception.estimation.corner_filter import CornerEkf
@@ -117,7 +117,7 @@ class Autonomy:
             SceneError: Parameters are wrong, or the target port shows no tags.
         """
         target = TargetModel.from_scene(scene, step)
-        detector: Detector = build("detector", scene.control.detector, DETECTORS)
+        detector = scene_detector(scene)
         self._estimator: Estimator = build(
             "estimator",
             scene.control.estimator,

@@ -13,7 +13,6 @@ import pybullet
 from msrr_bullet.simulation.built_urdf import build
 from msrr_bullet.simulation.tag_plates import load_tag_plate, set_texture, write_plate
 from msrr_bullet.simulation.urdf_welding import read_urdf, weld
-from msrr_bullet.tag_print import PLATE_RATIO
 from msrr_scenes.as_built import AsBuilt, BuiltTag, as_drawn
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
@@ -50,7 +49,7 @@ class TagVisuals:
             folder: Existing folder for the files.
             built: True sizes and places of the tags; None if all are as drawn.
         """
-        self._scene = scene
+        self._scene, self._family = scene, scene.tags.tag_family
         self._built = built or as_drawn(scene)
         self._folder = folder
         self._hidden = {f.unit for f in scene.faults if isinstance(f, MarkerHidden)}
@@ -72,9 +71,9 @@ class TagVisuals:
                 )
             shown = None if unit in self._hidden else tag_id
             size = built.print_scale * scene.tag_size(slot)
-            mesh, _ = write_plate(self._folder, f"{unit}_{slot}", size, shown)
+            mesh, _ = write_plate(self._folder, f"{unit}_{slot}", size, shown, self._family)
             _add_visual(links[slot], mesh)
-            plates[slot] = PLATE_RATIO * size
+            plates[slot] = self._family.plate_ratio * size
         build(tree, read_unit(geometry.urdf), built, plates)
         weld(tree, geometry.pins)
         path = self._folder / f"{unit}.urdf"
@@ -106,7 +105,8 @@ class TagVisuals:
         if spec.tag_id is not None:
             built = self._built.obstacle_tags[obstacle]
             X_WT = SE3.from_se2(X_WO) @ obstacle_tag_pose(spec.height_m, built)
-            load_tag_plate(client, self._folder, spec.tag_id, built.print_scale * spec.tag_m, X_WT)
+            size = built.print_scale * spec.tag_m
+            load_tag_plate(client, self._folder, spec.tag_id, size, X_WT, self._family)
 
 
 def _add_visual(link: Element, mesh: Path) -> None:

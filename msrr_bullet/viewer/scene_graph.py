@@ -110,9 +110,9 @@ class SceneGraph:
             material = shapes.shaded_material(link_colour(shape.link, colour))
             yield from shapes.solid(f"units/{name}/{shape.link}_{i}", shape, material)
         for slot, tag_id in self._scene.tag_ids(name).items():
-            size = self._scene.tag_size(slot)
-            path = f"units/{name}/{slot}"
-            yield from shapes.tag_plate(path, geometry.frame(slot), size, None if blank else tag_id)
+            size, shown = self._scene.tag_size(slot), None if blank else tag_id
+            path, family = f"units/{name}/{slot}", self._scene.tags.tag_family
+            yield from shapes.tag_plate(path, geometry.frame(slot), size, shown, family)
 
     def _ghost(self, name: str) -> Iterator[Command]:
         geometry = self._geometries[name]
@@ -141,7 +141,8 @@ class SceneGraph:
             if spec.tag_id is not None:
                 # The tag lies flat on top, readable from above: T is x right, y down, z into the tag.
                 X_BT = SE3(rotation_from_rpy(math.pi, 0.0, 0.0), np.array([0.0, 0.0, spec.height_m + 0.001]))
-                yield from shapes.tag_plate(f"{path}/tag", X_BT, spec.tag_m, spec.tag_id)
+                family = self._scene.tags.tag_family
+                yield from shapes.tag_plate(f"{path}/tag", X_BT, spec.tag_m, spec.tag_id, family)
             yield set_property(path, "visible", False)
 
     def _sight(self) -> Iterator[Command]:

@@ -10,10 +10,11 @@ import meshcat.geometry as g
 import numpy as np
 from numpy.typing import ArrayLike
 
-from msrr_bullet.tag_print import PLATE_RATIO, plate_texture
+from msrr_bullet.tag_print import plate_texture
 from msrr_bullet.viewer.commands import Command, set_object, set_transform
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
 from msrr_scenes.geometry.solid import Solid
+from msrr_scenes.specs.tag_families import TagFamily
 
 #: From a URDF cylinder (axis z) to meshcat's (axis y).
 _X_CYLINDER = SE3(rotation_from_rpy(math.pi / 2, 0.0, 0.0))
@@ -53,12 +54,12 @@ def solid(path: str, shape: Solid, material: g.Material) -> Iterator[Command]:
     yield set_transform(path, X_UG, scale)
 
 
-def tag_plate(path: str, X_BT: SE3, size: float, tag_id: int | None) -> Iterator[Command]:
-    """Draw a tag with a black square of edge ``size`` [m] at frame T of body B, or a blank plate."""
-    encoded, png = cv2.imencode(".png", plate_texture(tag_id))
+def tag_plate(path: str, X_BT: SE3, size: float, tag_id: int | None, family: TagFamily) -> Iterator[Command]:
+    """Draw a tag of ``size`` [m] at frame T of body B, or a blank plate."""
+    encoded, png = cv2.imencode(".png", plate_texture(tag_id, family))
     assert encoded
     texture = g.ImageTexture(image=g.PngImage(png.tobytes()))
-    edge = PLATE_RATIO * size
+    edge = family.plate_ratio * size
     yield set_object(path, g.Box([edge, edge, PLATE_THICKNESS]), g.MeshLambertMaterial(map=texture))
     yield set_transform(path, X_BT @ _X_FRONT)
 

@@ -17,7 +17,9 @@ from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.guarded import of_the_same_kind
 from msrr_scenes.messages import Pixels, TagDetection
-from msrr_scenes.registry import ExtensionPoint, out_of_range
+from msrr_scenes.registry import ExtensionPoint, build, is_import_path, out_of_range
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.tag_families import FAMILIES
 
 __all__ = [
     "DETECTORS",
@@ -28,6 +30,7 @@ __all__ = [
     "default_search_detector",
     "for_large_tags",
     "for_lens",
+    "scene_detector",
 ]
 
 #: Shortest edge in the image from which a tag is found at half the resolution as well [px]. Of 3500 tags of
@@ -41,12 +44,6 @@ _SEARCH_CONTRAST = 90
 #: Smaller images hold no tag and make the library's tiles degenerate [px].
 _SMALLEST_EDGE_PX = 8
 
-
-#: Tag families that the library knows.
-FAMILIES = (
-    *("tag16h5", "tag25h9", "tag36h11", "tagCircle21h7", "tagCircle49h12"),
-    *("tagCustom48h12", "tagStandard41h12", "tagStandard52h13"),
-)
 
 #: Ranges of the parameters: at a sixteenth of the resolution, or blurred by 20 px, a tag of the port is
 #: gone, ten times the library's sharpening saturates, codes are eleven bits apart, and greys are bytes.
@@ -113,15 +110,19 @@ class PupilDetector:
         quad_sigma: float = 0.0,
         decode_sharpening: float = 1.0,
         min_white_black_diff: int = 30,
-        max_hamming: int = 1,
+        max_hamming: int | None = None,
         min_decision_margin: float = 10.0,
         refine: bool = True,
     ) -> None:
         """Create a detector; see :class:`NativeSettings` for the native parameters.
 
+        Without ``max_hamming`` as many bits are corrected as the family allows.
+
         Raises:
             DetectorError: A parameter is out of its range.
         """
+        if max_hamming is None:
+            max_hamming = FAMILIES[family].corrected_bits if family in FAMILIES else 0
         wrong = out_of_range(_RANGES, locals())
         if wrong is None and family not in FAMILIES:
             wrong = f"family has to be one of {', '.join(FAMILIES)}, found {family!r:.40}"
@@ -172,14 +173,15 @@ class PupilDetector:
         measured = np.ones(len(found), dtype=np.bool_)
         if self.refine:
             own = self._optic._replace(cx=self._optic.cx - window.x, cy=self._optic.cy - window.y)
-            corners, measured = refine_corners(pixels, corners, own)
+            shown = np.invert(pixels) if FAMILIES[self.family].white_inside else pixels
+            corners, measured = refine_corners(shown, corners, own)
         corners += [window.x, window.y]
         return tuple(replace(t, corners=c) for t, c, ok in zip(found, corners, measured, strict=True) if ok)
 
 
-def default_search_detector() -> Detector:
+def default_search_detector(family: str = "tag36h11") -> Detector:
     """Return a detector that quickly finds black and white tags of 30 px and more in a full frame."""
-    return PupilDetector(quad_decimate=2.0, min_white_black_diff=_SEARCH_CONTRAST)
+    return PupilDetector(family, quad_decimate=2.0, min_white_black_diff=_SEARCH_CONTRAST)
 
 
 DETECTORS: ExtensionPoint[Detector] = ExtensionPoint(
@@ -187,3 +189,16 @@ DETECTORS: ExtensionPoint[Detector] = ExtensionPoint(
     methods={"detect": checked_tags},
     optional={"for_large_tags": of_the_same_kind, "for_lens": of_the_same_kind},
 )
+
+
+def scene_detector(scene: Scene) -> Detector:
+    """Return the detector that a scene names; a registered one reads the family of the scene's tags.
+
+    Raises:
+        UnknownNameError: There is no such detector.
+        SceneError: It does not take the parameters of the scene.
+    """
+    choice = scene.control.detector
+    if not is_import_path(choice):
+        choice = choice.model_copy(update={"params": {"family": scene.tags.family, **choice.params}})
+    return build("detector", choice, DETECTORS)

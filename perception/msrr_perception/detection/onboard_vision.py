@@ -74,7 +74,7 @@ class OnboardVision:
         self.target = target
         self.detector = for_lens(detector, target.lens)
         self._quick = for_large_tags(self.detector)
-        self.policy = policy
+        self.policy = policy.for_family(target.tag_family)
         self._full_every = full_every
         self._search_every = search_every
         self._rest = rest

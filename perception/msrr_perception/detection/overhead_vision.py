@@ -117,8 +117,8 @@ class OverheadVision:
         self._localizer = model.localizer()
         self._detector = for_lens(detector, model.lens)
         self._quick = for_large_tags(self._detector) if half_resolution else self._detector
-        self._search_detector = search_detector or default_search_detector()
-        self._policy = policy
+        self._search_detector = search_detector or default_search_detector(model.tag_family.name)
+        self._policy = policy.for_family(model.tag_family)
         self._parts = search_windows(model, search_parts)
         self._part_period_ns = round(search_period_s * NS_PER_S / search_parts)
         self._missing_period_ns = round(missing_period_s * NS_PER_S)

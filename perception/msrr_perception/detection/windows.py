@@ -20,6 +20,7 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import PoseEstimate
+from msrr_scenes.specs.tag_families import TAG36H11, TagFamily
 
 _TILE = 4
 
@@ -45,6 +46,11 @@ class WindowPolicy:
     extra_px: int = 8000
     budget_px: int = 20000
     least_edge_px: float = 10.0
+
+    def for_family(self, family: TagFamily) -> WindowPolicy:
+        """Return these rules for a family, whose print may reach farther beyond the tag."""
+        more = 0.5 * (family.plate_ratio - TAG36H11.plate_ratio)
+        return replace(self, quiet_zone=self.quiet_zone + more) if more else self
 
 
 #: The policy for the markers of the design at 640 x 480.
@@ -222,7 +228,7 @@ def pose_is_known(prediction: PoseEstimate, position_m: float, yaw: float) -> bo
 def search_windows(model: OverheadModel, parts: int) -> tuple[Window, ...]:
     """Return upright parts of the frame that overlap so far that every tag lies wholly in one of them."""
     frame = model.camera.frame
-    overlap = math.ceil(1.25 * model.largest_tag_px)  # with the white border
+    overlap = math.ceil(model.tag_family.plate_ratio * model.largest_tag_px)
     step = math.ceil((frame.width - overlap) / parts)
     windows = (fitting_window(Window(i * step, 0, step + overlap, frame.height), frame) for i in range(parts))
     return tuple(w for w in windows if w is not None)

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_perception.detection import native_apriltag
-from msrr_perception.detection.detector import FAMILIES, DetectorError
+from msrr_perception.detection.detector import DetectorError
 from msrr_perception.detection.native_apriltag import NativeSettings
 from msrr_perception.kernels.edges import refine_corners
 from msrr_perception.kernels.lens import NO_LENS, optic_of
 from msrr_scenes.errors import nearest
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.messages import Pixels, TagDetection
+from msrr_scenes.specs.tag_families import FAMILIES
 
 #: Settings of the search: as on board of a unit, but photographs may be dark.
 _SETTINGS = NativeSettings(quad_decimate=1.0, quad_sigma=0.0, decode_sharpening=1.0, min_white_black_diff=15)
@@ -28,12 +29,6 @@ _LEAST_MARGIN = 10.0
 #: it: blur by motion joins modules of a tag, and its quad is no longer found. The deviation is about a module
 #: of the smallest tags that can be read [px].
 _SHARPENING, _SHARPENING_PX = 2.0, 4.0
-
-#: Families whose border is white inside, so that their edges are those of the negative.
-_WHITE_INSIDE = ("tagCircle21h7", "tagCircle49h12", "tagCustom48h12", "tagStandard41h12", "tagStandard52h13")
-
-#: Families whose codes differ in so few bits that none of them is corrected: it would make tags of anything.
-_SHORT_CODES = ("tag16h5", "tagCircle21h7")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,12 +94,12 @@ class TagFinder:
     def _refined(
         self, pixels: Pixels, family: str, corners: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        shown = np.invert(pixels) if family in _WHITE_INSIDE else pixels
+        shown = np.invert(pixels) if FAMILIES[family].white_inside else pixels
         return refine_corners(shown, corners, self._optic)
 
 
 def _search(pixels: Pixels, family: str) -> list[TagDetection]:
-    most = 0 if family in _SHORT_CODES else 1
+    most = FAMILIES[family].corrected_bits
     tags = native_apriltag.detect(pixels, family, _SETTINGS)
     return [t for t in tags if t.hamming <= most and t.decision_margin >= _LEAST_MARGIN]
 

@@ -21,6 +21,7 @@ from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import GlobalPose, Pixels
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.tag_families import TAG36H11, TagFamily
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 #: Name of the overhead camera in exposures.
@@ -47,6 +48,7 @@ class OverheadModel:
         errors: Errors of calibration of the camera and the tags, by their tolerances.
         to_light: Grey level of every pixel value on a straight tone curve, shape (256,); None if the camera
             has one.
+        tag_family: Family of the tags.
     """
 
     lens: Lens
@@ -59,6 +61,7 @@ class OverheadModel:
     noise: Array
     errors: OverheadErrors
     to_light: Pixels | None = None
+    tag_family: TagFamily = TAG36H11
 
     @classmethod
     def from_scene(cls, scene: Scene, needed: Iterable[str]) -> OverheadModel:
@@ -96,6 +99,7 @@ class OverheadModel:
             noise=np.diag([errors.noise_m**2, errors.noise_m**2, yaw**2]),
             errors=OverheadErrors(lens.camera, X_WC, scene.as_built, float(np.mean(heights or [0.0]))),
             to_light=straight_tone(spec),
+            tag_family=scene.tags.tag_family,
         )
 
     @property

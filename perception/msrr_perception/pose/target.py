@@ -23,6 +23,7 @@ from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.messages import Pixels
 from msrr_scenes.specs.plan import DockStep, LosSpec
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.tag_families import TagFamily
 
 #: Largest distance of the LOS points of the scene from the tag edges of the URDF [m]; scenes round to 0.1 mm.
 _EDGE_TOLERANCE_M = 0.002
@@ -74,6 +75,7 @@ class TargetModel:
         frame_period_s: Time between two exposures of the camera [s].
         to_light: Grey level of every pixel value on a straight tone curve, shape (256,); None if the camera
             has one.
+        tag_family: Family of the tags.
     """
 
     camera_name: str
@@ -89,6 +91,7 @@ class TargetModel:
     tolerances: Tolerances
     frame_period_s: float
     to_light: Pixels | None
+    tag_family: TagFamily
 
     @classmethod
     def from_scene(cls, scene: Scene, step: DockStep) -> TargetModel:
@@ -154,6 +157,7 @@ class TargetModel:
             tolerances=Tolerances.from_spec(scene.as_built),
             frame_period_s=1.0 / spec.rate_hz,
             to_light=straight_tone(spec),
+            tag_family=scene.tags.tag_family,
         )
 
     @property
@@ -218,9 +222,11 @@ def _los_edges(corners_D: Mapping[int, Array], los: LosSpec, port: str) -> tuple
             key=lambda found: found[0],
         )
         if distance > _EDGE_TOLERANCE_M:
+            x, y = corners_D[edge.tag_id][list(edge.corners), :2].mean(axis=0)
             raise SceneError(
                 f"los: no tag edge of {port} at setback_m {los.setback_m}, half_width_m {los.half_width_m}; "
-                f"the nearest is {1e3 * distance:.1f} mm away"
+                f"the nearest is {1e3 * distance:.1f} mm away, "
+                f"at setback_m {x:.4f}, half_width_m {abs(y):.4f}"
             )
         found.append(edge)
     return found[0], found[1]

@@ -9,7 +9,6 @@ from msrr_scenes.errors import nearest
 from msrr_scenes.loading.assembly_checks import assembly_problems
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.placement.placement import split_frame
-from msrr_scenes.specs.bodies import LAST_TAG
 from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
 from msrr_scenes.specs.plan import DockStep, PlanStep, UndockStep
 from msrr_scenes.specs.scene import Scene
@@ -178,9 +177,11 @@ def port_problems(scene: Scene) -> list[Problem]:
 
 def _tags_twice(scene: Scene) -> Iterator[Problem]:
     seen: dict[int, str] = {}
+    family = scene.tags.tag_family
     for path, owner, tag in _all_tags(scene):
-        if not 0 <= tag <= LAST_TAG:
-            yield Problem(path, f"{owner} has tag id {tag}; the family has 0 .. {LAST_TAG}")
+        if not 0 <= tag < family.ids:
+            text = f"{owner} has tag id {tag}; the family {family.name} has 0 .. {family.ids - 1}"
+            yield Problem(path, text)
         elif tag in seen:
             yield Problem(
                 path, f"{owner} has tag id {tag}, which {seen[tag]} has already; give it another one"

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from msrr_scenes.specs.spec import Coordinate, FileName, Name, PoseSpec, Size, Spec, Time
+from msrr_scenes.specs.tag_families import FAMILIES, TAG36H11, FamilyName, TagFamily
 from msrr_scenes.specs.tag_map import TagMapSpec
 
 TAGS_PER_UNIT = 10
 
-#: Number of units for which the tag family has ids.
+#: Number of units for which the default tag family has ids.
 MAX_UNITS = 50
 
-#: Highest id of the AprilTag family 36h11, which has 587 members.
-LAST_TAG = 586
-
-TagId = Annotated[int, Field(ge=0, le=LAST_TAG)]
+#: Of the largest family; whether the family of a scene has an id is checked with the scene.
+TagId = Annotated[int, Field(ge=0, lt=max(family.ids for family in FAMILIES.values()))]
 
 #: Height of the face of an obstacle's tag above the lid [m]: the thickness of the plate that carries the tag.
 TAG_PLATE_M = 0.002
@@ -33,16 +32,35 @@ class ArenaSpec(Spec):
 
 
 class TagsSpec(Spec):
-    """Family and sizes of the AprilTags on the units; a size is the edge of the black square."""
+    """Family and sizes of the AprilTags on the units; a size is the edge of the black square.
 
-    family: Literal["tag36h11"] = "tag36h11"
-    """AprilTag family of every tag."""
+    Prints of all families are of one size, so that they fit the unit, unless sizes are given.
+    """
+
+    family: FamilyName = "tag36h11"
+    """AprilTag family of every tag, those on obstacles included."""
     top_m: Size = 0.12
     """Edge of the tag on top of a unit [m]."""
     side_m: Size = 0.05
     """Edge of the left and the right tag of a port [m]."""
     mast_m: Size = 0.04
     """Edge of the middle tag of a port, on the mast [m]."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _prints_of_one_size(cls, values: Any) -> Any:
+        """Fill in the sizes that are not given, of a family that is not the default one."""
+        family = values.get("family") if isinstance(values, dict) else None
+        if not isinstance(family, str) or family not in FAMILIES or family == TAG36H11.name:
+            return values
+        share = TAG36H11.plate_ratio / FAMILIES[family].plate_ratio
+        sizes = {key: share * cls.model_fields[key].default for key in ("top_m", "side_m", "mast_m")}
+        return {**sizes, **values}
+
+    @property
+    def tag_family(self) -> TagFamily:
+        """What is known of the family."""
+        return FAMILIES[self.family]
 
     def size(self, slot: str) -> float:
         """Return the edge [m] of the black square of the tag on link ``slot``."""
@@ -73,7 +91,7 @@ class UnitSpec(Spec):
     """File name of the URDF: beside the scene file, in the working folder, or a shipped one."""
     pose: PoseSpec = PoseSpec()
     """Start pose."""
-    tag_ids: dict[str, TagId] = Field(default_factory=dict, max_length=LAST_TAG + 1)
+    tag_ids: dict[str, TagId] = Field(default_factory=dict, max_length=TAGS_PER_UNIT)
     """Tag ids that differ from those of the number, by link name."""
     markers: dict[Name, MarkerSpec] = Field(default_factory=dict, max_length=TAGS_PER_UNIT)
     """Markers of ports whose tags are where a map has them instead of the URDF, by port; everybody knows."""

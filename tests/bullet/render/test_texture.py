@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msrr_bullet.render.raster.texture import rectangles, texture_of
-from msrr_bullet.tag_print import plate_texture, tag_bitmap
+from msrr_bullet.tag_print import plate_texture
+from msrr_perception.detection.native_apriltag import tag_bitmap
 
 
 @given(st.integers(0, 586))
@@ -16,7 +17,7 @@ from msrr_bullet.tag_print import plate_texture, tag_bitmap
 def test_a_tag_is_kept_as_its_modules(tag: int) -> None:
     texture = texture_of(plate_texture(tag)[..., 0])
     assert texture.regions is not None
-    np.testing.assert_array_equal(texture.levels[0] > 0.5, tag_bitmap(tag))
+    np.testing.assert_array_equal(texture.levels[0] > 0.5, tag_bitmap("tag36h11", tag))
     np.testing.assert_array_equal(texture.region_grey[texture.regions], texture.levels[0])
 
 

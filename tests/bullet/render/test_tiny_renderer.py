@@ -15,12 +15,12 @@ from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.tiny_renderer import TinyRenderer, rotated_grid
 from msrr_bullet.simulation.tag_plates import write_plate
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
-from msrr_bullet.tag_print import PLATE_RATIO
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Choice
+from msrr_scenes.specs.tag_families import TAG36H11
 
 CAMERA = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
 R_DOWN = np.diag([1.0, -1.0, -1.0])  # image right is world x, image down is world -y
@@ -70,7 +70,7 @@ def test_pixels_lie_where_the_pinhole_model_says(
             [*rng.uniform(-0.12, 0.12, 2), rng.uniform(0.2, 0.8)], rng.uniform(-0.4, 0.4, 3)
         )
         pybullet.resetBasePositionAndOrientation(body, X_CT.p.tolist(), X_CT.quaternion_xyzw().tolist())
-        outline = CAMERA.project(X_CT.act(PLATE_RATIO * tag_corners(0.08)))
+        outline = CAMERA.project(X_CT.act(TAG36H11.plate_ratio * tag_corners(0.08)))
         window = Window.around(outline, 3)
         image = renderer.render(CAMERA, SE3(), window).astype(float)
         v, u = np.mgrid[window.y : window.y_end, window.x : window.x_end]

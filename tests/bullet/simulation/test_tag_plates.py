@@ -14,13 +14,14 @@ from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.renderer import RenderContext
 from msrr_bullet.render.tiny_renderer import TinyRenderer
 from msrr_bullet.simulation.tag_plates import load_tag_plate, write_plate
-from msrr_bullet.tag_print import PLATE_RATIO, plate_texture, tag_bitmap
+from msrr_bullet.tag_print import plate_texture
 from msrr_perception.detection.detector import PupilDetector
-from msrr_scenes.errors import GeometryError
+from msrr_perception.detection.native_apriltag import DetectorError, tag_bitmap
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import obj_vertices
 from msrr_scenes.geometry.unit_geometry import tag_corners
+from msrr_scenes.specs.tag_families import FAMILIES, TAG36H11
 
 #: First codes of tag36h11 as AprilTag 2 lists them: 36 bits, row by row from the top left, 1 is white.
 KNOWN_CODES = {0: 0xD5D628584, 1: 0xD97F18B49, 2: 0xDD280910E, 3: 0xE479E9C98, 4: 0xEBCBCA822}
@@ -50,7 +51,7 @@ def look_at(X_WT: SE3, distance: float) -> SE3:
 def test_bitmaps_are_the_published_codes(tag_id: int, code: int) -> None:
     bits = np.array([int(b) for b in f"{code:036b}"], dtype=bool).reshape(6, 6)
     expected = np.pad(np.pad(bits, 1), 1, constant_values=True)
-    np.testing.assert_array_equal(tag_bitmap(tag_id), expected)
+    np.testing.assert_array_equal(tag_bitmap("tag36h11", tag_id), expected)
 
 
 def test_textures_decode_upright_and_unmirrored() -> None:
@@ -66,14 +67,33 @@ def test_textures_decode_upright_and_unmirrored() -> None:
 
 @pytest.mark.parametrize("tag_id", [-1, 587])
 def test_ids_outside_the_family_are_refused(tag_id: int) -> None:
-    with pytest.raises(GeometryError, match=r"0 \.\. 586"):
-        tag_bitmap(tag_id)
+    with pytest.raises(DetectorError, match=r"0 \.\. 586"):
+        tag_bitmap("tag36h11", tag_id)
+
+
+LARGEST = ("tagCircle49h12", "tagCustom48h12", "tagStandard52h13")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(f, marks=[pytest.mark.nightly] if f in LARGEST else []) for f in FAMILIES]
+)
+def test_every_family_is_rendered_and_detected(name: str, client: int, tmp_path: Path) -> None:
+    """The last tag of a family, aslant: its id, the order of its corners, and where they are."""
+    family = FAMILIES[name]
+    X_WT = SE3.from_xyz_rpy([0.3, -0.2, 1.0], [0.4, -0.3, 0.7])
+    load_tag_plate(client, tmp_path, family.ids - 1, 0.1, X_WT, family)
+    X_TC = look_at(SE3.from_xyz_rpy([0.0, 0.0, 0.0], [0.4, -0.3, 0.2]), 0.4)
+    image = TinyRenderer(RenderContext(client, 4, GREY)).render(CAMERA, X_WT @ X_TC, CAMERA.frame)
+    (tag,) = PupilDetector(name).detect(image, CAMERA.frame)
+    assert (tag.tag_id, tag.hamming) == (family.ids - 1, 0)
+    expected = CAMERA.project(X_TC.inverse().act(tag_corners(0.1)))
+    np.testing.assert_allclose(tag.corners, expected, atol=0.15)
 
 
 def test_plate_is_a_quarter_larger_than_its_black_square(tmp_path: Path) -> None:
     mesh, texture = write_plate(tmp_path, "p", 0.08, 7)
     corners = obj_vertices(mesh)
-    np.testing.assert_allclose(corners, PLATE_RATIO * tag_corners(0.08), atol=1e-9)
+    np.testing.assert_allclose(corners, TAG36H11.plate_ratio * tag_corners(0.08), atol=1e-9)
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[1])
     assert normal[2] < 0.0  # the front faces z < 0
     assert texture.is_file()

@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from msrr_perception.detection.detector import FAMILIES, DetectorError, PupilDetector
+from msrr_perception.detection.detector import DetectorError, PupilDetector
 from msrr_perception.photographs.picture_files import picture_files, read_picture
 from msrr_perception.photographs.tag_finder import TagFinder
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels
+from msrr_scenes.specs.tag_families import FAMILIES
 
 
 def test_corners_are_those_of_the_picture(two_tags: Pixels, squares: dict[int, np.ndarray]) -> None:
@@ -55,9 +56,9 @@ def test_families_are_told_apart(family: str, dictionary: int) -> None:
         assert np.abs(edges - corner).max(axis=1).min() < 0.1
 
 
-@pytest.mark.nightly  # the library takes two minutes to list the codes of the largest families
+@pytest.mark.nightly  # eight families, searched for twice
 def test_every_family_can_be_searched_for(two_tags: Pixels) -> None:
-    ids = [(f.family, f.tag.tag_id) for f in TagFinder(FAMILIES).find(two_tags)]
+    ids = [(f.family, f.tag.tag_id) for f in TagFinder(tuple(FAMILIES)).find(two_tags)]
     assert ids == [("tag36h11", 3), ("tag36h11", 7)]
 
 

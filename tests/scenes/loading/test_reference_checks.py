@@ -23,7 +23,11 @@ from msrr_scenes.errors import SceneError
         ({"units.a.pose.frame": "b.top"}, "units.a.pose.frame", "Ports: front, rear, left, right"),
         ({"units.c.number": "0"}, "units.c.number", "2 is free"),
         ({"units.a.tag_ids": "{tag_top: 500}"}, "obstacles.post.tag_id", "which a/tag_top has already"),
-        ({"units.a.tag_ids": "{tag_top: 587}"}, "units.a.tag_ids.tag_top", "less than or equal to 586"),
+        (
+            {"units.a.tag_ids": "{tag_top: 587}"},
+            "units.a.tag_ids.tag_top",
+            "the family tag36h11 has 0 .. 586",
+        ),
         ({"units.a.tag_ids": "{tag_bottom: 3}"}, "units.a.tag_ids.tag_bottom", "Links with a tag"),
         ({"obstacles.post.tag_id": "11"}, "obstacles.post.tag_id", "which b/"),
         ({"arena.x_m": "[2, -2]"}, "arena.x_m", "[low, high]"),
