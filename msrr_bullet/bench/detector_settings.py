@@ -5,12 +5,15 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from types import MappingProxyType
 
 from msrr_bullet.bench.detection_metrics import Candidate, FullFrameReader, RecordingDetector
+from msrr_perception.detection.aruco_detector import ArucoDetector
 from msrr_perception.detection.detector import Detector, PupilDetector, default_search_detector
 from msrr_perception.detection.onboard_vision import FULL_FRAME_PERIOD, OnboardVision
 from msrr_perception.detection.overhead_vision import OVERHEAD_POLICY, OverheadVision
+from msrr_perception.detection.pyapriltags_detector import PyAprilTagsDetector
 from msrr_perception.detection.windows import DEFAULT_POLICY, WindowPolicy
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
@@ -53,8 +56,13 @@ _DETECTORS: Mapping[str, Callable[[], Detector]] = MappingProxyType(
         "decimation 2": lambda: PupilDetector(quad_decimate=LIBRARY_DECIMATION),
         "sharpening 0.25": lambda: PupilDetector(decode_sharpening=LIBRARY_SHARPENING),
         "raw corners": lambda: PupilDetector(refine=False),
+        "OpenCV's ArUco": ArucoDetector,
     }
 )
+
+#: Detectors by way of other libraries in our windows, by label; those that are installed.
+if find_spec("pyapriltags") is not None:
+    _DETECTORS = MappingProxyType({**_DETECTORS, "pyapriltags": PyAprilTagsDetector})
 
 #: Our windows on board with one setting changed, by label.
 _POLICIES: Mapping[str, WindowPolicy] = MappingProxyType(

@@ -6,20 +6,18 @@ from copy import copy
 from dataclasses import replace
 from typing import Protocol
 
-import numpy as np
-
 from msrr_perception.detection import native_apriltag
+from msrr_perception.detection.aruco_detector import ArucoDetector
 from msrr_perception.detection.checked_tags import checked_tags
 from msrr_perception.detection.native_apriltag import DetectorError, NativeSettings
-from msrr_perception.kernels.edges import refine_corners
-from msrr_perception.kernels.lens import NO_LENS, optic_of
+from msrr_perception.detection.pyapriltags_detector import PyAprilTagsDetector
+from msrr_perception.detection.refining_detector import RefiningDetector, check_ranges
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.guarded import of_the_same_kind
 from msrr_scenes.messages import Pixels, TagDetection
-from msrr_scenes.registry import ExtensionPoint, build, is_import_path, out_of_range
+from msrr_scenes.registry import ExtensionPoint, build, is_import_path
 from msrr_scenes.specs.scene import Scene
-from msrr_scenes.specs.tag_families import FAMILIES
 
 __all__ = [
     "DETECTORS",
@@ -40,21 +38,6 @@ LARGE_TAG_PX = 26.0
 #: Contrast of a 4 px tile below which the search skips it [grey levels]. Tags have about 200; a limit near
 #: the noise lets every tile through, and the search takes 50 times longer.
 _SEARCH_CONTRAST = 90
-
-#: Smaller images hold no tag and make the library's tiles degenerate [px].
-_SMALLEST_EDGE_PX = 8
-
-
-#: Ranges of the parameters: at a sixteenth of the resolution, or blurred by 20 px, a tag of the port is
-#: gone, ten times the library's sharpening saturates, codes are eleven bits apart, and greys are bytes.
-_RANGES = {
-    "quad_decimate": (1.0, 16.0),
-    "quad_sigma": (0.0, 20.0),
-    "decode_sharpening": (0.0, 10.0),
-    "min_white_black_diff": (1, 255),
-    "max_hamming": (0, 5),
-    "min_decision_margin": (0.0, 255.0),
-}
 
 
 class Detector(Protocol):
@@ -87,19 +70,13 @@ def for_lens(detector: Detector, lens: Lens) -> Detector:
     return detector if make is None else make(lens)
 
 
-class PupilDetector:
+class PupilDetector(RefiningDetector):
     """An AprilTag 3 detector by way of pupil-apriltags.
 
     All instances of a process share one native detector (see
     :mod:`msrr_perception.detection.native_apriltag`).
 
     Attributes:
-        family: Tag family.
-        max_hamming: Number of corrected bits above which a detection is dropped.
-        min_decision_margin: Decision margin below which a detection is dropped [grey levels].
-        refine: Whether corners are refined by :func:`msrr_perception.kernels.edges.refine_corners`. If so, a
-            tag whose edges cannot be measured is dropped: at the edge of a window its corners are up to 1 px
-            off, for the border that the library follows is cut.
         settings: Settings of the native detector.
     """
 
@@ -121,18 +98,8 @@ class PupilDetector:
         Raises:
             DetectorError: A parameter is out of its range.
         """
-        if max_hamming is None:
-            max_hamming = FAMILIES[family].corrected_bits if family in FAMILIES else 0
-        wrong = out_of_range(_RANGES, locals())
-        if wrong is None and family not in FAMILIES:
-            wrong = f"family has to be one of {', '.join(FAMILIES)}, found {family!r:.40}"
-        if wrong is not None:
-            raise DetectorError(wrong)
-        self.family = family
-        self.max_hamming = max_hamming
-        self.min_decision_margin = min_decision_margin
-        self.refine = refine
-        self._optic = NO_LENS
+        check_ranges(locals())
+        super().__init__(family, max_hamming, min_decision_margin, refine)
         self.settings = NativeSettings(
             quad_decimate, quad_sigma, decode_sharpening, int(min_white_black_diff)
         )
@@ -149,34 +116,9 @@ class PupilDetector:
         quick.settings = replace(self.settings, quad_decimate=2.0)
         return quick
 
-    def for_lens(self, lens: Lens) -> PupilDetector:
-        """Return a detector that refines corners along edges which are straight without the lens."""
-        behind = copy(self)
-        behind._optic = optic_of(lens)
-        return behind
-
-    def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
-        """Return the tags of one window; see :meth:`Detector.detect`."""
-        if pixels.shape != (window.height, window.width):
-            raise DetectorError(f"{pixels.shape} pixels do not fill a window of {window}")
-        if min(pixels.shape) < _SMALLEST_EDGE_PX:
-            return ()
-        found = [
-            t
-            for t in native_apriltag.detect(pixels, self.family, self.settings)
-            if t.hamming <= self.max_hamming and t.decision_margin >= self.min_decision_margin
-        ]
-        if not found:
-            return ()
-        found.sort(key=lambda t: (t.tag_id, -t.decision_margin))
-        corners = np.stack([t.corners for t in found])
-        measured = np.ones(len(found), dtype=np.bool_)
-        if self.refine:
-            own = self._optic._replace(cx=self._optic.cx - window.x, cy=self._optic.cy - window.y)
-            shown = np.invert(pixels) if FAMILIES[self.family].white_inside else pixels
-            corners, measured = refine_corners(shown, corners, own)
-        corners += [window.x, window.y]
-        return tuple(replace(t, corners=c) for t, c, ok in zip(found, corners, measured, strict=True) if ok)
+    def find(self, pixels: Pixels) -> list[TagDetection]:
+        """Return the tags as the library finds them; see :meth:`RefiningDetector.find`."""
+        return native_apriltag.detect(pixels, self.family, self.settings)
 
 
 def default_search_detector(family: str = "tag36h11") -> Detector:
@@ -185,7 +127,7 @@ def default_search_detector(family: str = "tag36h11") -> Detector:
 
 
 DETECTORS: ExtensionPoint[Detector] = ExtensionPoint(
-    {"pupil": PupilDetector},
+    {"pupil": PupilDetector, "pyapriltags": PyAprilTagsDetector, "aruco": ArucoDetector},
     methods={"detect": checked_tags},
     optional={"for_large_tags": of_the_same_kind, "for_lens": of_the_same_kind},
 )

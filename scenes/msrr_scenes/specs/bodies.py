@@ -15,8 +15,10 @@ TAGS_PER_UNIT = 10
 #: Number of units for which the default tag family has ids.
 MAX_UNITS = 50
 
-#: Of the largest family; whether the family of a scene has an id is checked with the scene.
-TagId = Annotated[int, Field(ge=0, lt=max(family.ids for family in FAMILIES.values()))]
+#: Number of tags of the largest family; whether the family of a scene has an id is checked with the scene.
+MOST_TAGS = max(family.ids for family in FAMILIES.values())
+
+TagId = Annotated[int, Field(ge=0, lt=MOST_TAGS)]
 
 #: Height of the face of an obstacle's tag above the lid [m]: the thickness of the plate that carries the tag.
 TAG_PLATE_M = 0.002
@@ -91,7 +93,7 @@ class UnitSpec(Spec):
     """File name of the URDF: beside the scene file, in the working folder, or a shipped one."""
     pose: PoseSpec = PoseSpec()
     """Start pose."""
-    tag_ids: dict[str, TagId] = Field(default_factory=dict, max_length=TAGS_PER_UNIT)
+    tag_ids: dict[str, TagId] = Field(default_factory=dict, max_length=MOST_TAGS)
     """Tag ids that differ from those of the number, by link name."""
     markers: dict[Name, MarkerSpec] = Field(default_factory=dict, max_length=TAGS_PER_UNIT)
     """Markers of ports whose tags are where a map has them instead of the URDF, by port; everybody knows."""

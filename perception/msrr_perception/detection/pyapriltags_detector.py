@@ -1,0 +1,66 @@
+"""The newer AprilTag 3 library of the optional package pyapriltags."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from msrr_perception.detection.native_apriltag import EDGE_TO_CENTRE_PX, DetectorError
+from msrr_perception.detection.refining_detector import RefiningDetector, check_ranges
+from msrr_scenes.messages import Pixels, TagDetection
+
+
+class PyAprilTagsDetector(RefiningDetector):
+    """An AprilTag 3 detector by way of pyapriltags, whose corners are its own unless they are refined.
+
+    All instances of a process share one native detector of a family.
+    """
+
+    def __init__(
+        self,
+        family: str = "tag36h11",
+        quad_decimate: float = 1.0,
+        quad_sigma: float = 0.0,
+        decode_sharpening: float = 1.0,
+        max_hamming: int | None = None,
+        min_decision_margin: float = 10.0,
+        refine: bool = False,
+    ) -> None:
+        """Create a detector; parameters are those of :class:`NativeSettings`.
+
+        Raises:
+            DetectorError: A parameter is out of its range, or pyapriltags is not installed.
+        """
+        check_ranges(locals())
+        super().__init__(family, max_hamming, min_decision_margin, refine)
+        self._settings = {
+            "quad_decimate": quad_decimate,
+            "quad_sigma": quad_sigma,
+            "decode_sharpening": decode_sharpening,
+        }
+        _native(os.getpid(), family)
+
+    def find(self, pixels: Pixels) -> list[TagDetection]:
+        """Return the tags as the library finds them; see :meth:`RefiningDetector.find`."""
+        native = _native(os.getpid(), self.family)
+        for name, value in self._settings.items():
+            setattr(native.tag_detector_ptr.contents, name, value)
+        return [
+            TagDetection(t.tag_id, np.array(t.corners) - EDGE_TO_CENTRE_PX, t.decision_margin, t.hamming)
+            for t in native.detect(np.ascontiguousarray(pixels))
+        ]
+
+
+# Detectors are kept to the end of the process, as those of the other wrapper are.
+@cache
+def _native(process: int, family: str) -> Any:
+    try:
+        import pyapriltags
+    except ModuleNotFoundError:
+        raise DetectorError(
+            "detector 'pyapriltags' needs the package pyapriltags: pip install 'msrr-bullet[pyapriltags]'"
+        ) from None
+    return pyapriltags.Detector(families=family, nthreads=1)

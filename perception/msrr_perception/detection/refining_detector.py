@@ -1,0 +1,109 @@
+"""What AprilTag detectors have in common, by whichever library they find tags."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import replace
+from typing import Self
+
+import numpy as np
+
+from msrr_perception.detection.native_apriltag import DetectorError
+from msrr_perception.kernels.edges import refine_corners
+from msrr_perception.kernels.lens import NO_LENS, optic_of
+from msrr_scenes.geometry.lens import Lens
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.messages import Pixels, TagDetection
+from msrr_scenes.registry import out_of_range
+from msrr_scenes.specs.tag_families import FAMILIES
+
+#: Smaller images hold no tag and make the library's tiles degenerate [px].
+_SMALLEST_EDGE_PX = 8
+
+
+#: Ranges of the parameters: at a sixteenth of the resolution, or blurred by 20 px, a tag of the port is
+#: gone, ten times the library's sharpening saturates, codes are eleven bits apart, and greys are bytes.
+_RANGES = {
+    "quad_decimate": (1.0, 16.0),
+    "quad_sigma": (0.0, 20.0),
+    "decode_sharpening": (0.0, 10.0),
+    "min_white_black_diff": (1, 255),
+    "max_hamming": (0, 5),
+    "min_decision_margin": (0.0, 255.0),
+}
+
+
+def check_ranges(parameters: Mapping[str, object]) -> None:
+    """Check the parameters of a detector by their names; others are passed over, and ``None`` is a default.
+
+    Raises:
+        DetectorError: A parameter is out of its range.
+    """
+    given = {name: value for name, value in parameters.items() if name in _RANGES and value is not None}
+    wrong = out_of_range({name: _RANGES[name] for name in given}, given)
+    if wrong is not None:
+        raise DetectorError(wrong)
+
+
+class RefiningDetector(ABC):
+    """A detector of one tag family that refines the corners which a library finds, unless it is told not to.
+
+    Attributes:
+        family: Tag family.
+        max_hamming: Number of corrected bits above which a detection is dropped.
+        min_decision_margin: Decision margin below which a detection is dropped [grey levels].
+        refine: Whether corners are refined by :func:`msrr_perception.kernels.edges.refine_corners`. If so, a
+            tag whose edges cannot be measured is dropped: at the edge of a window its corners are up to 1 px
+            off, for the border that the library follows is cut.
+    """
+
+    def __init__(
+        self, family: str, max_hamming: int | None, min_decision_margin: float, refine: bool
+    ) -> None:
+        """Create a detector; without ``max_hamming`` as many bits are corrected as the family allows.
+
+        Raises:
+            DetectorError: There is no such family.
+        """
+        if family not in FAMILIES:
+            raise DetectorError(f"family has to be one of {', '.join(FAMILIES)}, found {family!r:.40}")
+        self.family = family
+        self.max_hamming = FAMILIES[family].corrected_bits if max_hamming is None else max_hamming
+        self.min_decision_margin = min_decision_margin
+        self.refine = refine
+        self._optic = NO_LENS
+
+    @abstractmethod
+    def find(self, pixels: Pixels) -> list[TagDetection]:
+        """Return the tags in mono8 ``pixels`` as the library finds them, corners in pixels of this image."""
+
+    def for_lens(self, lens: Lens) -> Self:
+        """Return a detector that refines corners along edges which are straight without the lens."""
+        behind = copy(self)
+        behind._optic = optic_of(lens)
+        return behind
+
+    def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
+        """Return the tags of one window; see :meth:`msrr_perception.detection.detector.Detector.detect`."""
+        if pixels.shape != (window.height, window.width):
+            raise DetectorError(f"{pixels.shape} pixels do not fill a window of {window}")
+        if min(pixels.shape) < _SMALLEST_EDGE_PX:
+            return ()
+        found = [
+            t
+            for t in self.find(pixels)
+            if t.hamming <= self.max_hamming and t.decision_margin >= self.min_decision_margin
+        ]
+        if not found:
+            return ()
+        found.sort(key=lambda t: (t.tag_id, -t.decision_margin))
+        corners = np.stack([t.corners for t in found])
+        measured = np.ones(len(found), dtype=np.bool_)
+        if self.refine:
+            own = self._optic._replace(cx=self._optic.cx - window.x, cy=self._optic.cy - window.y)
+            shown = np.invert(pixels) if FAMILIES[self.family].white_inside else pixels
+            corners, measured = refine_corners(shown, corners, own)
+        corners += [window.x, window.y]
+        return tuple(replace(t, corners=c) for t, c, ok in zip(found, corners, measured, strict=True) if ok)

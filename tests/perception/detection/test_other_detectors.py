@@ -1,0 +1,100 @@
+"""Detectors by way of other libraries: order and place of corners, corrected bits, names in scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+from msrr_perception.detection.aruco_detector import ArucoDetector
+from msrr_perception.detection.detector import DETECTORS, Detector, PupilDetector, scene_detector
+from msrr_perception.detection.native_apriltag import DetectorError, tag_bitmap
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.messages import Pixels
+from msrr_scenes.registry import build
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import Choice
+
+WINDOW = Window(0, 0, 160, 160)
+SQUARE = np.array([[48.0, 112.0], [112.0, 112.0], [112.0, 48.0], [48.0, 48.0]])
+
+needs_pyapriltags = pytest.mark.skipif(find_spec("pyapriltags") is None, reason="an extra, not installed")
+
+
+@pytest.mark.parametrize(
+    ("name", "params", "rms_px"),
+    [
+        ("pupil", {"refine": False}, 0.12),
+        ("aruco", {}, 0.25),
+        ("aruco", {"corner_refinement": "apriltag"}, 0.3),
+        ("aruco", {"refine": True}, 0.01),
+        pytest.param("pyapriltags", {}, 0.05, marks=needs_pyapriltags),
+        pytest.param("pyapriltags", {"refine": True}, 0.01, marks=needs_pyapriltags),
+    ],
+)
+def test_corners_come_in_the_order_of_the_tag_and_count_from_pixel_centres(
+    name: str, params: dict, rms_px: float, plate: Callable[..., Pixels], warp: Callable[..., Pixels]
+) -> None:
+    """A tag of 64 px at known pixels, 20 times: half a pixel, a turn or a mirror would all show."""
+    detector: Detector = build("detector", Choice(name=name, params=params), DETECTORS)
+    rng, errors = np.random.default_rng(0), []
+    for _ in range(20):
+        square = SQUARE + rng.uniform(0.0, 2.0, 2) + rng.normal(0.0, 1.0, (4, 2))
+        (found,) = detector.detect(warp(WINDOW, [(plate(7), square)]), WINDOW)
+        assert (found.tag_id, found.hamming) == (7, 0)
+        assert found.decision_margin > 50.0
+        errors.append(found.corners - square)
+    assert np.abs(np.mean(errors, axis=(0, 1))).max() < 0.1
+    assert np.sqrt(np.mean(np.square(errors))) < rms_px
+
+
+def damaged(plate: Callable[..., Pixels], bits: int) -> Pixels:
+    """Return the print of tag 7 with some wrong modules."""
+    out = plate(7).copy()
+    for k in range(bits):
+        row, column = 24 * (3 + k), 24 * (4 + k)
+        out[row : row + 24, column : column + 24] ^= 255
+    return out
+
+
+@pytest.mark.parametrize("detector", [PupilDetector, ArucoDetector])
+def test_wrong_bits_are_counted_and_bounded(
+    detector: Callable[..., Detector], plate: Callable[..., Pixels], warp: Callable[..., Pixels]
+) -> None:
+    for bits, kept in ((0, True), (1, True), (2, False)):
+        image = warp(WINDOW, [(damaged(plate, bits), SQUARE)])
+        found = detector().detect(image, WINDOW)
+        assert [(t.tag_id, t.hamming) for t in found] == ([(7, bits)] if kept else [])
+    assert len(detector(max_hamming=2).detect(image, WINDOW)) == 1
+
+
+@pytest.mark.parametrize("family", ["tag16h5", "tag25h9"])
+def test_opencv_reads_the_families_that_it_knows(family: str, warp: Callable[..., Pixels]) -> None:
+    """The prints of the AprilTag library are the same tags, turned the same way, in OpenCV's dictionaries."""
+    bits = tag_bitmap(family, 5).astype(np.uint8) * 255
+    n, edge = len(bits), 8 * (len(bits) - 2)
+    image = np.pad(np.kron(bits, np.ones((8, 8), np.uint8)), 24, constant_values=255)
+    (found,) = ArucoDetector(family).detect(image, Window(0, 0, 8 * n + 48, 8 * n + 48))
+    assert (found.tag_id, found.hamming) == (5, 0)
+    expected = 31.5 + edge * np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
+    np.testing.assert_allclose(found.corners, expected, atol=0.5)
+
+
+def test_a_scene_names_them_and_mistakes_are_named(scene: Scene) -> None:
+    def with_detector(name: str, **params: object) -> Scene:
+        control = scene.control.model_copy(update={"detector": Choice(name=name, params=params)})
+        return scene.model_copy(update={"control": control})
+
+    assert isinstance(scene_detector(with_detector("aruco", corner_refinement="none")), ArucoDetector)
+    with pytest.raises(DetectorError, match="corner_refinement of detector 'aruco' has to be one of none"):
+        scene_detector(with_detector("aruco", corner_refinement="best"))
+    with pytest.raises(DetectorError, match="family of detector 'aruco' has to be one of tag16h5"):
+        scene_detector(with_detector("aruco", family="tagStandard41h12"))
+
+
+@pytest.mark.skipif(find_spec("pyapriltags") is not None, reason="the extra is installed")
+def test_a_missing_extra_is_named_with_the_mend() -> None:
+    with pytest.raises(DetectorError, match=r"pip install 'msrr-bullet\[pyapriltags\]'"):
+        build("detector", Choice(name="pyapriltags"), DETECTORS)
