@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from pydantic import BaseModel
 from rich.box import SIMPLE_HEAD
@@ -11,6 +12,7 @@ from rich.table import Table
 from msrr_bullet.bench.detection_metrics import LARGE_EDGE_PX, DetectionRow
 from msrr_bullet.bench.onboard_views import DISTANCES_M, measure_onboard
 from msrr_bullet.bench.overhead_views import EXPOSURES, measure_overhead, module_sizes
+from msrr_bullet.bench.photograph_benchmark import PhotographRow, benchmark_photographs
 from msrr_bullet.trial.versions import package_versions
 
 #: Read noise [grey levels] and blur [px] of the harder case.
@@ -49,6 +51,7 @@ class DetectionBenchmark(BaseModel, frozen=True):
         onboard_hard: Docking unit's camera with more noise and blur.
         overhead: Overhead camera of scene ``two_obstacles``.
         overhead_hard: Overhead camera with more noise and blur.
+        photographs: Detectors on photographs; none unless they were given.
         versions: Versions of the packages.
     """
 
@@ -56,6 +59,7 @@ class DetectionBenchmark(BaseModel, frozen=True):
     onboard_hard: DetectionCase
     overhead: DetectionCase
     overhead_hard: DetectionCase
+    photographs: tuple[PhotographRow, ...]
     versions: dict[str, str]
 
     @property
@@ -74,6 +78,7 @@ def benchmark_detection(
     views: int = 20,
     arrangements: int = 4,
     exposures: int = EXPOSURES,
+    photographs: Path | None = None,
     observer: Callable[[str], None] = lambda _: None,
 ) -> DetectionBenchmark:
     """Compare the settings.
@@ -83,8 +88,13 @@ def benchmark_detection(
         views: Views from the docking unit's camera for each stratum of distance.
         arrangements: Arrangements of bodies below the overhead camera.
         exposures: Exposures of each arrangement.
+        photographs: Folder of photographs and the list of their tags; None without.
         observer: Called with the name of what is measured next.
+
+    Raises:
+        PictureError: The photographs or their list cannot be read.
     """
+    on_photographs = () if photographs is None else benchmark_photographs(photographs, observer)
     near, far = DISTANCES_M[0], DISTANCES_M[-1]
     small, large = module_sizes()
     onboard = f"Onboard, {near:g} to {far:g} m"
@@ -105,13 +115,17 @@ def benchmark_detection(
         onboard_hard=DetectionCase(title=f"{onboard}, {hard}", rows=harder),
         overhead=DetectionCase(title=f"{overhead}, as drawn", rows=above),
         overhead_hard=DetectionCase(title=f"{overhead}, {hard}", rows=above_harder),
+        photographs=on_photographs,
         versions=package_versions(),
     )
 
 
 def detection_tables(report: DetectionBenchmark) -> tuple[Table, ...]:
     """Return the report as tables for a terminal: for each case what is found, and how exact it is."""
-    return tuple(table for case in report.cases for table in (_recall_table(case), _accuracy_table(case)))
+    tables = [table for case in report.cases for table in (_recall_table(case), _accuracy_table(case))]
+    if report.photographs:
+        tables.append(_photograph_table(report.photographs))
+    return tuple(tables)
 
 
 def _recall_table(case: DetectionCase) -> Table:
@@ -149,6 +163,25 @@ def _accuracy_table(case: DetectionCase) -> Table:
     ]
     table = _table(f"{case.title}: accuracy", columns, rows)
     table.caption = f"large tags: every edge above {LARGE_EDGE_PX:g} px"
+    return table
+
+
+def _photograph_table(rows: Sequence[PhotographRow]) -> Table:
+    columns = "found", "false", "compared", "corner RMS", "median [px]", "time [ms]"
+    texts = [
+        (
+            row.detector,
+            f"{row.found} of {row.tags}",
+            str(row.false),
+            str(row.aligned),
+            _number(row.rms_px, ".3f"),
+            _number(row.median_px, ".3f"),
+            f"{row.ms:.1f}",
+        )
+        for row in rows
+    ]
+    table = _table("Photographs", columns, texts)
+    table.caption = "corners: RMS of a coordinate, median distance, from the whole pattern's alignment"
     return table
 
 

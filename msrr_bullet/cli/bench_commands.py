@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Protocol
 
@@ -30,9 +31,20 @@ class _Report(Protocol):
 _Bench = Callable[[Callable[[str], None]], tuple[_Report, Iterable[Table]]]
 
 
-def bench(target: Target, json_file: JsonFile = None, overrides: Overrides = None) -> None:
+def bench(
+    target: Target,
+    json_file: JsonFile = None,
+    overrides: Overrides = None,
+    photographs: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Photographs and their tags.txt, for the bench of the detection."),
+    ] = None,
+) -> None:
     """Measure a trial and the naive loop of the same scene, or the renderers, or the detector's settings."""
-    benchmark = {"cameras": _cameras, "detection": _detection}.get(target)
+    if photographs is not None and target != "detection":
+        raise SceneError(f"--photographs: msrr bench {target} reads none, msrr bench detection does")
+    named: dict[str, _Bench] = {"cameras": _cameras, "detection": partial(_detection, photographs)}
+    benchmark = named.get(target)
     if benchmark is not None and overrides:
         raise SceneError(f"msrr bench {target}: --set applies to scenes only")
     run = benchmark or _scene(target, parse_overrides(overrides))
@@ -67,8 +79,10 @@ def _cameras(on_progress: Callable[[str], None]) -> tuple[_Report, Iterable[Tabl
     return report, renderer_tables(report)
 
 
-def _detection(on_progress: Callable[[str], None]) -> tuple[_Report, Iterable[Table]]:
+def _detection(
+    photographs: Path | None, on_progress: Callable[[str], None]
+) -> tuple[_Report, Iterable[Table]]:
     from msrr_bullet.bench.detection_benchmark import benchmark_detection, detection_tables
 
-    report = benchmark_detection(observer=on_progress)
+    report = benchmark_detection(photographs=photographs, observer=on_progress)
     return report, detection_tables(report)
