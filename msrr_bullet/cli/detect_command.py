@@ -197,6 +197,7 @@ def _detection(found: FoundTag, poses: Sequence[TagPose], scale: float) -> dict[
         "id": tag.tag_id,
         "family": found.family,
         "corners": tag.corners.tolist(),
+        "corner_sigma_px": None if tag.corner_sigma_px is None else tag.corner_sigma_px.tolist(),
         "margin": tag.decision_margin,
         "hamming": tag.hamming,
         "refined": found.refined,

@@ -27,7 +27,8 @@ def checked_tags(result: object, pixels: Pixels, window: Window) -> tuple[TagDet
 
     Raises:
         ValueError: They are not tags, their corners are not four finite points of the full frame inside the
-            window, or the corners do not run around the tag as a camera sees it.
+            window, the corners do not run around the tag as a camera sees it, or their standard deviations
+            are not four positive numbers.
     """
     if not isinstance(result, tuple | list):
         wrong(result, "a tuple of TagDetections")
@@ -43,7 +44,16 @@ def _checked_tag(tag: object, window: Window) -> TagDetection:
     if not isinstance(tag.decision_margin, Real) or not math.isfinite(tag.decision_margin):
         wrong(tag.decision_margin, "a decision_margin that is a finite number")
     corners = _checked_corners(np.asarray(tag.corners), window)
-    return TagDetection(int(tag.tag_id), corners, float(tag.decision_margin), int(tag.hamming))
+    sigma = None if tag.corner_sigma_px is None else _checked_sigma(np.asarray(tag.corner_sigma_px))
+    return TagDetection(int(tag.tag_id), corners, float(tag.decision_margin), int(tag.hamming), sigma)
+
+
+def _checked_sigma(sigma: Array) -> Array:
+    if sigma.shape != (4,) or sigma.dtype.kind not in "fiu":
+        raise ValueError(f"corner_sigma_px of shape {sigma.shape}; expected numbers of shape (4,), or None")
+    if not (np.isfinite(sigma) & (sigma > 0.0)).all():
+        wrong(sigma.tolist(), "a corner_sigma_px of positive, finite numbers")
+    return sigma.astype(float)
 
 
 def _checked_corners(corners: Array, window: Window) -> Array:

@@ -99,11 +99,14 @@ class RefiningDetector(ABC):
         if not found:
             return ()
         found.sort(key=lambda t: (t.tag_id, -t.decision_margin))
-        corners = np.stack([t.corners for t in found])
-        measured = np.ones(len(found), dtype=np.bool_)
-        if self.refine:
-            own = self._optic._replace(cx=self._optic.cx - window.x, cy=self._optic.cy - window.y)
-            shown = np.invert(pixels) if FAMILIES[self.family].white_inside else pixels
-            corners, measured = refine_corners(shown, corners, own)
-        corners += [window.x, window.y]
-        return tuple(replace(t, corners=c) for t, c, ok in zip(found, corners, measured, strict=True) if ok)
+        offset = np.array([window.x, window.y])
+        if not self.refine:
+            return tuple(replace(t, corners=t.corners + offset) for t in found)
+        own = self._optic._replace(cx=self._optic.cx - window.x, cy=self._optic.cy - window.y)
+        shown = np.invert(pixels) if FAMILIES[self.family].white_inside else pixels
+        refined = refine_corners(shown, np.stack([t.corners for t in found]), own)
+        return tuple(
+            replace(tag, corners=corners + offset, corner_sigma_px=sigma)
+            for tag, corners, measured, sigma in zip(found, *refined, strict=True)
+            if measured
+        )

@@ -22,7 +22,7 @@ from msrr_perception.kernels.corners import (
     gate_distances,
     roots_of_covariance,
 )
-from msrr_perception.pose.corner_errors import BY_OFFSET, BY_SLOPE
+from msrr_perception.pose.corner_errors import BY_OFFSET, BY_SLOPE, surplus
 from msrr_perception.pose.corner_fit import equally_good, fit_corners
 from msrr_perception.pose.joint_pose import CornerNoise, JointPose, consistent_pose, good_fit
 from msrr_perception.pose.target import TargetModel, pose_vector
@@ -174,22 +174,26 @@ class CornerUpdate:
         layout, rates = self._layout, np.zeros(3) if rates is None else rates
         which = np.array([layout.index[t.tag_id] for t in tags], dtype=np.int64)
         corners = np.array([t.corners for t in tags], dtype=np.float64).reshape(-1, 8)
-        return Seen(
-            which, corners, self._roots(which, corners, state, rates, self._variances(corners, scale)), rates
-        )
+        variances = self._variances(tags, corners, scale)
+        return Seen(which, corners, self._roots(which, corners, state, rates, variances), rates)
 
-    def _variances(self, corners: Array, scale: float) -> CornerVariances:
-        """Return the variances of the corners of tags, shape (K, 8), with a factor on all of them."""
+    def _variances(self, tags: Sequence[TagDetection], corners: Array, scale: float) -> CornerVariances:
+        """Return the variances of the corners of tags, shape (K, 8), with a factor on those by data sheet.
+
+        A corner that scatters more by what the image shows of its edges counts by that.
+        """
         if self._sigma_px is not None:
-            return CornerVariances(np.zeros(len(corners)), np.zeros(len(corners)), scale * self._sigma_px**2)
+            return _equal(len(corners), scale * self._sigma_px**2)
         errors, noise, place = self._target.corner_errors, [], []
-        for au, av, bu, bv, cu, cv, du, dv in corners.tolist():
+        rest = np.full((len(corners), 4), scale * _REST_PX**2)
+        for k, (au, av, bu, bv, cu, cv, du, dv) in enumerate(corners.tolist()):
             area = 0.5 * abs((cu - au) * (dv - bv) - (cv - av) * (du - bu))
             edge_px = math.sqrt(max(area, 1.0))
             by_border = _LASTING_FRAMES * errors.border_px(edge_px) ** 2
             noise.append(scale * (errors.frame_px(edge_px) ** 2 + by_border))
             place.append(scale * errors.sampling_px(edge_px) ** 2)
-        return CornerVariances(np.array(noise), np.array(place), scale * _REST_PX**2)
+            rest[k] += surplus(tags[k].corner_sigma_px, scale * errors.corner_variance(edge_px))
+        return CornerVariances(np.array(noise), np.array(place), rest)
 
     def _roots(
         self,
@@ -251,9 +255,14 @@ class CornerUpdate:
             return good_fit(pose.chi2, len(pose.tags))
         used = equally_good(self._layout, tags, self._noise.corner_sigma_px)
         state = self._at(pose_vector(pose.X_DU, pose.pitch, pose.roll))
-        none = np.zeros(len(tags))
-        variances = CornerVariances(none, none, self._noise.corner_sigma_px**2)
+        variances = _equal(len(tags), self._noise.corner_sigma_px**2)
         roots = self._roots(used.which, used.corners, state, np.zeros(3), variances)
         r, J = derivatives(self._target.optics, self._layout.tags, used._replace(roots=roots), state)
         J = J[:, self._layout.first :] * self._layout.prior
         return good_fit(float(r @ np.linalg.solve(np.eye(len(r)) + J @ J.T, r)), len(tags))
+
+
+def _equal(count: int, variance: float) -> CornerVariances:
+    """Return one variance [px^2] of each coordinate of all corners, which are independent."""
+    none = np.zeros(count)
+    return CornerVariances(none, none, np.full((count, 4), variance))

@@ -33,7 +33,7 @@ class CornerVariances(NamedTuple):
 
     noise: Array  # (K,) of a cross section of an edge, drawn anew in every exposure
     place: Array  # (K,) of a cross section, by where the edge lies between pixels
-    rest: float  # of each coordinate, independent of all others
+    rest: Array  # (K, 4) of each coordinate of a corner, independent of all others
 
 
 @kernel
@@ -77,7 +77,7 @@ def roots_of_covariance(
             speed = J[r, 0] * rates[0] + J[r, 1] * rates[1] + J[r, 2] * rates[2]
             moved = max(moved, abs(speed) * period)
             for q in range(8):
-                S[r, q] = variances.rest if r == q else 0.0
+                S[r, q] = variances.rest[t, r // 2] if r == q else 0.0
         repeated = min(max(_ANOTHER_PLACE_PX / max(moved, 1e-9), 1.0), _MOST_REPEATED)
         section = variances.noise[t] + repeated * variances.place[t]
         same = section * (by_offset * by_offset + by_slope * by_slope)

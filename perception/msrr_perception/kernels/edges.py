@@ -12,11 +12,13 @@ the two sides and shifts the edge. Therefore a cross section ends in the middle 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msrr_perception.kernels.compiled import inlined, kernel
+from msrr_perception.kernels.edge_errors import section_variance
 from msrr_perception.kernels.lens import NO_LENS, Optic, distorted, undistorted
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
@@ -53,38 +55,55 @@ _STEP = (1.0 - 2.0 * END_SHARE) / (SECTIONS - 1)
 SQUARES = _STEP * _STEP * SECTIONS * (SECTIONS * SECTIONS - 1) / 12.0
 
 
-def refine_corners(pixels: Pixels, corners: Array, optic: Optic = NO_LENS) -> tuple[Array, NDArray[np.bool_]]:
-    """Return tag corners moved to the intersections of the tags' edges, and which tags could be measured.
+#: Variance of the place of an edge at either of its ends, by that of a cross section.
+BY_SECTION = 1.0 / SECTIONS + 0.25 / SQUARES
+
+
+class RefinedCorners(NamedTuple):
+    """Corners of T tags, measured as intersections of edges.
+
+    Attributes:
+        corners: Corners, shape (T, 4, 2) [px].
+        measured: For each tag whether its corners were measured, shape (T,). A tag that has an edge with too
+            little contrast, too near the image's border, or too far from where it should be keeps its
+            corners.
+        sigma_px: Standard deviation of each coordinate of a corner, shape (T, 4) [px], by what the image
+            shows of its two edges; NaN of a tag that was not measured.
+    """
+
+    corners: Array
+    measured: NDArray[np.bool_]
+    sigma_px: Array
+
+
+def refine_corners(pixels: Pixels, corners: Array, optic: Optic = NO_LENS) -> RefinedCorners:
+    """Return tag corners moved to the intersections of the tags' edges.
 
     Args:
         pixels: Mono8 image, shape (height, width).
         corners: Corners of T tags, shape (T, 4, 2), in pixels of this image counted from pixel centres, in
             either sense of rotation.
         optic: Lens without which the edges are straight, with its principal point in pixels of this image.
-
-    Returns:
-        Corners, shape (T, 4, 2), and for each tag whether they were measured, shape (T,). A tag that has an
-        edge with too little contrast, too near the image's border, or too far from where it should be keeps
-        its corners.
     """
     # One memory layout, so that the kernel is compiled once: contiguous and read-only, as a camera gives it.
     image = np.ascontiguousarray(pixels)[:]
     image.setflags(write=False)
     guesses = np.ascontiguousarray(corners, dtype=np.float64)
-    refined, measured = intersect_edges(image, guesses, optic)
-    return refined, measured
+    return RefinedCorners(*intersect_edges(image, guesses, optic))
 
 
 @kernel
-def intersect_edges(pixels: Pixels, corners: Array, optic: Optic) -> tuple[Array, NDArray[np.bool_]]:
+def intersect_edges(pixels: Pixels, corners: Array, optic: Optic) -> tuple[Array, NDArray[np.bool_], Array]:
     """Return what :func:`refine_corners` returns, from an image and corners of the expected layout.
 
     Behind a lens that distorts, ``square`` is the tag in the image of the ideal camera.
     """
     out, measured = corners.copy(), np.zeros(corners.shape[0], np.bool_)
+    sigma = np.full((corners.shape[0], 4), np.nan)
     # The corners of one tag: as guessed, before and after a fit.
     guess, before, square = np.empty((4, 2)), np.empty((4, 2)), np.empty((4, 2))
     a, b = np.empty((4, 2)), np.empty((4, 2))  # the ends of each edge, moved
+    variances = np.empty(4)  # of a cross section of each edge
     for t in range(corners.shape[0]):
         square[:] = corners[t]
         if optic.distorts:
@@ -95,7 +114,7 @@ def intersect_edges(pixels: Pixels, corners: Array, optic: Optic) -> tuple[Array
         for _ in range(PASSES):
             before[:] = square
             for e in range(4):
-                ok = ok and fit_edge(pixels, before, e, optic, a, b)
+                ok = ok and fit_edge(pixels, before, e, optic, a, b, variances)
             if not ok:
                 break
             change = 0.0
@@ -113,15 +132,23 @@ def intersect_edges(pixels: Pixels, corners: Array, optic: Optic) -> tuple[Array
                 break
         if ok:
             out[t], measured[t] = square, True
+            for e in range(4):  # errors along the normals of two edges move their intersection
+                p = (e + 3) % 4
+                dx, dy = b[e, 0] - a[e, 0], b[e, 1] - a[e, 1]
+                ex, ey = b[p, 0] - a[p, 0], b[p, 1] - a[p, 1]
+                sine = (ex * dy - ey * dx) / (math.hypot(ex, ey) * math.hypot(dx, dy))
+                sigma[t, e] = math.sqrt(0.5 * BY_SECTION * (variances[e] + variances[p])) / abs(sine)
             if optic.distorts:
                 for e in range(4):
                     out[t, e, 0], out[t, e, 1] = distorted(optic, square[e, 0], square[e, 1])
-    return out, measured
+    return out, measured, sigma
 
 
 @inlined
-def fit_edge(pixels: Pixels, square: Array, e: int, optic: Optic, a: Array, b: Array) -> bool:
-    """Write the ends of edge ``e`` of a tag, moved onto the edge in the image, into ``a[e]`` and ``b[e]``.
+def fit_edge(
+    pixels: Pixels, square: Array, e: int, optic: Optic, a: Array, b: Array, variances: Array
+) -> bool:
+    """Write the ends of edge ``e`` of a tag, moved onto the edge in the image, and how sure they are.
 
     Args:
         pixels: Mono8 image, shape (height, width).
@@ -130,6 +157,7 @@ def fit_edge(pixels: Pixels, square: Array, e: int, optic: Optic, a: Array, b: A
         optic: Lens of the image; cross sections are straight without it.
         a: First ends of the edges, shape (4, 2) [px].
         b: Second ends of the edges, shape (4, 2) [px].
+        variances: Variance of a cross section of each edge, shape (4,) [px^2].
 
     Returns:
         Whether the sections lie in the image and show an edge; if not, nothing is written.
@@ -155,6 +183,7 @@ def fit_edge(pixels: Pixels, square: Array, e: int, optic: Optic, a: Array, b: A
         if not inside and not optic.distorts:
             return False
     black, white, mean = 0.0, 0.0, 0.0
+    means_squared, greys_squared = 0.0, 0.0
     black_moment, white_moment, moment = 0.0, 0.0, 0.0  # about the middle of the edge
     step = 2.0 * reach / (SAMPLES - 1)
     for i in range(SECTIONS):
@@ -174,6 +203,7 @@ def fit_edge(pixels: Pixels, square: Array, e: int, optic: Optic, a: Array, b: A
             lower = lower_left + ax * (float(pixels[row + 1, column + 1]) - lower_left)
             grey = upper + ay * (lower - upper)
             total += grey
+            squared = grey * grey
             # The mean of two samples at either end is the level on that side. The trapezium rule counts
             # the outermost samples half.
             if k < 2:
@@ -182,10 +212,15 @@ def fit_edge(pixels: Pixels, square: Array, e: int, optic: Optic, a: Array, b: A
                 outer += grey
             if k == 0 or k == SAMPLES - 1:
                 total -= 0.5 * grey
+                squared *= 0.5
+            greys_squared += squared
         black, white, mean = black + inner, white + outer, mean + total
         black_moment += inner * (s - 0.5)
         white_moment += outer * (s - 0.5)
         moment += total * (s - 0.5)
+        means_squared += total * total
+    means_squared /= (SAMPLES - 1) ** 2
+    greys_squared /= SECTIONS * (SAMPLES - 1)
     black, white, mean = black / (2 * SECTIONS), white / (2 * SECTIONS), mean / (SECTIONS * (SAMPLES - 1))
     contrast = white - black
     if not contrast > LEAST_CONTRAST:
@@ -198,6 +233,12 @@ def fit_edge(pixels: Pixels, square: Array, e: int, optic: Optic, a: Array, b: A
     light = (black * black_moment + white * white_moment) / (2.0 * SQUARES * (black * black + white * white))
     level = reach * (1.0 - 2.0 * share)
     slope = -2.0 * reach * (moment / (SQUARES * (SAMPLES - 1)) - light * mean) / contrast
+    # What the cross sections leave of a line, and how wide the edge is.
+    tilt = moment / (SAMPLES - 1)
+    left = max(means_squared - SECTIONS * mean * mean - tilt * tilt / SQUARES, 0.0)
+    residual = (2.0 * reach / contrast) ** 2 * left / (SECTIONS - 2)
+    overlap = ((black + white) * mean - greys_squared - black * white) * 2.0 * reach / contrast**2
+    variances[e] = section_variance(residual, overlap, reach, _STEP * length)
     at_a, at_b = level - 0.5 * slope, level + 0.5 * slope
     a[e, 0], a[e, 1] = x0 + at_a * nx, y0 + at_a * ny
     b[e, 0], b[e, 1] = x0 + along_x + at_b * nx, y0 + along_y + at_b * ny

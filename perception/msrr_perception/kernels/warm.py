@@ -45,8 +45,9 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     pixels = np.array([[2.0, 6.0], [6.0, 6.0], [6.0, 2.0], [2.0, 2.0]])
     predict_tags(optics, 8, 8, pose, np.eye(3), square[None], 1.0)
     tag_extent(pixels, np.ones((4, 2)), 1.0, 1.0, 0.1, 1.0)
+    variances = CornerVariances(one, one, np.ones((1, 4)))
     roots = roots_of_covariance(
-        optics, tags, which, pixels.reshape(1, 8), still, state, CornerVariances(one, one, 1.0), 1.0, 1.0, 0.1
+        optics, tags, which, pixels.reshape(1, 8), still, state, variances, 1.0, 1.0, 0.1
     )
     seen = Seen(which, pixels.reshape(1, 8), roots, still)
     gate_distances(optics, tags, seen, state, np.eye(8))

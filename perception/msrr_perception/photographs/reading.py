@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from msrr_perception.photographs.picture_files import PictureError
 from msrr_perception.photographs.tag_finder import FoundTag, TagFinder
 from msrr_perception.photographs.tag_poses import CORNER_SIGMA_PX, TagPose, tag_poses
@@ -85,7 +87,9 @@ class PictureReader:
         rows = []
         for found_tag in finder.find(pixels):
             corners = lens.undistorted(found_tag.tag.corners)
-            poses = () if self.tag_size is None else tag_poses(lens.camera, corners, self.tag_size)
+            sigma = found_tag.tag.corner_sigma_px
+            sure = CORNER_SIGMA_PX if sigma is None else np.maximum(sigma, CORNER_SIGMA_PX)
+            poses = () if self.tag_size is None else tag_poses(lens.camera, corners, self.tag_size, sure)
             rows.append((found_tag, poses))
         return PictureTags(name, width, height, tuple(rows))
 

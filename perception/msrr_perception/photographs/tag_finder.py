@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_perception.detection import native_apriltag
 from msrr_perception.detection.detector import DetectorError
 from msrr_perception.detection.native_apriltag import NativeSettings
-from msrr_perception.kernels.edges import refine_corners
+from msrr_perception.kernels.edges import RefinedCorners, refine_corners
 from msrr_perception.kernels.lens import NO_LENS, optic_of
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import nearest
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.messages import Pixels, TagDetection
@@ -83,17 +83,20 @@ class TagFinder:
             tags = [*first, *second]
             if not tags:
                 continue
-            corners, refined = self._refined(pixels, family, np.stack([t.corners for t in tags]))
+            corners, refined, sigma = self._refined(pixels, family, np.stack([t.corners for t in tags]))
             rows = [
-                FoundTag(family, replace(t, corners=c), bool(ok), i >= len(first))
-                for i, (t, c, ok) in enumerate(zip(tags, corners, refined, strict=True))
+                FoundTag(
+                    family,
+                    replace(t, corners=c, corner_sigma_px=s if ok else None),
+                    bool(ok),
+                    i >= len(first),
+                )
+                for i, (t, c, ok, s) in enumerate(zip(tags, corners, refined, sigma, strict=True))
             ]
             found.extend(sorted(rows, key=lambda row: (row.tag.tag_id, -row.tag.decision_margin)))
         return tuple(found)
 
-    def _refined(
-        self, pixels: Pixels, family: str, corners: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def _refined(self, pixels: Pixels, family: str, corners: Array) -> RefinedCorners:
         shown = np.invert(pixels) if FAMILIES[family].white_inside else pixels
         return refine_corners(shown, corners, self._optic)
 

@@ -12,7 +12,8 @@ from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se3 import SE3
 
 #: Standard deviation of each coordinate of a corner on a photograph [px]: measured against the alignment of
-#: the whole pattern of 107 tags, 0.22 px. It holds for refined corners and for the library's alike.
+#: the whole pattern of 107 tags, 0.22 px. It holds for refined corners and for the library's alike. What the
+#: image shows of an edge is less: it does not show that paper is not flat and lenses are not ideal.
 CORNER_SIGMA_PX = 0.22
 
 #: Most steps of Gauss and Newton, and the step at which they end [rad, and share of the distance].
@@ -39,7 +40,7 @@ class TagPose:
 
 
 def tag_poses(
-    camera: PinholeCamera, corners: Array, size: float, sigma_px: float = CORNER_SIGMA_PX
+    camera: PinholeCamera, corners: Array, size: float, sigma_px: Array | float = CORNER_SIGMA_PX
 ) -> tuple[TagPose, ...]:
     """Return the one or two poses of a tag, best first.
 
@@ -52,7 +53,7 @@ def tag_poses(
         corners: Corners in the image of the ideal camera, shape (4, 2) [px], in the order of
             :class:`msrr_scenes.messages.TagDetection`.
         size: Edge of the black square [m].
-        sigma_px: Standard deviation of each coordinate of a corner [px].
+        sigma_px: Standard deviation of each coordinate of a corner [px], one of all corners or shape (4,).
 
     Source: Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014 (IPPE), for
     the two starts, each moved to its least squares.
@@ -79,7 +80,7 @@ def _same(a: TagPose, b: TagPose) -> bool:
 
 
 def _least_squares(
-    camera: PinholeCamera, points: Array, corners: Array, start: SE3, sigma_px: float
+    camera: PinholeCamera, points: Array, corners: Array, start: SE3, sigma_px: Array | float
 ) -> TagPose | None:
     """Return the pose of least squares near ``start``, or None if there is none."""
     R, t = start.R, start.p
@@ -95,7 +96,8 @@ def _least_squares(
     residuals, J = _residuals(camera, points, corners, R, t)
     if t[2] <= 0.0 or not np.isfinite(residuals).all() or np.linalg.matrix_rank(J) < J.shape[1]:
         return None
-    covariance = sigma_px**2 * np.linalg.inv(J.T @ J)
+    by_corners = np.linalg.solve(J.T @ J, J.T) * np.repeat(np.broadcast_to(sigma_px, 4), 2)
+    covariance = by_corners @ by_corners.T
     return TagPose(SE3(R, t), float(np.sqrt((residuals**2).mean())), 0.5 * (covariance + covariance.T))
 
 

@@ -12,7 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from msrr_perception.kernels.edge_errors import (
+    BORDER_FALL,
+    BORDER_PX,
+    PIXEL_BLUR_PX,
+    SAMPLING_PX,
+    SHORT_PX,
+    SMOOTH_PX,
+)
 from msrr_perception.kernels.edges import (
+    BY_SECTION,
     GREATEST_REACH_PX,
     LEAST_REACH_PX,
     REACH_MODULES,
@@ -31,17 +40,8 @@ LYING_CONTRAST, UPRIGHT_CONTRAST = 200.0, 150.0
 #: four pixels averages their noise.
 _INTERPOLATION = 0.57
 
-#: Error of a cross section because the edge is sampled in pixels: standard deviation of a sharp edge, and the
-#: blur that halves it [px].
-_SAMPLING_PX, _SMOOTH_PX = 0.032, 0.75
-
-#: Half-length of a cross section below which this error grows, with the third power [px].
-_SHORT_PX = 1.8
-
-#: Error of a cross section because what lies beyond the borders of the tag is blurred into it: deviation
-#: at a length of zero [px], how it falls with the half-length by the blur, and the blur by pixels and by
-#: interpolation [px].
-_BORDER_PX, _BORDER_FALL, _PIXEL_BLUR_PX = 0.9, 1.55, 0.45
+#: Measured variance over the modelled one from which it counts: chi-square of 28 degrees of freedom.
+_SURE = 2.0
 
 #: Share of the offset and of the slope of a line in each of its ends, by the error of one cross section.
 BY_OFFSET = 1.0 / math.sqrt(SECTIONS)
@@ -95,8 +95,8 @@ class CornerErrors:
         Args:
             edge_px: Length of the edges of the tag in the image [px].
         """
-        short = max(_SHORT_PX / _reach(edge_px), 1.0) ** 3
-        return short * _SAMPLING_PX / (1.0 + (self.blur_px / _SMOOTH_PX) ** 2)
+        short = max(SHORT_PX / _reach(edge_px), 1.0) ** 3
+        return short * SAMPLING_PX / (1.0 + (self.blur_px / SMOOTH_PX) ** 2)
 
     def border_px(self, edge_px: float) -> float:
         """Return the standard deviation of a cross section by what lies beyond the borders of the tag [px].
@@ -106,8 +106,32 @@ class CornerErrors:
         Args:
             edge_px: Length of the edges of the tag in the image [px].
         """
-        blur = math.hypot(self.blur_px, _PIXEL_BLUR_PX)
-        return _BORDER_PX * math.exp(-_BORDER_FALL * _reach(edge_px) / blur)
+        blur = math.hypot(self.blur_px, PIXEL_BLUR_PX)
+        return BORDER_PX * math.exp(-BORDER_FALL * _reach(edge_px) / blur)
+
+    def corner_variance(self, edge_px: float) -> float:
+        """Return the variance of each coordinate of a corner in one frame [px^2].
+
+        Args:
+            edge_px: Length of the edges of the tag in the image [px].
+        """
+        return BY_SECTION * (self.frame_px(edge_px) ** 2 + self.lasting_px(edge_px) ** 2)
+
+
+def surplus(sigma_px: Array | None, modelled: float) -> Array:
+    """Return by how much the variance of corners exceeds the modelled one, shape (4,) [px^2].
+
+    What the image shows of an edge is an estimate of 14 degrees of freedom. It counts where the variance of a
+    corner, which has two edges, is so much larger that chance makes it once in a thousand times.
+
+    Args:
+        sigma_px: Measured standard deviation of each corner, shape (4,) [px]; None if it was not measured.
+        modelled: Modelled variance of each coordinate of a corner [px^2].
+    """
+    if sigma_px is None:
+        return np.zeros(4)
+    variance = np.square(sigma_px)
+    return np.where(variance > _SURE * modelled, variance - modelled, 0.0)
 
 
 def _reach(edge_px: float) -> float:

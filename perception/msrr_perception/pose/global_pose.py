@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from msrr_perception.pose.corner_errors import CornerErrors, corners_by_sections
+from msrr_perception.pose.corner_errors import CornerErrors, corners_by_sections, surplus
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera
@@ -114,7 +114,8 @@ class GlobalLocalizer:
         self.X_WC = X_WC
         self.tags = MappingProxyType(dict(tags))
         self._misfit = misfit_px
-        self._covariance_B = {}
+        self._covariance_B: dict[str, Array] = {}
+        self._modelled: dict[str, float] = {}  # variance of a corner's coordinate [px^2]
         lasting_share = {}
         for tag in self.tags.values():
             edge_m = float(np.linalg.norm(tag.corners_B[1] - tag.corners_B[0]))
@@ -122,6 +123,7 @@ class GlobalLocalizer:
             lasting = errors.lasting_px(edge_px) ** 2
             variance = errors.frame_px(edge_px) ** 2 + lasting
             self._covariance_B[tag.name] = variance * self._by_sections(tag)
+            self._modelled[tag.name] = errors.corner_variance(edge_px)
             lasting_share[tag.name] = lasting / variance
         #: Body -> share of the covariance of its error that stays the same while the body stands.
         self.lasting_share: Mapping[str, float] = MappingProxyType(lasting_share)
@@ -149,6 +151,9 @@ class GlobalLocalizer:
         c, s = math.cos(X_WB.yaw), math.sin(X_WB.yaw)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         covariance = turn @ self._covariance_B[tag.name] @ turn.T
+        more = float(surplus(seen.corner_sigma_px, self._modelled[tag.name]).mean())
+        if more > 0.0:
+            covariance *= 1.0 + more / self._modelled[tag.name]
         return GlobalPose(tag.name, stamp_ns, X_WB, 0.5 * (covariance + covariance.T))
 
     def _by_sections(self, tag: FlatTag) -> Array:

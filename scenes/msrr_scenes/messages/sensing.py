@@ -46,12 +46,15 @@ class TagDetection:
             they are those of the ideal camera, without the distortion that is known.
         decision_margin: Confidence of the detector in the decoded bits [grey levels].
         hamming: Number of corrected bits.
+        corner_sigma_px: Standard deviation of each coordinate of a corner, shape (4,) [px], by what the image
+            shows of its edges; None if the detector does not tell.
     """
 
     tag_id: int
     corners: Array
     decision_margin: float = 0.0
     hamming: int = 0
+    corner_sigma_px: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -44,6 +44,8 @@ def test_good_pictures_are_read_and_bad_ones_reported(
     (tag,) = image["detections"]
     assert (tag["id"], tag["family"], tag["hamming"]) == (5, "tag36h11", 0)
     np.testing.assert_allclose(tag["corners"][0], [47.5, 101.5], atol=0.1)
+    assert len(tag["corner_sigma_px"]) == 4
+    assert 0.0 < max(tag["corner_sigma_px"]) < 0.1
     pose = tag["poses"][0]
     np.testing.assert_allclose(pose["p_CT_m"], [0.0, 0.0, 0.1 * 200.0 / 64.0], atol=0.002)
     assert np.shape(pose["covariance"]) == (6, 6)

@@ -69,7 +69,7 @@ def record_trial(recorder: McapRecorder | MemoryRecorder, seconds: float, seed: 
             view = buffer[5:45, window.x : window.x_end]  # not contiguous, and overwritten the next time
             view[...] = rng.integers(0, 256, view.shape, dtype=np.uint8)
             recorder.window(exposure, window, view)
-            tag = TagDetection(11, rng.normal(size=(4, 2)), 50.0)
+            tag = TagDetection(11, rng.normal(size=(4, 2)), 50.0, 0, rng.uniform(size=4))
             recorder.write(topics.sensor("a", d := Detections(exposure, (tag,), (window,))), now, d)
 
 

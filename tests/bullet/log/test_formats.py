@@ -38,7 +38,13 @@ WITHOUT_PIXELS = [kind for kind in message_types() if kind is not CameraWindow]
 
 FLOATS = st.floats(allow_nan=True, allow_infinity=True).map(lambda x: math.nan if math.isnan(x) else x)
 METRES = st.floats(-1e3, 1e3)
-SHAPES = {"corners": (4, 2), "covariance": (3, 3), "shared": (3, 3), "nearest": (2, 3)}
+SHAPES = {
+    "corners": (4, 2),
+    "covariance": (3, 3),
+    "shared": (3, 3),
+    "nearest": (2, 3),
+    "corner_sigma_px": (4,),
+}
 
 
 def strategy(kind: typing.Any, name: str = "") -> st.SearchStrategy[typing.Any]:

@@ -25,6 +25,10 @@ def test_a_tag_passes_and_its_numbers_become_plain_ones() -> None:
     (tag,) = checked_tags([numpy], PIXELS, WINDOW)
     assert (type(tag.tag_id), type(tag.decision_margin), type(tag.hamming)) == (int, float, int)
     assert tag.corners.dtype == float
+    assert tag.corner_sigma_px is None
+    (sure,) = checked_tags([replace(numpy, corner_sigma_px=np.ones(4, np.float32))], PIXELS, WINDOW)
+    assert sure.corner_sigma_px is not None
+    assert sure.corner_sigma_px.dtype == float
     assert checked_tags((), PIXELS, WINDOW) == ()
 
 
@@ -46,6 +50,8 @@ def test_a_tag_that_lies_turned_passes(turns: int, flip: bool) -> None:
         ((replace(TAG, tag_id=10**5000),), "a tag_id that is a whole number|digits"),
         ((replace(TAG, hamming=0.5),), "a hamming that is a whole number"),
         ((replace(TAG, decision_margin=np.nan),), "a decision_margin that is a finite number"),
+        ((replace(TAG, corner_sigma_px=np.ones(3)),), r"corner_sigma_px of shape \(3,\)"),
+        ((replace(TAG, corner_sigma_px=np.array([1.0, 0.0, 1.0, 1.0])),), "positive, finite numbers"),
         (
             (replace(TAG, corners=CORNERS[:3]),),
             r"corners of shape \(3, 2\); expected numbers of shape \(4, 2\)",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -113,3 +114,19 @@ def test_the_first_covariance_is_inflated_by_default(target: TargetModel, scene:
     assert a is not None
     assert b is not None
     np.testing.assert_array_equal(a.covariance, b.covariance)
+
+
+def test_corners_that_are_less_sure_than_modelled_count_less(
+    target: TargetModel, scene: Scene, see: See
+) -> None:
+    """What a picture tells shrinks with a measured deviation that is large, not with a small one."""
+    tags = see(pose_vector(X_DU), target.port_tags)
+    known = []
+    for sigma in (None, 1e-4, 0.2, 1.0):
+        told = [t if sigma is None else replace(t, corner_sigma_px=np.full(4, sigma)) for t in tags]
+        ekf = _settled(target, scene, see, frames=1, corner_sigma_px=None)
+        known.append(_after(ekf, tuple(told))[3:].reshape(3, 3))
+    plain, small, large, larger = known
+    np.testing.assert_array_equal(small, plain)
+    assert np.linalg.eigvalsh(large - plain).min() > -1e-12
+    assert np.trace(plain) < np.trace(large) < np.trace(larger)

@@ -35,6 +35,20 @@ def test_the_best_pose_is_the_true_one(yaw_deg: float) -> None:
     assert all(other.reprojection_px > 1e-3 for other in others)
 
 
+def test_corners_that_are_less_sure_make_the_pose_so() -> None:
+    """Four equal deviations are one; a corner that is less sure adds to the covariance in some direction."""
+    corners = CAMERA.project(_pose(40.0).act(POINTS))
+    one, four, less = (
+        tag_poses(CAMERA, corners, SIZE, sigma)[0].covariance
+        for sigma in (0.2, np.full(4, 0.2), np.array([0.2, 0.2, 0.6, 0.2]))
+    )
+    np.testing.assert_allclose(four, one, rtol=1e-9, atol=1e-18)
+    scale = np.sqrt(np.diag(one))
+    added = np.linalg.eigvalsh((less - one) / np.outer(scale, scale))
+    assert added.min() > -1e-9
+    assert added.max() > 1.0
+
+
 def test_noise_moves_the_pose_as_much_as_stated() -> None:
     """400 draws of corners with 0.1 px: the mean squared distance is 6, to 4 standard errors (1 in 16000)."""
     X_CT, sigma, rng = _pose(40.0), 0.1, np.random.default_rng(2)

@@ -65,7 +65,7 @@ def test_noise_moves_refined_corners_as_much_as_stated(
         copies = []
         for _ in range(60):
             shaken = np.clip(np.rint(clean + rng.normal(0.0, noise, clean.shape)), 0, 255).astype(np.uint8)
-            refined, measured = refine_corners(shaken, corners[None])
+            refined, measured, _ = refine_corners(shaken, corners[None])
             assert measured.all()
             copies.append(refined[0])
         deviations.append(np.std(copies, axis=0))

@@ -146,3 +146,16 @@ def test_what_does_not_fit_the_tag_is_not_believed(localizer: GlobalLocalizer) -
 
 def test_strangers_are_left_out(localizer: GlobalLocalizer) -> None:
     assert localizer.locate(_detections(TagDetection(77, np.zeros((4, 2))))) == ()
+
+
+@pytest.mark.parametrize(("share", "more"), [(0.3, 1.0), (1.3, 1.0), (3.0, 9.0)])
+def test_corners_that_are_less_sure_than_modelled_count_less(
+    localizer: GlobalLocalizer, share: float, more: float
+) -> None:
+    """The larger of both deviations counts, from where chance does not make the measured one that large."""
+    corners = _pixels(localizer, 30, SE2(0.3, 0.2, 0.4))
+    edge = float(np.linalg.norm(corners[1] - corners[0]))
+    sigma = np.full(4, share * math.sqrt(ERRORS.corner_variance(edge)))
+    (plain,) = localizer.locate(_detections(TagDetection(30, corners)))
+    (told,) = localizer.locate(_detections(TagDetection(30, corners, corner_sigma_px=sigma)))
+    np.testing.assert_allclose(told.covariance, more * plain.covariance, rtol=1e-2)
