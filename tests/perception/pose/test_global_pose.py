@@ -148,7 +148,7 @@ def test_strangers_are_left_out(localizer: GlobalLocalizer) -> None:
     assert localizer.locate(_detections(TagDetection(77, np.zeros((4, 2))))) == ()
 
 
-@pytest.mark.parametrize(("share", "more"), [(0.3, 1.0), (1.3, 1.0), (3.0, 9.0)])
+@pytest.mark.parametrize(("share", "more"), [(0.3, 1.0), (1.9, 1.0), (3.0, 9.0)])
 def test_corners_that_are_less_sure_than_modelled_count_less(
     localizer: GlobalLocalizer, share: float, more: float
 ) -> None:
