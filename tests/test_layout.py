@@ -7,7 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -88,10 +88,18 @@ def test_what_is_imported_is_a_dependency_and_nothing_else_is() -> None:
     }
     names.discard("pydantic_core")  # comes with pydantic, which pins it
     foreign = names - sys.stdlib_module_names - PACKAGES.keys()
-    providers = packages_distributions()
-    needed = {normal(provider) for name in foreign for provider in providers[name]}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert needed == {normal(re.split(r"[^\w.-]", text)[0]) for text in project["dependencies"]}
+
+    def distributions(texts: Iterable[str]) -> set[str]:
+        return {normal(re.split(r"[^\w.-]", text)[0]) for text in texts}
+
+    # Extras need not be installed; they are imported by the names of their distributions.
+    extras = distributions(text for extra in project["optional-dependencies"].values() for text in extra)
+    optional = {name for name in foreign if normal(name) in extras}
+    assert {normal(name) for name in optional} == extras
+    providers = packages_distributions()
+    needed = {normal(provider) for name in foreign - optional for provider in providers[name]}
+    assert needed == distributions(project["dependencies"])
 
 
 def test_the_linters_contracts_are_kept() -> None:
