@@ -115,12 +115,13 @@ def record_trial(
         queue: list[tuple[int, Detections]] = []
         for tick in range(100):
             now = start + tick * 10_000_000
-
-            def fetch(window: Window) -> Pixels:
-                return rng.integers(0, 256, (window.height, window.width), dtype=np.uint8)
-
             robot.receive(WheelOdometry(step.unit, now, *map(float, rng.normal(size=2))))
             if tick % 4 == 0:
+                pixels = rng.integers(0, 256, (100, 100), dtype=np.uint8)
+
+                def fetch(w: Window, frame: Pixels = pixels) -> Pixels:
+                    return frame[w.y : w.y_end, w.x : w.x_end]
+
                 detections = robot.expose(Exposure(f"{step.unit}/onboard", tick // 4, now), fetch)
                 if detections is not None:
                     queue.append((now + 40_000_000, detections))

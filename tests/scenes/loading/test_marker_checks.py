@@ -93,7 +93,7 @@ def test_a_log_needs_no_file(tmp_path: Path) -> None:
     [
         ("{reer: map.yaml}", 0.05, {}, r"markers\.reer: no port with a marker; did you mean 'rear'\?"),
         ("{front: map.yaml}", 0.05, {}, r"markers\.front: no port with a marker.* Ports with one: rear"),
-        ("{rear: none.yaml}", 0.05, {}, r"markers\.rear: no file 'none\.yaml' beside the scene"),
+        ("{rear: none.yaml}", 0.05, {}, r"markers\.rear: no file 'none\.yaml' beside the file"),
         ("{left: map.yaml}", 0.05, {}, r"markers\.left\.map: the map has no tag 1\d \(left\), .*; it has 1"),
         ("{rear: map.yaml}", 0.04, {}, r"the map is of tags of 0\.05 m, and tags\.mast_m = 0\.04; set that"),
         (
