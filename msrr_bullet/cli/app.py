@@ -5,9 +5,11 @@ The exit codes are documented in :mod:`msrr_bullet.cli.exit_codes`.
 
 from __future__ import annotations
 
+import json
 import signal
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
@@ -27,6 +29,7 @@ from msrr_bullet.cli.console import open_console
 from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, report_error
 from msrr_bullet.cli.options import Overrides, parse_overrides
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.loading.file_schema import KINDS, file_schema
 from msrr_scenes.loading.load import load_scene, scene_hash, shipped_scenes
 from msrr_scenes.specs.scene import Scene
 
@@ -117,6 +120,24 @@ def check(
             f"{file}: ok ({bodies}; {_task(loaded)}; as built: {loaded.as_built}; {scene_hash(loaded)})"
         )
     raise typer.Exit(code)
+
+
+@app.command()
+def schema(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help=f"Kind of file: {', '.join(KINDS)}.")] = "scene",
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="File to write.", show_default="standard output")
+    ] = None,
+) -> None:
+    """Write the JSON schema of a kind of file, by which editors complete and check such files.
+
+    A file names its schema in its first line: # yaml-language-server: $schema=scene.schema.json
+    """
+    text = json.dumps(file_schema(kind), indent=1, ensure_ascii=False) + "\n"
+    if out is None:
+        typer.echo(text, nl=False)
+    else:
+        out.write_text(text, encoding="utf-8")
 
 
 def _task(scene: Scene) -> str:

@@ -48,6 +48,14 @@ def test_scenes_are_listed(capsys: Capture) -> None:
         assert name in out
 
 
+def test_schema(capsys: Capture, tmp_path: Path) -> None:
+    assert run(["schema", "--out", "scene.schema.json"]) == 0
+    assert run(["schema", "scene"]) == 0
+    assert capsys.readouterr().out == (tmp_path / "scene.schema.json").read_text()
+    assert run(["schema", "scnee"]) == 2
+    assert "did you mean 'scene'?" in capsys.readouterr().err
+
+
 def test_check(capsys: Capture, tmp_path: Path) -> None:
     assert run(["check", "close_range"]) == 0
     shown = "close_range: ok (2 units, 0 obstacles; a.front to b.rear; as built: {}; "
