@@ -12,23 +12,43 @@ class Outcome(Enum):
     truth can differ.
     """
 
-    COMPLETE = "complete"  # the base station says that the mission is complete, and nothing contradicts it
-    INCOMPLETE = "incomplete"  # the base station has given up a part of the mission, and says why
-    UNDOCKED = "undocked"  # the lock is open and the unit is clear of the port
-    STUCK = "stuck"  # the unit was to undock and is not clear of the port, or its lock is not open
-    DOCKED = "docked"  # seated, locked, the lock held the pull, and the robot says so
-    JAMMED = "jammed"  # the pins stopped at the port, too far off its axis to enter
-    NOT_SEATED = "not_seated"  # the pins are in line with the holes and did not reach their bottom
-    LOCK_FAILED = "lock_failed"  # seated and closed, but the lock gave way under the pull, or later on
-    TARGET_LOST = "target_lost"  # the marker was seen and lost, the port was not reached, no attempt was left
-    GAVE_UP = "gave_up"  # the marker was in view, nothing stood in the way, and the port was not reached
-    NEVER_DETECTED = "never_detected"  # the marker was never seen
-    BLOCKED = "blocked"  # the robot found no free path to the target and stopped where it was safe
-    COLLISION = "collision"  # bodies other than the docking pair touched
-    CLEARANCE_VIOLATED = "clearance_violated"  # bodies came closer than the scene allows
-    LEFT_ARENA = "left_arena"  # a unit left the floor
-    ABORTED = "aborted"  # the trial ended for what happened elsewhere while the step was under way
-    TIMEOUT = "timeout"  # the time limit of the scene was reached
-    PROGRAM_FAILED = "program_failed"  # a class that the scene names failed, or gave an impossible result
-    FALSE_DOCK = "false_dock"  # the robot says docked; the pins are not seated or the lock holds nothing
-    FALSE_ABORT = "false_abort"  # the robot gave up although the pins were seated
+    COMPLETE = "complete"
+    """The base station says that the mission is complete, and nothing contradicts it."""
+    INCOMPLETE = "incomplete"
+    """The base station has given up a part of the mission, and says why."""
+    UNDOCKED = "undocked"
+    """The lock is open and the unit is clear of the port."""
+    STUCK = "stuck"
+    """The unit was to undock and is not clear of the port, or its lock is not open."""
+    DOCKED = "docked"
+    """Seated, locked, the lock held the pull, and the robot says so."""
+    JAMMED = "jammed"
+    """The pins stopped at the port, too far off its axis to enter."""
+    NOT_SEATED = "not_seated"
+    """The pins are in line with the holes and did not reach their bottom."""
+    LOCK_FAILED = "lock_failed"
+    """Seated and closed, but the lock gave way under the pull, or later on."""
+    TARGET_LOST = "target_lost"
+    """The marker was seen and lost, the port was not reached, no attempt was left."""
+    GAVE_UP = "gave_up"
+    """The marker was in view, nothing stood in the way, and the port was not reached."""
+    NEVER_DETECTED = "never_detected"
+    """The marker was never seen."""
+    BLOCKED = "blocked"
+    """The robot found no free path to the target and stopped where it was safe."""
+    COLLISION = "collision"
+    """Bodies other than the docking pair touched."""
+    CLEARANCE_VIOLATED = "clearance_violated"
+    """Bodies came closer than the scene allows."""
+    LEFT_ARENA = "left_arena"
+    """A unit left the floor."""
+    ABORTED = "aborted"
+    """The trial ended for what happened elsewhere while the step was under way."""
+    TIMEOUT = "timeout"
+    """The time limit of the scene was reached."""
+    PROGRAM_FAILED = "program_failed"
+    """A class that the scene names failed, or gave an impossible result."""
+    FALSE_DOCK = "false_dock"
+    """The robot says docked; the pins are not seated or the lock holds nothing."""
+    FALSE_ABORT = "false_abort"
+    """The robot gave up although the pins were seated."""

@@ -112,7 +112,12 @@ class C1DockingLaw:
 
 
 class LinearParams(Spec):
-    """Parameters of the plain linear law: the guidance and one gain."""
+    """Parameters of the plain linear law: the guidance and one gain.
+
+    Attributes:
+        k_n_per_s: Gain of the linear tracking.
+        guidance: Guidance trajectory.
+    """
 
     k_n_per_s: Gain = 0.8
     guidance: GuidanceSpec = GuidanceSpec()

@@ -14,10 +14,14 @@ from enum import Enum
 class LegKind(Enum):
     """The kinds of legs of a route."""
 
-    BACK = "back"  # backwards out of a port, straight
-    TURN = "turn"  # on the spot
-    PATH = "path"  # forwards, with the controlled point on a path
-    DOCK = "dock"  # forwards into the port, straight, under the unit's own perception
+    BACK = "back"
+    """Backwards out of a port, straight."""
+    TURN = "turn"
+    """On the spot."""
+    PATH = "path"
+    """Forwards, with the controlled point on a path."""
+    DOCK = "dock"
+    """Forwards into the port, straight, under the unit's own perception."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,10 +98,15 @@ class UnitMode(Enum):
     """What a unit says that it is doing."""
 
     STANDING = "standing"
+    """It stands and waits."""
     DRIVING = "driving"
+    """It drives along a route."""
     DOCKING = "docking"
+    """It is on its way into a port, or in it and not locked yet."""
     DOCKED = "docked"
+    """It is locked into a port."""
     FAILED = "failed"
+    """It cannot go on with its route."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,10 +140,14 @@ class UnitReport:
 class UnitState(Enum):
     """What the coordinator holds a unit for."""
 
-    IDLE = "idle"  # stands without a route
-    UNDER_WAY = "under_way"  # has a route
+    IDLE = "idle"
+    """Stands without a route."""
+    UNDER_WAY = "under_way"
+    """Has a route."""
     DOCKED = "docked"
+    """Is locked into a port."""
     FAILED = "failed"
+    """Is given no further task."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,8 +184,11 @@ class MissionState(Enum):
     """How a mission stands."""
 
     RUNNING = "running"
+    """Some task is not done yet."""
     COMPLETE = "complete"
+    """All tasks are done."""
     INCOMPLETE = "incomplete"
+    """A part of the mission was given up, and nothing else is left to do."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,8 +60,11 @@ class MonitorState(Enum):
     """The effect of the collision monitor: a command passes, passes slower or in part, or not at all."""
 
     FREE = "free"
+    """The command passes as it is."""
     SLOW = "slow"
+    """The command passes slower, or in part."""
     STOP = "stop"
+    """Nothing of the command passes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +101,12 @@ class CollisionMonitorState:
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """The body velocity of a differential drive: forward ``v`` [m/s], counter-clockwise ``w`` [rad/s]."""
+    """The body velocity of a differential drive.
+
+    Attributes:
+        v: Forward velocity [m/s].
+        w: Turn rate, counter-clockwise positive [rad/s].
+    """
 
     v: float = 0.0
     w: float = 0.0
@@ -108,14 +116,23 @@ class Phase(Enum):
     """The phases of one docking step."""
 
     ASSEMBLE = "assemble"
+    """The long distance: the unit drives to a place in front of the port."""
     HAND_OVER = "hand_over"
+    """The unit stands and looks for the port with its own camera."""
     CALIBRATE = "calibrate"
+    """The unit drives in front of the port to find out the errors of its camera and wheels."""
     DOCK = "dock"
+    """The docking law drives the unit into the port, where it presses until it is seated."""
     LOCK = "lock"
+    """The lock closes."""
     VERIFY = "verify"
+    """The unit compares what it sees with what a seated unit sees."""
     RETREAT = "retreat"
+    """The lock is open and the unit backs out of the port for another attempt, or for good."""
     DONE = "done"
+    """The unit believes that it is docked, and keeps checking it."""
     FAILED = "failed"
+    """The unit has given up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,27 +160,44 @@ class Conviction(Enum):
     """The robot's verdict on a docking step."""
 
     UNDECIDED = "undecided"
+    """The step is under way."""
     DOCKED = "docked"
+    """The unit says that it is docked."""
     UNDOCKED = "undocked"
+    """The unit says that it has left the port."""
     GAVE_UP = "gave_up"
+    """The unit says that it has failed."""
 
 
 class FailureReason(Enum):
     """The reason why an attempt ended, as far as the robot can tell."""
 
-    NEVER_DETECTED = "never_detected"  # no measurement of the target in the whole step
-    TARGET_LOST = "target_lost"  # seen before, but no longer seen
-    UNREADY = "unready"  # seen, but never well enough or never inside the cone
-    OFF_AXIS = "off_axis"  # at the port, too far off its axis for the pins to enter
-    STALLED = "stalled"  # no progress towards the port, or no seat behind it
-    NOT_LATCHED = "not_latched"  # the lock did not report closed, or the switches opened meanwhile
-    NOT_VERIFIED = "not_verified"  # latched, but the pose seen is not that of a seated unit
-    NOT_LOCALISED = "not_localised"  # global localisation does not know where the unit stands
-    BLOCKED = "blocked"  # no free path to the place in front of the port
-    SEIZED = "seized"  # the wheels do not turn although the drive is commanded to turn them
-    NOT_RELEASED = "not_released"  # backed out, but nothing shows that the unit has parted from the port
-    LOCK_OPENED = "lock_opened"  # was docked, then the lock no longer reported closed
-    UNSEATED = "unseated"  # was docked, then the seat switches opened or sight showed the unit off its seat
+    NEVER_DETECTED = "never_detected"
+    """No measurement of the target in the whole step."""
+    TARGET_LOST = "target_lost"
+    """Seen before, but no longer seen."""
+    UNREADY = "unready"
+    """Seen, but never well enough or never inside the cone."""
+    OFF_AXIS = "off_axis"
+    """At the port, too far off its axis for the pins to enter."""
+    STALLED = "stalled"
+    """No progress towards the port, or no seat behind it."""
+    NOT_LATCHED = "not_latched"
+    """The lock did not report closed, or the switches opened meanwhile."""
+    NOT_VERIFIED = "not_verified"
+    """Latched, but the pose seen is not that of a seated unit."""
+    NOT_LOCALISED = "not_localised"
+    """Global localisation does not know where the unit stands."""
+    BLOCKED = "blocked"
+    """No free path to the place in front of the port."""
+    SEIZED = "seized"
+    """The wheels do not turn although the drive is commanded to turn them."""
+    NOT_RELEASED = "not_released"
+    """Backed out, but nothing shows that the unit has parted from the port."""
+    LOCK_OPENED = "lock_opened"
+    """Was docked, then the lock no longer reported closed."""
+    UNSEATED = "unseated"
+    """Was docked, then the seat switches opened or sight showed the unit off its seat."""
 
 
 @dataclass(frozen=True, slots=True)

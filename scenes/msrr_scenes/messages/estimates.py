@@ -31,8 +31,11 @@ class LosStatus(Enum):
     """The origin of the line-of-sight angles."""
 
     SEEN = "seen"
+    """Both edges were measured recently, and advanced by the motion since."""
     PREDICTED = "predicted"
+    """An edge was not seen recently; its angle follows from the estimated pose."""
     LOST = "lost"
+    """There is no pose that rests on a recent detection."""
 
 
 @dataclass(frozen=True, slots=True)

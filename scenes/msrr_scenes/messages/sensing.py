@@ -28,7 +28,13 @@ def seconds(duration_ns: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Exposure:
-    """One frame of one camera before readout; ``camera`` is ``overhead`` or ``<unit>/onboard``."""
+    """One frame of one camera before readout.
+
+    Attributes:
+        camera: ``overhead`` or ``<unit>/onboard``.
+        frame: Number of the frame, counted from 0.
+        stamp_ns: Time of the exposure by the clock of the camera.
+    """
 
     camera: str
     frame: int
@@ -59,7 +65,13 @@ class TagDetection:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detections:
-    """The tags found in one exposure, and the windows that were read."""
+    """The tags found in one exposure, and the windows that were read.
+
+    Attributes:
+        exposure: Camera, frame and time of exposure.
+        tags: The tags.
+        windows: The windows.
+    """
 
     exposure: Exposure
     tags: tuple[TagDetection, ...]
@@ -122,7 +134,14 @@ class GlobalPose:
 
 @dataclass(frozen=True, slots=True)
 class WheelOdometry:
-    """A wheel encoder reading: angles turned since power-up, left and right [rad]."""
+    """A wheel encoder reading.
+
+    Attributes:
+        unit: Unit that carries the encoders.
+        stamp_ns: Time of the reading.
+        left: Angle that the left wheel has turned since power-up, forwards positive [rad].
+        right: The same for the right wheel [rad].
+    """
 
     unit: str
     stamp_ns: int
@@ -132,7 +151,14 @@ class WheelOdometry:
 
 @dataclass(frozen=True, slots=True)
 class SeatSwitches:
-    """The switches at the bottom of the two holes, as the docked unit reports them to the docking one."""
+    """The switches at the bottom of the two holes, as the docked unit reports them to the docking one.
+
+    Attributes:
+        unit: Unit that carries the switches.
+        stamp_ns: Time of the reading.
+        left: Whether the left switch is closed, so that a pin is at the bottom of its hole.
+        right: The same for the right switch.
+    """
 
     unit: str
     stamp_ns: int
@@ -149,13 +175,22 @@ class LockPosition(Enum):
     """The reported position of the lock's actuator, which reports ``closed`` also if it closed on nothing."""
 
     OPEN = "open"
+    """The lock is open."""
     CLOSING = "closing"
+    """The lock was told to close and is on its way."""
     CLOSED = "closed"
+    """The actuator is at its end, whether or not it holds a pin."""
 
 
 @dataclass(frozen=True, slots=True)
 class LockFeedback:
-    """A reading of the lock's position encoder."""
+    """A reading of the lock's position encoder.
+
+    Attributes:
+        unit: Unit that carries the lock.
+        stamp_ns: Time of the reading.
+        position: Position of the actuator.
+    """
 
     unit: str
     stamp_ns: int

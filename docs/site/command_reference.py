@@ -1,0 +1,58 @@
+"""The reference of the command line: the help of every command."""
+
+from __future__ import annotations
+
+import os
+from contextlib import redirect_stdout
+from io import StringIO
+from typing import Any
+
+import typer.main
+
+from msrr_bullet.cli import exit_codes
+from msrr_bullet.cli.app import app, run
+
+_HEAD = f"""\
+# Command line
+
+## Exit codes
+| code | meaning |
+| --- | --- |
+| 0 | The command did what was asked; a trial ended `docked` or `complete`. |
+| {exit_codes.NOT_DOCKED} | A trial ended with another outcome; a replay differs from its log. |
+| {exit_codes.BAD_INPUT} | Arguments are wrong, a scene or a file cannot be used, a class of your own \
+failed, or a trial took too long on the wall clock. |
+| {exit_codes.PROGRAM_ERROR} | There is an error in the program itself. |
+| {exit_codes.INTERRUPTED} | The command was interrupted by Ctrl-C. |
+"""
+
+#: Width of the help [characters].
+_WIDTH = "100"
+
+
+def command_names() -> list[str]:
+    """Return the names of all commands, in the order of the program's help."""
+    program: Any = typer.main.get_command(app)
+    return list(program.commands)
+
+
+def commands_page() -> str:
+    """Return the page of all commands."""
+    helps = {name: _printed([name, "--help"]) for name in command_names()}
+    sections = [f"\n## msrr {name}\n\n```text\n{text}\n```\n" for name, text in helps.items()]
+    return _HEAD + "".join(sections)
+
+
+def _printed(arguments: list[str]) -> str:
+    """Return what the program prints, without the empty lines at its ends."""
+    before = os.environ.get("COLUMNS")
+    os.environ["COLUMNS"] = _WIDTH
+    try:
+        with redirect_stdout(StringIO()) as printed:
+            run(arguments)
+    finally:
+        if before is None:
+            del os.environ["COLUMNS"]
+        else:
+            os.environ["COLUMNS"] = before
+    return "\n".join(line.rstrip() for line in printed.getvalue().strip("\n").splitlines())

@@ -1,0 +1,81 @@
+"""The reference of messages, outcomes and faults."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from code_reference import ROOT, class_text, enum_values, load, public, values_table
+from markdown_text import cell, prose, table
+
+GALLERY = ROOT / "docs" / "gallery.md"
+
+
+def messages_page() -> str:
+    """Return the page of all message types."""
+    messages = load("msrr_scenes")["messages"]
+    text = f"# Messages\n\n{prose(messages.docstring.value)}\n\n"
+    text += "[The log](log.md) says which topic holds which message.\n"
+    for module in (member for member in public(messages) if member.is_module):
+        text += f"\n## {module.name.capitalize()}\n\n{prose(module.docstring.value)}\n"
+        text += "".join(class_text(member) for member in public(module) if member.is_class)
+    return text
+
+
+def outcomes_page() -> str:
+    """Return the page of the outcomes of a trial, the beliefs of the robot, and the faults."""
+    scenes = load("msrr_scenes")
+    outcome = scenes["outcome.Outcome"]
+    seen = _outcomes_of_the_gallery()
+    rows = []
+    for value, meaning in enum_values(outcome).items():
+        examples = ", ".join(f"[`{name}`](../gallery.md#{name})" for name in seen.get(value, [])[:3])
+        rows.append((f"`{value}`", meaning, examples))
+    return _OUTCOMES.format(
+        about=prose(outcome.docstring.value),
+        outcomes=table(("outcome", "meaning", "a scene that ended so"), rows),
+        convictions=values_table(scenes["messages.decisions.Conviction"]),
+        reasons=values_table(scenes["messages.decisions.FailureReason"]),
+        phases=values_table(scenes["messages.decisions.Phase"]),
+        faults=table(("kind", "what it does"), _faults(scenes)),
+    )
+
+
+def _outcomes_of_the_gallery() -> dict[str, list[str]]:
+    """Return the scenes of the gallery by the outcomes of their runs there."""
+    found: dict[str, list[str]] = {}
+    for section in GALLERY.read_text(encoding="utf-8").split("\n### ")[1:]:
+        name, run = re.match(r"`(\w+)`", section), re.search(r"This run: (\w+)", section)
+        if name and run:
+            found.setdefault(run[1], []).append(name[1])
+    return found
+
+
+def _faults(scenes: Any) -> list[tuple[str, str]]:
+    kinds = [m for m in public(scenes["specs.faults"]) if m.is_class]
+    values = [re.search(r"\w+", str(kind.members["kind"].annotation).partition("[")[2]) for kind in kinds]
+    return [(f"`{v[0]}`", cell(k.docstring.value)) for v, k in zip(values, kinds, strict=True) if v]
+
+
+_OUTCOMES = """\
+# Outcomes and faults
+
+## Outcomes
+{about}
+
+{outcomes}
+The exit code of `msrr dock` says whether a trial ended `docked` or `complete`;
+[the command line](command_line.md#exit-codes) lists all exit codes.
+
+## What the robot believes
+{convictions}
+## Why an attempt failed, as the robot knows it
+A belief has one of these as its *setback*, with a sentence that holds the figures.
+
+{reasons}
+## Phases of a docking step
+{phases}
+## Faults
+A scene causes them on purpose with its key [`faults`](scene_keys.md#faults); no robot is told.
+
+{faults}"""
