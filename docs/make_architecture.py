@@ -1,4 +1,4 @@
-"""Writes the drawings and tables of ``docs/architecture.md`` that follow from the code.
+"""Writes the drawings and tables of ``docs/explanation/architecture.md`` that follow from the code.
 
 Run ``python docs/make_architecture.py`` after a change of the packages or of their imports. A test compares
 the page with what this script would write.
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import grimp
 
-PAGE = Path(__file__).resolve().with_name("architecture.md")
+PAGE = Path(__file__).resolve().parent / "explanation" / "architecture.md"
 ROOTS = ("msrr_scenes", "msrr_perception", "msrr_control", "msrr_bullet")
 
 Graph = Mapping[str, frozenset[str]]

@@ -37,7 +37,7 @@ from msrr_scenes.messages import Pixels
 from msrr_scenes.specs.sensors import CameraSpec
 from msrr_scenes.specs.spec import Choice
 
-PAGE = Path(__file__).resolve().parent / "photographs.md"
+PAGE = Path(__file__).resolve().parent / "results" / "photographs.md"
 
 #: Upper ends of the classes of the size of tags [px].
 SIZES_PX = (0, 25, 40, 55, 70, 1000)

@@ -85,7 +85,7 @@ def page(study: ToleranceStudy) -> str:
             grades,
             FIRST,
             table(wording.FIRST_COLUMNS, map(wording.first_cells, found)),
-            FIGURE_TEXT.format(figure=FIGURE),
+            FIGURE_TEXT.format(figure=f"../{FIGURE.as_posix()}"),
             SLOPES,
             table(columns, map(slope_cells, study.effects)),
         ]
@@ -96,7 +96,7 @@ def main(folder: Path) -> None:
     """Write the page and its figure from the study in a folder."""
     study = ToleranceStudy.model_validate_json((folder / "tolerance.json").read_text(encoding="utf-8"))
     draw_tornado(study, DOCS / FIGURE)
-    (DOCS / "tolerance.md").write_text(page(study), encoding="utf-8")
+    (DOCS / "results" / "tolerance.md").write_text(page(study), encoding="utf-8")
 
 
 if __name__ == "__main__":

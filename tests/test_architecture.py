@@ -1,4 +1,4 @@
-"""The tables and drawings of docs/architecture.md say what the code does."""
+"""The tables and drawings of docs/explanation/architecture.md say what the code does."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from code_reference import ROOT, pages
 from command_reference import commands_page
-from message_reference import messages_page, outcomes_page
+from message_reference import messages_page, outcomes_page, tables_text
 from scene_keys import keys_page
 
 DOCS = ROOT / "docs"
@@ -21,11 +21,15 @@ COPIED = (".md", ".png", ".svg")
 
 
 def reference() -> dict[str, str]:
-    """Return the generated pages by their paths below the folder of the site."""
+    """Return the generated pages by their paths below the folder of the site.
+
+    Where a page of this path is written, its text is the end of it.
+    """
     return {
         "reference/scene_keys.md": keys_page(),
         "reference/messages.md": messages_page(),
         "reference/outcomes.md": outcomes_page(),
+        "reference/csv.md": tables_text(),
         "reference/command_line.md": commands_page(),
         **{f"reference/code/{name}": text for name, text in pages().items()},
     }
@@ -41,7 +45,8 @@ def write_site(folder: Path) -> None:
     for name, text in reference().items():
         target = folder / name
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_text(text, encoding="utf-8")
+        head = target.read_text(encoding="utf-8") if target.exists() else ""
+        target.write_text(head + text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The reference of messages, outcomes and faults."""
+"""The reference of messages, outcomes, faults and exported tables."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import Any
 
 from code_reference import ROOT, class_text, enum_values, load, public, values_table
 from markdown_text import cell, prose, table
+
+from msrr_bullet.export import documented_tables
 
 GALLERY = ROOT / "docs" / "gallery.md"
 
@@ -55,6 +57,15 @@ def _faults(scenes: Any) -> list[tuple[str, str]]:
     kinds = [m for m in public(scenes["specs.faults"]) if m.is_class]
     values = [re.search(r"\w+", str(kind.members["kind"].annotation).partition("[")[2]) for kind in kinds]
     return [(f"`{v[0]}`", cell(k.docstring.value)) for v, k in zip(values, kinds, strict=True) if v]
+
+
+def tables_text() -> str:
+    """Return the descriptions of all tables that an export can have."""
+    text = ""
+    for name, about, columns in documented_tables():
+        rows = [(f"`{column.name}`", cell(column.about)) for column in columns]
+        text += f"\n## `{name}.csv`\n\n{prose(about)}\n\n{table(('column', 'holds'), rows)}"
+    return text
 
 
 _OUTCOMES = """\

@@ -1,4 +1,4 @@
-"""Tables of a mission that a base station led, and of its radio; described in ``docs/csv.md``."""
+"""Tables of a mission that a base station led, and of its radio; the reference describes them."""
 
 from __future__ import annotations
 

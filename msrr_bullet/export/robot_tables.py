@@ -1,4 +1,4 @@
-"""Tables of what the robot decided and believed; described in ``docs/csv.md``."""
+"""Tables of what the robot decided and believed; the reference describes them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of truth, of what the sensors measured, and of events; described in ``docs/csv.md``."""
+"""Tables of truth, of what the sensors measured, and of events; the reference describes them."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from msrr_scenes.messages import Pixels
 
 
 class RasterRenderer:
-    """Exact visibility at pixel corners, sixteen samples where they disagree; see ``docs/renderer.md``.
+    """Exact visibility at pixel corners, sixteen samples where they disagree.
 
     The shapes of all bodies are read when a body has been loaded or removed since the last picture. A colour
     or texture that changes later is not noticed.

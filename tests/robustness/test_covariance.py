@@ -1,7 +1,7 @@
 """The covariances of the estimates by both cameras against their errors.
 
 ``pytest -s -m "nightly or not nightly" tests/robustness/test_covariance.py`` prints the figures that
-``perception/README.md`` cites: per coordinate the RMS error over the RMS standard deviation.
+``docs/explanation/estimator.md`` cites: per coordinate the RMS error over the RMS standard deviation.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A rasteriser of textured triangle meshes with exact visibility; ``docs/renderer.md`` describes it.
+"""A rasteriser of textured triangle meshes with exact visibility (``docs/explanation/renderer.md``).
 
 Its modules import numba, which costs time and memory; a scene that names another renderer does not load them.
 """

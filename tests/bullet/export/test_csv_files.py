@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,6 @@ from msrr_bullet.log.formats import message_types
 from msrr_bullet.log.records import CameraWindow, FrameLinks
 from msrr_scenes.messages import Action, LosStatus, ObstacleEstimate, PoseEstimate
 from msrr_scenes.messages.coordination import Authority, MissionStatus
-
-DOCS = Path(__file__).resolve().parents[3] / "docs" / "csv.md"
 
 
 @pytest.fixture(scope="module")
@@ -54,13 +51,9 @@ def test_every_message_has_its_rows(short_log, folder):
     assert len(rows(folder, "approach")) == counts[Action]
 
 
-def test_columns_are_the_documented_ones_in_files_and_on_the_page(folder):
-    page = DOCS.read_text(encoding="utf-8")
+def test_columns_are_the_documented_ones(folder):
     listed = {(row["table"], row["column"]) for row in rows(folder, "columns")}
-    for name, about, table_columns in documented_tables():
-        lines = [f"## `{name}.csv`", about, "", "| column | holds |", "|---|---|"]
-        lines += [f"| `{column.name}` | {column.about} |" for column in table_columns]
-        assert "\n".join(lines) in page, f"{DOCS.name} does not describe {name}.csv as it is"
+    for name, _, table_columns in documented_tables():
         path = folder / f"{name}.csv"
         if path.exists():
             head = path.read_text(encoding="utf-8").partition("\n")[0].split(",")

@@ -1,7 +1,7 @@
 """The covariance of the overhead estimates against their errors, on rendered frames.
 
 ``pytest -s -m nightly tests/bullet/robot/test_overhead_covariance.py`` prints the figures that
-``perception/README.md`` cites.
+``docs/explanation/estimator.md`` cites.
 """
 
 from __future__ import annotations

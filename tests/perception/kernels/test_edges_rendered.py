@@ -1,6 +1,6 @@
 """Corners of the tags of a port on rendered frames, against their exact projection.
 
-``pytest -s`` with this file prints the figures that ``perception/README.md`` cites.
+``pytest -s`` with this file prints the figures that ``docs/explanation/estimator.md`` cites.
 """
 
 from __future__ import annotations

@@ -35,14 +35,14 @@ def test_a_grade_goes_with_every_plant_and_perception(plant: str, perception: st
     assert str(scene.as_built) == "rough"
 
 
-#: Scenes that are as drawn although they are to succeed; the README says why.
+#: Scenes that are as drawn although they are to succeed; the page of the shipped scenes says why.
 AS_DRAWN_FOR_NOW = {"assemble_line", "assemble_comb", "deaf", "sixteen"}
 
 
 def test_shipped_robots_are_built_with_care_unless_a_scene_provokes_a_failure_in_front_of_a_port() -> None:
-    """The rule of the README, by the outcomes that it lists; and each scene goes with the other grade."""
-    readme = (Path(__file__).parents[3] / "scenes" / "README.md").read_text()
-    outcomes = dict(re.findall(r"^\| `(\w+)` \| .* \| (\w+)[^|]*\|$", readme, re.MULTILINE))
+    """The rule of the page, by the outcomes that it lists; and each scene goes with the other grade."""
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "scenes.md").read_text()
+    outcomes = dict(re.findall(r"^\| `(\w+)` \| .* \| (\w+)[^|]*\|$", page, re.MULTILINE))
     for name in shipped_scenes():
         usual: Grade = "careful"
         other: Grade = "perfect"

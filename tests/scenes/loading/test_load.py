@@ -286,9 +286,7 @@ def test_the_hash_follows_the_urdf(tmp_path: Path) -> None:
     assert scene_hash(load_scene(path)) != base
 
 
-def test_the_readme_shows_every_shipped_scene_and_its_example_is_good(tmp_path: Path) -> None:
-    readme = (Path(__file__).parents[3] / "scenes" / "README.md").read_text()
+def test_the_reference_shows_every_shipped_scene() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "scenes.md").read_text()
     for name in shipped_scenes():
-        assert f"| `{name}` |" in readme
-    example = readme.split("```yaml\n")[1].split("```")[0]
-    assert load_scene(write(tmp_path, example)).plan[0].to == "b.left"
+        assert f"| `{name}` |" in page

@@ -1,0 +1,85 @@
+"""A reader who follows a page of the documentation from top to bottom gets what the page says.
+
+Blocks are carried out in their order and in one folder: one with a title is a file to save, ``msrr`` commands
+of a block ``sh`` are run and end with 0 unless a comment behind them says otherwise, Python is one session.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+import yaml
+
+from msrr_bullet.cli.app import run
+from msrr_scenes.loading.load import load_scene
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PAGES = sorted([DOCS / "index.md", *DOCS.glob("tutorials/*.md"), *DOCS.glob("how-to/*.md")])
+
+#: Pages that take few seconds; the others are carried out at night.
+QUICK = {"own_controller.md"}
+
+BLOCK = re.compile(
+    r'^```(?P<language>\w+)(?: title="(?P<title>[^"]+)")?\n(?P<text>.*?)^```$', re.DOTALL | re.MULTILINE
+)
+_COMMAND = re.compile(r"^msrr (?P<arguments>[^#\n]*)(?:#.*exit code (?P<code>\d+))?", re.MULTILINE)
+
+
+def blocks(page: Path) -> Iterator[re.Match[str]]:
+    yield from BLOCK.finditer(page.read_text(encoding="utf-8"))
+
+
+def follow(page: Path) -> int:
+    """Carry out a page in the current folder; return the number of programs and commands that were run."""
+    ran, session = 0, {"__name__": "__main__"}
+    for block in blocks(page):
+        line = page.read_text()[: block.start()].count("\n") + 1
+        if block["title"]:
+            Path(block["title"]).parent.mkdir(parents=True, exist_ok=True)
+            Path(block["title"]).write_text(block["text"], encoding="utf-8")
+        elif block["language"] == "sh":
+            for command in _COMMAND.finditer(block["text"]):
+                code = run(shlex.split(command["arguments"]))
+                assert code == int(command["code"] or 0), f"{page.name}:{line}: msrr {command['arguments']}"
+                ran += 1
+        elif block["language"] == "python":
+            exec(compile(block["text"], f"{page.name}:{line}", "exec"), session)
+            ran += 1
+    return ran
+
+
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=() if page.name in QUICK else pytest.mark.nightly) for page in PAGES],
+    ids=lambda page: page.stem,
+)
+def test_a_page_does_what_it_says(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{':'.join(sys.path)}")  # of the processes of a sweep
+    mpl.use("Agg")
+    shown = any(block["language"] in ("sh", "python") for block in blocks(page))
+    assert bool(follow(page)) == shown
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_scenes_and_programs_of_a_page_are_good_as_they_stand(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Quickly: scenes load, unless the page is about their mistakes, and programs are Python."""
+    monkeypatch.chdir(tmp_path)
+    for block in blocks(page):
+        if block["language"] == "python":
+            compile(block["text"], str(page), "exec")
+        if block["language"] == "yaml":
+            document = yaml.safe_load(block["text"])
+            file = Path(block["title"] or "scene.yaml")
+            if "plan" in document and "mistake" not in file.name:
+                file.write_text(block["text"], encoding="utf-8")
+                load_scene(file)
