@@ -1,4 +1,4 @@
-# make demo | test | check | nightly | bench. Every target sets up what it needs; the only requirements
+# make demo | test | check | nightly | bench | docs. Every target sets up what it needs; the only requirements
 # are CPython 3.11 and make.
 PYTHON ?= python3.11
 VENV := .venv
@@ -9,7 +9,7 @@ JOBS ?= 2
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: venv demo test nightly check format bench clean
+.PHONY: venv demo test nightly check docs format bench clean
 
 venv: $(STAMP)
 
@@ -33,6 +33,11 @@ check: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: $(STAMP)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[docs]"
+	$(BIN)/python docs/site/make_site.py
+	$(BIN)/zensical build --strict
 
 format: $(STAMP)
 	$(BIN)/ruff format .
