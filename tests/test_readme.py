@@ -86,8 +86,9 @@ def execute(*arguments: str, cwd: Path) -> str:
 
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=str)
-def test_a_program_runs(program: Piece, folder: Path) -> None:
-    execute("-c", program.text, cwd=folder)
+def test_a_program_runs(program: Piece, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    exec(compile(program.text, str(program), "exec"), {"__name__": "__main__"})
 
 
 @pytest.mark.parametrize("sketch", PYTHON, ids=str)
