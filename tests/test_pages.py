@@ -54,6 +54,7 @@ def follow(page: Path) -> int:
     return ran
 
 
+@pytest.mark.timeout(900)  # some pages hold ten trials with images
 @pytest.mark.parametrize(
     "page",
     [pytest.param(page, marks=() if page.name in QUICK else pytest.mark.nightly) for page in PAGES],
