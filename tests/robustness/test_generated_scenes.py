@@ -15,6 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import pytest
 import yaml
 
@@ -28,6 +29,7 @@ from msrr_control.docking.c2 import C2DockingParams
 from msrr_control.docking.graceful import GracefulParams
 from msrr_control.staging.parameters import AssemblyParams, C2AssemblyParams
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.loading.file_schema import file_schema
 from msrr_scenes.loading.load import LIBRARY, load_scene, shipped_scenes
 from msrr_scenes.specs.scene import Scene
 
@@ -61,6 +63,8 @@ PLAIN = {
     ),
 }
 SCHEMA = Scene.model_json_schema()
+#: What editors check scene files by.
+EDITOR = jsonschema.Draft202012Validator(file_schema())
 TEXTS = {name: (LIBRARY / f"{name}.yaml").read_text() for name in shipped_scenes()}
 
 Place = tuple[tuple[str | int, ...], dict[str, Any]]  # path in a document, and JSON schema of the value there
@@ -258,6 +262,9 @@ def accepted(folder: Path, seed: int) -> Scene | None:
         return None
     finally:
         assert time.monotonic() - begun < CHECK_LIMIT_S, f"seed {seed}"
+    document = yaml.safe_load(path.read_text())
+    marked = [e.message for e in EDITOR.iter_errors(document) if not isinstance(e.instance, str)]
+    assert marked == [], f"seed {seed}: editors mark a scene that is read"  # but for numbers written as texts
     return scene
 
 

@@ -33,9 +33,9 @@ _FILLED_IN = ("Choice", "LimitsSpec")
 def file_schema(kind: str = "scene") -> Schema:
     """Return the JSON schema (draft 2020-12) of a kind of file.
 
-    It accepts every file that is read without an error, but for numbers in quotation marks. What only several
-    values together make wrong (two bodies in one place, a port that no unit has) passes it; ``msrr check``
-    finds that.
+    It accepts every file that is read without an error, but for numbers that YAML takes for texts. What only
+    several values together make wrong (two bodies in one place, a port that no unit has) passes it;
+    ``msrr check`` finds that.
 
     Args:
         kind: One of :data:`KINDS`.
