@@ -25,7 +25,7 @@ not by hand. The refined lens: {lens}.
 
 `msrr_scenes.loading.tag_map_file.read_tag_map` reads `map.yaml`. A scene takes it for
 the marker of a port, `units.b.markers: {rear: map.yaml}`; the
-[tutorial](tutorial_own_camera.md) shows the whole way.
+[tutorial](../tutorials/own_camera.md) shows the whole way.
 
 ## What the residuals are made of
 {explained}

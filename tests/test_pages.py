@@ -20,7 +20,15 @@ from msrr_bullet.cli.app import run
 from msrr_scenes.loading.load import load_scene
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-PAGES = sorted([DOCS / "index.md", *DOCS.glob("tutorials/*.md"), *DOCS.glob("how-to/*.md")])
+
+#: Pages that begin with pictures, which tests of their own have: ``test_tutorial``, those of the recordings.
+WITH_PICTURES = {"own_camera.md", "recordings.md"}
+
+PAGES = sorted(
+    page
+    for page in (DOCS / "index.md", *DOCS.glob("tutorials/*.md"), *DOCS.glob("how-to/*.md"))
+    if page.name not in WITH_PICTURES
+)
 
 #: Pages that take few seconds; the others are carried out at night.
 QUICK = {"own_controller.md"}

@@ -37,7 +37,7 @@ from msrr_scenes.specs.sensors import CalibrationSpec
 from msrr_scenes.specs.spec import Choice
 from msrr_scenes.specs.tag_map import MappedTagSpec, TagMapSpec
 
-PAGE = (Path(__file__).resolve().parents[1] / "docs" / "tutorial_own_camera.md").read_text()
+PAGE = (Path(__file__).resolve().parents[1] / "docs" / "tutorials" / "own_camera.md").read_text()
 COMMANDS = [
     shlex.split(line)
     for block in re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)

@@ -102,7 +102,7 @@ def test_the_mount_of_the_camera_and_its_calibration_can_be_given(tmp_path: Path
 
 def test_the_target_files_of_the_page_can_be_used(tmp_path: Path) -> None:
     """The page shows two; both name a calibration, and the second one a map."""
-    page = Path(__file__).parents[3] / "docs" / "recordings.md"
+    page = Path(__file__).parents[3] / "docs" / "how-to" / "recordings.md"
     examples = re.findall(r"```yaml\n(.*?)```", page.read_text(), re.DOTALL)
     assert len(examples) == 2
     (tmp_path / "runs" / "map").mkdir(parents=True)
