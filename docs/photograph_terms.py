@@ -80,7 +80,7 @@ def _adjusted(found: TagMap) -> tuple[Bundle, Sightings]:
 
 def _by_corner(bundle: Bundle, seen: Sightings) -> Array:
     """Return the derivatives of the pixels by the corners in the frames of the tags, shape (N, 4, 2, 3)."""
-    by_point = bundle._project(bundle._corners_C(seen))[1]
+    by_point = bundle.project(bundle.corners_C(seen))[1]
     return np.asarray(by_point @ (bundle.R_CM[seen.view] @ bundle.R_MT[seen.tag])[:, np.newaxis])
 
 

@@ -24,7 +24,7 @@ What contradicts the rest is named by a test of the residuals (`msrr_perception.
 not by hand. The refined lens: {lens}.
 
 `msrr_scenes.loading.tag_map_file.read_tag_map` reads `map.yaml`. A scene takes it for
-the marker of a port, `units.b.markers: {rear: map.yaml}`; the
+the marker of a port, `units.b.markers: {{rear: map.yaml}}`; the
 [tutorial](../tutorials/own_camera.md) shows the whole way.
 
 ## What the residuals are made of
@@ -57,7 +57,7 @@ mapped, measured.
 
 {both}
 
-Recall and the width of edges agree; **the residuals do not**: rendered ones are a tenth as large. What
+Recall and the width of edges agree; **the residuals do not**: rendered ones are several times smaller. What
 is missing, and why it was not added:
 
 - **Bent paper.** A plate is a flat square, here and on the robot, where it is glued to a rigid body.

@@ -137,12 +137,12 @@ class Bundle:
 
     def residuals(self, seen: Sightings) -> Array:
         """Return projected minus detected corners, shape (8 N,) [px]."""
-        return np.asarray((self._project(self._corners_C(seen))[0] - seen.corners).ravel())
+        return np.asarray((self.project(self.corners_C(seen))[0] - seen.corners).ravel())
 
     def jacobian(self, seen: Sightings) -> csr_array:
         """Return the derivatives of :meth:`residuals` by a step of the variables, shape (8 N, n)."""
-        corners_C = self._corners_C(seen)
-        _, by_point, by_lens = self._project(corners_C)
+        corners_C = self.corners_C(seen)
+        _, by_point, by_lens = self.project(corners_C)
         by_place = by_point @ self.R_CM[seen.view, np.newaxis]
         turn_view = -by_point @ hat(corners_C - self.p_CM[seen.view, np.newaxis])
         turn_tag = -by_place @ hat(self._corners_from_tag(seen))
@@ -183,13 +183,13 @@ class Bundle:
         """Return the corners of the tags from the middles of the tags, in M, shape (N, 4, 3) [m]."""
         return np.asarray(tag_corners(self.tag_size) @ self.R_MT[seen.tag].swapaxes(1, 2))
 
-    def _corners_C(self, seen: Sightings) -> Array:
+    def corners_C(self, seen: Sightings) -> Array:
         """Return the corners of the tags in the cameras that saw them, shape (N, 4, 3) [m]."""
         corners_M = self._corners_from_tag(seen) + self.p_MT[seen.tag, np.newaxis]
         rotated = corners_M @ self.R_CM[seen.view].swapaxes(1, 2)
         return np.asarray(rotated + self.p_CM[seen.view, np.newaxis])
 
-    def _project(self, corners_C: Array) -> tuple[Array, Array, Array]:
+    def project(self, corners_C: Array) -> tuple[Array, Array, Array]:
         """Return pixels (N, 4, 2), and their derivatives by the corners and by the lens (N, 4, 2, 3 or 5)."""
         camera, distortion = self.lens.camera, self.lens.distortion
         z = np.maximum(corners_C[..., 2], _NEAREST_M)
