@@ -7,7 +7,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from msrr_bullet.log.header import LogHeader
-from msrr_bullet.log.mcap_recorder import McapRecorder
+from msrr_bullet.log.mcap_recorder import Listener, McapRecorder
 from msrr_bullet.log.reader import LOG_NAME, read_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.log.records import StartPoses, StepStart
@@ -45,6 +45,7 @@ def run_trial(
     observer: Callable[[Progress], None] | None = None,
     profiler: Profiler | None = None,
     wall_limit_s: float | None = None,
+    listener: Listener | None = None,
 ) -> TrialResult:
     """Run one trial.
 
@@ -58,6 +59,8 @@ def run_trial(
         observer: Called with the progress at every control instant.
         profiler: Measures the time of each stage of the loop.
         wall_limit_s: Time that the trial may take on the wall clock; None sets no limit.
+        listener: Gets every message of the log as it is written, if there is a folder;
+            :meth:`msrr_bullet.log.foxglove_server.FoxgloveServer.publish` is one.
 
     Returns:
         The result. A docking that fails is a result, not an error.
@@ -68,7 +71,7 @@ def run_trial(
         WallLimitError: The trial took longer than ``wall_limit_s``. The log ends there, and has no result.
     """
     with ExitStack() as lock:
-        result = _run(scene, seed, out, lock, wall_limit_s, viewer, observer, profiler)
+        result = _run(scene, seed, out, lock, wall_limit_s, viewer, observer, profiler, listener)
         if out is not None:
             _write_derived_files(out, result)
     return result
@@ -83,6 +86,7 @@ def _run(
     viewer: Viewer | None,
     observer: Callable[[Progress], None] | None,
     profiler: Profiler | None,
+    listener: Listener | None,
 ) -> TrialResult:
     """Run the trial and write its log; ``lock`` keeps the folder for this run until it is closed."""
     with ExitStack() as stack:
@@ -92,7 +96,7 @@ def _run(
         with suppress(ProgramFailedError):  # the trial ends with that outcome
             check_trial(scene)
         if out is not None:
-            recorder = _RunRecorder(out, LogHeader.of(scene, seed, package_versions()), lock)
+            recorder = _RunRecorder(out, LogHeader.of(scene, seed, package_versions()), lock, listener)
             stack.callback(recorder.close)
         trial = Trial(scene, seed, recorder=recorder, viewer=viewer, observer=observer, profiler=profiler)
         return trial.run(wall_limit_s)
@@ -104,8 +108,8 @@ class _RunRecorder:
     A scene that cannot be built does not come that far, and so costs no earlier run.
     """
 
-    def __init__(self, out: Path, header: LogHeader, lock: ExitStack) -> None:
-        self._out, self._header, self._lock = out, header, lock
+    def __init__(self, out: Path, header: LogHeader, lock: ExitStack, listener: Listener | None) -> None:
+        self._out, self._header, self._lock, self._listener = out, header, lock, listener
         self._head: list[tuple[str, int, object]] = []
         self._log: McapRecorder | None = None
 
@@ -130,7 +134,7 @@ class _RunRecorder:
             make_folder(self._out)
             self._lock.enter_context(locked(self._out))
             delete_run(self._out)
-            self._log = McapRecorder(self._out / LOG_NAME, self._header)
+            self._log = McapRecorder(self._out / LOG_NAME, self._header, listener=self._listener)
             for head in self._head:
                 self._log.write(*head)
         return self._log

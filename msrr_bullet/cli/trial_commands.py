@@ -35,6 +35,7 @@ from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
 if TYPE_CHECKING:  # the commands that need these load them, so that msrr --help is quick
+    from msrr_bullet.log.foxglove_server import FoxgloveServer
     from msrr_bullet.trial.result import TrialResult
     from msrr_bullet.trial.telemetry import Progress
     from msrr_bullet.viewer.live import LiveViewer
@@ -56,6 +57,9 @@ def dock(
         ),
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the running trial in a browser.")] = False,
+    foxglove: Annotated[
+        bool, typer.Option("--foxglove", help="Serve the running trial to Foxglove, on loopback.")
+    ] = False,
     wall_limit: WallLimit = DEFAULT_WALL_LIMIT_S,
     overrides: Overrides = None,
 ) -> None:
@@ -72,17 +76,24 @@ def dock(
     prepare_renderers(loaded, console.print)
     with ExitStack() as stack:
         viewer = stack.enter_context(_live_view(loaded, console)) if view else None
+        listener = stack.enter_context(_foxglove_server()).publish if foxglove else None
         with status_line(console, f"{loaded.name}: building the world") as show:
 
             def show_progress(progress: Progress) -> None:
                 show(_progress_line(progress))
 
             result = run_trial(
-                loaded, seed, out=folder, viewer=viewer, observer=show_progress, wall_limit_s=wall_limit
+                loaded,
+                seed,
+                out=folder,
+                viewer=viewer,
+                observer=show_progress,
+                wall_limit_s=wall_limit,
+                listener=listener,
             )
         _report(console, result, folder)
-        if view and sys.stdin.isatty():
-            console.input("The page stays until you press Enter. ")
+        if (view or foxglove) and sys.stdin.isatty():
+            console.input("What is shown stays until you press Enter. ")
     if result.outcome is Outcome.PROGRAM_FAILED:
         failed = next((s for s in result.steps if s.outcome is Outcome.PROGRAM_FAILED), None)
         raise typer.Exit(report_error(result.reason if failed is None else failed.belief_reason, BAD_INPUT))
@@ -102,6 +113,15 @@ def _live_view(scene: Scene, console: Console) -> Iterator[LiveViewer]:
         with status_line(console, "waiting for a browser"):
             viewer.wait_for_browser(BROWSER_TIMEOUT_S)
         yield viewer
+
+
+def _foxglove_server() -> FoxgloveServer:
+    """Open a server for Foxglove, for whose connection the trial waits a while."""
+    from msrr_bullet.log.foxglove_server import FoxgloveServer
+
+    server = FoxgloveServer()
+    typer.echo(f"Foxglove: open a connection to {server.url}")
+    return server
 
 
 def _report(console: Console, result: TrialResult, folder: Path) -> None:

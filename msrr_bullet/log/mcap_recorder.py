@@ -15,12 +15,13 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 from foxglove.messages import CompressedImage
 from mcap.writer import CompressionType, IndexType, Writer
 
 from msrr_bullet.log import topics
+from msrr_bullet.log.channel_kind import ChannelKind
 from msrr_bullet.log.codec import LogError, log_name, to_bytes
 from msrr_bullet.log.display import Display, DisplayMessages, Shown, cameras
 from msrr_bullet.log.formats import format_named, format_of
@@ -33,22 +34,15 @@ from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import NS_PER_S, Exposure, Pixels
 
+#: Gets every message as it is written: topic, what its messages are, time [ns], content.
+Listener = Callable[[str, ChannelKind, int, bytes], None]
+
 #: Size of a batch, and number of batches that may wait for the worker. Together they bound the memory.
 _BATCH_BYTES = 1 << 18
 _BATCHES_WAITING = 8
 
 #: Approximate overhead of a message in memory [bytes].
 _OVERHEAD_BYTES = 256
-
-
-class _ChannelKind(NamedTuple):
-    """What the messages of a topic are: a schema, and what a reader has to know besides."""
-
-    name: str
-    schema_encoding: str
-    schema: bytes
-    encoding: str
-    metadata: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,37 +58,40 @@ class _Entry:
     """Message that waits to be written: encoded, or a frame."""
 
     topic: str
-    kind: _ChannelKind
+    kind: ChannelKind
     stamp_ns: int
     sequence: int
     content: bytes | _FrameToWrite
 
 
 @cache
-def _exact_kind(name: str) -> _ChannelKind:
+def _exact_kind(name: str) -> ChannelKind:
     """Return the channels of an exact message: JSON, with the name of its class in logs."""
     known = format_named(name)
-    return _ChannelKind(known.schema_name, "jsonschema", to_bytes(known.schema), "json", (("type", name),))
+    return ChannelKind(known.schema_name, "jsonschema", to_bytes(known.schema), "json", (("type", name),))
 
 
 @cache
-def _shown_kind(kind: type[Shown], camera: str = "") -> _ChannelKind:
+def _shown_kind(kind: type[Shown], camera: str = "") -> ChannelKind:
     """Return the channels of a message for clients; the frames of a camera tell whose they are."""
     schema = kind.get_schema()
     metadata = ((FRAMES_OF, camera),) if camera else ()
-    return _ChannelKind(schema.name, schema.encoding, schema.data, "protobuf", metadata)
+    return ChannelKind(schema.name, schema.encoding, schema.data, "protobuf", metadata)
 
 
 class McapRecorder:
     """Recorder to an MCAP file, of which at most the last second is lost if the process dies."""
 
-    def __init__(self, path: Path, header: LogHeader, flush_every_s: float = 1.0) -> None:
+    def __init__(
+        self, path: Path, header: LogHeader, flush_every_s: float = 1.0, listener: Listener | None = None
+    ) -> None:
         """Open the file, overwriting an existing one, and write the header.
 
         Args:
             path: File to write, in an existing folder.
             header: Scene, seed, versions.
             flush_every_s: Simulated time between two flushes to the disk [s].
+            listener: Gets every message in the thread that writes; while it takes its time, the trial waits.
 
         Raises:
             LogError: The file cannot be written.
@@ -112,7 +109,7 @@ class McapRecorder:
             self._file: BinaryIO = path.open("wb")
         except OSError as error:
             raise LogError(f"{path}: cannot write the log: {error.strerror}") from error
-        self._writer = _Writer(self._file)
+        self._writer = _Writer(self._file, listener)
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="msrr-log")
         self._submit(self._writer.start, header)
         self._await_batches(0)
@@ -196,7 +193,7 @@ class McapRecorder:
             self._append(topic, _shown_kind(type(message)), stamp_ns, content, len(content))
 
     def _append(
-        self, topic: str, kind: _ChannelKind, stamp_ns: int, content: bytes | _FrameToWrite, size: int
+        self, topic: str, kind: ChannelKind, stamp_ns: int, content: bytes | _FrameToWrite, size: int
     ) -> None:
         if self._closed:
             raise LogError(f"{self._path}: the log is closed")
@@ -233,10 +230,10 @@ class McapRecorder:
 class _Writer:
     """Writer of the MCAP file. All of its methods run in the worker thread, in the order of recording."""
 
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
+    def __init__(self, file: BinaryIO, listener: Listener | None) -> None:
+        self._file, self._listener = file, listener
         self._mcap = Writer(file, compression=CompressionType.ZSTD, index_types=IndexType.ALL)
-        self._channels: dict[tuple[str, _ChannelKind], int] = {}
+        self._channels: dict[tuple[str, ChannelKind], int] = {}
         self._schemas: dict[str, int] = {}
         self._cameras: dict[str, Lens] = {}
         self._composers: dict[str, FrameComposer] = {}
@@ -262,6 +259,8 @@ class _Writer:
                 sequence=entry.sequence,
                 data=content,
             )
+            if self._listener is not None:
+                self._listener(entry.topic, entry.kind, entry.stamp_ns, content)
         if flush:
             self._mcap.flush()
 
@@ -276,7 +275,7 @@ class _Writer:
         png = self._composers[camera].png(frame.windows)
         return compressed_image(frame.exposure.stamp_ns, camera, png).encode()
 
-    def _channel(self, topic: str, kind: _ChannelKind) -> int:
+    def _channel(self, topic: str, kind: ChannelKind) -> int:
         key = topic, kind
         if key not in self._channels:
             if kind.name not in self._schemas:

@@ -1,0 +1,77 @@
+"""The server for Foxglove: a client gets the messages of a log while it is written."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import struct
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mcap.records import Schema
+from mcap_protobuf.decoder import DecoderFactory
+from tornado.websocket import websocket_connect
+
+from msrr_bullet.log import LogHeader, McapRecorder
+from msrr_bullet.log.foxglove_server import HOST, FoxgloveServer
+from msrr_scenes.errors import MsrrError
+
+Record = Callable[..., None]
+
+
+async def first_of(url: str, wanted: dict[str, int]) -> dict[str, list[bytes]]:
+    """Subscribe to topics, and return as many messages of each as are wanted."""
+    socket = await websocket_connect(url, subprotocols=["foxglove.sdk.v1"])
+    topics: dict[int, str] = {}
+    got: dict[str, list[bytes]] = {topic: [] for topic in wanted}
+    while any(len(got[topic]) < count for topic, count in wanted.items()):
+        message = await asyncio.wait_for(socket.read_message(), 20.0)
+        assert message is not None, "the server closed the connection"
+        if isinstance(message, bytes):
+            kind, subscription, _ = struct.unpack_from("<BIQ", message)
+            assert kind == 1
+            got[topics[subscription]].append(message[13:])
+            continue
+        told = json.loads(message)
+        for channel in told.get("channels", ()) if told["op"] == "advertise" else ():
+            if channel["topic"] in wanted:
+                topics[channel["id"]] = channel["topic"]
+                asked = {"id": channel["id"], "channelId": channel["id"]}
+                await socket.write_message(json.dumps({"op": "subscribe", "subscriptions": [asked]}))
+    socket.close()
+    return got
+
+
+def test_a_client_sees_the_start_and_what_follows(
+    tmp_path: Path, header: LogHeader, record_trial: Record
+) -> None:
+    with FoxgloveServer(port=0) as server:
+        assert server.url.startswith(f"ws://{HOST}:")
+
+        def record() -> None:
+            with McapRecorder(tmp_path / "t.mcap", header, listener=server.publish) as recorder:
+                record_trial(recorder, 0.4)
+
+        trial = threading.Thread(target=record)
+        trial.start()
+        wanted = {"/camera/a/onboard/calibration": 1, "/scene": 1, "/camera/a/onboard/image": 3}
+        got = asyncio.run(first_of(server.url, wanted))
+        trial.join(30.0)
+        assert not trial.is_alive()
+    from foxglove.messages import CameraCalibration
+
+    schema = CameraCalibration.get_schema()
+    decode = DecoderFactory().decoder_for("protobuf", Schema(1, schema.data, schema.encoding, schema.name))
+    assert decode is not None
+    calibration = decode(got["/camera/a/onboard/calibration"][0])
+    assert (calibration.width, calibration.height) == (640, 480)
+    assert all(b"PNG" in image for image in got["/camera/a/onboard/image"])
+
+
+def test_a_port_that_is_taken_is_one_message() -> None:
+    with FoxgloveServer(port=0) as server:
+        port = int(server.url.rpartition(":")[2])
+        with pytest.raises(MsrrError, match=f"cannot listen on {HOST}:{port}"):
+            FoxgloveServer(port=port)
