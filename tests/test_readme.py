@@ -85,7 +85,12 @@ def execute(*arguments: str, cwd: Path) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("program", PROGRAMS, ids=str)
+@pytest.mark.parametrize(
+    "program",
+    # Those that run whole trials take as long as all others together.
+    [pytest.param(p, marks=pytest.mark.nightly if "run_trial(" in p.text else ()) for p in PROGRAMS],
+    ids=str,
+)
 def test_a_program_runs(program: Piece, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     exec(compile(program.text, str(program), "exec"), {"__name__": "__main__"})
@@ -155,6 +160,7 @@ def test_the_own_controller_is_an_example_of_forty_lines() -> None:
     assert len((ROOT / "examples" / "own_controller.py").read_text().splitlines()) <= 42
 
 
+@pytest.mark.nightly
 def test_the_own_controller_runs_as_a_program(tmp_path: Path) -> None:
     said = execute(str(ROOT / "examples" / "own_controller.py"), cwd=tmp_path)
     assert "docked" in said

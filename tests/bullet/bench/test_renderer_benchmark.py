@@ -21,6 +21,7 @@ def report() -> RendererBenchmark:
     return result
 
 
+@pytest.mark.nightly
 def test_every_renderer_is_measured(report: RendererBenchmark) -> None:
     for cost in report.costs:
         assert set(cost.ms) == set(CANDIDATES)

@@ -90,6 +90,7 @@ def pixel_run(line_of_three: Path, tmp_path_factory: pytest.TempPathFactory) -> 
     return folder
 
 
+@pytest.mark.nightly
 def test_a_mission_by_pixels_is_identical(pixel_run: Path, tmp_path: Path) -> None:
     report = replay_isolated(pixel_run)
     assert report.mismatches == ()
@@ -169,6 +170,7 @@ def test_a_base_station_whose_program_fails_fails_again(
         assert replay(tmp_path).mismatches[-1].what == "event"
 
 
+@pytest.mark.nightly
 def test_another_process_writes_the_same_logs(line_of_three: Path, pixel_run: Path, tmp_path: Path) -> None:
     """Whatever the seed of Python's hashes, on which the order in sets of strings depends."""
     code = f"""

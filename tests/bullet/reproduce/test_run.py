@@ -103,6 +103,7 @@ def test_the_contenders_are_shipped_then_tuned() -> None:
     assert all(label.endswith(", tuned") for label in labels[5:])
 
 
+@pytest.mark.nightly
 def test_a_reproduction_writes_report_figures_and_json_and_tells_its_progress(
     unicycle_results: Reproduction, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -65,7 +65,9 @@ class Watched:
 
 
 @pytest.mark.parametrize("post_x_m", ROOM)
-@pytest.mark.parametrize("models", [BLIND, {}], ids=["blind", "pixels"])
+@pytest.mark.parametrize(
+    "models", [pytest.param(BLIND, id="blind"), pytest.param({}, id="pixels", marks=pytest.mark.nightly)]
+)
 def test_a_unit_does_not_retreat_into_a_post(post_x_m: float, models: Mapping[str, str]) -> None:
     """It stops short of the post, or does not move, and gives up because of the port, not the post."""
     trial = Watched(plugged(post_x_m, **models))

@@ -38,7 +38,11 @@ def scene_with_post(**changes: Any) -> Scene:
 
 
 @pytest.mark.parametrize(
-    "models", [{"plant": "unicycle", "perception": "parametric"}, {}], ids=["blind", "pixels"]
+    "models",
+    [
+        pytest.param({"plant": "unicycle", "perception": "parametric"}, id="blind"),
+        pytest.param({}, id="pixels", marks=pytest.mark.nightly),
+    ],
 )
 def test_a_unit_stops_before_a_post_that_appears_beside_the_lane(
     models: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

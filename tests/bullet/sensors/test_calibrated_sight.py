@@ -126,6 +126,7 @@ def test_rendered_images_tell_the_robot_the_same() -> None:
     assert max(off) > 4e-3
 
 
+@pytest.mark.nightly
 def test_rendered_images_from_above_tell_the_base_station_the_same() -> None:
     of = scene("careful", "two_units")
     model = OverheadModel.from_scene(of.told(), ())

@@ -88,8 +88,8 @@ def test_image_noise_is_not_changed(model: OverheadModel) -> None:
 
 
 def test_noise_drift_and_dropout_have_the_sizes_given(model: OverheadModel) -> None:
-    """Each interval contains all but 1 in 10,000 draws of 1000 frames."""
-    n = 1000
+    """Each interval contains all but 1 in 10,000 draws of 300 frames."""
+    n = 300
     spec = LocalisationErrorSpec(noise_m=0.01, noise_yaw_deg=1.0, dropout=0.1)
     error = LocalisationError(spec, seed=2)
     found = [errors(model, error.apply(exact_detections(model, frame), model, "a")) for frame in range(n)]

@@ -27,6 +27,7 @@ def test_c1_meets_its_targets() -> None:
     assert row.within_paper == 100
 
 
+@pytest.mark.nightly
 def test_the_distance_to_the_path_leaves_out_the_lag() -> None:
     rows = [path_following_row(choice, choice.name.upper(), STANDARD, range(40)) for choice in (C1, C2)]
     for row in rows:
