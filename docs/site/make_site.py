@@ -17,7 +17,7 @@ from message_reference import messages_page, outcomes_page, tables_text
 from scene_keys import keys_page
 
 DOCS = ROOT / "docs"
-COPIED = (".md", ".png", ".css")
+COPIED = {".md", ".png", ".css", ".json"}
 
 
 def reference() -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from msrr_bullet.log import (
+    LOG_NAME,
     Event,
     Level,
     LogHeader,
@@ -75,3 +77,14 @@ def test_the_tree_holds_ports_and_cameras() -> None:
     np.testing.assert_allclose(links["world", "overhead"].R[:, 2], [0.0, 0.0, -1.0], atol=1e-12)
     (target,) = step_frames(scene, StepStart(5, 0, "a")).links
     assert (target.parent, target.child) == ("b.rear", "a/target")
+
+
+def test_the_layout_names_topics_that_logs_have(short_run: Path) -> None:
+    """``docs/reference/foxglove_layout.json`` is of trials with both cameras and a unit ``a`` that docks."""
+    layout = (Path(__file__).parents[3] / "docs" / "reference" / "foxglove_layout.json").read_text()
+    named = set(re.findall(r'"(/[\w/]+)', layout))
+    with (short_run / LOG_NAME).open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert named <= {channel.topic for channel in summary.channels.values()}
+    assert len(named) >= 8
