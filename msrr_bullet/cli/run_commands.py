@@ -12,7 +12,7 @@ from msrr_bullet.cli.exit_codes import NOT_DOCKED
 from msrr_scenes.errors import SceneError
 
 #: What these commands write into a run folder, unless --out names another place.
-FRAMES_NAME, PLOT_NAME, TABLES_NAME = "frames", "plot.png", "csv"
+FRAMES_NAME, PLOT_NAME, TABLES_NAME, RERUN_NAME = "frames", "plot.png", "csv", "trial.rrd"
 
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder of a trial, or path of its log.")]
 
@@ -112,19 +112,32 @@ def plot(
 def export(
     run: Run,
     as_csv: Annotated[
-        bool,
-        typer.Option("--csv", help="Write CSV files; this is the only format, and the option is required."),
+        bool, typer.Option("--csv", help="Write tables, one for each kind of message.")
+    ] = False,
+    as_rerun: Annotated[
+        bool, typer.Option("--rerun", help="Write a recording of Rerun with a layout of views.")
     ] = False,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the tables.", show_default=f"RUN/{TABLES_NAME}")
+        Path | None,
+        typer.Option(
+            help="Folder of the tables, or file of the recording.",
+            show_default=f"RUN/{TABLES_NAME}, RUN/{RERUN_NAME}",
+        ),
     ] = None,
 ) -> None:
-    """Write the log of a run as tables, one for each kind of message."""
-    if not as_csv:
-        raise SceneError("no format was given; use msrr export RUN --csv")
+    """Write the log of a run as tables, or as a recording of Rerun."""
+    if as_csv == as_rerun:
+        raise SceneError("give one format: msrr export RUN --csv, or msrr export RUN --rerun")
     from msrr_bullet.export import write_csv
+    from msrr_bullet.export.rerun_file import write_rerun
     from msrr_bullet.log import unpacked_log
 
+    if as_rerun:
+        file = out if out is not None else _run_folder(run) / RERUN_NAME
+        with status_line(open_console(), f"{run}: writing a recording"), unpacked_log(run) as log:
+            write_rerun(log, file)
+        typer.echo(str(file))
+        return
     folder = out if out is not None else _run_folder(run) / TABLES_NAME
     with status_line(open_console(), f"{run}: writing tables"), unpacked_log(run) as log:
         written = write_csv(log, folder)

@@ -1,0 +1,140 @@
+"""A log as a recording of Rerun, with what Rerun does not read of it by itself, and a layout of views.
+
+Rerun reads images, calibrations, transforms, poses and log lines of a log. Shapes of bodies, paths,
+detections and curves are added here.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from msrr_bullet.log import Log
+from msrr_bullet.log.frame_tree import WORLD
+from msrr_bullet.log.topics import image, unit_of
+from msrr_bullet.timeline.palette import DETECTION, OBSTACLE, PATH, unit_colours
+from msrr_scenes.errors import MsrrError
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.solid import Solid
+from msrr_scenes.messages import AssemblyPath, Detections, PoseEstimate
+from msrr_scenes.specs.bodies import CylinderSpec
+from msrr_scenes.specs.scene import Scene
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+#: Name that Rerun gives to the time at which a message of a log was written.
+_TIMELINE = "message_log_time"
+
+
+def write_rerun(log: Log, path: Path) -> None:
+    """Write a log as a file that Rerun opens.
+
+    Args:
+        log: The log; its URDFs have to be unpacked (:func:`msrr_bullet.log.unpacked_log`).
+        path: File to write, ending in ``.rrd``.
+
+    Raises:
+        MsrrError: The package rerun-sdk is not installed.
+    """
+    try:
+        import rerun as rr
+    except ImportError:
+        raise MsrrError("the package rerun-sdk is not installed; pip install 'msrr-bullet[rerun]'") from None
+    scene = log.header.scene
+    recording = rr.RecordingStream("msrr-bullet", recording_id=f"{scene.name}-{log.header.seed}")
+    recording.save(path, default_blueprint=_layout(scene))
+    recording.log_file_from_path(log.path)
+    _log_bodies(recording, scene)
+    for record in log.records("/control/*/path", "/perception/*/detections", "/perception/*/estimate"):
+        recording.set_time(_TIMELINE, timestamp=np.datetime64(record.stamp_ns, "ns"))
+        _log_message(recording, unit_of(record.topic), record.message)
+    recording.disconnect()
+
+
+def _log_bodies(recording: rr.RecordingStream, scene: Scene) -> None:
+    """Log the shapes of bodies, each in the frame that Rerun knows by the transforms of the log."""
+    for unit, colour in unit_colours(scene).items():
+        _log_solids(recording, unit, list(scene.geometry(unit).solids), colour)
+    for name, spec in scene.obstacles.items():
+        X = SE3(p=np.array([0.0, 0.0, 0.5 * spec.height_m]))
+        if isinstance(spec, CylinderSpec):
+            edges = 2.0 * spec.radius_m, 2.0 * spec.radius_m, spec.height_m
+        else:
+            edges = spec.length_m, spec.width_m, spec.height_m
+        _log_solids(recording, name, [Solid(name, "box", X, edges)], OBSTACLE)
+
+
+def _log_solids(recording: rr.RecordingStream, body: str, solids: list[Solid], rgb: int) -> None:
+    import rerun as rr
+
+    centres, halves, turns = [], [], []
+    for solid in solids:
+        if solid.kind == "box":
+            centre, half, turn = solid.X_UG.p, 0.5 * np.array(solid.size), solid.X_UG.quaternion_xyzw()
+        else:  # the box about it
+            points = solid.points()
+            low, high = points.min(axis=0), points.max(axis=0)
+            centre, half, turn = 0.5 * (low + high), 0.5 * (high - low), np.array([0.0, 0.0, 0.0, 1.0])
+        centres.append(centre)
+        halves.append(half)
+        turns.append(rr.Quaternion(xyzw=turn))
+    boxes = rr.Boxes3D(
+        centers=centres, half_sizes=halves, quaternions=turns, colors=[_rgb(rgb)], fill_mode="solid"
+    )
+    recording.log(f"bodies/{body}", rr.CoordinateFrame(body), boxes, static=True)
+
+
+def _log_message(recording: rr.RecordingStream, unit: str, message: Any) -> None:
+    import rerun as rr
+
+    if isinstance(message, AssemblyPath):
+        points = [(x, y, 0.003) for x, y in message.points]
+        line = rr.LineStrips3D([points], colors=[_rgb(PATH)])
+        recording.log(f"paths/{unit}", rr.CoordinateFrame(WORLD), line)
+    elif isinstance(message, Detections):
+        outlines = [np.vstack([tag.corners, tag.corners[:1]]) for tag in message.tags]
+        labels = [str(tag.tag_id) for tag in message.tags]
+        camera = message.exposure.camera
+        # Rerun names the plane of an image after the frame of its camera.
+        plane = rr.CoordinateFrame(f"{camera}_image_plane")
+        lines = rr.LineStrips2D(outlines, labels=labels, colors=[_rgb(DETECTION)])
+        recording.log(f"{image(camera).removeprefix('/')}/tags", plane, lines)
+    elif isinstance(message, PoseEstimate):
+        X, P = message.X_DU, message.covariance
+        for name, value, variance in (("x", X.x, P[0, 0]), ("y", X.y, P[1, 1])):
+            recording.log(f"curves/{unit}/{name}_mm", rr.Scalars(1e3 * value))
+            recording.log(f"curves/{unit}/{name}_sigma_mm", rr.Scalars(1e3 * math.sqrt(max(variance, 0.0))))
+        recording.log(f"curves/{unit}/yaw_deg", rr.Scalars(math.degrees(X.yaw)))
+
+
+def _layout(scene: Scene) -> Any:
+    """Return the views: the world, both cameras of the first unit that docks, curves and events."""
+    import rerun.blueprint as rrb
+
+    unit = next((step.unit for step in scene.docks), next(iter(scene.units)))
+    world = rrb.Spatial3DView(
+        origin="/",
+        name="World",
+        contents=["/tf", "/bodies/**", "/paths/**"],
+        spatial_information=rrb.SpatialInformation(target_frame=WORLD),
+    )
+    cameras = [f"{unit}/onboard", *(["overhead"] if scene.cameras.overhead else [])]
+    images = [rrb.Spatial2DView(origin=image(camera), name=camera) for camera in cameras]
+    curves = rrb.TimeSeriesView(origin="/curves", name="Estimates [mm, deg]")
+    events = rrb.TextLogView(origin="/log", name="Events")
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(world, events, row_shares=[3, 1]),
+            rrb.Vertical(*images, curves),
+        ),
+        rrb.TimePanel(timeline=_TIMELINE, state="collapsed", play_state="playing"),
+        collapse_panels=True,
+    )
+
+
+def _rgb(colour: int) -> list[int]:
+    return [colour >> 16 & 255, colour >> 8 & 255, colour & 255]
