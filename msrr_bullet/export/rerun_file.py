@@ -7,6 +7,7 @@ detections and curves are added here.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,7 @@ from msrr_bullet.timeline.palette import DETECTION, OBSTACLE, PATH, unit_colours
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid
-from msrr_scenes.messages import AssemblyPath, Detections, PoseEstimate
+from msrr_scenes.messages import AssemblyPath, Detections, Exposure, PoseEstimate, TagDetection
 from msrr_scenes.specs.bodies import CylinderSpec
 from msrr_scenes.specs.scene import Scene
 
@@ -49,7 +50,8 @@ def write_rerun(log: Log, path: Path) -> None:
     recording.save(path, default_blueprint=_layout(scene))
     recording.log_file_from_path(log.path)
     _log_bodies(recording, scene)
-    for record in log.records("/control/*/path", "/perception/*/detections", "/perception/*/estimate"):
+    topics = "/control/*/path", "/camera/*/exposure", "/perception/*/detections", "/perception/*/estimate"
+    for record in log.records(*topics):
         recording.set_time(_TIMELINE, timestamp=np.datetime64(record.stamp_ns, "ns"))
         _log_message(recording, unit_of(record.topic), record.message)
     recording.disconnect()
@@ -95,20 +97,29 @@ def _log_message(recording: rr.RecordingStream, unit: str, message: Any) -> None
         points = [(x, y, 0.003) for x, y in message.points]
         line = rr.LineStrips3D([points], colors=[_rgb(PATH)])
         recording.log(f"paths/{unit}", rr.CoordinateFrame(WORLD), line)
+    elif isinstance(message, Exposure):
+        _log_tags(recording, message, ())  # those of the frame before belong to that alone
     elif isinstance(message, Detections):
-        outlines = [np.vstack([tag.corners, tag.corners[:1]]) for tag in message.tags]
-        labels = [str(tag.tag_id) for tag in message.tags]
-        camera = message.exposure.camera
-        # Rerun names the plane of an image after the frame of its camera.
-        plane = rr.CoordinateFrame(f"{camera}_image_plane")
-        lines = rr.LineStrips2D(outlines, labels=labels, colors=[_rgb(DETECTION)])
-        recording.log(f"{image(camera).removeprefix('/')}/tags", plane, lines)
+        stamp = np.datetime64(message.exposure.stamp_ns, "ns")
+        recording.set_time(_TIMELINE, timestamp=stamp)  # that of the image
+        _log_tags(recording, message.exposure, message.tags)
     elif isinstance(message, PoseEstimate):
         X, P = message.X_DU, message.covariance
         for name, value, variance in (("x", X.x, P[0, 0]), ("y", X.y, P[1, 1])):
             recording.log(f"curves/{unit}/{name}_mm", rr.Scalars(1e3 * value))
             recording.log(f"curves/{unit}/{name}_sigma_mm", rr.Scalars(1e3 * math.sqrt(max(variance, 0.0))))
         recording.log(f"curves/{unit}/yaw_deg", rr.Scalars(math.degrees(X.yaw)))
+
+
+def _log_tags(recording: rr.RecordingStream, exposure: Exposure, tags: Sequence[TagDetection]) -> None:
+    import rerun as rr
+
+    outlines = [np.vstack([tag.corners, tag.corners[:1]]) for tag in tags]
+    labels = [str(tag.tag_id) for tag in tags]
+    # Rerun names the plane of an image after the frame of its camera.
+    plane = rr.CoordinateFrame(f"{exposure.camera}_image_plane")
+    lines = rr.LineStrips2D(outlines, labels=labels, colors=[_rgb(DETECTION)])
+    recording.log(f"{image(exposure.camera).removeprefix('/')}/tags", plane, lines)
 
 
 def _layout(scene: Scene) -> Any:
