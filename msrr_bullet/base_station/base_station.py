@@ -190,8 +190,10 @@ def knowledge_of(scene: Scene) -> Knowledge:
     names = list(scene.units)
     first = scene.geometry(names[0])
     for name in names[1:]:
-        if scene.units[name].urdf != scene.units[names[0]].urdf:
-            raise SceneError(f"units.{name}.urdf: a base station leads units of one kind; see {names[0]!r}")
+        for key in ("urdf", "frames"):
+            if getattr(scene.units[name], key) != getattr(scene.units[names[0]], key):
+                text = f"a base station leads units of one kind; see {names[0]!r}"
+                raise SceneError(f"units.{name}.{key}: {text}")
     box = AssemblySetup.without_target(scene, names[0], ACTIVE_PORT).box
     routes = RouteParams(params.route, params.walls, params.pace)
     return Knowledge.of(first, routes, box, scene.docking.retreat_m + 0.05)

@@ -142,7 +142,7 @@ def _upright(scene: Scene, model: OverheadModel, poses: Mapping[str, SE2]) -> di
     for unit, geometry in ((unit, scene.geometry(unit)) for unit in scene.units):
         X_CU = model.X_WC.inverse() @ SE3.from_se2(poses[unit])
         for slot in geometry.tag_slots:
-            p_C = (X_CU @ geometry.frame(slot)).act(tag_corners(scene.tag_size(slot)))
+            p_C = (X_CU @ geometry.frame(slot)).act(tag_corners(scene.tag_size(unit, slot)))
             corners[scene.tag_ids(unit)[slot]] = model.camera.project(p_C)
     return corners
 

@@ -137,7 +137,7 @@ def scene_solids(scene: Scene, built: AsBuilt) -> dict[str, Solids]:
         geometry, scale = built.units[unit].geometry, built.units[unit].print_scale
         shapes = tuple((solid.points(), link_colour(solid.link, colour)) for solid in geometry.solids)
         slots = () if unit in hidden else geometry.tag_slots
-        tags = tuple((geometry.frame(s), scale * scene.tag_size(s)) for s in slots)
+        tags = tuple((geometry.frame(s), scale * scene.tag_size(unit, s)) for s in slots)
         solids[unit] = Solids(shapes, tags, ratio)
     for name, spec in scene.obstacles.items():
         tags = ()

@@ -19,7 +19,7 @@ from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.unit_geometry import marker_links, tag_corners
+from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.messages import Detections, Exposure, TagDetection
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
@@ -49,9 +49,9 @@ class OnboardSight:
         ids = scene.tag_ids(step.target_unit)
         self._corners_D = {
             ids[slot]: (X_DT @ target.geometry.frame(slot)).act(
-                tag_corners(target.print_scale * scene.tag_size(slot))
+                tag_corners(target.print_scale * scene.tag_size(step.target_unit, slot))
             )
-            for slot in marker_links(step.target_port)
+            for slot in drawn.marker_slots(step.target_port)
         }
 
     def see(self, X_DU: SE2) -> tuple[SE2 | None, Bearings]:
@@ -93,7 +93,7 @@ class OverheadSight:
         self._corners_B: dict[str, Array] = {}
         for name in model.tag_of:
             if name in built.units:
-                unit, size = built.units[name], scene.tag_size("tag_top")
+                unit, size = built.units[name], scene.tag_size(name, "tag_top")
                 self._corners_B[name] = unit.geometry.frame("tag_top").act(
                     tag_corners(unit.print_scale * size)
                 )

@@ -9,12 +9,13 @@ from xml.etree.ElementTree import Element, ElementTree
 
 import numpy as np
 
-from msrr_bullet.simulation.urdf_welding import joint_of, set_origin
+from msrr_bullet.simulation.urdf_welding import joint_of
 from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import BuiltDrive, BuiltUnit
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.unit_geometry import UnitGeometry, urdf_origin
+from msrr_scenes.geometry.unit_geometry import UnitGeometry
+from msrr_scenes.geometry.urdf_tree import set_origin, urdf_origin
 
 #: Distance that is kept between a tag and the box that it is fixed to [m].
 _BEHIND_M = 0.0003

@@ -12,7 +12,7 @@ import pybullet
 
 from msrr_bullet.simulation.built_urdf import build
 from msrr_bullet.simulation.tag_plates import load_tag_plate, set_texture, write_plate
-from msrr_bullet.simulation.urdf_welding import read_urdf, weld
+from msrr_bullet.simulation.urdf_welding import weld
 from msrr_scenes.as_built import AsBuilt, BuiltTag, as_drawn
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
@@ -61,7 +61,7 @@ class TagVisuals:
             GeometryError: A tag slot has no link in the URDF.
         """
         scene, geometry, built = self._scene, self._scene.geometry(unit), self._built.units[unit]
-        tree = read_urdf(geometry.urdf)
+        tree = geometry.tree()
         links = {e.attrib["name"]: e for e in tree.getroot().findall("link")}
         plates: dict[str, float] = {}
         for slot, tag_id in scene.tag_ids(unit).items():
@@ -70,11 +70,11 @@ class TagVisuals:
                     f"{geometry.urdf}: no link for tag {tag_id} at {slot!r}; tag links: {geometry.tag_slots}"
                 )
             shown = None if unit in self._hidden else tag_id
-            size = built.print_scale * scene.tag_size(slot)
+            size = built.print_scale * scene.tag_size(unit, slot)
             mesh, _ = write_plate(self._folder, f"{unit}_{slot}", size, shown, self._family)
             _add_visual(links[slot], mesh)
             plates[slot] = self._family.plate_ratio * size
-        build(tree, read_unit(geometry.urdf), built, plates)
+        build(tree, read_unit(geometry.urdf, geometry.frame_map), built, plates)
         weld(tree, geometry.pins)
         path = self._folder / f"{unit}.urdf"
         tree.write(path, encoding="utf-8", xml_declaration=True)

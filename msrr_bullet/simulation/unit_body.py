@@ -11,7 +11,7 @@ from pathlib import Path
 import pybullet
 
 from msrr_bullet.simulation.built_urdf import build
-from msrr_bullet.simulation.urdf_welding import read_urdf, weld
+from msrr_bullet.simulation.urdf_welding import weld
 from msrr_scenes.as_built import BuiltUnit
 from msrr_scenes.errors import GeometryError, UnknownNameError
 from msrr_scenes.geometry.se3 import SE3
@@ -79,7 +79,13 @@ def load_unit(
     root = pybullet.getBodyInfo(body, physicsClientId=client)[0].decode()
     links = {root: ROOT}
     for joint in range(pybullet.getNumJoints(body, physicsClientId=client)):
-        links[pybullet.getJointInfo(body, joint, physicsClientId=client)[12].decode()] = joint
+        about = pybullet.getJointInfo(body, joint, physicsClientId=client)
+        links[about[12].decode()] = joint
+        if about[2] != pybullet.JOINT_FIXED and not about[12].startswith(b"wheel_"):
+            # PyBullet brakes every joint. Wheels have motors of their own; the wheel of a caster has none.
+            pybullet.setJointMotorControl2(
+                body, joint, pybullet.VELOCITY_CONTROL, force=0.0, physicsClientId=client
+            )
     info = pybullet.getDynamicsInfo(body, ROOT, physicsClientId=client)
     X_RI = SE3.from_quaternion_xyzw(info[3], info[4])
     X_IU = X_RI.inverse() @ geometry.frame(root).inverse()
@@ -88,9 +94,9 @@ def load_unit(
 
 
 def _weld_and_load(geometry: UnitGeometry, client: int, built: BuiltUnit | None) -> int:
-    tree = read_urdf(geometry.urdf)
+    tree = geometry.tree()
     if built is not None:
-        build(tree, read_unit(geometry.urdf), built)
+        build(tree, read_unit(geometry.urdf, geometry.frame_map), built)
     weld(tree, geometry.pins)
     with tempfile.TemporaryDirectory(prefix="msrr-") as folder:
         path = Path(folder) / geometry.urdf.name

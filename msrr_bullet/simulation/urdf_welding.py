@@ -10,25 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from pathlib import Path
-from xml.etree.ElementTree import Element, ElementTree, SubElement, parse
+from xml.etree.ElementTree import Element, ElementTree, SubElement
 
 import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.unit_geometry import urdf_origin
+from msrr_scenes.geometry.urdf_tree import set_origin, urdf_origin
 
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-
-
-def read_urdf(path: Path) -> ElementTree[Element]:
-    """Read a URDF and make its file names absolute, so that a copy can be written to another folder."""
-    tree = parse(path)
-    for element in tree.iter():
-        if element.tag in ("mesh", "texture") and "filename" in element.attrib:
-            element.set("filename", str((path.parent / element.attrib["filename"]).resolve()))
-    return tree
 
 
 def weld(tree: ElementTree[Element], separate: Collection[str]) -> None:
@@ -148,13 +138,6 @@ def _add_mass(carrier: Element, link: Element, X_CL: SE3) -> None:
 def joint_of(robot: Element, link: str) -> Element:
     """Return the joint that carries a link, given the root of a URDF that has one."""
     return next(joint for joint in robot.findall("joint") if _end(joint, "child").attrib["link"] == link)
-
-
-def set_origin(element: Element, X: SE3) -> None:
-    """Set the pose of a joint, a shape or an inertia of a URDF."""
-    for old in element.findall("origin"):
-        element.remove(old)
-    element.insert(0, Element("origin", xyz=_numbers(X.p), rpy=_numbers(X.rpy())))
 
 
 def _numbers(values: Array) -> str:

@@ -110,7 +110,7 @@ class SceneGraph:
             material = shapes.shaded_material(link_colour(shape.link, colour))
             yield from shapes.solid(f"units/{name}/{shape.link}_{i}", shape, material)
         for slot, tag_id in self._scene.tag_ids(name).items():
-            size, shown = self._scene.tag_size(slot), None if blank else tag_id
+            size, shown = self._scene.tag_size(name, slot), None if blank else tag_id
             path, family = f"units/{name}/{slot}", self._scene.tags.tag_family
             yield from shapes.tag_plate(path, geometry.frame(slot), size, shown, family)
 

@@ -137,7 +137,7 @@ def _bounds_in_view(scene: Scene, unit: str) -> Bounds | None:
     p_UT = geometry.frame("tag_top").p
     # The plate is larger than the tag, and it may be turned in any direction.
     ratio = scene.tags.tag_family.plate_ratio
-    reach = math.hypot(p_UT[0], p_UT[1]) + ratio * math.sqrt(0.5) * scene.tag_size("tag_top")
+    reach = math.hypot(p_UT[0], p_UT[1]) + ratio * math.sqrt(0.5) * scene.tag_size(unit, "tag_top")
     per_pixel = (camera.height_m - float(p_UT[2])) / camera.pinhole.focal
     half_x, half_y = (0.5 * per_pixel * pixels - reach for pixels in (camera.width_px, camera.height_px))
     return camera.x_m - half_x, camera.x_m + half_x, camera.y_m - half_y, camera.y_m + half_y

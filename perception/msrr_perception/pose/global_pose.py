@@ -80,7 +80,7 @@ def flat_tags(scene: Scene) -> dict[int, FlatTag]:
     for unit in scene.units:
         geometry = scene.geometry(unit)
         if "tag_top" in geometry.tag_slots:
-            corners = geometry.frame("tag_top").act(tag_corners(scene.tag_size("tag_top")))
+            corners = geometry.frame("tag_top").act(tag_corners(scene.tag_size(unit, "tag_top")))
             tags[scene.tag_ids(unit)["tag_top"]] = FlatTag(unit, corners)
     for name, obstacle in scene.obstacles.items():
         if obstacle.tag_id is not None:

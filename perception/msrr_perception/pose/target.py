@@ -106,11 +106,10 @@ class TargetModel:
         X_DT = SE3.from_se2(target.dock_frame(step.target_port)).inverse()
         ids = scene.tag_ids(step.target_unit)
         corners = {
-            ids[slot]: (X_DT @ target.frame(slot)).act(tag_corners(scene.tag_size(slot)))
+            ids[slot]: (X_DT @ target.frame(slot)).act(tag_corners(scene.tag_size(step.target_unit, slot)))
             for slot in target.tag_slots
         }
-        prefix = f"port_{step.target_port}_marker_"
-        port_tags = tuple(ids[slot] for slot in target.tag_slots if slot.startswith(prefix))
+        port_tags = tuple(ids[slot] for slot in target.marker_slots(step.target_port))
         if not port_tags:
             raise SceneError(f"{step.to}: this port carries no tags, so nothing can be docked to it by sight")
         on_port = {i: corners[i] for i in port_tags}

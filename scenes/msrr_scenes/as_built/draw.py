@@ -23,7 +23,7 @@ from msrr_scenes.as_built.as_built import (
 from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.unit_geometry import UnitGeometry, marker_links
+from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.as_built import CameraDeviations, MountDeviations
 from msrr_scenes.specs.deviations import Deviation, FrictionDeviation
@@ -154,7 +154,7 @@ def _with_true_tags(scene: Scene, drawn: UnitGeometry, name: str, draw: _Draw) -
         X_MX = draw.mount(spec.bracket, f"{name}/bracket/{port}")
         if X_MX is None:
             continue
-        slots = marker_links(port)
+        slots = drawn.marker_slots(port)
         middle = np.mean([drawn.frame(slot).p for slot in slots], axis=0)
         X_UM = SE3(SE3.from_se2(drawn.dock_frame(port)).R, middle)
         X_moved = X_UM @ X_MX @ X_UM.inverse()

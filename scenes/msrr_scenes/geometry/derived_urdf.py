@@ -9,6 +9,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import FIXTURE, X_PD, read_unit
+from msrr_scenes.geometry.urdf_tree import set_origin
 
 #: Thickness of the plates of a fixture's tags [m], and their edge over that of the black square.
 _PLATE_M, _PLATE_RATIO = 0.002, 1.25
@@ -25,15 +26,11 @@ def with_camera(urdf: Path, X_UC: SE3) -> str:
         GeometryError: The file is no URDF of a unit.
     """
     unit = read_unit(urdf)
-    root = ElementTree.parse(urdf).getroot()
-    for mesh in root.iter("mesh"):  # the text is written elsewhere
-        mesh.set("filename", str(urdf.parent.resolve() / mesh.attrib["filename"]))
+    root = unit.tree().getroot()
     for joint in root.findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")
         if parent is not None and child is not None and child.get("link") == "camera":
-            for origin in joint.findall("origin"):
-                joint.remove(origin)
-            _set_origin(joint, unit.frame(parent.attrib["link"]).inverse() @ X_UC)
+            set_origin(joint, unit.frame(parent.attrib["link"]).inverse() @ X_UC)
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -51,7 +48,7 @@ def fixture_urdf(port: str, X_DT: Mapping[int, SE3], size: float) -> str:
     for tag, X in X_DT.items():
         link = _add_link(root, marker_slot(port, tag), X)
         collision = SubElement(link, "collision")
-        _set_origin(collision, SE3.from_xyz_rpy([0.0, 0.0, 0.5 * _PLATE_M], [0.0, 0.0, 0.0]))
+        set_origin(collision, SE3.from_xyz_rpy([0.0, 0.0, 0.5 * _PLATE_M], [0.0, 0.0, 0.0]))
         edge = _PLATE_RATIO * size
         SubElement(SubElement(collision, "geometry"), "box", size=f"{edge!r} {edge!r} {_PLATE_M!r}")
     return ElementTree.tostring(root, encoding="unicode")
@@ -67,10 +64,5 @@ def _add_link(root: Element, name: str, X_UL: SE3) -> Element:
     joint = SubElement(root, "joint", name=f"{name}_joint", type="fixed")
     SubElement(joint, "parent", link="axle")
     SubElement(joint, "child", link=name)
-    _set_origin(joint, X_UL)
+    set_origin(joint, X_UL)
     return link
-
-
-def _set_origin(element: Element, X: SE3) -> None:
-    xyz, rpy = (" ".join(repr(float(value)) for value in part) for part in (X.p, X.rpy()))
-    SubElement(element, "origin", xyz=xyz, rpy=rpy)

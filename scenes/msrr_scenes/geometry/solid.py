@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.urdf_tree import urdf_origin
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +62,39 @@ class Solid:
             return self.X_UG.act(self.size[0] * np.concatenate(rings))
         assert self.mesh is not None
         return self.X_UG.act(obj_vertices(self.mesh) * np.asarray(self.size))
+
+
+def read_solid(link: str, X_UL: SE3, collision: Element) -> Solid:
+    """Return the shape of a ``<collision>`` of a URDF whose file names are absolute.
+
+    Args:
+        link: Link that carries the shape.
+        X_UL: Pose of the link in U.
+        collision: The element.
+
+    Raises:
+        GeometryError: There is no shape, or none that can be used.
+    """
+    X_UG = X_UL @ urdf_origin(collision.find("origin"))
+    geometry = collision.find("geometry")
+    shape = geometry[0] if geometry is not None and len(geometry) else None
+    if shape is None:
+        raise GeometryError(f"link {link!r}: a <collision> without a shape")
+    if shape.tag == "box":
+        return Solid(link, "box", X_UG, tuple(float(a) for a in shape.attrib["size"].split()))
+    if shape.tag == "cylinder":
+        return Solid(link, "cylinder", X_UG, (float(shape.attrib["radius"]), float(shape.attrib["length"])))
+    if shape.tag == "sphere":
+        return Solid(link, "sphere", X_UG, (float(shape.attrib["radius"]),))
+    if shape.tag == "mesh":
+        scale = tuple(float(a) for a in shape.get("scale", "1 1 1").split())
+        mesh = Path(shape.attrib["filename"])
+        if mesh.suffix != ".obj" or not mesh.is_file():
+            raise GeometryError(
+                f"link {link!r}: its collision mesh has to be an OBJ file beside the URDF, found {mesh}"
+            )
+        return Solid(link, "mesh", X_UG, scale, mesh)
+    raise GeometryError(f"link {link!r}: unsupported shape <{shape.tag}>; use box, cylinder, sphere or mesh")
 
 
 def convex_hull(points: Array) -> Array:

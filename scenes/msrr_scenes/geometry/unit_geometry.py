@@ -2,24 +2,26 @@
 
 A unit's URDF names the frames that matter as links: ``axle`` (frame U: on the ground under the middle of the
 axle, x forward), ``camera`` (x along the optical axis), ``port_<name>`` (on the ground under the port's
-face, x out of the face), ``tag_top`` and, for each passive port, ``port_<name>_marker_{left,middle,right}``
-(tag frames: x right, y down, z into the tag, as a viewer in front of the tag sees it). The lock needs the
-links ``pin_{left,right}`` and, for each passive port, ``port_<name>_hole_{left,right}``: the bottoms of the
-holes. Any URDF with these frames works.
+face, x out of the face), ``tag_top`` and, for each passive port, one ``port_<name>_marker_<tag>`` for each of
+its tags, on the shipped unit ``left``, ``middle`` and ``right`` (tag frames: x right, y down, z into the tag,
+as a viewer in front of the tag sees it). The lock needs the links ``pin_{left,right}`` and, for each passive
+port, ``port_<name>_hole_{left,right}``: the bottoms of the holes. Any URDF with these frames works, under
+other names with a frame map (:mod:`msrr_scenes.geometry.urdf_tree`).
 
 A fixture, ``<robot kind="fixture">``, is docked to and does not drive: it needs the link ``axle`` and its
-ports alone, and a port may carry any tags: links ``port_<name>_marker_...``.
+ports alone.
 """
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, ElementTree
 
 import numpy as np
 
@@ -27,13 +29,17 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError, SceneError, nearest
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.solid import Solid, convex_hull
+from msrr_scenes.geometry.solid import Solid, convex_hull, read_solid
+from msrr_scenes.geometry.urdf_tree import FrameMap, LinkTree, read_urdf
 
 #: Rotation by pi: from a port's frame P (x out of the face) to its dock frame D (x into the unit).
 X_PD = SE2(0.0, 0.0, math.pi)
 
 #: Kind of a body without a drive in its URDF.
 FIXTURE = "fixture"
+
+#: Largest distance of the frame axle from where it belongs [m].
+_AXLE_TOLERANCE_M = 1e-3
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -80,6 +86,7 @@ class UnitGeometry:
         solids: Collision shapes.
         wheel_radius: Radius of the wheels [m]; 0 for a fixture.
         track: Distance between the wheels' contact points [m]; 0 for a fixture.
+        frame_map: Frames by links of the URDF that have other names than those of this project.
     """
 
     urdf: Path
@@ -87,6 +94,11 @@ class UnitGeometry:
     solids: tuple[Solid, ...]
     wheel_radius: float
     track: float
+    frame_map: FrameMap = ()
+
+    def tree(self) -> ElementTree[Element]:
+        """Return the URDF anew, its links by the names of this project."""
+        return read_urdf(self.urdf, self.frame_map)
 
     def frame(self, name: str) -> SE3:
         """Return ``X_UF`` of link ``name``.
@@ -118,7 +130,7 @@ class UnitGeometry:
     @cached_property
     def passive_ports(self) -> tuple[str, ...]:
         """Ports that carry a marker, in the order of the URDF."""
-        return tuple(p for p in self.ports if self._marker_slots(p))
+        return tuple(p for p in self.ports if self.marker_slots(p))
 
     def port(self, name: str) -> SE2:
         """Return ``X_UP`` of a port: the origin is on the face, x points out of the unit."""
@@ -151,14 +163,14 @@ class UnitGeometry:
         """Links that carry a tag, in the order of the tag ids: top, then per port left, middle, right."""
         slots = ["tag_top"] if "tag_top" in self.frames else []
         for port in self.passive_ports:
-            slots += self._marker_slots(port)
+            slots += self.marker_slots(port)
         return tuple(slots)
 
-    def _marker_slots(self, port: str) -> list[str]:
-        """Return the links of the tags of a port; none for an active port."""
-        if self.drives:
-            return marker_links(port) if self.frames.keys() & marker_links(port) else []
-        return [name for name in self.frames if name.startswith(f"port_{port}_marker_")]
+    def marker_slots(self, port: str) -> list[str]:
+        """Return the links of the tags of a port, the usual three first; none for an active port."""
+        tags = [name for name in self.frames if name.startswith(f"port_{port}_marker_")]
+        usual = [name for name in marker_links(port) if name in tags]
+        return usual + [name for name in tags if name not in usual]
 
     @cached_property
     def pins(self) -> tuple[str, ...]:
@@ -177,104 +189,94 @@ class UnitGeometry:
 
 
 def marker_links(port: str) -> list[str]:
-    """Return the links of the tags of a passive port."""
+    """Return the links of the tags of a port of the shipped unit."""
     return [f"port_{port}_marker_{side}" for side in ("left", "middle", "right")]
 
 
-def urdf_origin(element: ElementTree.Element | None) -> SE3:
-    """Return the pose in an ``<origin>`` of a URDF; the identity for None."""
-    if element is None:
-        return SE3()
-    xyz = [float(a) for a in element.get("xyz", "0 0 0").split()]
-    rpy = [float(a) for a in element.get("rpy", "0 0 0").split()]
-    return SE3.from_xyz_rpy(xyz, rpy)
-
-
-def _solid(link: str, X_UL: SE3, collision: ElementTree.Element, folder: Path) -> Solid:
-    X_UG = X_UL @ urdf_origin(collision.find("origin"))
-    geometry = collision.find("geometry")
-    shape = geometry[0] if geometry is not None and len(geometry) else None
-    if shape is None:
-        raise GeometryError(f"link {link!r}: a <collision> without a shape")
-    if shape.tag == "box":
-        return Solid(link, "box", X_UG, tuple(float(a) for a in shape.attrib["size"].split()))
-    if shape.tag == "cylinder":
-        return Solid(link, "cylinder", X_UG, (float(shape.attrib["radius"]), float(shape.attrib["length"])))
-    if shape.tag == "sphere":
-        return Solid(link, "sphere", X_UG, (float(shape.attrib["radius"]),))
-    if shape.tag == "mesh":
-        scale = tuple(float(a) for a in shape.get("scale", "1 1 1").split())
-        return Solid(link, "mesh", X_UG, scale, folder / shape.attrib["filename"])
-    raise GeometryError(f"link {link!r}: unsupported shape <{shape.tag}>; use box, cylinder, sphere or mesh")
-
-
 @lru_cache(maxsize=32)
-def read_unit(path: Path) -> UnitGeometry:
+def read_unit(path: Path, frame_map: FrameMap = ()) -> UnitGeometry:
     """Read a unit's URDF.
+
+    Args:
+        path: The file.
+        frame_map: Frames by links of the URDF that have other names than those of this project.
 
     Raises:
         GeometryError: The file is missing, is not a tree of links, or lacks a frame that every unit needs.
     """
     try:
-        root = ElementTree.parse(path).getroot()
-    except FileNotFoundError:
-        raise GeometryError(f"{path}: no such URDF file") from None
-    except ElementTree.ParseError as error:
-        raise GeometryError(f"{path}: not well-formed XML: {error}") from None
-    try:
-        return _read_tree(path, root)
-    except (KeyError, ValueError) as error:
+        return _read_tree(path, frame_map)
+    except (KeyError, ValueError, IndexError) as error:
         raise GeometryError(f"{path}: malformed URDF: {error!r}") from None
 
 
 def _check_markers(path: Path, links: Collection[str]) -> None:
-    """Refuse a port with a part of a marker, or with holes and no marker: a link has a wrong name."""
+    """Refuse a port with holes and no tag, or with a tag whose name is nearly that of a usual one."""
     for port in (name.removeprefix("port_") for name in links if re.fullmatch("port_[^_]+", name)):
         missing = [name for name in marker_links(port) if name not in links]
-        passive = len(missing) < 3 or any(name.startswith(f"port_{port}_hole_") for name in links)
-        if passive and missing:
+        tags = [name for name in links if name.startswith(f"port_{port}_marker_")]
+        others = [name for name in tags if name not in marker_links(port)]
+        mistaken = [name for name in missing if difflib.get_close_matches(name, others, n=1, cutoff=0.95)]
+        if mistaken or (not tags and any(name.startswith(f"port_{port}_hole_") for name in links)):
             near = nearest(missing[0], links)
             raise GeometryError(
-                f"{path}: port {port!r} is passive and lacks the link(s) {', '.join(missing)}{near}"
+                f"{path}: port {port!r} is passive and lacks the link(s) "
+                f"{', '.join(mistaken or missing)}{near}"
             )
 
 
-def _read_tree(path: Path, root: ElementTree.Element) -> UnitGeometry:
-    links = {e.attrib["name"]: e for e in root.findall("link")}
-    parent: dict[str, tuple[str, SE3]] = {}
-    for joint in root.findall("joint"):
-        up, down = joint.find("parent"), joint.find("child")
-        if up is None or down is None:
-            raise GeometryError(f"{path}: joint {joint.get('name')!r} lacks a parent or a child")
-        parent[down.attrib["link"]] = (up.attrib["link"], urdf_origin(joint.find("origin")))
+def _check_wheels(path: Path, frames: Mapping[str, SE3], radius: float) -> None:
+    """Refuse an axle that is not on the ground under the middle between the wheels."""
+    left, right = frames["wheel_left"].p, frames["wheel_right"].p
+    x, y, z = 0.5 * (left + right) - [0.0, 0.0, radius]
+    if max(abs(x), abs(y), abs(z)) > _AXLE_TOLERANCE_M or left[1] <= right[1]:
+        found = f"the left wheel is at y = {left[1]:.4f} m, the right one at {right[1]:.4f}"
+        if left[1] > right[1]:
+            found = f"that point is at ({x:.4f}, {y:.4f}, {z:.4f}) m in it"
+        raise GeometryError(
+            f"{path}: the frame axle has to be on the ground under the middle between the wheels, x forward; "
+            f"{found}. In a scene: frames: {{axle: {{link: ..., x_m: ..., z_m: ...}}}}"
+        )
 
-    def to_root(name: str) -> SE3:
-        X, seen = SE3(), {name}
-        while name in parent:
-            name, X_step = parent[name]
-            if name in seen or name not in links:
-                raise GeometryError(f"{path}: the links do not form a tree at {name!r}")
-            seen.add(name)
-            X = X_step @ X
-        return X
 
+def _wheel_radius(path: Path, solids: Iterable[Solid]) -> float:
+    radii = []
+    for wheel in ("wheel_left", "wheel_right"):
+        round_ = [s.size[0] for s in solids if s.link == wheel and s.kind in ("sphere", "cylinder")]
+        if not round_:
+            raise GeometryError(
+                f"{path}: {wheel!r} has no radius; its collision shape has to be a sphere or a cylinder"
+            )
+        radii.append(round_[0])
+    if abs(radii[0] - radii[1]) > _AXLE_TOLERANCE_M:
+        raise GeometryError(
+            f"{path}: the wheels have radii of {radii[0]:g} m and {radii[1]:g} m; make them equal"
+        )
+    return radii[0]
+
+
+def _read_tree(path: Path, frame_map: FrameMap) -> UnitGeometry:
+    root = read_urdf(path, frame_map).getroot()
+    tree = LinkTree(path, root)
     fixture = root.get("kind") == FIXTURE
     required = ("axle",) if fixture else ("axle", "camera", "wheel_left", "wheel_right", "port_front")
-    missing = [name for name in required if name not in links]
+    missing = [name for name in required if name not in tree.links]
     if missing:
         raise GeometryError(
-            f"{path}: lacks the link(s) {', '.join(missing)}; a unit needs {', '.join(required)}"
+            f"{path}: lacks the link(s) {', '.join(missing)}; a unit needs {', '.join(required)}. Links of "
+            f"other names are mapped in the scene, as in frames: {{{missing[0]}: <link>}}; the URDF has "
+            f"{', '.join(tree.links)}"
         )
-    X_AR = to_root("axle").inverse()
-    frames = {name: X_AR @ to_root(name) for name in links}
+    tree.check_rigid()
     solids = tuple(
-        _solid(name, frames[name], collision, path.parent)
-        for name, link in links.items()
+        read_solid(name, tree.frames[name], collision)
+        for name, link in tree.links.items()
         for collision in link.findall("collision")
     )
     if fixture:
-        return UnitGeometry(path, frames, solids, 0.0, 0.0)
-    _check_markers(path, frames)
-    wheel = next(s for s in solids if s.link == "wheel_left")
-    track = float(frames["wheel_left"].p[1] - frames["wheel_right"].p[1])
-    return UnitGeometry(path, frames, solids, wheel.size[0], track)
+        return UnitGeometry(path, tree.frames, solids, 0.0, 0.0, frame_map)
+    _check_markers(path, tree.frames)
+    radius = _wheel_radius(path, solids)
+    _check_wheels(path, tree.frames, radius)
+    track = float(tree.frames["wheel_left"].p[1] - tree.frames["wheel_right"].p[1])
+    return UnitGeometry(path, tree.frames, solids, radius, track, frame_map)

@@ -195,7 +195,7 @@ def _seen_from_above(scene: Scene, unit: str) -> bool:
     geometry = scene.geometry(unit)
     if camera is None or "tag_top" not in geometry.frames:
         return False
-    p_U = geometry.frame("tag_top").act(tag_corners(scene.tag_size("tag_top")))
+    p_U = geometry.frame("tag_top").act(tag_corners(scene.tag_size(unit, "tag_top")))
     p_W = region(scene, unit, p_U[:, :2])
     # Image right is world x, image down is world -y.
     depth = np.full(len(p_W), camera.height_m - float(p_U[:, 2].max()))
@@ -214,6 +214,6 @@ def _seen_by_another(scene: Scene, unit: str, placed: Mapping[str, SE2]) -> bool
         for slot in geometry.tag_slots:
             X_CT = X_CU @ geometry.frame(slot)
             facing = float(X_CT.p @ X_CT.R[:, 2]) > 0.0
-            if facing and camera.sees(X_CT.act(tag_corners(scene.tag_size(slot)))).all():
+            if facing and camera.sees(X_CT.act(tag_corners(scene.tag_size(unit, slot)))).all():
                 return True
     return False

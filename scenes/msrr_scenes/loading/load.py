@@ -18,7 +18,7 @@ from msrr_scenes.loading.as_built_checks import as_built_problems
 from msrr_scenes.loading.calibration_file import read_calibration
 from msrr_scenes.loading.camera_checks import camera_problems
 from msrr_scenes.loading.geometry_checks import geometry_problems
-from msrr_scenes.loading.marker_checks import marker_problems
+from msrr_scenes.loading.marker_checks import marker_problems, unit_problem
 from msrr_scenes.loading.plan_checks import fault_problems, mission_problems, plan_problems
 from msrr_scenes.loading.problems import KeyPath, Problem, dotted
 from msrr_scenes.loading.reference_checks import port_problems, reference_problems, value_problems
@@ -233,7 +233,7 @@ def _contradictions(scene: Scene) -> list[Problem]:
                 text = f"{geometry.urdf}: a fixture, for target files alone; a unit has wheels"
                 problems.append(Problem(("units", unit, "urdf"), text))
         except (GeometryError, SceneError) as error:
-            problems.append(Problem(("units", unit, "urdf"), str(error)))
+            problems.append(unit_problem(unit, error))
     return problems or [*port_problems(scene), *plan_problems(scene)] or geometry_problems(scene)
 
 

@@ -1,17 +1,14 @@
-"""Checks of markers that were measured: the map has all of their tags, in the scene's family and sizes."""
+"""Checks of markers that were measured: the map has all of their tags, in the scene's family."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 from msrr_scenes.errors import MsrrError, nearest
-from msrr_scenes.geometry.unit_geometry import marker_links
-from msrr_scenes.loading.problems import Problem
+from msrr_scenes.geometry.urdf_tree import FrameMapError
+from msrr_scenes.loading.problems import KeyPath, Problem
+from msrr_scenes.specs.bodies import MarkerSpec
 from msrr_scenes.specs.scene import Scene
-
-#: Largest difference of two sizes of tags that mean the same one, relative: files round.
-_SAME_SIZE = 1e-4
 
 
 def marker_problems(scene: Scene) -> list[Problem]:
@@ -25,30 +22,50 @@ def _of_unit(scene: Scene, unit: str) -> Iterator[Problem]:
     try:
         ids = scene.tag_ids(unit)
     except MsrrError as error:
-        yield Problem(("units", unit, "urdf"), str(error))
+        yield unit_problem(unit, error)
         return
     for port, marker in scene.units[unit].markers.items():
         path = ("units", unit, "markers", port)
-        slots, found = marker_links(port), marker.map
-        if not ids.keys() >= set(slots):
-            ports = [slot.split("_")[1] for slot in ids if slot.endswith("_marker_middle")]
-            text = f"no port with a marker{nearest(port, ports)} Ports with one: {', '.join(ports)}"
+        if marker.map.family != scene.tags.family:
+            text = f"the map is of {marker.map.family} tags, and those of this scene are {scene.tags.family}"
+            yield Problem((*path, "map"), text)
+        slots = [slot for slot in ids if slot.startswith(f"port_{port}_marker_")]
+        if marker.dock is not None:
+            drawn = sorted(set(slots) - scene.units[unit].mapped_tag_ids().keys())
+            if drawn:
+                text = f"the URDF has tags of this port, {', '.join(drawn)}; say anchor instead"
+                yield Problem((*path, "dock"), text)
+            continue
+        if not slots:
+            ports = [slot.split("_")[1] for slot in ids if "_marker_" in slot]
+            known = ", ".join(dict.fromkeys(ports))
+            text = (
+                f"no port with a marker{nearest(port, ports)} Ports with one: {known}. "
+                "For a port without tags in the URDF, say by the key dock where the map is"
+            )
             yield Problem(path, text)
             continue
-        missing = [
-            f"{ids[slot]} ({slot.rpartition('_')[2]})" for slot in slots if ids[slot] not in found.tags
-        ]
-        if missing:
-            text = f"the map has no tag {', '.join(missing)}; it has {', '.join(map(str, found.tags))}"
-            yield Problem((*path, "map"), text)
-        if found.family != scene.tags.family:
-            text = f"the map is of {found.family} tags, and those of this scene are {scene.tags.family}"
-            yield Problem((*path, "map"), text)
-        for key, slot in (("side_m", slots[0]), ("mast_m", slots[1])):
-            size = scene.tag_size(slot)
-            if not math.isclose(size, found.tag_size_m, rel_tol=_SAME_SIZE):
-                text = (
-                    f"the map is of tags of {found.tag_size_m:g} m, and tags.{key} = {size:g}; set that, or "
-                    "map the tags with the size that they have"
-                )
-                yield Problem((*path, "map"), text)
+        yield from _not_anchored(path, slots, ids, marker)
+
+
+def _not_anchored(
+    path: KeyPath, slots: Sequence[str], ids: Mapping[str, int], marker: MarkerSpec
+) -> Iterator[Problem]:
+    names = {slot: slot.split("_", 3)[3] for slot in slots}
+    if marker.anchor not in names.values():
+        known = names.values()
+        text = (
+            f"no tag {marker.anchor!r} of this port{nearest(marker.anchor, known)} Tags: {', '.join(known)}"
+        )
+        yield Problem((*path, "anchor"), text)
+    missing = [f"{ids[slot]} ({names[slot]})" for slot in slots if ids[slot] not in marker.map.tags]
+    if missing:
+        text = f"the map has no tag {', '.join(missing)}; it has {', '.join(map(str, marker.map.tags))}"
+        yield Problem((*path, "map"), text)
+
+
+def unit_problem(unit: str, error: MsrrError) -> Problem:
+    """Return the reason why the geometry of a unit cannot be had, at the key that is at fault."""
+    if isinstance(error, FrameMapError):
+        return Problem(("units", unit, "frames", error.frame), str(error))
+    return Problem(("units", unit, "urdf"), str(error))

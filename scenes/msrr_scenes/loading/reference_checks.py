@@ -189,10 +189,10 @@ def _tags_twice(scene: Scene) -> Iterator[Problem]:
         seen.setdefault(tag, owner)
     for unit, spec in scene.units.items():
         slots = scene.geometry(unit).tag_slots
-        for slot in spec.tag_ids:
-            if slot not in slots:
+        for key, named in (("tag_ids", spec.tag_ids), ("tag_sizes_m", spec.tag_sizes_m)):
+            for slot in named.keys() - slots:
                 text = f"no such tag link{nearest(slot, slots)} Links with a tag: {', '.join(slots)}"
-                yield Problem(("units", unit, "tag_ids", slot), text)
+                yield Problem(("units", unit, key, slot), text)
 
 
 def _all_tags(scene: Scene) -> Iterator[tuple[KeyPath, str, int]]:

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.pinhole import body_pose
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.urdf_tree import FrameMap, MappedFrame
+from msrr_scenes.specs.mount import FrameSpec, LinkName, MountSpec
 from msrr_scenes.specs.spec import Coordinate, FileName, Name, PoseSpec, Size, Spec, Time
 from msrr_scenes.specs.tag_families import FAMILIES, TAG36H11, FamilyName, TagFamily
 from msrr_scenes.specs.tag_map import TagMapSpec
 
 TAGS_PER_UNIT = 10
+
+#: Largest number of frames of a unit that a scene may name.
+MOST_FRAMES = 1000
 
 #: Number of units for which the default tag family has ids.
 MAX_UNITS = 50
@@ -78,10 +88,46 @@ class MarkerSpec(Spec):
     """
 
     map: TagMapSpec
-    """Map of its three tags, as ``msrr map`` writes it; a scene file names the file, relative to its own
-    folder."""
-    anchor: Literal["left", "middle", "right"] = "middle"
-    """Tag of the marker that is where the URDF has it, so that it says where the map is on the unit."""
+    """Map of its tags, as ``msrr map`` writes it; a scene file names the file, relative to its own folder."""
+    anchor: Annotated[str, Field(min_length=1, max_length=255)] = "middle"
+    """Tag of the marker that is where the URDF has it, so that it says where the map is on the unit: the end
+    of the name of its link."""
+    dock: MountSpec | None = None
+    """Dock frame D of the port, seen from the map's reference tag with x into the tag, y left and z up as one
+    sees it, for a port without tags in the URDF: it then has all tags of the map.
+
+    D has its origin on the floor below the face of the port, x into the unit and z up: ``z_m`` is minus the
+    height of the reference tag above the floor.
+    """
+
+    def frames(self, port: str) -> FrameMap:
+        """Return the frames of the tags of a port that has none in the URDF; none if it has them."""
+        if self.dock is None:
+            return ()
+        X_PD = SE3.from_xyz_rpy([0.0, 0.0, 0.0], [0.0, 0.0, math.pi])
+        poses = {tag: X_PD @ X_DT for tag, X_DT in tags_in_dock(self.map, self.dock).items()}
+        return tuple(
+            MappedFrame(f"port_{port}_marker_{tag}", f"port_{port}", _triple(X.p), _triple(X.rpy()))
+            for tag, X in poses.items()
+        )
+
+
+def tags_in_dock(tag_map: TagMapSpec, dock: MountSpec, tags: Collection[int] | None = None) -> dict[int, SE3]:
+    """Return the poses ``X_DT`` of the tags of a map, by id.
+
+    Args:
+        tag_map: The map.
+        dock: Dock frame D, seen from the reference tag of the map: x into the tag, y left, z up.
+        tags: Ids of the tags; None for all.
+    """
+    X_MD = body_pose(SE3()) @ dock.X  # a tag has the axes of an optical frame
+    chosen = tag_map.tags if tags is None else tags
+    return {tag: X_MD.inverse() @ tag_map.tags[tag].X_MT for tag in chosen}
+
+
+def _triple(values: Array) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
 
 
 class UnitSpec(Spec):
@@ -91,12 +137,36 @@ class UnitSpec(Spec):
     """Number n of the unit: tag 10 n is on top, tags 10 n + 1 .. 10 n + 9 are on the ports."""
     urdf: FileName = "unit.urdf"
     """File name of the URDF: beside the scene file, in the working folder, or a shipped one."""
+    frames: dict[LinkName, FrameSpec] = Field(default_factory=dict, max_length=MOST_FRAMES)
+    """Links of the URDF that have other names than those of this project, or frames that it lacks, by the
+    name of the frame: ``{axle: base_link, camera: {link: base_link, x_m: 0.1, z_m: 0.2}}``."""
     pose: PoseSpec = PoseSpec()
     """Start pose."""
     tag_ids: dict[str, TagId] = Field(default_factory=dict, max_length=MOST_TAGS)
     """Tag ids that differ from those of the number, by link name."""
+    tag_sizes_m: dict[str, Size] = Field(default_factory=dict, max_length=MOST_TAGS)
+    """Edges of tags that differ from those of ``tags`` [m], by link name."""
     markers: dict[Name, MarkerSpec] = Field(default_factory=dict, max_length=TAGS_PER_UNIT)
     """Markers of ports whose tags are where a map has them instead of the URDF, by port; everybody knows."""
+
+    @property
+    def frame_map(self) -> FrameMap:
+        """Frames that are not links of the URDF under the same name, those of mapped tags last."""
+        named = tuple(frame.mapped(name) for name, frame in self.frames.items())
+        return sum((marker.frames(port) for port, marker in self.markers.items()), named)
+
+    def mapped_tag_ids(self) -> dict[str, int]:
+        """Return the ids of tags that only a map knows, by link name."""
+        slots = ((frame.name, port) for port, m in self.markers.items() for frame in m.frames(port))
+        return {slot: int(slot.removeprefix(f"port_{port}_marker_")) for slot, port in slots}
+
+    def tag_size(self, slot: str, tags: TagsSpec) -> float:
+        """Return the edge [m] of the black square of the tag on link ``slot``."""
+        if slot in self.tag_sizes_m:
+            return self.tag_sizes_m[slot]
+        port, marker, _ = slot.removeprefix("port_").partition("_marker_")
+        mapped = self.markers.get(port) if marker else None
+        return tags.size(slot) if mapped is None else mapped.map.tag_size_m
 
 
 class _Obstacle(Spec):

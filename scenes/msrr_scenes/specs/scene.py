@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, marker_links, read_unit
+from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
 from msrr_scenes.specs.as_built import GRADES, AsBuiltSpec, Grade, graded_odometry, graded_optics
 from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
 from msrr_scenes.specs.faults import Fault
@@ -185,33 +185,36 @@ class Scene(Spec):
             SceneError: There is no such URDF, or the map of a marker lacks one of its tags.
         """
         drawn, markers = self._drawn(unit), self.units[unit].markers
-        if not markers:
+        anchored = {port: marker for port, marker in markers.items() if marker.dock is None}
+        if not anchored:
             return drawn
         ids = self.tag_ids(unit)
         measured = []
-        for port, marker in markers.items():
-            slots = [slot for slot in marker_links(port) if ids.get(slot) in marker.map.tags]
-            if len(slots) != len(marker_links(port)):
+        for port, marker in anchored.items():
+            slots, anchor = drawn.marker_slots(port), f"port_{port}_marker_{marker.anchor}"
+            if anchor not in slots or any(ids[slot] not in marker.map.tags for slot in slots):
                 raise SceneError(f"unit {unit!r}: the map of the marker of port {port!r} lacks a tag of it")
             tags = [(slot, marker.map.tags[ids[slot]]) for slot in slots]
             poses = tuple((slot, tag.position_m, tag.quaternion_xyzw) for slot, tag in tags)
-            measured.append((f"port_{port}_marker_{marker.anchor}", poses))
-        return _with_markers(drawn.urdf, tuple(measured))
+            measured.append((anchor, poses))
+        return _with_markers(drawn, tuple(measured))
 
     def _drawn(self, unit: str) -> UnitGeometry:
-        beside = self.source.parent if self.source else None
-        return read_unit(find_urdf(self.units[unit].urdf, beside))
+        beside, spec = self.source.parent if self.source else None, self.units[unit]
+        return read_unit(find_urdf(spec.urdf, beside), spec.frame_map)
 
     def tag_ids(self, unit: str) -> dict[str, int]:
         """Return the tag id of every tag slot (link name) of a unit."""
-        spec = self.units[unit]
-        slots = self._drawn(unit).tag_slots
-        ids = {slot: TAGS_PER_UNIT * spec.number + i for i, slot in enumerate(slots)}
-        return {**ids, **spec.tag_ids}
+        spec, slots = self.units[unit], self._drawn(unit).tag_slots
+        mapped = spec.mapped_tag_ids()
+        drawn = [slot for slot in slots if slot not in mapped]
+        numbered = {slot: TAGS_PER_UNIT * spec.number + i for i, slot in enumerate(drawn)}
+        known = {**numbered, **mapped}
+        return {**{slot: known[slot] for slot in slots}, **spec.tag_ids}
 
-    def tag_size(self, slot: str) -> float:
-        """Return the edge [m] of the black square of the tag on link ``slot``."""
-        return self.tags.size(slot)
+    def tag_size(self, unit: str, slot: str) -> float:
+        """Return the edge [m] of the black square of the tag on link ``slot`` of a unit."""
+        return self.units[unit].tag_size(slot, self.tags)
 
 
 #: A tag of a map: its link, its place [m] and its rotation.
@@ -219,9 +222,11 @@ _MappedTag = tuple[str, tuple[float, ...], tuple[float, ...]]
 
 
 @lru_cache(maxsize=32)
-def _with_markers(urdf: Path, markers: tuple[tuple[str, tuple[_MappedTag, ...]], ...]) -> UnitGeometry:
-    """Return the geometry of a URDF with measured markers, each given by the link that anchors its map."""
-    drawn, frames = read_unit(urdf), dict[str, SE3]()
+def _with_markers(
+    drawn: UnitGeometry, markers: tuple[tuple[str, tuple[_MappedTag, ...]], ...]
+) -> UnitGeometry:
+    """Return a geometry with measured markers, each given by the link that anchors its map."""
+    frames = dict[str, SE3]()
     for anchor, tags in markers:
         X_MT = {slot: SE3.from_quaternion_xyzw(p, xyzw) for slot, p, xyzw in tags}
         X_UM = drawn.frame(anchor) @ X_MT[anchor].inverse()

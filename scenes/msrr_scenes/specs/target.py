@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from msrr_scenes.geometry.pinhole import body_pose
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.as_built import AsBuiltSpec
-from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, TagId, TagsSpec
+from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, TagId, TagsSpec, tags_in_dock
+from msrr_scenes.specs.mount import MountSpec
 from msrr_scenes.specs.plan import ControlSpec, LosSpec
 from msrr_scenes.specs.sensors import CameraSpec, OdometrySpec
-from msrr_scenes.specs.spec import Angle, Coordinate, FileName, Name, Spec, Speed, Text, TurnRate
+from msrr_scenes.specs.spec import FileName, Name, Spec, Speed, Text, TurnRate
 from msrr_scenes.specs.tag_map import TagMapSpec
 
 #: Names of the robot and of the target in the scene of a recording, and of the port of a mapped target.
@@ -21,29 +20,6 @@ ROBOT, TARGET, DOCK = "robot", "target", "dock"
 
 #: Name of a joint in messages of joint states.
 _JointName = Annotated[str, Field(min_length=1, max_length=255)]
-
-
-class MountSpec(Spec):
-    """A pose in space, turned by Rz(yaw) Ry(pitch) Rx(roll)."""
-
-    x_m: Coordinate = 0.0
-    """Place along x [m]."""
-    y_m: Coordinate = 0.0
-    """Place along y [m]."""
-    z_m: Coordinate = 0.0
-    """Place along z [m]."""
-    roll_deg: Angle = 0.0
-    """Angle about x [deg]."""
-    pitch_deg: Angle = 0.0
-    """Angle about y [deg]."""
-    yaw_deg: Angle = 0.0
-    """Angle about z [deg]."""
-
-    @property
-    def X(self) -> SE3:
-        """The pose."""
-        angles = [math.radians(angle) for angle in (self.roll_deg, self.pitch_deg, self.yaw_deg)]
-        return SE3.from_xyz_rpy([self.x_m, self.y_m, self.z_m], angles)
 
 
 class TargetUnitSpec(Spec):
@@ -88,9 +64,7 @@ class MappedMarkerSpec(Spec):
     @property
     def X_DT(self) -> dict[int, SE3]:
         """Pose of every tag of the target in the dock frame, by its id."""
-        X_MD = body_pose(SE3()) @ self.dock.X  # a tag has the axes of an optical frame
-        chosen = self.map.tags if self.tags is None else self.tags
-        return {tag: X_MD.inverse() @ self.map.tags[tag].X_MT for tag in chosen}
+        return tags_in_dock(self.map, self.dock, self.tags)
 
 
 class RobotSpec(Spec):

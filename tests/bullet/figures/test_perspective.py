@@ -25,7 +25,7 @@ def true_corners(scene, snapshot):
     for unit, X_WU in snapshot.units.items():
         for slot, tag_id in scene.tag_ids(unit).items():
             X_WT = SE3.from_se2(X_WU) @ scene.geometry(unit).frame(slot)
-            found[tag_id] = X_WT.act(tag_corners(scene.tag_size(slot)))
+            found[tag_id] = X_WT.act(tag_corners(scene.tag_size(unit, slot)))
     return found
 
 

@@ -80,7 +80,7 @@ def test_corners_appear_at_the_exact_projection_in_120_views(client: int, scene:
         camera = open_camera(client, spec, X_WC, seed=int(rng.integers(1 << 30)))
         truth = {
             tag_id: camera.pinhole.project(
-                (X_WC.inverse() @ geometry.frame(name)).act(tag_corners(scene.tag_size(name)))
+                (X_WC.inverse() @ geometry.frame(name)).act(tag_corners(scene.tag_size("b", name)))
             )
             for tag_id, name in slot.items()
         }

@@ -14,7 +14,6 @@ import pytest
 from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.simulation.built_urdf import build
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
-from msrr_bullet.simulation.urdf_welding import read_urdf
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.as_built import AsBuilt, draw_as_built
@@ -36,16 +35,14 @@ def scene(as_built: str) -> Scene:
 
 
 def text_of(of: Scene, built: AsBuilt) -> bytes:
-    tree = read_urdf(of.geometry("b").urdf)
+    tree = of.geometry("b").tree()
     build(tree, of.geometry("b"), built.units["b"])
     return ElementTree.tostring(tree.getroot())
 
 
 def test_a_unit_as_drawn_has_the_urdf_that_was_drawn() -> None:
     of = scene("perfect")
-    assert text_of(of, draw_as_built(of, 0)) == ElementTree.tostring(
-        read_urdf(of.geometry("b").urdf).getroot()
-    )
+    assert text_of(of, draw_as_built(of, 0)) == ElementTree.tostring(of.geometry("b").tree().getroot())
 
 
 SEEN = {
@@ -73,7 +70,7 @@ def test_every_tag_is_seen_where_it_was_put(as_built: str, tmp_path: Path) -> No
             pixels = renderer.render(CAMERA, X_WC, CAMERA.frame)
             found = {tag.tag_id: tag.corners for tag in PupilDetector().detect(pixels, CAMERA.frame)}
             true = CAMERA.project(
-                (X_WC.inverse() @ X_WT).act(tag_corners(unit.print_scale * of.tag_size(slot)))
+                (X_WC.inverse() @ X_WT).act(tag_corners(unit.print_scale * of.tag_size("b", slot)))
             )
             assert ids[slot] in found, slot
             np.testing.assert_allclose(found[ids[slot]], true, atol=0.3)
@@ -125,7 +122,7 @@ def test_a_unit_on_other_wheels_stands_level_at_the_same_height() -> None:
 
 def test_wheels_without_a_radius_cannot_be_other_than_drawn(tmp_path: Path) -> None:
     of: Any = scene("{drive: {radius_left_percent: 5}}")
-    tree = read_urdf(of.geometry("a").urdf)
+    tree = of.geometry("a").tree()
     for shape in tree.getroot().iterfind("link[@name='wheel_left']/collision/geometry/sphere"):
         shape.tag, shape.attrib = "box", {"size": "0.06 0.02 0.06"}
     with pytest.raises(GeometryError, match=r"wheel_left.*make it a sphere or a cylinder"):

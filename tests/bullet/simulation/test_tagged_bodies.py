@@ -88,7 +88,7 @@ def test_every_slot_of_two_units_shows_its_own_tag(client: int, scene: Scene, tm
         X_WR = SE3.from_quaternion_xyzw(*pybullet.getBasePositionAndOrientation(body)) @ X_RI.inverse()
         for slot, tag_id in ids.items():
             X_WT = X_WR @ scene.geometry(unit).frame(slot)
-            size = scene.tag_size(slot)
+            size = scene.tag_size(unit, slot)
             distance = 3.0 * size
             image = renderer.render(CAMERA, look_at(X_WT, distance), CAMERA.frame)
             detected = {t.tag_id: t for t in PupilDetector().detect(image, CAMERA.frame)}

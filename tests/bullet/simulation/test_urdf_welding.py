@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -10,11 +9,12 @@ import pytest
 
 import msrr_bullet.simulation.unit_body
 from msrr_bullet.simulation.bullet_plant import BulletPlant
-from msrr_bullet.simulation.urdf_welding import read_urdf, weld
+from msrr_bullet.simulation.urdf_welding import weld
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.unit_geometry import read_unit, urdf_origin
+from msrr_scenes.geometry.unit_geometry import read_unit
+from msrr_scenes.geometry.urdf_tree import urdf_origin
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement
 
@@ -140,7 +140,7 @@ def test_mass_inertia_and_shapes_stay_where_they_are(seed: int) -> None:
 
 def test_links_whose_contacts_are_queried_are_not_merged(two_units) -> None:
     geometry = read_unit(two_units().geometry("a").urdf)
-    tree = read_urdf(Path(geometry.urdf))
+    tree = geometry.tree()
     weld(tree, geometry.pins)
     names = {link.get("name") for link in tree.getroot().findall("link")}
     assert names == {

@@ -64,7 +64,7 @@ def test_the_top_tag_is_in_view_wherever_a_path_may_lead(yaw: float) -> None:
     setup, camera = AssemblySetup.of(scene, scene.plan[0]), scene.cameras.overhead
     assert camera is not None
     X_WC = SE3(np.diag([1.0, -1.0, -1.0]), np.array([camera.x_m, camera.y_m, camera.height_m]))
-    half = 0.5 * 1.25 * scene.tag_size("tag_top")
+    half = 0.5 * 1.25 * scene.tag_size(scene.plan[0].unit, "tag_top")
     plate = np.array([[i * half, j * half, 0.0] for i in (-1, 1) for j in (-1, 1)])
     X_UT = scene.geometry("a").frame("tag_top")
     x0, x1, y0, y1 = setup.box

@@ -56,7 +56,7 @@ def _true_pixels(name: str, error: float) -> tuple[TargetModel, dict[int, np.nda
     slots = {i: s for s, i in scene.tag_ids("b").items()}
     true = {}
     for tag in told.port_tags:
-        corners = tag_corners(other.print_scale * scene.tag_size(slots[tag]))
+        corners = tag_corners(other.print_scale * scene.tag_size("b", slots[tag]))
         p_D = (X_TD.inverse() @ other.geometry.frame(slots[tag])).act(corners)
         true[tag] = own.camera.project(X_CD.act(p_D))
     return told, true

@@ -18,7 +18,7 @@ def test_the_map_holds_every_tag_of_the_unit_in_the_dock_frame(scene: Scene, tar
         middle = X_UD.act(target.corners_D[tag].mean(axis=0))
         np.testing.assert_allclose(middle, geometry.frame(slot).p, atol=1e-12)
         edges = np.linalg.norm(np.diff(target.corners_D[tag], axis=0), axis=1)
-        np.testing.assert_allclose(edges, scene.tag_size(slot), atol=1e-12)
+        np.testing.assert_allclose(edges, scene.tag_size("b", slot), atol=1e-12)
 
 
 def test_the_port_tags_face_the_coming_unit_and_the_tags_left_is_left(target: TargetModel) -> None:

@@ -95,7 +95,6 @@ def test_a_log_needs_no_file(tmp_path: Path) -> None:
         ("{front: map.yaml}", 0.05, {}, r"markers\.front: no port with a marker.* Ports with one: rear"),
         ("{rear: none.yaml}", 0.05, {}, r"markers\.rear: no file 'none\.yaml' beside the file"),
         ("{left: map.yaml}", 0.05, {}, r"markers\.left\.map: the map has no tag 1\d \(left\), .*; it has 1"),
-        ("{rear: map.yaml}", 0.04, {}, r"the map is of tags of 0\.05 m, and tags\.mast_m = 0\.04; set that"),
         (
             "{rear: map.yaml}",
             0.05,
@@ -103,7 +102,18 @@ def test_a_log_needs_no_file(tmp_path: Path) -> None:
             "of tag25h9 tags, and those of this scene are tag36h11",
         ),
         ("{rear: {anchor: left}}", 0.05, {}, r"markers\.rear\.map: required"),
-        ("{rear: {map: map.yaml, anchor: top}}", 0.05, {}, r"markers\.rear\.anchor"),
+        (
+            "{rear: {map: map.yaml, anchor: top}}",
+            0.05,
+            {},
+            r"anchor: no tag 'top' of .* left, middle",
+        ),
+        (
+            "{rear: {map: map.yaml, dock: {}}}",
+            0.05,
+            {},
+            r"rear\.dock: the URDF has tags of this port",
+        ),
     ],
 )
 def test_what_does_not_fit_is_said(
