@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from types import MappingProxyType
 from xml.etree.ElementTree import Element, ElementTree
@@ -14,6 +13,7 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import BuiltDrive, BuiltUnit
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.solid import Solid, read_solid
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import set_origin, urdf_origin
 
@@ -22,9 +22,6 @@ _BEHIND_M = 0.0003
 
 #: Edge below which a box is not cut any more [m].
 _THINNEST_M = 0.0005
-
-#: Corners of a box of edge 1, shape (8, 3).
-_CORNERS: Array = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
 
 _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -60,10 +57,11 @@ def build(
 
 
 def _give_way(robot: Element, slot: str, drawn: UnitGeometry, X_UX: SE3, half: float) -> None:
-    """Cut visible boxes behind a tag back to where the tag is not inside them.
+    """Set visible boxes and cylinders behind a tag back to where the tag is not inside them.
 
     A tag that was put on deeper than drawn is not inside the wall that carries it; the wall is deeper, too. A
-    box that is too thin to be cut moves. The plate in the link of the tag itself moves with the tag.
+    box is cut; one that is too thin, or a cylinder, moves. The plate in the link of the tag itself moves with
+    the tag.
 
     Args:
         robot: Root of the URDF.
@@ -76,26 +74,40 @@ def _give_way(robot: Element, slot: str, drawn: UnitGeometry, X_UX: SE3, half: f
     for link in robot.findall("link"):
         name = link.attrib["name"]
         for visual in () if name in drawn.tag_slots else link.findall("visual"):
-            box = visual.find("geometry/box")
-            if box is None:
+            shape = visual.find("geometry/*")
+            if shape is None or shape.tag not in ("box", "cylinder"):
                 continue
-            X_UG = drawn.frame(name) @ urdf_origin(visual.find("origin"))
-            size = np.array([float(edge) for edge in box.attrib["size"].split()])
-            corners_U = X_UG.act(_CORNERS * size)
-            corners_T = X_TU.act(corners_U)
-            lowest, highest = corners_T.min(axis=0), corners_T.max(axis=0)
+            solid = read_solid(name, drawn.frame(name), visual)
+            points_U = solid.points()
+            points_T = X_TU.act(points_U)
+            lowest, highest = points_T.min(axis=0), points_T.max(axis=0)
             if lowest[2] < 0.0 or (lowest[:2] > half).any() or (highest[:2] < -half).any():
                 continue  # it is not behind the tag as drawn
-            missing = _BEHIND_M - float(X_XU.act(corners_U)[:, 2].min())
+            missing = _BEHIND_M - float(X_XU.act(points_U)[:, 2].min())
             if missing > 0.0:
-                back_G = X_UG.R.T @ X_UX.R[:, 2]
-                axis = int(np.abs(back_G).argmax())
-                cut = min(missing, max(size[axis] - _THINNEST_M, 0.0))
-                size[axis] -= cut
-                moved_G = (missing - cut) * back_G
-                moved_G[axis] += 0.5 * cut * np.sign(back_G[axis])
-                box.set("size", " ".join(repr(float(edge)) for edge in size))
-                set_origin(visual, drawn.frame(name).inverse() @ X_UG @ SE3(np.eye(3), moved_G))
+                moved_G = _set_back(shape, solid, X_UX.R[:, 2], missing)
+                set_origin(visual, drawn.frame(name).inverse() @ solid.X_UG @ SE3(np.eye(3), moved_G))
+
+
+def _set_back(shape: Element, solid: Solid, back_U: Array, missing: float) -> Array:
+    """Cut a box on the side of a tag, and return by how much the middle of a shape moves in its frame [m].
+
+    Args:
+        shape: The shape in the URDF.
+        solid: The same shape.
+        back_U: Direction into the tag.
+        missing: Distance that is missing between them [m].
+    """
+    back_G = solid.X_UG.R.T @ back_U
+    if solid.kind != "box":
+        return missing * back_G
+    size, axis = np.array(solid.size), int(np.abs(back_G).argmax())
+    cut = min(missing, max(size[axis] - _THINNEST_M, 0.0))
+    size[axis] -= cut
+    moved_G: Array = (missing - cut) * back_G
+    moved_G[axis] += 0.5 * cut * np.sign(back_G[axis])
+    shape.set("size", " ".join(repr(float(edge)) for edge in size))
+    return moved_G
 
 
 def _build_wheels(robot: Element, drawn: UnitGeometry, drive: BuiltDrive) -> None:
