@@ -8,7 +8,7 @@ from pathlib import Path
 
 from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.mcap_recorder import Listener, McapRecorder
-from msrr_bullet.log.reader import LOG_NAME, read_log
+from msrr_bullet.log.reader import LOG_NAME, unpacked_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.log.records import StartPoses, StepStart
 from msrr_bullet.profiler import Profiler
@@ -147,10 +147,10 @@ def _write_derived_files(out: Path, result: TrialResult) -> None:
 
     try:
         (out / RESULT_NAME).write_text(result.to_json())
-        log = read_log(out)
-        snapshots = read_snapshots(log)
-        write_replay(out / REPLAY_NAME, log.header.scene, snapshots)
-        headline = f"{result.outcome.value}, seed {result.seed}"
-        write_picture(out / PICTURE_NAME, log.header.scene, snapshots, docking_views(log), headline)
+        with unpacked_log(out) as log:
+            snapshots = read_snapshots(log)
+            write_replay(out / REPLAY_NAME, log.header.scene, snapshots)
+            headline = f"{result.outcome.value}, seed {result.seed}"
+            write_picture(out / PICTURE_NAME, log.header.scene, snapshots, docking_views(log), headline)
     except OSError as error:
         raise RunFolderError(f"{error.filename or out}: cannot be written ({error.strerror})") from None

@@ -29,6 +29,7 @@ _FRAMES = re.compile(rf"axle|camera|tag_top|port_[^_]+|port_[^_]+_marker_.+|{_BO
 _NAMES = ("axle", "camera", *_WHEELS, "tag_top", "pin_left", "pin_right", "port_front")
 _PATTERNS = ("port_<name>", "port_<name>_marker_<tag>", "port_<name>_hole_left", "port_<name>_hole_right")
 
+_PACKAGE_SCHEME = "package://"
 _XACRO = re.compile(r"\{[^}]*xacro[^}]*\}")
 
 #: Largest deviation of the direction of an axis from that of the drawing [rad].
@@ -98,7 +99,7 @@ def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
         if _XACRO.match(element.tag):
             raise GeometryError(f"{path}: holds macros; expand them first: xacro {path.name} > robot.urdf")
         if element.tag in ("mesh", "texture") and "filename" in element.attrib:
-            element.set("filename", str((path.parent / element.attrib["filename"]).resolve()))
+            element.set("filename", str(_resolved(path, element.attrib["filename"])))
     root = tree.getroot()
     if frames:
         _Mapping(path, root, frames).apply()
@@ -106,6 +107,20 @@ def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
     if {"axle", *_WHEELS} <= links.links.keys():
         _turn_wheels_forward(path, links)
     return tree
+
+
+def _resolved(urdf: Path, name: str) -> Path:
+    """Return the path of a file that a URDF names, beside itself or as ROS does, by a package."""
+    if not name.startswith(_PACKAGE_SCHEME):
+        return (urdf.parent / name.removeprefix("file://")).resolve()
+    package, _, rest = name.removeprefix(_PACKAGE_SCHEME).partition("/")
+    for folder in urdf.resolve().parents:
+        if folder.name == package:
+            return folder / rest
+    raise GeometryError(
+        f"{urdf}: {name}: the URDF is in no folder {package!r}; put it back there, or write the path from "
+        "the URDF to the file"
+    )
 
 
 def urdf_origin(element: Element | None) -> SE3:

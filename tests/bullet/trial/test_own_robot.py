@@ -1,0 +1,88 @@
+"""A robot of another maker docks: its URDF is beside the scene, and its links have names of their own."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from msrr_bullet.replay import replay
+from msrr_bullet.run import run_trial
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.unit_geometry import find_urdf
+from msrr_scenes.loading.load import LIBRARY, load_scene
+from msrr_scenes.loading.tag_map_file import write_tag_map
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.tag_map import TagMapSpec
+
+SCENE = LIBRARY / "round_robots.yaml"
+
+
+def own_folder(folder: Path) -> Path:
+    """A folder of a user with a scene and its URDF, which is not the working folder."""
+    home = folder / "home"
+    home.mkdir()
+    text = SCENE.read_text()
+    (home / "own.yaml").write_text(text.replace("round.urdf\n", "mine.urdf\n"))
+    shutil.copy(find_urdf("round.urdf"), home / "mine.urdf")
+    return home / "own.yaml"
+
+
+def test_a_robot_beside_its_scene_docks_and_replays_without_it(tmp_path: Path) -> None:
+    """On pixels and by contact, from near and as drawn to be quick; the log holds all that a replay needs."""
+    quick = {
+        "as_built": "perfect",
+        "units.a.pose.x_m": "-0.35",
+        "units.a.pose.spread": "{y_m: 0.02, yaw_deg: 5}",
+    }
+    scene, run = load_scene(own_folder(tmp_path), quick), tmp_path / "run"
+    assert run_trial(scene, 1, out=run).outcome is Outcome.DOCKED
+    shutil.rmtree(tmp_path / "home")
+    assert replay(run).identical
+
+
+@pytest.mark.nightly
+def test_every_one_of_twenty_docks() -> None:
+    """A rate of 0.99 would fail here by chance in 1.7 % of cases; the seeds are fixed."""
+    scene = load_scene("round_robots")
+    outcomes = [run_trial(scene, seed).outcome for seed in range(20)]
+    assert sum(outcome is Outcome.DOCKED for outcome in outcomes) >= 19
+
+
+def write_board(path: Path) -> None:
+    """Write a map of the two large tags of the round robot, in the frame of the left one."""
+    upright = (0.0, 0.0, 0.0, 1.0)
+    tags = {40: ((0.0, 0.0, 0.0), upright), 41: ((0.084, 0.0, 0.0), upright)}
+    poses = {tag: {"position_m": p, "quaternion_xyzw": xyzw} for tag, (p, xyzw) in tags.items()}
+    content = {"family": "tag36h11", "tag_size_m": 0.06, "reference": 40, "tags": poses}
+    write_tag_map(path, TagMapSpec.model_validate(content))
+
+
+def merged(base: Any, extra: Any) -> Any:
+    """Return a scene with the keys of a fragment."""
+    if not isinstance(base, dict) or not isinstance(extra, dict):
+        return extra
+    return {**base, **{key: merged(base.get(key), value) for key, value in extra.items()}}
+
+
+def test_the_page_tells_scenes_that_load(tmp_path: Path) -> None:
+    """The first block is a scene; each of the others is put into it."""
+    page = (Path(__file__).resolve().parents[3] / "docs" / "own_robot.md").read_text()
+    first, *others = map(yaml.safe_load, re.findall(r"```yaml\n(.*?)```", page, re.DOTALL))
+    shutil.copy(find_urdf("round.urdf"), tmp_path / "robot.urdf")
+    write_board(tmp_path / "board.yaml")
+    for block in ({}, *others):
+        data = merged(first, block)
+        b = data["units"]["b"]
+        for key in ("frames", "tag_sizes_m") if "markers" in b else ():
+            b[key] = {name: value for name, value in b[key].items() if "_marker_" not in name}
+        (tmp_path / "own.yaml").write_text(yaml.safe_dump(data))
+        target = TargetModel.from_scene(scene := load_scene(tmp_path / "own.yaml"), scene.docks[0])
+        corners = np.concatenate([target.corners_D[tag] for tag in target.port_tags])
+        np.testing.assert_allclose(corners.min(axis=0), [0.06, -0.072, 0.16], atol=1e-9)
+        np.testing.assert_allclose(corners.max(axis=0), [0.06, 0.072, 0.22], atol=1e-9)

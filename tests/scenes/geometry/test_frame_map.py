@@ -1,0 +1,142 @@
+"""Robots of other makers: links by the names of this project, and what is said of a wrong map."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
+from msrr_scenes.geometry.urdf_tree import FrameMapError, MappedFrame, read_urdf
+
+UNIT = read_unit(find_urdf("unit.urdf"))
+ROUND = find_urdf("round.urdf")
+PARTS = (
+    MappedFrame("axle", "base_footprint"),
+    MappedFrame("camera", "camera_link"),
+    MappedFrame("wheel_left", "left_wheel_link"),
+    MappedFrame("wheel_right", "right_wheel_link"),
+    MappedFrame("port_front", "base_footprint", (0.13, 0.0, 0.0)),
+)
+
+
+def changed(folder: Path, old: str, new: str) -> Path:
+    """The round robot with some text of its URDF changed."""
+    text = ROUND.read_text()
+    assert old in text
+    path = folder / "changed.urdf"
+    path.write_text(text.replace(old, new))
+    return path
+
+
+def test_a_robot_whose_links_have_other_names_is_the_same_robot(tmp_path: Path) -> None:
+    foreign = tmp_path / "foreign.urdf"
+    foreign.write_text(re.sub(r'(<link name|link)="(\w+)"', r'\1="their_\2"', UNIT.urdf.read_text()))
+    names = [name for name in UNIT.frames if re.match("axle|camera|wheel|pin|tag|port_(?!.*funnel)", name)]
+    mapped = read_unit(foreign, tuple(MappedFrame(name, f"their_{name}") for name in names))
+    for name in names:
+        np.testing.assert_array_equal(mapped.frame(name).matrix(), UNIT.frame(name).matrix())
+    for same in ("wheel_radius", "track", "ports", "passive_ports", "pins", "tag_slots", "pin_height"):
+        assert getattr(mapped, same) == getattr(UNIT, same)
+    np.testing.assert_array_equal(mapped.footprint, UNIT.footprint)
+
+
+def test_a_frame_may_be_a_pose_in_a_link_or_in_an_earlier_frame() -> None:
+    """Also where the URDF has a link of that name for something else, which then gets another one."""
+    frames = (
+        MappedFrame("camera", "camera", (0.02, 0.0, 0.01), (0.0, 0.1, 0.0)),
+        MappedFrame("tag_top", "camera", (0.0, 0.0, 0.05)),
+    )
+    unit = read_unit(UNIT.urdf, frames)
+    X_UC = UNIT.frame("camera") @ SE3.from_xyz_rpy([0.02, 0.0, 0.01], [0.0, 0.1, 0.0])
+    np.testing.assert_allclose(unit.frame("camera").matrix(), X_UC.matrix(), atol=1e-12)
+    np.testing.assert_allclose(unit.frame("tag_top").p, X_UC.act([0.0, 0.0, 0.05]), atol=1e-12)
+    np.testing.assert_array_equal(unit.frame("camera_in_urdf").p, UNIT.frame("camera").p)
+
+
+def test_two_bodies_may_change_their_names() -> None:
+    """Then left is right and the unit drives backwards, which is refused: the axle looks the other way."""
+    frames = (MappedFrame("wheel_left", "wheel_right"), MappedFrame("wheel_right", "wheel_left"))
+    with pytest.raises(GeometryError, match=r"x forward; the left wheel is at y = -0\.0650 m"):
+        read_unit(UNIT.urdf, frames)
+
+
+def test_both_wheels_turn_forward() -> None:
+    """The right motor of the round robot is mounted the other way round."""
+    drawn, mapped = (read_urdf(ROUND, frames).getroot() for frames in ((), PARTS))
+    for root, right in ((drawn, "0 0 -1"), (mapped, "-0.0 -0.0 1.0")):
+        axes = {j.get("name"): j.find("axis") for j in root.findall("joint")}
+        found = [axes[f"{side}_wheel_joint"] for side in ("left", "right")]
+        assert [axis.get("xyz") for axis in found if axis is not None] == ["0 0 1", right]
+
+
+@pytest.mark.parametrize(
+    ("frames", "frame", "text"),
+    [
+        (
+            [MappedFrame("camera", "camera_lnk")],
+            "camera",
+            "round.urdf: no link 'camera_lnk' for 'camera'; did you",
+        ),
+        ([MappedFrame("camra", "camera_link")], "camra", "no frame of a unit; did you mean 'camera'?"),
+        ([MappedFrame("pin_left", "mast", (0.1, 0, 0))], "pin_left", "is a body, so it is a link itself"),
+        (
+            [MappedFrame("pin_left", "mast"), MappedFrame("pin_right", "mast")],
+            "pin_right",
+            "'pin_left' already",
+        ),
+    ],
+)
+def test_a_map_that_does_not_fit_is_refused(frames: list[MappedFrame], frame: str, text: str) -> None:
+    with pytest.raises(FrameMapError, match=re.escape(text)) as refused:
+        read_unit(ROUND, tuple(frames))
+    assert refused.value.frame == frame
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ('<sphere radius="0.04"/>', '<box size="1 1 1"/>', "'wheel_left' has no radius"),
+        ('xyz="0 0.075 0"', 'xyz="0.01 0.075 0"', r"that point is at \(0\.0050, 0\.0000, 0\.0000\) m"),
+        ('xyz="0 0 0.04"', 'xyz="0 0 0.05"', r"that point is at \(0\.0000, 0\.0000, 0\.0100\) m"),
+        ('rpy="-1.570796327 0 0"', "", r"'wheel_left' turns about \(0\.000, 0\.000, 1\.000\)"),
+        ('name="left_wheel_joint" type="continuous"', 'name="w" type="fixed"', "continuous, found fixed"),
+        (
+            'name="camera_joint" type="fixed"',
+            'name="pan" type="revolute"',
+            r"joint 'pan' \(revolute\) moves the frame 'camera'; make it a fixed one",
+        ),
+        (
+            '<box size="0.24 0.16 0.037"/>',
+            '<mesh filename="package://elsewhere/base.obj"/>',
+            "the URDF is in no folder 'elsewhere'",
+        ),
+        ('<box size="0.24 0.16 0.037"/>', '<mesh filename="base.stl"/>', "has to be an OBJ file"),
+    ],
+)
+def test_a_robot_that_cannot_drive_or_see_is_refused(tmp_path: Path, old: str, new: str, text: str) -> None:
+    path = changed(tmp_path, old, new)
+    with pytest.raises(GeometryError, match=text):
+        read_unit(path, PARTS)
+
+
+def test_macros_are_to_be_expanded(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf.xacro"
+    path.write_text('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="r"/></robot>')
+    with pytest.raises(GeometryError, match=r"expand them first: xacro robot\.urdf\.xacro > robot\.urdf"):
+        read_urdf(path)
+
+
+def test_meshes_of_a_package_are_found_above_the_urdf(tmp_path: Path) -> None:
+    folder = tmp_path / "my_robot" / "urdf"
+    folder.mkdir(parents=True)
+    box = '<box size="0.24 0.16 0.037"/>'
+    path = changed(folder, box, '<mesh filename="package://my_robot/meshes/base.obj"/>')
+    mesh = tmp_path / "my_robot" / "meshes" / "base.obj"
+    mesh.parent.mkdir()
+    mesh.write_text("v 0 0 0\nv 0.3 0 0\nv 0 0.1 0\nv 0 0 0.1\n")
+    assert [solid.mesh for solid in read_unit(path, PARTS).solids if solid.mesh] == [mesh]
