@@ -74,6 +74,7 @@ def run_trial(
         result = _run(scene, seed, out, lock, wall_limit_s, viewer, observer, profiler, listener)
         if out is not None:
             _write_derived_files(out, result)
+            result = result.model_copy(update={"folder": out})
     return result
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import fcntl
+import html
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -70,3 +72,16 @@ def make_folder(out: Path) -> None:
         raise RunFolderError(
             f"{out}: the run folder cannot be made ({error.strerror}); choose another --out"
         ) from None
+
+
+def run_html(out: Path) -> str:
+    """Return picture and replay page of a run as a notebook shows them; empty where there are none."""
+    shown = ""
+    if (out / PICTURE_NAME).is_file():
+        data = base64.b64encode((out / PICTURE_NAME).read_bytes()).decode()
+        shown += f'<img alt="The run" style="max-width:100%" src="data:image/png;base64,{data}">'
+    if (out / REPLAY_NAME).is_file():
+        page = html.escape((out / REPLAY_NAME).read_text(encoding="utf-8"), quote=True)
+        frame = f'<iframe style="width:100%;height:480px;border:0" loading="lazy" srcdoc="{page}"></iframe>'
+        shown += f"<details><summary>Replay</summary>{frame}</details>"
+    return shown

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict
 from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import StepResult
+from msrr_scenes.html import html_table
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import Perception, Plant
 from msrr_scenes.specs.scene import Scene
@@ -150,6 +151,30 @@ class SweepSummary(BaseModel):
     def to_json(self) -> str:
         """Return the summary as indented JSON."""
         return self.model_dump_json(indent=2) + "\n"
+
+    def _repr_html_(self) -> str:
+        """Return the summary as a notebook shows it: a table."""
+        s = self.success
+        parts: list[tuple[str, StepFigures]] = [
+            (f"{step.unit} to {step.target}", step) for step in self.steps
+        ]
+        parts += [("all docking steps", self.mission.docks)] if self.mission is not None else []
+        rows = [
+            (f"{name}: {what}", *(f"{v:.2f}" if v is not None else "" for v in (q.p50, q.p95, q.max)))
+            for name, step in parts
+            for what, q in (
+                ("lateral error at first contact [mm]", step.contact_lateral_mm),
+                ("yaw error at first contact [deg]", step.contact_yaw_deg),
+                ("gap between seated faces [mm]", step.seated_axial_mm),
+                ("attempts", step.attempts),
+            )
+        ]
+        rows += [(outcome, str(count), "", "") for outcome, count in self.outcomes.items()]
+        rows += [("without a result", str(len(self.failures)), "", "")] if self.failures else []
+        kind = f"{self.plant}, {self.perception}, {self.as_built}"
+        rate = f"{100 * s.rate:.1f} % succeed, 95 % interval {100 * s.low:.1f} .. {100 * s.high:.1f} %"
+        title = f"{self.scene}, {self.trials} trials ({kind}): {rate}"
+        return html_table(title, rows, ("", "median", "95 %", "largest"))
 
 
 def _known(values: Iterable[float | None]) -> Iterator[float]:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Self
 
 from pydantic import Field, ValidationError
 
+from msrr_bullet.run_folder import run_html
 from msrr_bullet.trial.step_result import Distance, Record, StepResult
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.html import html_table
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import Perception, Plant
 
@@ -81,6 +84,7 @@ class TrialResult(Record):
         steps: Result of every step that began, in the order of the plan, or in which a base station began
             them.
         mission: Figures of the mission; None without a base station.
+        folder: Run folder, if the trial was run into one; not stored.
     """
 
     scene: str
@@ -95,6 +99,30 @@ class TrialResult(Record):
     start_redraws: int = Field(default=0, ge=0)
     steps: tuple[StepResult, ...]
     mission: MissionFigures | None = None
+    folder: Path | None = Field(default=None, exclude=True, repr=False)
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the other result says the same; where the runs are stored does not count."""
+        return isinstance(other, TrialResult) and self.model_dump() == other.model_dump()
+
+    __hash__ = Record.__hash__
+
+    def _repr_html_(self) -> str:
+        """Return the result as a notebook shows it: a table, and picture and page of the run."""
+        title = f"{self.scene}, seed {self.seed} ({self.plant}, {self.perception}, {self.as_built})"
+        rows = [
+            (
+                f"{step.unit} {'from' if step.undocks else 'to'} {step.target}",
+                step.belief.replace("_", " "),
+                step.outcome.value,
+                f"{1e3 * step.contact.lateral_m:.2f} mm" if step.contact else "",
+                f"{step.ended_s:.2f} s",
+            )
+            for step in self.steps
+        ]
+        head = ("step", "belief", "truth", "lateral at contact", "end")
+        table = html_table(f"{title}: {self.outcome.value}. {self.reason}", rows, head)
+        return table if self.folder is None else table + run_html(self.folder)
 
     @property
     def docked(self) -> bool:

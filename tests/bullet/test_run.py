@@ -32,6 +32,7 @@ def test_a_run_folder_holds_the_log_and_what_follows_from_it(shipped: Load, tmp_
     scene = shipped("close_range", {"cameras.onboard.samples": "1", "time_limit_s": "1.5"})
     out = tmp_path / "runs" / "first"
     result = run_trial(scene, SEED, out=out)
+    assert result.folder == out
     assert result == Trial(scene, SEED).run()  # writing a folder changes nothing in the trial
     assert sorted(contents(out)) == ["picture.png", "replay.html", "result.json", "trial.mcap"]
     assert TrialResult.from_json((out / "result.json").read_text()) == result

@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
+from msrr_scenes.html import html_table
 from msrr_scenes.specs.as_built import GRADES, AsBuiltSpec, Grade, graded_odometry, graded_optics
 from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
 from msrr_scenes.specs.faults import Fault
@@ -158,6 +159,20 @@ class Scene(Spec):
             "odometry": _regraded(self.odometry, graded_odometry, self.as_built.grade, grade),
         }
         return self.model_copy(update=updates)
+
+    def _repr_html_(self) -> str:
+        """Return the scene as a notebook shows it."""
+        poses = {name: self.start_pose(name) for name in (*self.units, *self.obstacles)}
+        kinds = {name: spec.urdf for name, spec in self.units.items()}
+        kinds |= {name: spec.shape for name, spec in self.obstacles.items()}
+        bodies = [
+            (name, kinds[name], f"({pose.x_m:g}, {pose.y_m:g}) m, {pose.yaw_deg:g} deg in {pose.frame}")
+            for name, pose in poses.items()
+        ]
+        tasks = [(f"step {i}", str(step), "") for i, step in enumerate(self.plan)]
+        tasks += [("shape", str(shape), "") for shape in self.shape or ()]
+        title = f"{self.name} ({self.plant}, {self.perception}, {self.as_built}): {self.description}"
+        return html_table(title, [*bodies, *tasks])
 
     def start_pose(self, body: str) -> PoseSpec:
         """Return the start pose of a unit or an obstacle: that of an assembled unit is its seat."""

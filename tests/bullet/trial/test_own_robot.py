@@ -74,7 +74,6 @@ def test_the_page_tells_scenes_that_load(tmp_path: Path) -> None:
     """The first block is a scene; each of the others is put into it."""
     page = (Path(__file__).resolve().parents[3] / "docs" / "own_robot.md").read_text()
     first, *others = map(yaml.safe_load, re.findall(r"```yaml\n(.*?)```", page, re.DOTALL))
-    shutil.copy(find_urdf("round.urdf"), tmp_path / "robot.urdf")
     write_board(tmp_path / "board.yaml")
     for block in ({}, *others):
         data = merged(first, block)
