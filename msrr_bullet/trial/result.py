@@ -121,7 +121,7 @@ class TrialResult(Record):
             for step in self.steps
         ]
         head = ("step", "belief", "truth", "lateral at contact", "end")
-        table = html_table(f"{title}: {self.outcome.value}. {self.reason}", rows, head)
+        table = html_table(f"{title}: {self.outcome.value} ({self.reason})", rows, head)
         return table if self.folder is None else table + run_html(self.folder)
 
     @property

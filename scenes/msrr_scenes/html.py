@@ -16,7 +16,7 @@ def html_table(title: str, rows: Iterable[Sequence[object]], head: Sequence[str]
     """
     lines = "".join(f"<tr>{''.join(_cell('td', cell) for cell in row)}</tr>" for row in rows)
     line = f"<tr>{''.join(_cell('th', cell) for cell in head)}</tr>" if head else ""
-    return f"<table><caption>{escape(title)}</caption>{line}{lines}</table>"
+    return f"<div>{escape(title)}</div><table>{line}{lines}</table>"
 
 
 def _cell(kind: str, content: object) -> str:
