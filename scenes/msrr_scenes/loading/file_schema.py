@@ -24,6 +24,9 @@ _SHORT_FORMS: Mapping[str, Schema] = {
     "AsBuiltSpec": {"enum": list(GRADES)},
     "AssembledPair": {"type": "string", "pattern": r"^[a-z]\w*\.[a-z]\w*-[a-z]\w*\.[a-z]\w*$"},
     "CalibrationSpec": {"type": "string", "minLength": 1},
+    "FrameSpec": {"type": "string", "minLength": 1, "maxLength": 255},
+    "MarkerSpec": {"type": "string", "minLength": 1},
+    "TagMapSpec": {"type": "string", "minLength": 1},
 }
 
 #: Models whose keys are all filled in by a validator.

@@ -72,8 +72,8 @@ def merged(base: Any, extra: Any) -> Any:
 
 def test_the_page_tells_scenes_that_load(tmp_path: Path) -> None:
     """The first block is a scene; each of the others is put into it."""
-    page = (Path(__file__).resolve().parents[3] / "docs" / "own_robot.md").read_text()
-    first, *others = map(yaml.safe_load, re.findall(r"```yaml\n(.*?)```", page, re.DOTALL))
+    page = (Path(__file__).resolve().parents[3] / "docs" / "how-to" / "own_robot.md").read_text()
+    first, *others = map(yaml.safe_load, re.findall(r"```yaml[^\n]*\n(.*?)```", page, re.DOTALL))
     write_board(tmp_path / "board.yaml")
     for block in ({}, *others):
         data = merged(first, block)
