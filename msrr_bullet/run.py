@@ -23,7 +23,7 @@ from msrr_bullet.run_folder import (
     make_folder,
 )
 from msrr_bullet.timeline.camera_views import docking_views
-from msrr_bullet.timeline.log_snapshots import read_snapshots
+from msrr_bullet.timeline.log_snapshots import read_events, read_snapshots
 from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.trial.check import check_trial
 from msrr_bullet.trial.result import TrialResult
@@ -143,15 +143,16 @@ class _RunRecorder:
 
 def _write_derived_files(out: Path, result: TrialResult) -> None:
     """Write what follows from the log; the result comes first, in case a later file cannot be written."""
+    from msrr_bullet.figures.stills import draw_stills
     from msrr_bullet.figures.summary import write_picture
     from msrr_bullet.viewer.replay_page import write_replay
 
     try:
         (out / RESULT_NAME).write_text(result.to_json())
         with unpacked_log(out) as log:
-            snapshots = read_snapshots(log)
-            write_replay(out / REPLAY_NAME, log.header.scene, snapshots)
+            snapshots, scene = read_snapshots(log), log.header.scene
+            write_replay(out / REPLAY_NAME, scene, snapshots, draw_stills(log, snapshots), read_events(log))
             headline = f"{result.outcome.value}, seed {result.seed}"
-            write_picture(out / PICTURE_NAME, log.header.scene, snapshots, docking_views(log), headline)
+            write_picture(out / PICTURE_NAME, scene, snapshots, docking_views(log), headline)
     except OSError as error:
         raise RunFolderError(f"{error.filename or out}: cannot be written ({error.strerror})") from None

@@ -64,7 +64,7 @@ def test_the_wheel_holds_everything_a_trial_needs_and_nothing_else(wheel: Path) 
     assert {
         "msrr_scenes/urdf/unit.urdf",
         "msrr_scenes/urdf/round.urdf",
-        "msrr_bullet/viewer/page.html",
+        "msrr_bullet/viewer/web/page.html",
         "msrr_bullet/reproduce/report/report.html.j2",
         "msrr_bullet/tolerance/page.html.j2",
     } <= names

@@ -45,35 +45,13 @@ def lateral(axes: Axes, series: TrialSeries) -> None:
 
 def yaw(axes: Axes, series: TrialSeries) -> None:
     """Draw the heading in the dock frame, as continuous lines also where it passes 180 deg."""
-    truth = _unwrapped(series, series.true_port[:, 2])
-    believed = _unwrapped(series, series.believed_port[:, 2])
-    if np.isfinite(truth).any():
-        believed = truth + _wrapped(believed - truth)
-    _truth_and_belief(axes, series, 2, math.degrees(1.0), "yaw [deg]", (truth, believed))
+    _truth_and_belief(axes, series, 2, math.degrees(1.0), "yaw [deg]", series.headings())
     _use_log_scale(axes, series, LINEAR_DEG)
 
 
 def gap(axes: Axes, series: TrialSeries) -> None:
     """Draw the distance between the faces."""
     _truth_and_belief(axes, series, 0, 1.0, "gap to the port [m]")
-
-
-def _unwrapped(series: TrialSeries, angles: Array) -> Array:
-    """Return headings, shape (T,), without jumps by a full turn [rad].
-
-    At the end of each step of the plan they are within half a turn, as they are measured.
-    """
-    heading = angles.copy()
-    for step in np.split(np.arange(len(heading)), np.flatnonzero(series.new_step)):
-        known = step[np.isfinite(heading[step])]
-        heading[known] = np.unwrap(heading[known][::-1])[::-1]
-    return heading
-
-
-def _wrapped(angle: Array) -> Array:
-    """Return angles [rad] in the range from -pi to pi."""
-    wrapped: Array = (angle + math.pi) % (2.0 * math.pi) - math.pi
-    return wrapped
 
 
 def _use_log_scale(axes: Axes, series: TrialSeries, linear_range: float) -> None:

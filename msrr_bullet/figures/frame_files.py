@@ -24,6 +24,7 @@ from msrr_bullet.timeline.camera_views import (
 )
 from msrr_bullet.timeline.interpolation import SnapshotInterpolator
 from msrr_bullet.timeline.log_snapshots import read_snapshots
+from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import NS_PER_S, Exposure
@@ -55,13 +56,17 @@ class FrameAnnotator:
         context: Scene and models with which frames are drawn.
     """
 
-    def __init__(self, log: Log) -> None:
+    def __init__(self, log: Log, snapshots: Sequence[Snapshot] | None = None) -> None:
         """Read the run.
+
+        Args:
+            log: Log of the run.
+            snapshots: Its snapshots, where they have been read before; None reads them.
 
         Raises:
             MsrrError: The run ended before the first decision.
         """
-        self.trial = SnapshotInterpolator(read_snapshots(log))
+        self.trial = SnapshotInterpolator(read_snapshots(log) if snapshots is None else snapshots)
         self.context = DrawingContext(log.header.scene, None if log.header.recording else log.header.seed)
 
     def draw(self, view: CameraView) -> AnnotatedFrame:
@@ -162,10 +167,10 @@ def _select(log: Log, camera: CameraChoice, every_s: float | None, count: int) -
         )
     if every_s is None:
         return [e for exposures in by_camera.values() for e in evenly_spaced(exposures, count)]
-    return [e for exposures in by_camera.values() for e in _paced(exposures, round(every_s * NS_PER_S))]
+    return [e for exposures in by_camera.values() for e in paced(exposures, round(every_s * NS_PER_S))]
 
 
-def _paced(exposures: Sequence[Exposure], step_ns: int) -> Iterator[Exposure]:
+def paced(exposures: Sequence[Exposure], step_ns: int) -> Iterator[Exposure]:
     """Yield the first exposure in every interval of length ``step_ns``."""
     due = 0
     for exposure in exposures:

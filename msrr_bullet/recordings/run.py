@@ -32,7 +32,7 @@ from msrr_bullet.run_folder import (
     make_folder,
 )
 from msrr_bullet.timeline.camera_views import docking_views
-from msrr_bullet.timeline.log_snapshots import read_snapshots
+from msrr_bullet.timeline.log_snapshots import read_events, read_snapshots
 from msrr_bullet.trial.versions import package_versions
 from msrr_bullet.viewer.replay_page import write_replay
 from msrr_scenes.geometry.se3 import SE3
@@ -193,8 +193,8 @@ def _write_derived_files(out: Path, result: RecordingResult) -> None:
             snapshots = read_snapshots(log)
             if not snapshots:
                 return
-            write_replay(out / REPLAY_NAME, log.header.scene, snapshots)
             views, scene = docking_views(log), log.header.scene
+            write_replay(out / REPLAY_NAME, scene, snapshots, events=read_events(log))
             write_picture(out / PICTURE_NAME, scene, snapshots, views, log.header.origin)
     except OSError as error:
         raise RunFolderError(f"{error.filename or out}: cannot be written ({error.strerror})") from None

@@ -27,8 +27,13 @@ def read_snapshots(log: Log) -> list[Snapshot]:
     return [snapshot for snapshot in snapshots if snapshot is not None]
 
 
+def read_events(log: Log) -> list[Event]:
+    """Return all events of the run, in order."""
+    return [event for _, event in log.messages(Event, topics.EVENTS)]
+
+
 def read_verdict(log: Log) -> str | None:
     """Return the judge's verdict on the trial; None when the trial did not get that far."""
     outcomes = {outcome.value for outcome in Outcome}
-    events = (event for _, event in log.messages(Event, topics.EVENTS) if event.source == JUDGE)
-    return next((event.text for event in reversed(list(events)) if event.text in outcomes), None)
+    said = [event.text for event in read_events(log) if event.source == JUDGE]
+    return next((text for text in reversed(said) if text in outcomes), None)

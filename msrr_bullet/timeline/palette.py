@@ -31,6 +31,10 @@ SIGHT, DETECTION, WINDOW = GREEN, VERMILLION, SKY
 #: Planned path with the desired point on it, and bounds of the line-of-sight cone.
 PLAN = CONE = 0x37424D
 FLOOR, GRID, DARK = 0xF3F4F6, 0xD3D8DE, 0x8A939C
+#: What takes the place of colours on a dark page, and the top and the bottom of the background on a light and
+#: on a dark one.
+IN_THE_DARK = {FLOOR: 0x3F464D, GRID: 0x2A3036, PLAN: 0xC3CED9, PATH: 0x4FA9E0}
+BACKGROUNDS = ((0xEDF2F7, 0xCCD6E0), (0x1C242B, 0x0D1217))
 
 #: Pale colours behind text and curves.
 PHASE_COLOURS = {

@@ -78,6 +78,23 @@ class TrialSeries:
         values[1:][self.new_step[1:]] = np.nan
         return values
 
+    def headings(self) -> tuple[Array, Array]:
+        """Return the true and the believed heading, each of shape (T,), as continuous lines [rad].
+
+        They have no jumps by a full turn, and are within half a turn at the end of each step of the plan.
+        """
+        truth, believed = self._unwrapped(self.true_port[:, 2]), self._unwrapped(self.believed_port[:, 2])
+        if np.isfinite(truth).any():
+            believed = truth + (believed - truth + math.pi) % (2.0 * math.pi) - math.pi
+        return truth, believed
+
+    def _unwrapped(self, angles: Array) -> Array:
+        heading = angles.copy()
+        for step in np.split(np.arange(len(heading)), np.flatnonzero(self.new_step)):
+            known = step[np.isfinite(heading[step])]
+            heading[known] = np.unwrap(heading[known][::-1])[::-1]
+        return heading
+
     @classmethod
     def of(cls, scene: Scene, snapshots: Sequence[Snapshot]) -> TrialSeries:
         """Compute the series.

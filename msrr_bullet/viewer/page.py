@@ -1,40 +1,39 @@
-"""Web page around the scene: title, readings, legend, and the timeline of a replay."""
+"""Web page of a run: the files of ``web`` put together with the data that they show.
+
+A finished run has its 3-D view, camera images, plots and events on one axis of time. The live page shows the
+3-D view and the readings alone.
+"""
 
 from __future__ import annotations
 
 import base64
 import json
+import re
 from collections.abc import Iterable, Sequence
 from importlib.resources import files
 
-from msrr_bullet.timeline.mission_series import Span, activity_spans
+from msrr_bullet.log.records import Event
 from msrr_bullet.timeline.palette import (
-    ACTIVITY_COLOURS,
     ALARM,
+    BACKGROUNDS,
     BELIEF,
     BLACK,
     CLEARANCE,
     DARK,
     DOCKING_UNIT,
+    IN_THE_DARK,
     PATH,
-    PHASE_COLOURS,
     PLAN,
     SIGHT,
     css,
     unit_colours,
 )
-from msrr_bullet.timeline.series import phase_spans
-from msrr_bullet.timeline.snapshot import Snapshot, phase_name
+from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.timeline.still import Still
 from msrr_bullet.viewer.commands import Command, viewer_script
-from msrr_bullet.viewer.readings import (
-    HEADINGS,
-    UNIT_READINGS,
-    changes,
-    labels,
-    readings,
-    unit_readings,
-)
-from msrr_scenes.messages import seconds
+from msrr_bullet.viewer.plots import moving_units
+from msrr_bullet.viewer.readings import HEADINGS, UNIT_READINGS, labels
+from msrr_bullet.viewer.replay_data import replay_data
 from msrr_scenes.specs.scene import Scene
 
 _LEGEND = (
@@ -61,65 +60,67 @@ _LEGEND_OVERHEAD = (
     ("clearance within reach of the collision monitor", ALARM),
 )
 
+#: Places in ``page.html`` and the files that fill them, and the scripts of this project in their order.
+_FILES = {
+    "style": "page.css",
+    "plot_style": "vendor/uPlot.min.css",
+    "plot_script": "vendor/uPlot.min.js",
+    "plot_licence": "vendor/uPlot.LICENSE",
+}
+_SCRIPTS = ("view.js", "readings.js", "player.js", "cameras.js", "plots.js", "events.js", "start.js")
+
 
 def render_page(
-    scene: Scene, commands: Iterable[Command] = (), snapshots: Sequence[Snapshot] | None = None
+    scene: Scene,
+    commands: Iterable[Command] = (),
+    snapshots: Sequence[Snapshot] | None = None,
+    stills: Iterable[Still] = (),
+    events: Iterable[Event] = (),
 ) -> str:
-    """Return the page: a replay of snapshots, or without them a live page that connects to the server."""
-    own = list(_LEGEND)
-    if snapshots and all(snapshot.docking_pose is None for snapshot in snapshots):  # a recording
-        own = [(name, colour) for name, colour in _LEGEND if colour not in _TRUTH]
-    legend = (*own, *(_LEGEND_OVERHEAD if scene.cameras.overhead is not None else ()))
-    legend = _LEGEND_MISSION if scene.coordinated else legend
+    """Return the page.
+
+    Args:
+        scene: Scene of the run.
+        commands: Commands that draw the 3-D view.
+        snapshots: Snapshots of a finished run; None for a live page, which connects to the server.
+        stills: Annotated frames of the cameras of a finished run.
+        events: Events of a finished run.
+    """
     data = {
         "title": scene.name,
         "description": scene.description,
-        "legend": [(name, css(colour)) for name, colour in legend],
+        "legend": [(name, css(colour)) for name, colour in _legend(scene, snapshots)],
+        "backgrounds": [[css(colour) for colour in pair] for pair in BACKGROUNDS],
+        "inTheDark": {css(light): css(dark) for light, dark in IN_THE_DARK.items()},
         "readings": labels(scene),
         "headings": HEADINGS if scene.coordinated else (),
         "unitReadings": UNIT_READINGS if scene.coordinated else (),
         "colours": {unit: css(colour) for unit, colour in unit_colours(scene).items()},
+        "choice": _choice(scene, snapshots),
         "commands": [base64.b64encode(command.data).decode("ascii") for command in commands],
-        "replay": _timeline(scene, snapshots) if snapshots else None,
+        "replay": replay_data(scene, snapshots, stills, events) if snapshots else None,
     }
+    web = files("msrr_bullet.viewer") / "web"
+    parts = {name: (web / file).read_text(encoding="utf-8") for name, file in _FILES.items()}
+    parts["script"] = "".join((web / name).read_text(encoding="utf-8") for name in _SCRIPTS)
+    parts["meshcat"] = viewer_script()
     # "<" is escaped because "</script>" in the description of a scene would end the element that holds it.
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    template = (files("msrr_bullet.viewer") / "page.html").read_text(encoding="utf-8")
-    head, rest = template.split("{{meshcat}}")
-    middle, tail = rest.split("{{data}}")
-    return "".join((head, viewer_script(), middle, text, tail))
+    parts["data"] = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    template = (web / "page.html").read_text(encoding="utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], template)
 
 
-def _timeline(scene: Scene, snapshots: Sequence[Snapshot]) -> dict[str, object]:
-    """Return times [s] and readings of a replay, and its rows over time: phases, or one for each unit."""
-    times = [seconds(snapshot.stamp_ns - snapshots[0].stamp_ns) for snapshot in snapshots]
-    rows: list[list[dict[str, object]]] = []
+def _legend(scene: Scene, snapshots: Sequence[Snapshot] | None) -> Sequence[tuple[str, int]]:
     if scene.coordinated:
-        rows = [[_piece(span, unit) for span in activity_spans(snapshots, unit)] for unit in scene.units]
-    else:
-        spans = phase_spans(times, [snapshot.phase for snapshot in snapshots])
-        rows.append(
-            [
-                {"name": phase_name(phase), "from": start, "to": end, "colour": css(PHASE_COLOURS[phase])}
-                for phase, start, end in spans
-            ]
-        )
-    by_unit = [unit_readings(snapshot) for snapshot in snapshots]
-    return {
-        "times": times,
-        "values": changes(zip(*(readings(s, labels(scene)) for s in snapshots), strict=True)),
-        "units": {unit: changes(zip(*(at[unit] for at in by_unit), strict=True)) for unit in by_unit[0]},
-        "rows": rows,
-    }
+        return _LEGEND_MISSION
+    own: Sequence[tuple[str, int]] = _LEGEND
+    if snapshots and all(snapshot.docking_pose is None for snapshot in snapshots):  # a recording
+        own = [(name, colour) for name, colour in _LEGEND if colour not in _TRUTH]
+    return (*own, *(_LEGEND_OVERHEAD if scene.cameras.overhead is not None else ()))
 
 
-def _piece(span: Span, unit: str) -> dict[str, object]:
-    """Return a piece of the row of a unit over time."""
-    name = span.activity.value + (f" for {span.waits_for}" if span.waits_for else "")
-    return {
-        "name": f"{unit}: {name}",
-        "from": span.start_s,
-        "to": span.end_s,
-        "colour": css(ACTIVITY_COLOURS[span.activity]),
-        "waits": span.waits_for is not None,
-    }
+def _choice(scene: Scene, snapshots: Sequence[Snapshot] | None) -> Sequence[str]:
+    """Return the units between which a reader of the page chooses; the first one is shown at first."""
+    if scene.coordinated:
+        return tuple(scene.units)
+    return moving_units(snapshots) if snapshots else ()

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from msrr_bullet.log.records import Event
 from msrr_bullet.timeline.snapshot import Snapshot, planned_paths, step_histories
+from msrr_bullet.timeline.still import Still
 from msrr_bullet.viewer.arena_belief import PLAN_NODE, plan_commands
 from msrr_bullet.viewer.commands import Command, Placement, Track, set_animation
 from msrr_bullet.viewer.page import render_page
@@ -22,13 +24,21 @@ from msrr_scenes.specs.scene import Scene
 SNAPSHOT_RATE = 25.0
 
 
-def write_replay(path: Path, scene: Scene, snapshots: Iterable[Snapshot]) -> Path:
+def write_replay(
+    path: Path,
+    scene: Scene,
+    snapshots: Iterable[Snapshot],
+    stills: Iterable[Still] = (),
+    events: Iterable[Event] = (),
+) -> Path:
     """Write a self-contained page that replays a trial, and return the path of the file.
 
     Args:
         path: File to write, such as ``run/replay.html``.
         scene: Scene of the trial.
         snapshots: Snapshots in order of time, at any rate. About :data:`SNAPSHOT_RATE` of them are kept.
+        stills: Annotated frames of the cameras, in order of time for each camera.
+        events: Events of the log, in order of time.
 
     Raises:
         MsrrError: There is no snapshot.
@@ -39,7 +49,7 @@ def write_replay(path: Path, scene: Scene, snapshots: Iterable[Snapshot]) -> Pat
     graph = SceneGraph(scene)
     drawn, tracks = graph.mission.replay(kept) if scene.coordinated else _paths(kept)
     commands = [*graph.build(), *drawn, *look_at(kept), _animation(graph, kept, tracks)]
-    path.write_text(render_page(scene, commands, kept), encoding="utf-8")
+    path.write_text(render_page(scene, commands, kept, stills, events), encoding="utf-8")
     return path
 
 

@@ -41,8 +41,6 @@ from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.plan import GuardSpec
 from msrr_scenes.specs.scene import Scene
 
-#: Top and bottom colours of the background, RGB in [0, 1].
-BACKGROUND = ((0.93, 0.95, 0.97), (0.80, 0.84, 0.88))
 #: Length to which the frustum of the camera is drawn [m].
 FRUSTUM_RANGE = 0.22
 #: Spacing of the grid lines on the floor [m].
@@ -90,8 +88,6 @@ class SceneGraph:
             yield set_property(node, "visible", False)
 
     def _arena(self) -> Iterator[Command]:
-        yield set_property("Background", "top_color", BACKGROUND[0])
-        yield set_property("Background", "bottom_color", BACKGROUND[1])
         for node in ("Grid", "Axes"):
             yield set_property(node, "visible", False)
         (x0, x1), (y0, y1) = self._scene.arena.x_m, self._scene.arena.y_m
