@@ -100,14 +100,16 @@ def render_page(
         "commands": [base64.b64encode(command.data).decode("ascii") for command in commands],
         "replay": replay_data(scene, snapshots, stills, events) if snapshots else None,
     }
-    web = files("msrr_bullet.viewer") / "web"
-    parts = {name: (web / file).read_text(encoding="utf-8") for name, file in _FILES.items()}
-    parts["script"] = "".join((web / name).read_text(encoding="utf-8") for name in _SCRIPTS)
-    parts["meshcat"] = viewer_script()
+    parts = {name: web_file(file) for name, file in _FILES.items()}
+    parts |= {"meshcat": viewer_script(), "script": "".join(map(web_file, _SCRIPTS))}
     # "<" is escaped because "</script>" in the description of a scene would end the element that holds it.
     parts["data"] = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    template = (web / "page.html").read_text(encoding="utf-8")
-    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], template)
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], web_file("page.html"))
+
+
+def web_file(name: str) -> str:
+    """Return the text of a file of the folder ``web``."""
+    return (files("msrr_bullet.viewer") / "web" / name).read_text(encoding="utf-8")
 
 
 def _legend(scene: Scene, snapshots: Sequence[Snapshot] | None) -> Sequence[tuple[str, int]]:

@@ -1,6 +1,8 @@
 // The one time that every part of the page of a finished run shows, and what changes it.
 const clock = {time: 0, end: 0, playing: false, shows: []};
 const EPSILON = 1e-6;
+// Length of a step, and the largest one to an image [s].
+const STEP = 0.2, IMAGE_STEP = 0.35;
 
 // The index of the last of sorted numbers that is at most a limit, or 0.
 function lastUpTo(sorted, limit) {
@@ -41,9 +43,9 @@ function jump(times, direction) {
 }
 // A step leads to the next image of the cameras that are shown, so that it shows the instant of the 3-D view.
 function step(direction) {
-  const image = neighbour(stillTimes, direction), other = clock.time + 0.2 * direction;
-  const near = image !== undefined && direction * (image - other) <= EPSILON;
-  seek(near ? image : other);
+  const image = neighbour(stillTimes, direction);
+  const near = image !== undefined && Math.abs(image - clock.time) < IMAGE_STEP;
+  seek(near ? image : clock.time + STEP * direction);
 }
 
 function startPlayer({times, values, units, rows, events}) {

@@ -21,11 +21,9 @@ def test_pages_show_the_plan_and_the_estimates_of_other_bodies(
     if live_page:
         with LiveViewer(scene, port=0) as viewer:
             viewer.show(snapshot)
-            image = browser.screenshot(viewer.url, tmp_path, budget_ms=8_000)
+            image = browser.screenshot(viewer.url, until="latest")
     else:
-        image = browser.screenshot(
-            write_replay(tmp_path / "replay.html", scene, [snapshot]).as_uri(), tmp_path
-        )
+        image = browser.screenshot(write_replay(tmp_path / "replay.html", scene, [snapshot]).as_uri())
     assert browser.pixels_of(image, palette.PLAN) > 50, "planned path and desired point"
     assert browser.pixels_of(image, palette.BELIEF) > 150, "ghost, and the outlines of other bodies"
 

@@ -38,19 +38,19 @@ def test_the_replay_shows_units_and_who_waits_without_errors(browser, mission_ru
     scene = mission_run.log.header.scene
     path = write_replay(tmp_path / "replay.html", scene, mission_run.snapshots)
     assert path.stat().st_size < 4e6
-    image = browser.screenshot(f"{path.as_uri()}#t={waiting.stamp_ns * 1e-9:.3f}", tmp_path)
+    image = browser.screenshot(f"{path.as_uri()}#t={waiting.stamp_ns * 1e-9:.3f}")
     assert_shows_the_mission(browser, image, scene)
     assert browser.console == []
 
 
-def test_the_live_view_shows_the_same(browser, mission_run, waiting, tmp_path):
+def test_the_live_view_shows_the_same(browser, mission_run, waiting):
     scene = mission_run.log.header.scene
     with LiveViewer(scene, port=0) as viewer:
         for snapshot in mission_run.snapshots:
             if snapshot.stamp_ns < waiting.stamp_ns:
                 viewer.update(snapshot)
         viewer.show(waiting)
-        image = browser.screenshot(viewer.url, tmp_path, budget_ms=15_000)
+        image = browser.screenshot(viewer.url, until="latest")
     assert_shows_the_mission(browser, image, scene)
     assert browser.console == []
 
