@@ -58,8 +58,11 @@ class Browser:
     async def _connect(self, url):
         return await tornado.websocket.websocket_connect(url, max_message_size=2**28)
 
-    def close(self):
+    async def _disconnect(self):
         self._socket.close()
+
+    def close(self):
+        self._loop.run_until_complete(self._disconnect())
         self._process.terminate()
         self._process.wait()
         self._process.stderr.close()
