@@ -35,13 +35,9 @@ def test_it_shows_units_tags_and_paths(browser, drive):
     browser.assert_shows_the_trial(image, drive.scene)
 
 
-#: A trial of some seconds.
-NEAR = ["--set", "units.a.pose.x_m=-0.35", "--set", "as_built=perfect"]
-
-
 def test_the_command_shows_its_running_trial_in_a_browser(browser, tmp_path):
     """``msrr dock --view`` waits for a browser, runs at the pace of real time, leaves no server behind."""
-    command = [sys.executable, "-u", "-m", "msrr_bullet.cli", "dock", "close_range", "--view", *NEAR]
+    command = [sys.executable, "-u", "-m", "msrr_bullet.cli", "dock", "close_range", "--view"]
     program = subprocess.Popen(
         [*command, "--out", str(tmp_path / "run")],
         stdin=subprocess.DEVNULL,
@@ -57,7 +53,7 @@ def test_the_command_shows_its_running_trial_in_a_browser(browser, tmp_path):
             await asyncio.sleep(seconds)
             connection.close()
 
-        asyncio.run(watch(2.0))
+        asyncio.run(watch(5.0))
         image = browser.screenshot(url, until="latest && latest.values[1] === 'dock'")
         output = program.stdout.read()
         assert program.wait(60) == 0, output
