@@ -200,9 +200,8 @@ def _detection_text(view: CameraView) -> str:
     """Return how many tags were found, and how much of the frame was read, in words."""
     if view.exposure.frame < 0:
         return "drawn from truth alone"
-    read = 100.0 * float(view.mosaic()[1].mean())
     tags, windows = _counted(len(view.tags), "tag"), _counted(len(view.windows), "window")
-    return f"{tags} found, read {read:.0f} % of the frame in {windows}"
+    return f"{tags} found, read {100.0 * view.read_share:.0f} % of the frame in {windows}"
 
 
 def _counted(count: int, what: str) -> str:

@@ -52,7 +52,9 @@ class Canvas:
     def __init__(self, width: int, height: int, zoom: int, background: int = PAPER) -> None:
         """Create the canvas in one colour."""
         self.zoom = zoom
-        self.image: Image = np.full((zoom * height, zoom * width, 3), bgr(background), dtype=np.uint8)
+        self.image: Image = np.empty((zoom * height, zoom * width, 3), dtype=np.uint8)
+        # Ten times as fast as numpy fills an image with three values.
+        cv2.rectangle(self.image, (0, 0), (zoom * width, zoom * height), bgr(background), cv2.FILLED)
 
     def paste(self, frame: NDArray[np.uint8], mask: NDArray[np.bool_]) -> None:
         """Copy the masked grey pixels of a frame, shape (height, width), each enlarged to a square."""

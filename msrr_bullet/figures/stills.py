@@ -17,7 +17,7 @@ from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import NS_PER_S, Exposure
 
 #: Largest rate of the stills of a camera [Hz], and largest number of those of all cameras together.
-STILL_RATE, MAX_STILLS = 4.0, 240
+STILL_RATE, MAX_STILLS = 3.0, 240
 #: Width [px] and quality of a still; an overhead frame is shown at half its size.
 STILL_WIDTH, STILL_QUALITY = 640, 60
 #: Factor by which the time between two stills grows until there are few enough.

@@ -50,6 +50,14 @@ class CameraView:
         """The ideal camera, as which the frame is shown."""
         return self.lens.camera
 
+    @property
+    def read_share(self) -> float:
+        """Share of the pixels of the frame that were read."""
+        read = np.zeros((self.camera.height, self.camera.width), dtype=np.bool_)
+        for window, _ in self.windows:
+            read[window.y : window.y_end, window.x : window.x_end] = True
+        return float(read.mean())
+
     def mosaic(self) -> tuple[Pixels, NDArray[np.bool_]]:
         """Return the undistorted frame and a mask of what was read; the rest is :data:`UNREAD`."""
         frame = np.full((self.camera.height, self.camera.width), UNREAD, dtype=np.uint8)

@@ -2,7 +2,7 @@
 const clock = {time: 0, end: 0, playing: false, shows: []};
 const EPSILON = 1e-6;
 // Length of a step, and the largest one to an image [s].
-const STEP = 0.2, IMAGE_STEP = 0.35;
+const STEP = 0.2, IMAGE_STEP = 0.45;
 
 // The index of the last of sorted numbers that is at most a limit, or 0.
 function lastUpTo(sorted, limit) {
@@ -66,7 +66,7 @@ function startPlayer({times, values, units, rows, events}) {
   $("forward").onclick = () => step(1);
   $("time").oninput = () => {
     const wanted = Number($("time").value), image = stillTimes[nearest(stillTimes, wanted)];
-    seek(Math.abs(image - wanted) <= 0.15 ? image : wanted);
+    seek(Math.abs(image - wanted) <= STEP ? image : wanted);
   };
   let previous = null;
   requestAnimationFrame(function tick(now) {

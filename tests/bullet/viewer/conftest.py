@@ -107,6 +107,7 @@ class Browser:
         self.resize(size)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", features=[scheme])
+        self.call("Page.bringToFront")  # a page in the background draws nothing
         self.call("Page.navigate", url=url)
         self.wait(f"document.readyState === 'complete' && location.href !== 'about:blank' && ({until})")
 
@@ -120,7 +121,7 @@ class Browser:
         assert "exceptionDetails" not in done, done
         return done["result"].get("value")
 
-    def wait(self, condition, limit_s=60.0):
+    def wait(self, condition, limit_s=120.0):
         """Wait until a condition in JavaScript holds."""
         end = time.monotonic() + limit_s
         while not self.evaluate(condition):

@@ -79,7 +79,7 @@ def test_it_plays_and_steps_and_image_and_bodies_show_the_same_instant(
         shown = browser.evaluate(SHOWN)
         assert_one_instant(shown, short_snapshots, stills)
         seen.append(shown["time"])
-    assert all(0.0 < b - a < 0.36 for a, b in pairwise(seen[:-1]))
+    assert all(0.0 < b - a < 0.46 for a, b in pairwise(seen[:-1]))
     assert seen[-1] < seen[-2]
     # A step ends at the instant of every image on its way.
     taken = [(still.stamp_ns - short_snapshots[0].stamp_ns) * 1e-9 for still in stills]
