@@ -82,6 +82,7 @@ def test_the_wheel_holds_everything_a_trial_needs_and_nothing_else(wheel: Path) 
         assert "<" in requirement, f"{requirement}: every dependency is bounded from below and above"
 
 
+@pytest.mark.nightly
 def test_an_installed_wheel_docks(wheel: Path, tmp_path: Path) -> None:
     """Its dependencies are those of the tests, and its kernels run as they are written, not compiled."""
     fresh = tmp_path / "environment"

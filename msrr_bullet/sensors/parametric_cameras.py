@@ -124,7 +124,7 @@ class ParametricOverheadCamera:
         timing: FrameTiming,
         sight: OverheadSight | None = None,
     ) -> None:
-        """Measure every body that stands in the world.
+        """Measure every body that stands in the world and has a tag, as the detector of the camera does.
 
         Args:
             scene: The scene; ``scene.parametric`` states the errors.
@@ -138,6 +138,7 @@ class ParametricOverheadCamera:
         self.name = OVERHEAD
         self.spec = spec
         self._bodies = (*scene.units, *scene.obstacles)
+        self._untagged = {name for name, obstacle in scene.obstacles.items() if obstacle.tag_id is None}
         self._poses = poses
         self._rng = rng
         self._dropout = dropout
@@ -172,4 +173,6 @@ class ParametricOverheadCamera:
 
     def _see(self, name: str, X_WB: SE2) -> SE2 | None:
         """Return the pose of a body without its random error; None if it is not seen."""
+        if name in self._untagged:
+            return None
         return X_WB if self._sight is None else self._sight.see(name, X_WB)

@@ -9,7 +9,6 @@ from typing import Annotated, Self
 
 from pydantic import Field, ValidationError
 
-from msrr_bullet.run_folder import run_html
 from msrr_bullet.trial.step_result import Distance, Record, StepResult
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError
@@ -122,7 +121,11 @@ class TrialResult(Record):
         ]
         head = ("step", "belief", "truth", "lateral at contact", "end")
         table = html_table(f"{title}: {self.outcome.value} ({self.reason})", rows, head)
-        return table if self.folder is None else table + run_html(self.folder)
+        if self.folder is None:
+            return table
+        from msrr_bullet.run_folder import run_html  # it loads the log and with it OpenCV, which few need
+
+        return table + run_html(self.folder)
 
     @property
     def docked(self) -> bool:

@@ -31,7 +31,7 @@ class Outcome(Enum):
     TARGET_LOST = "target_lost"
     """The marker was seen and lost, the port was not reached, no attempt was left."""
     GAVE_UP = "gave_up"
-    """The marker was in view, nothing stood in the way, and the port was not reached."""
+    """The marker was detected at least once, nothing stood in the way, and the port was not reached."""
     NEVER_DETECTED = "never_detected"
     """The marker was never seen."""
     BLOCKED = "blocked"

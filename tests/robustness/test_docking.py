@@ -78,9 +78,8 @@ def dock(scene: Scene, seed: int) -> Docking:
     return Docking(result, sum(n >= 1 for n in tags) / max(frames, 1), rms)
 
 
-@pytest.mark.parametrize(
-    "condition", ["noise 8 grey levels", pytest.param("30 % dropped frames", marks=pytest.mark.nightly)]
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize("condition", ["noise 8 grey levels", "30 % dropped frames"])
 def test_it_docks_quickly_checked(
     condition: str, shipped: Callable[..., Scene], claim: Callable[..., Any]
 ) -> None:

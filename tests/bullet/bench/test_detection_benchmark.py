@@ -21,6 +21,7 @@ def report() -> DetectionBenchmark:
     return result
 
 
+@pytest.mark.nightly
 def test_every_case_has_all_settings(report: DetectionBenchmark) -> None:
     assert [row.settings for row in report.onboard.rows] == [r.settings for r in report.onboard_hard.rows]
     assert [row.settings for row in report.overhead.rows] == [r.settings for r in report.overhead_hard.rows]

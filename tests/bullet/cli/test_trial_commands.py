@@ -161,6 +161,7 @@ def test_a_user_s_class_in_the_current_folder_that_fails_is_bad_input(
     assert (summary["trials"], summary["success"]["rate"]) == (3, 0.0)
 
 
+@pytest.mark.nightly
 def test_dock_and_replay_of_a_mission(line_of_three: Path, tmp_path: Path, capsys: Capture) -> None:
     run_folder = tmp_path / "run"
     line_of_two = ["--set", "shape={line: 2}"]

@@ -106,6 +106,7 @@ def test_no_text_runs_over_the_edge(ratio, drive, tmp_path, monkeypatch, with_st
     assert above.title.get_window_extent().x1 < right
 
 
+@pytest.mark.nightly
 def test_neither_figures_nor_pages_load_pyplot():
     imports = "import sys, msrr_bullet.figures.summary, msrr_bullet.viewer.replay_page"
     code = f"{imports}; print('matplotlib.pyplot' in sys.modules)"

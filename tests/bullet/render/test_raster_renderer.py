@@ -58,6 +58,7 @@ def test_no_pixel_of_forty_scenes_of_clutter_is_off() -> None:
     assert row.off == 0, row
 
 
+@pytest.mark.nightly
 def test_corners_lie_where_the_pinhole_model_says() -> None:
     """Over 80 views with any roll: RMS 0.017 px, so the mean of 320 corners scatters by 0.001 px."""
     rows = {row.renderer: row for row in measure_corners(80, seed=3)}
@@ -243,6 +244,7 @@ def pictures_elsewhere(environment: Mapping[str, str]) -> tuple[str, list[str]]:
     return found, messages
 
 
+@pytest.mark.nightly
 def test_another_process_loads_the_kernels_and_computes_equal_pictures() -> None:
     here = picture_hash()
     assert pictures_elsewhere(os.environ) == (here, [])

@@ -87,6 +87,7 @@ def test_the_log_holds_the_whole_trial(log: Log) -> None:
     assert np.hypot(error.x, error.y) < 0.005
 
 
+@pytest.mark.nightly
 def test_a_replay_without_the_simulator_is_identical(run: Path, log: Log) -> None:
     report = replay_isolated(run)
     assert report.mismatches == ()

@@ -30,6 +30,7 @@ def test_the_scenes_of_the_paper_load_under_every_controller() -> None:
             assert str(scene.as_built) == "perfect"  # as the paper's calibration
 
 
+@pytest.mark.nightly
 def test_stopped_runs_resume(blind_loop: dict[str, str], tmp_path: Path) -> None:
     experiment = Experiment(
         "short", "close_range", "for the test", ("close",), {"C1": C1}, overrides=blind_loop

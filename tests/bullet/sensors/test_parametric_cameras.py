@@ -38,7 +38,10 @@ def scene(faults: tuple[Mapping[str, Any], ...] = (), **errors: float) -> Scene:
             "perception": "parametric",
             "parametric": errors,
             "units": {"a": {"number": 0}, "b": {"number": 1}},
-            "obstacles": {"late": {"shape": "cylinder", "radius_m": 0.05, "appears_at_s": 1.0}},
+            "obstacles": {
+                "late": {"shape": "cylinder", "radius_m": 0.05, "appears_at_s": 1.0, "tag_id": 300},
+                "bare": {"shape": "cylinder", "radius_m": 0.05},
+            },
             "cameras": {"overhead": {}},
             "faults": faults,
             "plan": [{"unit": "a", "to": "b.rear"}],
@@ -146,6 +149,11 @@ def test_errors_of_the_overhead_camera_have_the_stated_sizes() -> None:
         errors = np.array([frame[name].X_WB.as_array() - X.as_array() for frame in frames])
         for i, sigma in enumerate((0.004, 0.004, math.radians(0.5))):
             assert_sigma(errors[:, i], sigma)
+
+
+def test_an_obstacle_without_a_tag_is_not_measured() -> None:
+    poses = {**POSES, "bare": SE2(0.5, 0.5, 0.0)}
+    assert all(frame.keys() == POSES.keys() for frame in overhead(scene(), poses))
 
 
 def test_errors_of_a_body_depend_neither_on_other_bodies_nor_on_lost_frames() -> None:

@@ -15,7 +15,11 @@ from msrr_scenes.specs.spec import Choice
 ALL = [value for value in vars(settings).values() if isinstance(value, Setting)]
 
 
-@pytest.mark.parametrize("setting", ALL, ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "setting",
+    [*ALL[:3], *(pytest.param(setting, marks=pytest.mark.nightly) for setting in ALL[3:])],
+    ids=lambda s: s.name,
+)
 def test_captions_say_what_is_drawn(setting: Setting) -> None:
     """The starts of 100 trials of each phase fill what the caption of that phase says, and no more."""
     seeds = range(100)

@@ -165,6 +165,7 @@ def in_the_folder_of_the_classes(
     monkeypatch.chdir(folder)
 
 
+@pytest.mark.nightly
 def test_guards_change_nothing_in_a_trial(shipped: Load) -> None:
     """Shipped implementations give the same trial, bit for bit, under names of a user's own."""
     near = {"cameras.onboard.samples": "1", "time_limit_s": "4"}

@@ -35,6 +35,7 @@ def test_it_shows_units_tags_and_paths(browser, drive):
     browser.assert_shows_the_trial(image, drive.scene)
 
 
+@pytest.mark.nightly
 def test_the_command_shows_its_running_trial_in_a_browser(browser, tmp_path):
     """``msrr dock --view`` waits for a browser, runs at the pace of real time, leaves no server behind."""
     command = [sys.executable, "-u", "-m", "msrr_bullet.cli", "dock", "close_range", "--view"]

@@ -81,11 +81,12 @@ def test_many_detectors_share_one_native_one(draw: Draw, target: TargetModel) ->
     """Native churn crashes the process; a thousand instances here must not."""
     window = Window(200, 120, 240, 200)
     image = draw(SE2(-0.5, 0.0, 0.0), window)
+    kept = native_apriltag._native_detector.cache_info().currsize  # of other families, by other tests
     counts = {len(PupilDetector(quad_decimate=1.0 + (i % 2)).detect(image, window)) for i in range(60)}
     assert counts == {3}
     for _ in range(1000):
         PupilDetector()
-    assert native_apriltag._native_detector.cache_info().currsize == 1
+    assert native_apriltag._native_detector.cache_info().currsize <= kept + 1
 
 
 def test_settings_reach_the_native_detector(plate: Plate, warp: Warp) -> None:
