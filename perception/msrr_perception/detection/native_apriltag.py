@@ -141,11 +141,13 @@ _LIBRARY_DEFAULTS = {
 }
 
 
-class _KeptDetector(bindings.Detector):  # type: ignore[misc]  # its package has no types, so it is Any
-    """A wrapper that leaves the native memory to the end of the process."""
-
-    def __del__(self) -> None:
-        """Destroy nothing."""
+def _created_detector(family: str) -> tuple[ctypes.CDLL, ctypes.c_void_p]:
+    """Return the library and a detector of ``family`` in it, which lives to the end of the process."""
+    wrapper = bindings.Detector(families=family, nthreads=1)
+    pointer = wrapper.tag_detector_ptr
+    # The wrapper's destructor frees the detector that it holds; it shall outlive the wrapper.
+    wrapper.tag_detector_ptr = None
+    return wrapper.libc, ctypes.cast(pointer, ctypes.c_void_p)
 
 
 class _NativeDetector:
@@ -153,27 +155,24 @@ class _NativeDetector:
 
     def __init__(self, family: str) -> None:
         large = FAMILIES[family].ids > _MOST_TAGS
-        self._wrapper = _KeptDetector(families="tag16h5" if large else family, nthreads=1)
-        pointer = self._wrapper.tag_detector_ptr
-        self.fields = ctypes.cast(pointer, ctypes.POINTER(_Detector)).contents
+        library, self._detector = _created_detector("tag16h5" if large else family)
+        self.fields = ctypes.cast(self._detector, ctypes.POINTER(_Detector)).contents
         found = {name: getattr(self.fields, name) for name in _LIBRARY_DEFAULTS}
         if found != _LIBRARY_DEFAULTS:
             raise DetectorError(
                 f"this build of pupil-apriltags lays its detector out differently: {found}; "
                 "install the version range that the package asks for"
             )
-        self._detector = ctypes.cast(pointer, ctypes.c_void_p)
         if large:
-            library = self._wrapper.libc
             library["apriltag_detector_clear_families"](self._detector)
             add = library["apriltag_detector_add_family_bits"]
             add.restype = None
             add(self._detector, _create_family(library, family), ctypes.c_int(1))
         # Access by index gives a new function object, so that the wrapper's own stays as it is.
-        self._detect = self._wrapper.libc["apriltag_detector_detect"]
+        self._detect = library["apriltag_detector_detect"]
         self._detect.argtypes = (ctypes.c_void_p, ctypes.POINTER(_Image))
         self._detect.restype = ctypes.POINTER(_List)
-        self._destroy = self._wrapper.libc["apriltag_detections_destroy"]
+        self._destroy = library["apriltag_detections_destroy"]
         self._destroy.argtypes = (ctypes.POINTER(_List),)
         self._destroy.restype = None
 
@@ -246,7 +245,7 @@ def tag_bitmap(family: str, tag_id: int) -> NDArray[np.bool_]:
 @lru_cache(maxsize=len(FAMILIES))
 def _printed_family(family: str) -> _Family:
     # The library draws tags itself, but this version of it puts the white frame of some families elsewhere.
-    library = _KeptDetector(families="tag16h5", nthreads=1).libc
+    library, _ = _created_detector("tag16h5")
     return ctypes.cast(_create_family(library, family), ctypes.POINTER(_Family)).contents
 
 

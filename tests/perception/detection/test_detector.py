@@ -1,11 +1,11 @@
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable
 
 import numpy as np
 import pytest
+from pupil_apriltags import bindings
 
 from msrr_perception.detection import native_apriltag
 from msrr_perception.detection.detector import (
@@ -107,9 +107,10 @@ def test_the_wrapper_would_say_the_same(
     """Bit for bit, on pixels that are left as they were."""
     frame = draw(SE2(-0.5, 0.02, 0.1), target.camera.frame)
     before = frame.copy()
-    settings = NativeSettings(decimate, blur, 1.0, 30)
-    ours = native_apriltag.detect(frame, "tag36h11", settings)
-    theirs = native_apriltag._native_detector(os.getpid(), "tag36h11")._wrapper.detect(frame)
+    ours = native_apriltag.detect(frame, "tag36h11", NativeSettings(decimate, blur, 1.0, 5))
+    wrapper = bindings.Detector("tag36h11", quad_decimate=decimate, quad_sigma=blur, decode_sharpening=1.0)
+    theirs = wrapper.detect(frame)
+    wrapper.tag_detector_ptr = None  # never freed, because freeing one detector may crash another
     np.testing.assert_array_equal(frame, before)
     assert len(ours) == len(theirs) == len(target.port_tags)
     for a, b in zip(ours, theirs, strict=True):
