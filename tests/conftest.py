@@ -1,8 +1,10 @@
-"""What every test of whole trials shares: shipped scenes, seen with one renderer that is named here."""
+"""What tests of several packages share: shipped scenes with one renderer, and a user's photographs."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import pytest
 
@@ -33,6 +35,14 @@ def shipped() -> ShippedScene:
         return load_scene(name, {**RENDERING, **CALIBRATION, **(BLIND if blind else {}), **(overrides or {})})
 
     return load
+
+
+@pytest.fixture(scope="session")
+def photographs() -> Path:
+    """Folder of photographs: ``mapping`` with its ``tags.txt``, ``rotation``, ``chessboard``."""
+    if "MSRR_PHOTOGRAPHS" not in os.environ:
+        pytest.skip("no photographs: MSRR_PHOTOGRAPHS is not set")  # they belong to whoever took them
+    return Path(os.environ["MSRR_PHOTOGRAPHS"])
 
 
 #: Files that take longest. With ``--dist loadfile --no-loadscope-reorder`` they are begun first, so that no

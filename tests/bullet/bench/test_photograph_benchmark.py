@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import cv2
@@ -75,12 +74,9 @@ def test_lists_that_are_wrong_are_named(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 @pytest.mark.nightly
-def test_refinement_is_worth_it_on_photographs() -> None:
+def test_refinement_is_worth_it_on_photographs(photographs: Path) -> None:
     """At most 0.27 px where unrefined corners have 0.26 px, and better than these."""
-    folder = os.environ.get("MSRR_PHOTOGRAPHS")
-    if not folder:
-        pytest.skip("MSRR_PHOTOGRAPHS names no folder of photographs")
-    rows = {row.detector: row for row in benchmark_photographs(Path(folder) / "mapping")}
+    rows = {row.detector: row for row in benchmark_photographs(photographs / "mapping")}
     unrefined, refined = rows[UNREFINED].rms_px, rows[REFINED].rms_px
     assert unrefined is not None
     assert refined is not None

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any, NoReturn
 
 import pytest
@@ -100,11 +99,6 @@ def test_an_interrupt_that_was_dealt_with_hides_no_mistake(
     assert "a mistake" in capsys.readouterr().err
 
 
-@pytest.mark.skipif(
-    # On this device every write finds a full disk; nothing else fills one without harm.
-    not Path("/dev/full").exists(),
-    reason="only Linux has /dev/full, on which every write finds a full disk",
-)
 def test_a_full_disk_is_one_message(short_trial: list[str], capsys: Capture) -> None:
     assert (
         run(["sweep", "close_range", *short_trial, "--seeds", "0:1", "--jobs", "1", "--json", "/dev/full"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -14,10 +13,7 @@ from msrr_bullet.log import unpacked_log
 from msrr_scenes.errors import MsrrError
 
 
-@pytest.mark.skipif(
-    find_spec("rerun") is None,  # an extra of almost a gigabyte
-    reason="the package rerun-sdk is not installed",
-)
+@pytest.mark.nightly
 def test_rerun_finds_images_cameras_transforms_and_drawings(short_run: Path, tmp_path: Path) -> None:
     with unpacked_log(short_run) as log:
         write_rerun(log, tmp_path / "t.rrd")

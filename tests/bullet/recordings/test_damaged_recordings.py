@@ -230,13 +230,10 @@ def test_two_thousand_damaged_files_are_used_or_refused(trial: Trial, tmp_path: 
 
 
 @pytest.mark.nightly
-def test_photographs_of_a_walk_are_read_to_the_end(tmp_path: Path) -> None:
+def test_photographs_of_a_walk_are_read_to_the_end(photographs: Path, tmp_path: Path) -> None:
     """They show tags on walls, which are mapped first. A camera in a hand is no robot on a floor, so that the
     filter need not agree with all of them; it has to use some, and to fail on none."""
-    photographs = os.environ.get("MSRR_PHOTOGRAPHS")
-    if not photographs:
-        pytest.skip("MSRR_PHOTOGRAPHS names no folder of photographs")
-    pictures, camera = Path(photographs) / "mapping", tmp_path / "camera.yaml"
+    pictures, camera = photographs / "mapping", tmp_path / "camera.yaml"
     camera.write_text(
         "{image_width: 816, image_height: 612,"
         " distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]},"

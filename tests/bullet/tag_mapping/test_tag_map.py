@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -122,13 +121,13 @@ def read() -> Read:
 
 
 @pytest.fixture(scope="module")
-def photographs(room: Room) -> dict[str, Pixels]:
+def rendered(room: Room) -> dict[str, Pixels]:
     return {f"view_{i}": room.photograph(i) for i in range(len(STANDS))}
 
 
 @pytest.fixture(scope="module")
-def pictures(photographs: dict[str, Pixels], read: Read) -> list[TaggedPicture]:
-    return [read(name, pixels) for name, pixels in photographs.items()]
+def pictures(rendered: dict[str, Pixels], read: Read) -> list[TaggedPicture]:
+    return [read(name, pixels) for name, pixels in rendered.items()]
 
 
 def deviation(found: TagMap, tag: int) -> Array:
@@ -207,9 +206,9 @@ def test_the_lens_is_found_as_well(pictures: list[TaggedPicture]) -> None:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, photographs: dict[str, Pixels]) -> Path:
+def folder(tmp_path: Path, rendered: dict[str, Pixels]) -> Path:
     """The pictures of the room as files, and the calibration of their camera beside."""
-    for name, pixels in photographs.items():
+    for name, pixels in rendered.items():
         cv2.imwrite(str(tmp_path / f"{name}.png"), pixels)
     camera, lens = LENS.camera, LENS.distortion
     matrix = [camera.focal, 0.0, camera.cx, 0.0, camera.focal, camera.cy, 0.0, 0.0, 1.0]
@@ -268,16 +267,11 @@ def test_command_names_what_is_wrong(folder: Path, capsys: Capture) -> None:
 
 
 @pytest.mark.nightly
-def test_map_of_a_walk_past_real_tags(tmp_path: Path, capsys: Capture) -> None:
-    """Pictures of a user in ``mapping``, and beside them the calibration of their camera, ``camera.yaml``."""
-    if "MSRR_PHOTOGRAPHS" not in os.environ:
-        # Photographs belong to whoever took them, and are no part of this project.
-        pytest.skip("MSRR_PHOTOGRAPHS does not name a folder with mapping/ and camera.yaml")
-    photographs = Path(os.environ["MSRR_PHOTOGRAPHS"])
-    calibration = photographs / "camera.yaml"
-    if not calibration.exists():
-        # Only whoever has the camera can calibrate it.
-        pytest.skip(f"{calibration} is missing; msrr calibrate or OpenCV writes one")
+def test_map_of_a_walk_past_real_tags(photographs: Path, tmp_path: Path, capsys: Capture) -> None:
+    """With the calibration of the same camera by the pictures of its chessboard."""
+    board = ["--board", "7x5", "--square-mm", "30"]
+    assert run(["calibrate", str(photographs / "chessboard"), *board, "--out", str(tmp_path)]) == 0
+    calibration = tmp_path / "camera.yaml"
     arguments = ["map", str(photographs / "mapping"), "--calibration", str(calibration), "--tag-size", "0.16"]
     assert run([*arguments, "--out", str(tmp_path)]) == 0
     told = re.search(r"corner residuals ([\d.]+) px \(median\)", capsys.readouterr().out)

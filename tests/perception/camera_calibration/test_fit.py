@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -140,11 +139,9 @@ def test_too_little_is_refused(camera: Camera, printed: Printed) -> None:
 
 
 @pytest.mark.nightly
-def test_photographs_of_a_chessboard() -> None:
+def test_photographs_of_a_chessboard(photographs: Path) -> None:
     """The bar: 0.4 px, 0.5 px on halves that were held out, 1 % of the focal length of their authors."""
-    if "MSRR_PHOTOGRAPHS" not in os.environ:
-        pytest.skip("MSRR_PHOTOGRAPHS names no folder of photographs")
-    photographs, board = Path(os.environ["MSRR_PHOTOGRAPHS"]), Chessboard(7, 5, 0.03)
+    board = Chessboard(7, 5, 0.03)
     found = [(f.name, board.find(read_picture(f))) for f in picture_files([photographs / "chessboard"])]
     views = [BoardView(name, points) for name, points in found if points is not None]
     assert len(views) == 17

@@ -1,10 +1,8 @@
-"""What tests of photographs share: a picture of tags, and the photographs of whoever runs the tests."""
+"""What tests of photographs share: a picture of tags."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,13 +26,3 @@ def two_tags(plate: Callable[[int], Pixels], warp: Callable[..., Pixels]) -> Pix
 @pytest.fixture(scope="session")
 def squares() -> dict[int, np.ndarray]:
     return SQUARES
-
-
-@pytest.fixture(scope="session")
-def photographs() -> Path:
-    """Folder of photographs: ``mapping`` with its ``tags.txt``, ``rotation``, ``chessboard``."""
-    folder = os.environ.get("MSRR_PHOTOGRAPHS")
-    if not folder:
-        # Photographs belong to whoever took them, and are no part of this project.
-        pytest.skip("MSRR_PHOTOGRAPHS names no folder of photographs")
-    return Path(folder)
