@@ -21,6 +21,7 @@ class RouteSpec(Spec):
     Attributes:
         handover_m: Distance between the faces at which the path ends.
         lead_in_m: Lengths of the straight line before that end, in the order in which they are tried.
+        short_lead_in_m: Lengths of that line that are tried where no route has room for one of the above.
         least_radius_m: Smallest radius of the large arc.
         most_sweep_deg: Largest angle of the large arc.
         turn_radius_m: Radii of the last arc of a path around obstacles, in the order in which they are tried.
@@ -34,6 +35,7 @@ class RouteSpec(Spec):
 
     handover_m: Length = 0.70
     lead_in_m: tuple[Length, ...] = Field(default=(0.3, 0.5, 0.8, 1.2, 0.2), min_length=1, max_length=20)
+    short_lead_in_m: tuple[Length, ...] = Field(default=(0.1, 0.05), max_length=20)
     least_radius_m: Length = 0.5
     most_sweep_deg: float = Field(default=200.0, gt=0.0, lt=360.0)
     turn_radius_m: tuple[Length, ...] = Field(default=(0.6, 0.4), min_length=1, max_length=20)

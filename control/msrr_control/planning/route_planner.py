@@ -63,19 +63,28 @@ class RoutePlanner:
                 left to walls, and each adds to the margin at which they are driven around.
         """
         if caution == 0:
-            arc = next(self._arcs(arena), None)
+            arc = next(self._arcs(arena, self.spec.lead_in_m), None)
             if arc is not None:
                 return arc
         margin = self.spec.around_margin_m * (1 + caution)
         routes = [*self._routes_around(arena, margin), *self._staged_routes(arena, margin)]
+        if not routes:
+            # Where a unit has turned near the border, the error of its stop may have used up the room.
+            routes = [*self._arcs(arena, self.spec.short_lead_in_m)][:1]
         return min(routes, key=lambda r: r.seconds) if routes else None
 
-    def blocker(self, arena: ArenaMap) -> str | None:
-        """Return the name of the body that stands on the place in front of the port, None if it is free."""
-        bodies = (*map(self.unit_disc, arena.units), *map(self.obstacle_disc, arena.obstacles))
-        place = self.spec.handover(arena.X_WD).translation[None]
-        disc = FreeSpace((-math.inf, math.inf, -math.inf, math.inf), bodies).deepest_disc(place)
-        return None if disc is None else disc.name
+    def obstruction(self, arena: ArenaMap) -> str:
+        """Return what most probably leaves no route: a body before the port, or the border of the arena."""
+        space = self._free_space(arena, map(self.obstacle_disc, arena.obstacles))
+        place = self.spec.handover(arena.X_WD).translation
+        for points, where in (
+            (place[None], "on the place in front of the port"),
+            (np.linspace(arena.X_WU.translation, place, 40), "on the line to the place in front of the port"),
+        ):
+            disc = space.deepest_disc(points)
+            if disc is not None:
+                return f"{disc.name} stands {where}"
+        return "the border of the arena leaves no room to turn into the axis of the port"
 
     def unit_disc(self, disc: Disc) -> Disc:
         """Return the disc that the controlled point keeps out of because of another unit."""
@@ -139,10 +148,10 @@ class RoutePlanner:
         discs = (*map(self.unit_disc, arena.units), *obstacles)
         return FreeSpace(self._box, discs).opened_at(arena.X_WU.x, arena.X_WU.y)
 
-    def _arcs(self, arena: ArenaMap) -> Iterator[Route]:
-        """Yield routes of one circle and the lead-in, with obstacles left to walls."""
+    def _arcs(self, arena: ArenaMap, lead_ins: Iterable[float]) -> Iterator[Route]:
+        """Yield routes of one circle and a lead-in, with obstacles left to walls."""
         space = self._free_space(arena)
-        for lead_in in self.spec.lead_in_m:
+        for lead_in in lead_ins:
             path = self._arc_path(arena, lead_in)
             if path is None or not space.allows(path.sample(_SPACING_M)[1]):
                 continue

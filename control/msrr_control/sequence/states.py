@@ -162,7 +162,7 @@ def verify(c: DockingContext) -> Twist | Transition:
         enough = c.memory.frames_in_a_row(view.last_seen_ns, off_seat(c, view) is None) >= tuning.frames
         if closed and enough:
             short = 1e3 * shortest_seen(c, view)
-            reason = f"locked, and seen seated at {view}; sight tells docks that are {short:.1f} mm short"
+            reason = f"locked, and seen seated at {view}; a gap of {short:.1f} mm would have been seen"
             return Transition(Phase.DONE, reason)
     if c.memory.lasted(c.now_ns) > check.time_s:
         seen = "not seen" if view is None else f"seen at {view}"

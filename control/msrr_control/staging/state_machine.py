@@ -194,9 +194,8 @@ class LongDistanceAssembler(Generic[State]):
             waited = self._time_in_state(now)
             if waited < watch.patience_s:
                 return STILL
-            blocker = self._planner.blocker(arena)
-            where = "" if blocker is None else f"; {blocker} stands on the place in front of the port"
-            reason = f"no way to the port in {waited:.1f} s{where}; {self._reason}"
+            why = self._planner.obstruction(arena)
+            reason = f"no way to the port in {waited:.1f} s: {why}; before: {self._reason}"
             return GiveUp(FailureReason.BLOCKED, reason)
         self._paths += 1
         self._follower.set_route(route, arena)

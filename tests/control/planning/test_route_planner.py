@@ -144,6 +144,31 @@ def test_from_anywhere_routes_keep_clear_of_everything(seed: int) -> None:
     assert found >= 12
 
 
+@pytest.mark.parametrize("y", [-0.06, -0.03, 0.0, 0.03, 0.06])
+def test_where_it_turned_near_the_border_a_unit_may_stand_beside_the_axis(y: float) -> None:
+    """The border leaves room for a short lead-in alone; stops and localisation err by centimetres."""
+    planner = RoutePlanner(RouteSpec(), WallSpec(), PaceSpec(), (-0.05, 2.0, -1.5, 1.5), 0.1, 0.1)
+    staged = planner.plan(_arena(SE2(0.4, 1.2, -1.4)))
+    assert staged is not None
+    assert staged.shape == "staged"
+    stop = staged.path.at(staged.path.length - 0.1)
+    arena = _arena(SE2(float(stop.point[0]), y, float(stop.heading)))
+    route = planner.plan(arena)
+    assert route is not None
+    assert route.final
+    assert _ends_before_the_port(route, arena)
+
+
+def test_what_leaves_no_route_is_named() -> None:
+    def why(*obstacles: ObstacleEstimate, low: float = -2.0) -> str:
+        planner = RoutePlanner(RouteSpec(), WallSpec(), PaceSpec(), (low, 2.0, -1.5, 1.5), 0.1, 0.1)
+        return planner.obstruction(_arena(SE2(-0.5, 0.0, 0.0), *obstacles))
+
+    assert "o stands on the place in front" in why(_obstacle("o", 0.4, 0.1))
+    assert "o stands on the line" in why(_obstacle("o", 0.0, 0.0))
+    assert "border" in why(low=-0.6)
+
+
 def test_where_there_is_no_way_there_is_no_route() -> None:
     fence = [_obstacle(f"f{k}", -0.3, y, 0.1) for k, y in enumerate(np.arange(-1.4, 1.45, 0.28))]
     assert PLANNER.plan(_arena(SE2(-1.4, 0.2, 0.0), *fence)) is None
