@@ -11,6 +11,7 @@ from msrr_scenes.specs.deviations import Deviation
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Spec
 from msrr_scenes.specs.tag_map import TagMapSpec
+from msrr_scenes.specs.target import TargetSpec
 
 Schema = dict[str, Any]
 
@@ -30,7 +31,7 @@ _SHORT_FORMS: Mapping[str, Schema] = {
 }
 
 #: Models whose keys are all filled in by a validator.
-_FILLED_IN = ("Choice", "LimitsSpec")
+_FILLED_IN = frozenset({"Choice", "LimitsSpec"})
 
 
 def file_schema(kind: str = "scene") -> Schema:
@@ -51,15 +52,21 @@ def file_schema(kind: str = "scene") -> Schema:
     return {"$schema": _DIALECT, **_without_noise(KINDS[kind]())}
 
 
-def _scene_schema() -> Schema:
-    schema = Scene.model_json_schema()
+def _written_schema(model: type[Spec]) -> Schema:
+    """Return the schema of a model, with the short forms in which a file may write its parts."""
+    schema = model.model_json_schema()
     models = schema["$defs"]
-    for name in _FILLED_IN:
+    for name in models.keys() & _FILLED_IN:
         del models[name]["required"]
     short_forms = {**_SHORT_FORMS, **{kind.__name__: _error_of(kind) for kind in _kinds_of(Deviation)}}
     for name, short in short_forms.items():
         if name in models:
             models[name] = _either(short, models[name])
+    return schema
+
+
+def _scene_schema() -> Schema:
+    schema = _written_schema(Scene)
     keys = schema["properties"]
     del keys["source"]  # it is set by the program
     schema["required"].remove("name")  # it is that of the file
@@ -68,12 +75,21 @@ def _scene_schema() -> Schema:
     return {**schema, "description": "A scene of msrr-bullet."}
 
 
+def _target_schema() -> Schema:
+    either = [{"required": ["unit"]}, {"required": ["marker"]}]
+    return {**_written_schema(TargetSpec), "oneOf": either, "description": "The target of a recording."}
+
+
 def _tag_map_schema() -> Schema:
     return TagMapSpec.model_json_schema()
 
 
 #: The kinds of files.
-KINDS: Mapping[str, Callable[[], Schema]] = {"scene": _scene_schema, "tag_map": _tag_map_schema}
+KINDS: Mapping[str, Callable[[], Schema]] = {
+    "scene": _scene_schema,
+    "tag_map": _tag_map_schema,
+    "target": _target_schema,
+}
 
 
 def _kinds_of(model: type[Spec]) -> list[type[Spec]]:

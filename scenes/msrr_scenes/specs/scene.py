@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se3 import SE3
@@ -103,6 +103,7 @@ class Scene(Spec):
     """Deliberate faults."""
     source: Path | None = Field(default=None, exclude=True)
     """File that the scene was read from; set by the program."""
+    _overrides: tuple[str, ...] = PrivateAttr(default=())
 
     @model_validator(mode="before")
     @classmethod
@@ -121,6 +122,12 @@ class Scene(Spec):
             if isinstance(camera, dict):
                 cameras[name] = {**optics, **camera}
         return {**data, "cameras": cameras, "odometry": {**graded_odometry(cast(Grade, grade)), **odometry}}
+
+    @property
+    def origin(self) -> str:
+        """File or name of this scene, for messages, and what was set to other values when it was loaded."""
+        changes = "".join(f" --set {change}" for change in self._overrides)
+        return f"{self.source or self.name}{' with' if changes else ''}{changes}"
 
     @property
     def docks(self) -> tuple[DockStep, ...]:

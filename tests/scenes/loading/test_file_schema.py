@@ -11,10 +11,11 @@ import jsonschema
 import pytest
 import yaml
 
-from msrr_scenes.errors import UnknownNameError
+from msrr_scenes.errors import SceneError, UnknownNameError
 from msrr_scenes.loading.file_schema import KINDS, file_schema
 from msrr_scenes.loading.load import LIBRARY
 from msrr_scenes.loading.tag_map_file import write_tag_map
+from msrr_scenes.loading.target_file import read_target
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.tag_map import MappedTagSpec, TagMapSpec
 
@@ -33,7 +34,7 @@ def test_it_is_a_schema(kind: str) -> None:
 
 
 def test_an_unknown_kind_of_file_is_answered_with_those_there_are() -> None:
-    with pytest.raises(UnknownNameError, match="scene, tag_map"):
+    with pytest.raises(UnknownNameError, match="scene, tag_map, target"):
         file_schema("scnee")
 
 
@@ -120,3 +121,22 @@ def test_a_map_of_tags_agrees_with_its_schema(tmp_path: Path) -> None:
     # JSON has no numbers for keys; editors take those of YAML for texts.
     data = json.loads(json.dumps(yaml.safe_load((tmp_path / "map.yaml").read_text())))
     jsonschema.validate(data, file_schema("tag_map"))
+
+
+@pytest.mark.parametrize("given", [("unit",), ("marker",), (), ("unit", "marker")])
+def test_a_target_has_a_unit_or_a_marker(given: tuple[str, ...], tmp_path: Path) -> None:
+    tags = {3: MappedTagSpec(position_m=(0.0, 0.0, 0.0), quaternion_xyzw=(0.0, 0.0, 0.0, 1.0))}
+    write_tag_map(
+        tmp_path / "map.yaml", TagMapSpec(family="tag36h11", tag_size_m=0.1, reference=3, tags=tags)
+    )
+    parts = {"unit": {"number": 1, "port": "rear"}, "marker": {"map": "map.yaml"}}
+    data = {"as_built": "careful", **{part: parts[part] for part in given}}
+    (tmp_path / "target.yaml").write_text(yaml.safe_dump(data))
+    if len(given) == 1:
+        read_target(tmp_path / "target.yaml")
+        jsonschema.validate(data, file_schema("target"))
+        return
+    with pytest.raises(SceneError, match="either unit or marker"):
+        read_target(tmp_path / "target.yaml")
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(data, file_schema("target"))
