@@ -1,9 +1,4 @@
-"""The report of ``msrr bench SCENE``: the speed of a trial, stage by stage, and that of a naive loop.
-
-The naive loop is the same trial (scene, seed, robot, image quality) without the three things that make
-perception cheap here: it reads full frames only, detects tags in all of them, and the renderer draws the
-floor as a mesh.
-"""
+"""The speed of a trial, stage by stage, beside that of its physics alone and of a naive loop."""
 
 from __future__ import annotations
 
@@ -14,18 +9,17 @@ from dataclasses import dataclass
 from pydantic import BaseModel
 from rich.table import Table
 
+from msrr_bullet.bench.naive_loop import naive_loop
+from msrr_bullet.bench.physics_alone import note_commands
 from msrr_bullet.bench.unit_cost import UnitCost, measure_unit_cost
 from msrr_bullet.profiler import StageProfiler
 from msrr_bullet.run import run_trial
+from msrr_bullet.trial.check import check_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.specs.deviations import CoefficientDeviation
 from msrr_scenes.specs.scene import Scene
-from msrr_scenes.specs.sensors import CameraSpec
-from msrr_scenes.specs.spec import Choice
 
 #: Stage of the loop in which the simulator works; in all others the trial senses, decides and judges.
 _PHYSICS = "physics"
@@ -59,6 +53,7 @@ class TrialSpeed(BaseModel, frozen=True):
         naive_outcome: How the naive trial ended; it sees other windows, so it may end differently; None
             likewise.
         physics_ms_per_s: Wall-clock time of the physics per simulated second.
+        physics_alone_ms_per_s: That of the same world with the same commands, and nothing else.
         other_ms_per_s: Wall-clock time of the rest of the loop per simulated second.
         stages_ms_per_s: Wall-clock time of each stage of the loop per simulated second.
         control_step_ms: Time of one control step: estimator query, laws and phase machine, without the
@@ -80,6 +75,7 @@ class TrialSpeed(BaseModel, frozen=True):
     naive_ratio_one_sample: float | None
     naive_outcome: Outcome | None
     physics_ms_per_s: float
+    physics_alone_ms_per_s: float
     other_ms_per_s: float
     stages_ms_per_s: dict[str, float]
     control_step_ms: float
@@ -88,6 +84,11 @@ class TrialSpeed(BaseModel, frozen=True):
     peak_mb: float
     versions: dict[str, str]
 
+    @property
+    def times_physics_alone(self) -> float:
+        """Wall-clock time of the trial over that of its physics alone."""
+        return 1e3 / self.real_time_factor / self.physics_alone_ms_per_s
+
     def to_json(self) -> str:
         """Return the report as indented JSON."""
         return self.model_dump_json(indent=2) + "\n"
@@ -95,71 +96,48 @@ class TrialSpeed(BaseModel, frozen=True):
 
 @dataclass(frozen=True)
 class _Timing:
-    """One trial and its wall-clock times [ms] per simulated second."""
+    """One trial and its wall-clock times, in all [ns] and [ms] per simulated second."""
 
     result: TrialResult
+    span_ns: int
     ms_per_s: float
     stages_ms_per_s: dict[str, float]
 
 
-def naive_loop(scene: Scene, samples: int | None = None) -> Scene:
-    """Return the scene of the naive loop, with full frames and a floor mesh.
-
-    Args:
-        scene: Scene of the trial.
-        samples: Samples per pixel edge of the cameras; None keeps the scene's.
-    """
-
-    def plain(camera: CameraSpec) -> dict[str, object]:
-        return {
-            "renderer": Choice(name="tiny", params={"floor": "mesh"}),
-            "readout": "frames",
-            "samples": samples or camera.samples,
-            "exposure_ms": 0.0,  # TinyRenderer draws one instant only
-            "rolling_shutter_ms": 0.0,
-        }
-
-    cameras = scene.cameras
-    overhead = cameras.overhead
-    slow = cameras.model_copy(
-        update={
-            "onboard": cameras.onboard.model_copy(update=plain(cameras.onboard)),
-            "overhead": overhead.model_copy(update=plain(overhead)) if overhead else None,
-        }
-    )
-    lens = {key: CoefficientDeviation() for key in COEFFICIENTS}  # TinyRenderer draws ideal lenses only
-    deviations = scene.as_built
-    ideal = {group: getattr(deviations, group).model_copy(update=lens) for group in ("onboard", "overhead")}
-    return scene.model_copy(update={"cameras": slow, "as_built": deviations.model_copy(update=ideal)})
-
-
-def measure_trial_speed(scene: Scene, seed: int = 0) -> TrialSpeed:
-    """Measure one trial, then the naive loop of the same trial, one after the other in this process.
-
-    The naive loop of a mission of a base station is left out.
+def measure_trial_speed(scene: Scene, seed: int = 0, *, naive: bool = True) -> TrialSpeed:
+    """Measure one trial, its physics alone and its naive loop, one after the other in this process.
 
     The trial is run twice and the second run counts. The additional time of the first (to load compiled code,
     to compute the faces of the meshes) is spent once in a process and reported separately.
 
     Memory is that of the process from its start, so it is the trial's own only in a new process.
 
+    Args:
+        scene: The scene.
+        seed: Seed of the trial.
+        naive: Whether to measure the naive loop, and what a unit costs, as well. The naive loop of a mission
+            of a base station is left out.
+
     Raises:
         BenchError: The scene's perception uses no images.
     """
     if scene.perception != "images":
         raise BenchError(f"{scene.name}: nothing to measure, perception is {scene.perception!r}, not images")
-    first = _run_timed(scene, seed)
+    check_trial(scene)
+    profiler = StageProfiler()
+    commanded = note_commands(scene, seed, profiler)
     trial = _run_timed(scene, seed)
+    alone_ms_per_s, _ = commanded.replay()
     peak = _peak_mb()
     slow = coarse = None
-    if not scene.coordinated:
+    if naive and not scene.coordinated:
         slow = coarse = _run_timed(naive_loop(scene), seed)
         if scene.cameras.onboard.samples > 1:
             coarse = _run_timed(naive_loop(scene, samples=1), seed)
     result = trial.result
     under_way = sum(step.ended_s - step.started_s for step in result.steps) / result.duration_s
     cost = None
-    if scene.coordinated and len(scene.units) > 2 and under_way > 0.0:
+    if naive and scene.coordinated and len(scene.units) > 2 and under_way > 0.0:
         cost = measure_unit_cost(scene, seed, trial.ms_per_s / under_way, _ms_per_s)
     physics = trial.stages_ms_per_s.get(_PHYSICS, 0.0)
     return TrialSpeed(
@@ -174,12 +152,13 @@ def measure_trial_speed(scene: Scene, seed: int = 0) -> TrialSpeed:
         naive_ratio_one_sample=None if coarse is None else coarse.ms_per_s / trial.ms_per_s,
         naive_outcome=None if slow is None else slow.result.outcome,
         physics_ms_per_s=physics,
+        physics_alone_ms_per_s=alone_ms_per_s,
         other_ms_per_s=trial.ms_per_s - physics,
         stages_ms_per_s=trial.stages_ms_per_s,
         control_step_ms=trial.stages_ms_per_s.get(_CONTROL, 0.0) / scene.control.rate_hz,
         unit_cost=cost,
         # On a busy machine the second run may take longer.
-        start_up_s=max(1e-3 * (first.ms_per_s - trial.ms_per_s) * result.duration_s, 0.0),
+        start_up_s=max(1e-9 * (profiler.span_ns - trial.span_ns), 0.0),
         peak_mb=peak,
         versions=package_versions(),
     )
@@ -195,6 +174,8 @@ def trial_speed_table(report: TrialSpeed) -> Table:
         table.add_row(stage, f"{ms:.1f} ms")
     table.add_section()
     table.add_row("one control step, without the collision monitor", f"{report.control_step_ms:.3f} ms")
+    table.add_row("physics alone: the same world and commands", f"{report.physics_alone_ms_per_s:.1f} ms")
+    table.add_row("the trial, over physics alone", f"{report.times_physics_alone:.1f}")
     table.add_row("real time factor", f"{report.real_time_factor:.1f}")
     table.add_row("units under way, on average", f"{report.units_under_way:.1f}")
     if report.unit_cost is not None:
@@ -217,7 +198,7 @@ def _run_timed(scene: Scene, seed: int) -> _Timing:
     per_s = 1e-6 / (result.duration_s + pulls * scene.lock.pull_time_s)
     stages = {name: ns * per_s for name, ns in profiler.spent_ns.items()}
     stages[_REST] = (profiler.span_ns - profiler.total_ns) * per_s
-    return _Timing(result, profiler.span_ns * per_s, stages)
+    return _Timing(result, profiler.span_ns, profiler.span_ns * per_s, stages)
 
 
 def _ms_per_s(scene: Scene, seed: int) -> float:

@@ -1,0 +1,198 @@
+"""The cost of one scene against how it was built, and against the number of its units."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from pydantic import BaseModel, ValidationError
+from rich.table import Table
+
+from msrr_bullet.bench.trial_speed import BenchError, TrialSpeed, measure_trial_speed
+from msrr_bullet.figures.style import new_figure, save, styled
+from msrr_bullet.trial.versions import package_versions
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.specs.scene import Scene
+
+#: Simulated time of the trials that are compared by their number of units [s].
+_LINE_S = 20.0
+
+#: Factor by which the cost of a trial, over that of its physics alone, may exceed that of an earlier
+#: comparison: two runs on a busy machine of two cores have differed by up to a fifth.
+ALLOWED = 1.4
+
+
+class SpeedComparison(BaseModel, frozen=True):
+    """The speed of variants of a scene, measured one after the other in one process.
+
+    Attributes:
+        scene: Name of the scene.
+        machine: Processor and number of cores.
+        versions: Versions of the packages.
+        variants: Speed of every variant, by the name of the variant.
+    """
+
+    scene: str
+    machine: str
+    versions: dict[str, str]
+    variants: dict[str, TrialSpeed]
+
+    def to_json(self) -> str:
+        """Return the comparison as indented JSON."""
+        return self.model_dump_json(indent=2) + "\n"
+
+
+def read_comparison(path: Path) -> SpeedComparison:
+    """Read a comparison that :meth:`SpeedComparison.to_json` wrote.
+
+    Raises:
+        BenchError: The file cannot be read, or holds no comparison.
+    """
+    try:
+        return SpeedComparison.model_validate_json(path.read_text())
+    except (OSError, UnicodeDecodeError, ValidationError) as error:
+        raise BenchError(f"{path}: no comparison of msrr bench can be read there: {error}") from error
+
+
+def variants_of(
+    name: str, overrides: Mapping[str, str], grades: Sequence[str], units: Sequence[int]
+) -> dict[str, Scene]:
+    """Return the variants of a scene that are to be compared.
+
+    Args:
+        name: Name or path of the scene.
+        overrides: Values that replace those of the scene.
+        grades: Grades of the workmanship; none keeps that of the scene.
+        units: Numbers of units; none keeps the scene's. Of so many, its first ones, a base station builds a
+            line, and only the first 20 s count.
+
+    Raises:
+        BenchError: The scene has fewer units.
+    """
+    variants: dict[str, Scene] = {}
+    for grade in grades or (None,):
+        changed = {**overrides, **({"as_built": grade} if grade else {})}
+        scene = load_scene(name, changed)
+        for number in units or (None,):
+            parts = [grade] if grade else []
+            if number is not None:
+                parts.append(f"{number} units")
+            variants[", ".join(parts) or scene.name] = scene if number is None else _line_of(scene, number)
+    return variants
+
+
+def _line_of(scene: Scene, number: int) -> Scene:
+    if not 2 <= number <= len(scene.units):
+        raise BenchError(
+            f"--units {number}: {scene.name} has {len(scene.units)} units; expected 2 or more of them"
+        )
+    named = list(scene.units)[:number]
+    line = {
+        "units": {unit: scene.units[unit] for unit in named},
+        "shape": {"line": number},
+        "plan": (),
+        "assembled": (),
+        "faults": (),
+        "radio": scene.radio or {},
+        "time_limit_s": _LINE_S,
+    }
+    return Scene.model_validate({**dict(scene), **line})
+
+
+def compare_speeds(variants: Mapping[str, Scene], observer: Callable[[str], None]) -> SpeedComparison:
+    """Measure all variants; ``observer`` is called with the name of each before it is measured."""
+    found: dict[str, TrialSpeed] = {}
+    for name, scene in variants.items():
+        observer(name)
+        found[name] = measure_trial_speed(scene, naive=False)
+    return SpeedComparison(
+        scene=next(iter(variants.values())).name,
+        machine=f"{_processor()}, {os.cpu_count()} cores",
+        versions=package_versions(),
+        variants=found,
+    )
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.machine()  # only Linux has that file
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.machine())
+
+
+def comparison_table(found: SpeedComparison, before: SpeedComparison | None = None) -> Table:
+    """Return the comparison as a table for a terminal, beside an earlier one if there is one."""
+    table = Table(title=f"{found.scene}, seed 0, per simulated second", title_justify="left")
+    table.add_column("")
+    for name in found.variants:
+        table.add_column(name, justify="right")
+    speeds = list(found.variants.values())
+    for stage in _stages(found):
+        table.add_row(stage, *(f"{s.stages_ms_per_s.get(stage, 0.0):.1f} ms" for s in speeds))
+    table.add_section()
+    table.add_row("in all", *(f"{1e3 / s.real_time_factor:.1f} ms" for s in speeds))
+    table.add_row("physics alone", *(f"{s.physics_alone_ms_per_s:.1f} ms" for s in speeds))
+    table.add_row("over physics alone", *(f"{s.times_physics_alone:.2f}" for s in speeds))
+    if before is not None:
+        earlier = [before.variants.get(name) for name in found.variants]
+        table.add_row("before", *("-" if e is None else f"{e.times_physics_alone:.2f}" for e in earlier))
+    table.add_row("real time factor", *(f"{s.real_time_factor:.1f}" for s in speeds))
+    table.add_row("units under way, on average", *(f"{s.units_under_way:.1f}" for s in speeds))
+    table.add_row("memory at its peak", *(f"{s.peak_mb:.0f} MB" for s in speeds))
+    return table
+
+
+def slower_than(found: SpeedComparison, before: SpeedComparison) -> list[str]:
+    """Return what costs more, over physics alone, than :data:`ALLOWED` times that of an earlier comparison.
+
+    Physics alone is measured in the same process as the trial, so that the machines may differ.
+
+    Raises:
+        BenchError: The two have no variant in common.
+    """
+    common = [name for name in found.variants if name in before.variants]
+    if found.scene != before.scene or not common:
+        raise BenchError(
+            f"nothing in common with the comparison of {before.scene}: {', '.join(before.variants)}"
+        )
+    slower = []
+    for name in common:
+        now, then = (each.variants[name].times_physics_alone for each in (found, before))
+        if now > ALLOWED * then:
+            slower.append(f"{found.scene}, {name}: {now:.2f} times physics alone, {then:.2f} before")
+    return slower
+
+
+def draw_comparison(found: SpeedComparison, path: Path) -> Path:
+    """Draw the stages of every variant as stacked bars, and physics alone as a line.
+
+    Args:
+        found: The comparison.
+        path: PNG, PDF or SVG file to write.
+    """
+    with styled():
+        figure = new_figure(3.5 + 1.1 * len(found.variants), 5.0)
+        axes = figure.subplots()
+        names, bottom = list(found.variants), [0.0] * len(found.variants)
+        for stage in _stages(found):
+            heights = [speed.stages_ms_per_s.get(stage, 0.0) for speed in found.variants.values()]
+            axes.bar(names, heights, bottom=bottom, label=stage, width=0.6)
+            bottom = [b + h for b, h in zip(bottom, heights, strict=True)]
+        for i, speed in enumerate(found.variants.values()):
+            label = "_nolegend_" if i else "physics alone"
+            axes.hlines(speed.physics_alone_ms_per_s, i - 0.4, i + 0.4, colors="black", label=label)
+            axes.text(i, bottom[i], f"{speed.real_time_factor:.1f} x", ha="center", va="bottom")
+        axes.set_ylabel("wall clock per simulated second [ms]")
+        axes.set_title(f"{found.scene}\non the bars: real time factor", loc="left", fontsize="small")
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, reverse=True)
+        return save(figure, path)
+
+
+def _stages(found: SpeedComparison) -> list[str]:
+    """Return the stages of all variants, the longest first."""
+    stages = {stage for speed in found.variants.values() for stage in speed.stages_ms_per_s}
+    return sorted(stages, key=lambda s: -sum(v.stages_ms_per_s.get(s, 0.0) for v in found.variants.values()))
