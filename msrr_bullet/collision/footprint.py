@@ -62,6 +62,13 @@ class Part:
         return centre
 
     @cached_property
+    def box(self) -> tuple[float, float, float, float]:
+        """Bounding box of the part: x low, y low, x high, y high [m]."""
+        x0, y0 = (float(a) for a in self.core.min(axis=0) - self.radius)
+        x1, y1 = (float(a) for a in self.core.max(axis=0) + self.radius)
+        return x0, y0, x1, y1
+
+    @cached_property
     def circumradius(self) -> float:
         """Radius of a circle about :attr:`centre` that contains the part [m]."""
         return float(np.linalg.norm(self.core - self.centre, axis=1).max()) + self.radius
@@ -124,13 +131,23 @@ def _merge_one_pair(kept: Sequence[Part], body: Sequence[Part]) -> list[Part] | 
     return None
 
 
+def _in_box(part: Part, other: Part) -> bool:
+    """Return whether a part lies in the bounding box of another one, up to :data:`COVER_TOLERANCE`."""
+    (a0, b0, a1, b1), (x0, y0, x1, y1) = part.box, other.box
+    t = COVER_TOLERANCE
+    return a0 >= x0 - t and b0 >= y0 - t and a1 <= x1 + t and b1 <= y1 + t
+
+
 def _without_covered(parts: Sequence[Part], by_one_part: bool) -> list[Part]:
     """Remove the parts, smallest first, that lie in one other part, or in the union of all other parts."""
     kept = list(parts)
     for part in sorted(parts, key=lambda p: p.circumradius):
         others = [p for p in kept if p is not part]
         points = part.core if by_one_part and part.radius == 0.0 else part.border()
-        groups = [[p] for p in others] if by_one_part else [others] if others else []
+        if by_one_part:
+            groups = [[p] for p in others if _in_box(part, p)]
+        else:
+            groups = [others] if others else []
         if any(_gap_to_union(points, group).max() <= COVER_TOLERANCE for group in groups):
             kept = others
     return kept

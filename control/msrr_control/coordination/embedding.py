@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from msrr_control.coordination.precedence import Lanes
 from msrr_control.coordination.shape import Shape
@@ -78,6 +77,8 @@ class Travel(NamedTuple):
 
 def assign(costs: Array) -> tuple[list[tuple[int, int]], float]:
     """Return the cheapest assignment of rows to columns of a matrix of costs, and the sum of its costs."""
+    from scipy.optimize import linear_sum_assignment  # slow to import, and only missions need it
+
     rows, columns = linear_sum_assignment(costs)
     pairs = sorted(zip(rows.tolist(), columns.tolist(), strict=True))
     return pairs, float(costs[rows, columns].sum())
