@@ -27,7 +27,7 @@ test: $(STAMP)
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not nightly"
 
 nightly: $(STAMP)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group notebook --editable ".[profile,pyapriltags,rerun]"
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group notebook --editable ".[dask,profile,pyapriltags,rerun]"
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 check: $(STAMP)

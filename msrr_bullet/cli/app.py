@@ -19,6 +19,7 @@ from msrr_bullet.cli import (
     calibrate_command,
     detect_command,
     map_command,
+    merge_command,
     perceive_command,
     run_commands,
     study_commands,
@@ -147,6 +148,7 @@ def _task(scene: Scene) -> str:
     return ", then ".join(str(step) for step in scene.plan)
 
 
+app.command()(merge_command.merge)
 app.command()(bench_commands.bench)
 app.command()(run_commands.replay)
 app.command()(study_commands.tune)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -163,6 +164,14 @@ def sweep(
     ] = Path("runs/sweeps.sqlite"),
     wall_limit: WallLimit = DEFAULT_WALL_LIMIT_S,
     fresh: Annotated[bool, typer.Option("--fresh", help="Use no store, so that every trial is run.")] = False,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Run the trials in the workers of this Dask scheduler, not in --jobs processes; local:N "
+            "starts N workers here.",
+        ),
+    ] = None,
     overrides: Overrides = None,
 ) -> None:
     """Run many trials and report the success rate with its confidence interval."""
@@ -174,6 +183,7 @@ def sweep(
 
     from msrr_bullet.cli.console_report import goal, sweep_table
     from msrr_bullet.render import prepare_renderers
+    from msrr_bullet.sweep.dask_cluster import dask_cluster
     from msrr_bullet.sweep.summary import TrialFailure
     from msrr_bullet.sweep.sweep import sweep as run_sweep
 
@@ -204,10 +214,20 @@ def sweep(
                 )
             bar.update(task, advance=1, description=f"{loaded.name}, {succeeded} {goal(loaded.coordinated)}")
 
-        prepare_renderers(loaded, lambda text: bar.console.print(text, highlight=False))
-        summary = run_sweep(
-            loaded, wanted, jobs, None if fresh else store, observer=show_trial, wall_limit_s=wall_limit
+        run = partial(
+            run_sweep,
+            loaded,
+            wanted,
+            store=None if fresh else store,
+            observer=show_trial,
+            wall_limit_s=wall_limit,
         )
+        if dask is None:
+            prepare_renderers(loaded, lambda text: bar.console.print(text, highlight=False))
+            summary = run(jobs)
+        else:
+            with dask_cluster(dask) as cluster:
+                summary = run(cluster.slots, executor=cluster.executor)
     console.print(sweep_table(summary))
     write_json(json_file, summary.to_json())
     if summary.interrupted:

@@ -144,10 +144,9 @@ def _without_covered(parts: Sequence[Part], by_one_part: bool) -> list[Part]:
     for part in sorted(parts, key=lambda p: p.circumradius):
         others = [p for p in kept if p is not part]
         points = part.core if by_one_part and part.radius == 0.0 else part.border()
+        groups = [others] if others else []
         if by_one_part:
             groups = [[p] for p in others if _in_box(part, p)]
-        else:
-            groups = [others] if others else []
         if any(_gap_to_union(points, group).max() <= COVER_TOLERANCE for group in groups):
             kept = others
     return kept

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from msrr_bullet.sweep.provenance import code_fingerprint
@@ -17,7 +17,7 @@ from msrr_scenes.specs.scene import Scene
 def sweep(
     scene: Scene,
     seeds: Iterable[int],
-    jobs: int = 1,
+    jobs: int | Callable[[], int] = 1,
     store: Path | None = None,
     *,
     executor: SupportsSubmit | None = None,
@@ -30,7 +30,7 @@ def sweep(
     Args:
         scene: Scene of the trials, already checked.
         seeds: Seeds of the trials; a repeated seed is run once.
-        jobs: Number of trials that run at the same time.
+        jobs: Number of trials that run at the same time, or what returns it, for a cluster that grows.
         store: SQLite file of results; a trial that it holds for this scene and this code is not run again.
         executor: Runs the trials instead of a pool of ``jobs`` spawned processes. It is left open.
         trial: Runs one trial; importable by name, because it is sent to other processes.

@@ -6,6 +6,7 @@ import sqlite3
 from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from msrr_bullet.trial.result import ResultError, TrialResult
 from msrr_scenes.errors import MsrrError
@@ -80,17 +81,47 @@ class TrialStore:
     def get(self, scene_hash: str, code: str, seeds: Iterable[int]) -> dict[int, TrialResult]:
         """Return the stored results of these seeds, by seed."""
         wanted = set(seeds)
+        query = "SELECT seed, result FROM trials WHERE scene_hash = ? AND code = ?"
         try:
-            rows = self._db.execute(
-                "SELECT seed, result FROM trials WHERE scene_hash = ? AND code = ?", (scene_hash, code)
-            )
+            rows = self._rows(query, (scene_hash, code))
             return {seed: TrialResult.from_json(text) for seed, text in rows if seed in wanted}
-        except (sqlite3.Error, ResultError) as error:
+        except ResultError as error:
             raise StoreError(f"{self._path}: cannot be read: {error}") from None
 
-    def _write(self, statement: str, row: tuple[object, ...]) -> None:
+    def merge(self, other: Path) -> tuple[int, int]:
+        """Add the scenes and results of another store.
+
+        Returns:
+            Number of results that were added, and of those that were here already.
+
+        Raises:
+            StoreError: The other file is no store, or a result of the same scene, seed and code differs.
+        """
+        if not other.is_file():
+            raise StoreError(f"{other}: no such store")
+        with TrialStore(other) as source:
+            scenes, trials = source._rows("SELECT * FROM scenes"), source._rows("SELECT * FROM trials")
+        added = []
+        for row in trials:
+            query = "SELECT result FROM trials WHERE scene_hash = ? AND seed = ? AND code = ?"
+            here = self._rows(query, row[:3])
+            if here and here[0][0] != row[4]:
+                raise StoreError(f"{other}: its result of seed {row[1]} is another one than in {self._path}")
+            if not here:
+                added.append(row)
+        self._write("INSERT OR IGNORE INTO scenes VALUES (?, ?, ?)", *scenes)
+        self._write("INSERT INTO trials VALUES (?, ?, ?, ?, ?)", *added)
+        return len(added), len(trials) - len(added)
+
+    def _rows(self, query: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
         try:
-            with self._db:
-                self._db.execute(statement, row)
+            return self._db.execute(query, values).fetchall()
+        except sqlite3.Error as error:
+            raise StoreError(f"{self._path}: cannot be read: {error}") from None
+
+    def _write(self, statement: str, *rows: tuple[object, ...]) -> None:
+        try:
+            with self._db:  # all rows or none
+                self._db.executemany(statement, rows)
         except sqlite3.Error as error:
             raise StoreError(f"{self._path}: cannot be written: {error}") from None

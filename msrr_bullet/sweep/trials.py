@@ -13,6 +13,7 @@ from pathlib import Path
 from msrr_bullet.pybullet_client import load_simulator
 from msrr_bullet.render import prepare_renderers
 from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_bullet.sweep.remote_trial import remote_trial
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_store import TrialStore
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, Task, TrialFunction, WorkerPool
@@ -61,7 +62,7 @@ def _check(scene: Scene) -> None:
 
 def run_trials(
     batches: Iterable[tuple[Scene, Iterable[int]]],
-    jobs: int = 1,
+    jobs: int | Callable[[], int] = 1,
     store: Path | None = None,
     *,
     executor: SupportsSubmit | None = None,
@@ -76,7 +77,7 @@ def run_trials(
 
     Args:
         batches: Scenes, already checked, with the seeds of their trials; a repeated trial is run once.
-        jobs: Number of trials that run at the same time.
+        jobs: Number of trials that run at the same time, or what returns it, for a cluster that grows.
         store: SQLite file of results; a trial that it holds for this scene and this code is not run again.
         executor: Runs the trials instead of a pool of ``jobs`` spawned processes. It is left open.
         trial: Runs one trial; importable by name, because it is sent to other processes.
@@ -87,7 +88,7 @@ def run_trials(
         MsrrError: A scene cannot be run with any seed, or the store cannot be used.
         ValueError: ``jobs`` is not positive.
     """
-    if jobs < 1:
+    if isinstance(jobs, int) and jobs < 1:
         raise ValueError(f"expected at least one job, found {jobs}")
     outcomes: dict[tuple[str, int], TrialResult | TrialFailure] = {}
     codes: dict[str, str] = {}
@@ -123,7 +124,9 @@ def run_trials(
 
         if wall_limit_s is not None:
             trial = partial(trial, wall_limit_s=wall_limit_s)
-        pool = WorkerPool(jobs, executor, trial, collect)
+        if executor is not None:
+            trial = partial(remote_trial, trial, codes)
+        pool = WorkerPool((lambda: jobs) if isinstance(jobs, int) else jobs, executor, trial, collect)
         try:
             pool.run(missing)
             interrupted = False

@@ -46,16 +46,16 @@ class SupportsSubmit(Protocol):
 
 
 class WorkerPool:
-    """Runs ``jobs`` trials at the same time, in spawned processes or in a given executor."""
+    """Runs as many trials at the same time as ``slots`` says, in spawned processes or in a given executor."""
 
     def __init__(
         self,
-        jobs: int,
+        slots: Callable[[], int],
         executor: SupportsSubmit | None,
         trial: TrialFunction,
         collector: Collector,
     ) -> None:
-        self._jobs = jobs
+        self._slots = slots
         self._given = executor
         self._pool: ProcessPoolExecutor | None = None
         self._trial = trial
@@ -66,9 +66,10 @@ class WorkerPool:
     def run(self, tasks: deque[Task]) -> None:
         """Run every task; a task is removed from ``tasks`` when its trial starts."""
         while tasks or self._running:
+            slots = self._slots()
             # One more than can run, so that no worker waits; few, so that few are suspects when one dies.
-            while tasks and len(self._running) <= self._jobs:
-                self._submit(tasks.popleft(), self._jobs)
+            while tasks and len(self._running) <= slots:
+                self._submit(tasks.popleft(), slots)
             suspects = self._collect()
             for task in suspects:
                 # The pool does not say whose trial killed a worker; run alone, each trial shows it.
@@ -122,6 +123,8 @@ class WorkerPool:
         misuse: MsrrError | None = None
         for future in finished:
             task = self._running.pop(future)
+            if future.cancelled():
+                raise MsrrError("the executor has dropped a trial; what is done so far is kept in the store")
             error = future.exception()
             if error is None:
                 self._collector(task, future.result())

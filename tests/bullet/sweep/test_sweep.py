@@ -63,7 +63,8 @@ def test_another_scene_or_other_code_is_not_taken_from_the_store(
     other = load_scene("close_range", {"cameras.onboard.noise_grey": "9"})
     assert sweep(other, range(3), store=store, executor=inline, trial=made_up).reused == 0
     assert sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 3
-    monkeypatch.setattr("msrr_bullet.sweep.trials.code_fingerprint", lambda scene: "edited")
+    for module in ("trials", "remote_trial"):
+        monkeypatch.setattr(f"msrr_bullet.sweep.{module}.code_fingerprint", lambda scene: "edited")
     assert sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 0
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from msrr_bullet.cli.app import run
 from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.sweep.trial_store import StoreError, TrialStore
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
@@ -24,6 +25,38 @@ def test_results_are_found_by_scene_code_and_seed(
         assert store.get(key, "code", range(1, 9)) == {1: results[1], 2: results[2]}
         assert store.get(key, "other", range(3)) == {}
         assert store.get("other", "code", range(3)) == {}
+
+
+def test_stores_are_merged_and_a_contradiction_changes_nothing(
+    scene: Scene,
+    inline: SupportsSubmit,
+    made_up: TrialFunction,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    whole, parts = tmp_path / "whole.sqlite", [tmp_path / "0.sqlite", tmp_path / "1.sqlite"]
+    for part, seeds in zip(parts, (range(4), range(3, 6)), strict=True):
+        sweep(scene, seeds, store=part, executor=inline, trial=made_up)
+    assert run(["merge", *map(str, parts), "--into", str(whole)]) == 0
+    told = capsys.readouterr().out
+    assert "0.sqlite: 4 results added, 0 were there already" in told
+    assert "1.sqlite: 2 results added, 1 were there already" in told
+    merged = sweep(scene, range(6), store=whole, executor=inline, trial=made_up)
+    assert (merged.reused, merged.trials) == (6, 6)
+
+    def rows() -> list[tuple[Any, ...]]:
+        with sqlite3.connect(whole) as db:
+            return db.execute("SELECT * FROM trials ORDER BY seed").fetchall()
+
+    before = rows()
+    with sqlite3.connect(parts[0]) as db:
+        db.execute("UPDATE trials SET result = replace(result, 'made up', 'made') WHERE seed = 3")
+        db.execute("UPDATE trials SET seed = 9 WHERE seed = 0")
+    assert run(["merge", str(parts[0]), "--into", str(whole)]) == 2
+    assert "its result of seed 3 is another one" in capsys.readouterr().err
+    assert run(["merge", str(tmp_path / "none.sqlite"), "--into", str(whole)]) == 2
+    assert "none.sqlite: no such store" in capsys.readouterr().err
+    assert rows() == before
 
 
 def test_a_file_that_is_no_store(

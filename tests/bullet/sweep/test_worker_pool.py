@@ -16,7 +16,7 @@ from msrr_scenes.specs.scene import Scene
 
 def test_every_seed_is_collected_once(scene: Scene, inline: SupportsSubmit, made_up: TrialFunction) -> None:
     collected: list[int] = []
-    pool = WorkerPool(2, inline, made_up, lambda task, outcome: collected.append(task.seed))
+    pool = WorkerPool(lambda: 2, inline, made_up, lambda task, outcome: collected.append(task.seed))
     pool.run(deque(Task(scene, scene_hash(scene), seed) for seed in range(7)))
     pool.close()
     assert sorted(collected) == list(range(7))

@@ -1,0 +1,23 @@
+"""The command ``msrr merge``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def merge(
+    stores: Annotated[list[Path], typer.Argument(metavar="STORE...", help="Stores of sweeps.")],
+    into: Annotated[Path, typer.Option(metavar="FILE", help="Store that gets all their results.")] = Path(
+        "runs/sweeps.sqlite"
+    ),
+) -> None:
+    """Put the results of several stores of sweeps into one, from which msrr sweep then takes them."""
+    from msrr_bullet.sweep.trial_store import TrialStore
+
+    with TrialStore(into) as store:
+        for path in stores:
+            added, held = store.merge(path)
+            typer.echo(f"{path}: {added} results added, {held} were there already")

@@ -1,0 +1,61 @@
+"""A trial in a process that somebody else started, which may run other code."""
+
+from __future__ import annotations
+
+import logging
+import socket
+from collections.abc import Mapping
+from functools import lru_cache
+
+from msrr_bullet.pybullet_client import load_simulator
+from msrr_bullet.render import prepare_renderers
+from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_bullet.sweep.worker_pool import TrialFunction
+from msrr_bullet.trial.result import TrialResult
+from msrr_scenes.errors import MsrrError
+from msrr_scenes.loading.load import scene_hash
+from msrr_scenes.specs.scene import Scene
+
+_log = logging.getLogger(__name__)
+
+
+class OtherCodeError(MsrrError):
+    """The code of a worker is not that of the program which started the trials."""
+
+
+def remote_trial(trial: TrialFunction, codes: Mapping[str, str], scene: Scene, seed: int) -> TrialResult:
+    """Run a trial, if the code here is that of whoever asks for it.
+
+    Args:
+        trial: Runs the trial.
+        codes: Fingerprint of the code that has to run, by hash of the scene.
+        scene: The scene.
+        seed: Seed of the trial.
+
+    Raises:
+        OtherCodeError: The code here is another one.
+    """
+    code = codes[scene_hash(scene)]
+    if code_fingerprint(scene) != code:
+        raise OtherCodeError(
+            f"the worker on {socket.gethostname()} has another version of msrr-bullet, of a package or of a "
+            "class that the scene names; install there what is installed here, and start the workers again"
+        )
+    _prepare(code, scene)
+    return trial(scene, seed)
+
+
+def _prepare(code: str, scene: Scene) -> None:
+    """Make this process ready as a worker of a pool is: one thread, simulator and kernels loaded."""
+    if code not in _prepared():
+        import cv2
+
+        cv2.setNumThreads(1)
+        load_simulator()
+        prepare_renderers(scene, _log.info)
+        _prepared().add(code)
+
+
+@lru_cache(maxsize=1)
+def _prepared() -> set[str]:
+    return set()
