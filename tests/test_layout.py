@@ -207,7 +207,7 @@ def test_nothing_of_one_machine_is_in_the_project() -> None:
                 r"--?(?:extra-)?index[-]url|--trusted-host|--find-links",
                 r"https?://[^\s/\"')]*/(?:simple|pypi|artifactory|nexus)\b",
                 r"https?://[\w.-]+\.(?:internal|local|corp|lan|intranet)\b",
-                r"\b(?:10|192\.168|172\.(?:1[6-9]|2\d|3[01]))\.\d{1,3}\.\d{1,3}\b(?!\.\d*[a-z])",
+                r"(?<!==)\b(?:10|192\.168|172\.(?:1[6-9]|2\d|3[01]))\.\d{1,3}\.\d{1,3}\b(?!\.\d*[a-z])",
             ]
         )
     )

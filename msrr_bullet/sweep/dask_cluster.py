@@ -37,7 +37,7 @@ def dask_cluster(address: str) -> Iterator[Cluster]:
     """Connect to a cluster, or start workers on this machine.
 
     Args:
-        address: Address of a scheduler, such as ``tcp://10.0.0.1:8786``, or ``local:N`` for N processes on
+        address: Address of a scheduler, such as ``tcp://host:8786``, or ``local:N`` for N processes on
             this machine, which end with the context.
 
     Raises:
