@@ -18,6 +18,7 @@ from msrr_bullet.cli import (
     bench_commands,
     calibrate_command,
     detect_command,
+    film_command,
     map_command,
     merge_command,
     perceive_command,
@@ -159,5 +160,6 @@ app.command()(calibrate_command.calibrate)
 app.command("map")(map_command.map_pictures)
 app.command()(perceive_command.perceive)
 app.command()(run_commands.frames)
+app.command()(film_command.film)
 app.command()(run_commands.plot)
 app.command()(run_commands.export)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 
@@ -20,3 +21,14 @@ def status_line(console: Console, text: str) -> Iterator[Callable[[str], None]]:
     # A status made from a plain text reads markup in it, whatever its console does.
     with console.status(Text(text)) as status:
         yield lambda new: status.update(Text(new))
+
+
+def progress_bar(console: Console) -> Progress:
+    """Return a display of tasks: the name of each, a bar, how much is done, and the time that is left."""
+    return Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+    )

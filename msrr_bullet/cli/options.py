@@ -33,7 +33,18 @@ WallLimit = Annotated[
         help="Time that a trial may take on the wall clock.",
     ),
 ]
+Run = Annotated[
+    Path | None,
+    typer.Argument(
+        metavar="RUN",
+        help="Run folder of a trial, or path of its log.",
+        show_default="the newest run in runs",
+    ),
+]
 Jobs = Annotated[int, typer.Option(min=1, help="Number of processes.")]
+
+#: Folder of the run folders, unless ``--out`` names another place.
+RUNS = Path("runs")
 
 #: Help of ``--seeds``.
 SEEDS_HELP = "Seeds A to B - 1: 0:5 is five trials, 5:6 is seed 5 alone."
@@ -52,6 +63,27 @@ def use_one_thread_per_process() -> None:
     """Keep the processes of a pool from starting a thread for each core; call it before numpy is loaded."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+
+
+def run_or_last(run: Path | None) -> Path:
+    """Return the run that was given, or else the one in :data:`RUNS` whose log was written last.
+
+    Raises:
+        SceneError: None was given, and there is none.
+    """
+    if run is not None:
+        return run
+    from msrr_bullet.log.reader import LOG_NAME
+
+    logs = list(RUNS.glob(f"*/{LOG_NAME}"))
+    if not logs:
+        raise SceneError(f"{RUNS.absolute()}: no run is here; make one with msrr dock, or name a run folder")
+    return max(logs, key=lambda log: log.stat().st_mtime_ns).parent
+
+
+def folder_of(run: Path) -> Path:
+    """Return the folder in which a run lies, which may be given by the path of its log."""
+    return run if run.is_dir() else run.parent
 
 
 def parse_overrides(pairs: Sequence[str] | None) -> dict[str, str]:

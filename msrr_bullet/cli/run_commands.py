@@ -9,21 +9,22 @@ import typer
 
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import NOT_DOCKED
+from msrr_bullet.cli.options import Run, folder_of, run_or_last
+from msrr_bullet.pybullet_client import load_simulator
 from msrr_scenes.errors import SceneError
 
 #: What these commands write into a run folder, unless --out names another place.
 FRAMES_NAME, PLOT_NAME, TABLES_NAME, RERUN_NAME = "frames", "plot.png", "csv", "trial.rrd"
 
-Run = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder of a trial, or path of its log.")]
-
 
 def replay(
-    run: Run,
+    run: Run = None,
     trust: Annotated[
         bool, typer.Option("--trust", help="Run the code of classes that the log names by import path.")
     ] = False,
 ) -> None:
     """Run perception and control again from a log, without the simulator, and compare the commands."""
+    run = run_or_last(run)
     from importlib.metadata import version
 
     from msrr_bullet.replay import replay_isolated
@@ -52,7 +53,7 @@ def replay(
 
 
 def frames(
-    run: Run,
+    run: Run = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder of the images.", show_default=f"RUN/{FRAMES_NAME}")
     ] = None,
@@ -66,22 +67,21 @@ def frames(
     count: Annotated[
         int, typer.Option(metavar="N", min=1, help="Number of frames of each camera, evenly spread.")
     ] = 8,
-    video: Annotated[bool, typer.Option("--video", help="Also write the run as film.webm.")] = False,
 ) -> None:
     """Write camera frames with the detections and estimates of the robot drawn on them."""
-    _load_simulator_silently()
+    run = run_or_last(run)
+    load_simulator()
     from msrr_bullet.figures.frame_files import write_frames
     from msrr_bullet.log import unpacked_log
 
-    folder = out if out is not None else _run_folder(run) / FRAMES_NAME
+    folder = out if out is not None else folder_of(run) / FRAMES_NAME
     with status_line(open_console(), f"{run}: drawing"), unpacked_log(run) as log:
-        written = write_frames(log, folder, camera, every_s=every, count=count, film=video)
-    film = f", {written.film.name}" if written.film else ""
-    typer.echo(f"{folder}: {len(written.frames)} frames, {written.sheet.name}{film}")
+        written = write_frames(log, folder, camera, every_s=every, count=count)
+    typer.echo(f"{folder}: {len(written.frames)} frames, {written.sheet.name}")
 
 
 def plot(
-    run: Run,
+    run: Run = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="PNG, PDF or SVG file to write.", show_default=f"RUN/{PLOT_NAME}"),
@@ -96,12 +96,13 @@ def plot(
     ] = None,
 ) -> None:
     """Plot a run over time: a mission as rows of its units, else errors, speeds, clearance, line of sight."""
-    _load_simulator_silently()
+    run = run_or_last(run)
+    load_simulator()
     from msrr_bullet.figures.plot import write_plot
     from msrr_bullet.log import unpacked_log
     from msrr_bullet.timeline.log_snapshots import read_snapshots, read_verdict
 
-    file = out if out is not None else _run_folder(run) / PLOT_NAME
+    file = out if out is not None else folder_of(run) / PLOT_NAME
     with status_line(open_console(), f"{run}: drawing"), unpacked_log(run) as log:
         verdict = read_verdict(log) or (None if log.header.recording else "broken off")
         headline = ", ".join(filter(None, (verdict, log.header.origin)))
@@ -110,7 +111,7 @@ def plot(
 
 
 def export(
-    run: Run,
+    run: Run = None,
     as_csv: Annotated[
         bool, typer.Option("--csv", help="Write tables, one for each kind of message.")
     ] = False,
@@ -128,28 +129,18 @@ def export(
     """Write the log of a run as tables, or as a recording of Rerun."""
     if as_csv == as_rerun:
         raise SceneError("give one format: msrr export RUN --csv, or msrr export RUN --rerun")
+    run = run_or_last(run)
     from msrr_bullet.export import write_csv
     from msrr_bullet.export.rerun_file import write_rerun
     from msrr_bullet.log import unpacked_log
 
     if as_rerun:
-        file = out if out is not None else _run_folder(run) / RERUN_NAME
+        file = out if out is not None else folder_of(run) / RERUN_NAME
         with status_line(open_console(), f"{run}: writing a recording"), unpacked_log(run) as log:
             write_rerun(log, file)
         typer.echo(str(file))
         return
-    folder = out if out is not None else _run_folder(run) / TABLES_NAME
+    folder = out if out is not None else folder_of(run) / TABLES_NAME
     with status_line(open_console(), f"{run}: writing tables"), unpacked_log(run) as log:
         written = write_csv(log, folder)
     typer.echo(f"{folder}: {', '.join(path.name for path in written)}")
-
-
-def _load_simulator_silently() -> None:
-    """Load the simulator, whose shapes and tags the images use, without the banner that it prints."""
-    from msrr_bullet.pybullet_client import load_simulator
-
-    load_simulator()
-
-
-def _run_folder(run: Path) -> Path:
-    return run if run.is_dir() else run.parent

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from msrr_bullet.cli.console import open_console, status_line
+from msrr_bullet.cli.console import open_console, progress_bar, status_line
 from msrr_bullet.cli.exit_codes import BAD_INPUT, NOT_DOCKED, PROGRAM_ERROR, report_error
+from msrr_bullet.cli.film_command import FILM_NAME
 from msrr_bullet.cli.options import (
     DEFAULT_JOBS,
     MAX_SEED,
+    RUNS,
     SEEDS_HELP,
     Jobs,
     JsonFile,
@@ -66,7 +68,7 @@ def dock(
 ) -> None:
     """Run one trial and compare the robot's belief with the truth."""
     loaded = load_scene(scene, parse_overrides(overrides))
-    folder = out if out is not None else Path("runs") / f"{loaded.name}-{seed}-{scene_hash(loaded)[:6]}"
+    folder = out if out is not None else RUNS / f"{loaded.name}-{seed}-{scene_hash(loaded)[:6]}"
     from msrr_bullet.pybullet_client import load_simulator
 
     load_simulator()
@@ -137,7 +139,7 @@ def _report(console: Console, result: TrialResult, folder: Path) -> None:
     if result.mission is not None:
         console.print(mission_table(result, result.mission))
     typer.echo(f"{result.outcome.value}, run folder {folder}")
-    older = [name for name in (FRAMES_NAME, PLOT_NAME, TABLES_NAME) if (folder / name).exists()]
+    older = [name for name in (FRAMES_NAME, FILM_NAME, PLOT_NAME, TABLES_NAME) if (folder / name).exists()]
     if older:
         typer.echo(f"Made from an earlier run in this folder: {', '.join(older)}")
 
@@ -179,8 +181,6 @@ def sweep(
     wanted = parse_seeds(seeds)
     loaded = load_scene(scene, parse_overrides(overrides))
     check_writable(json_file)
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
     from msrr_bullet.cli.console_report import goal, sweep_table
     from msrr_bullet.render import prepare_renderers
     from msrr_bullet.sweep.dask_cluster import dask_cluster
@@ -188,14 +188,8 @@ def sweep(
     from msrr_bullet.sweep.sweep import sweep as run_sweep
 
     console = open_console(stderr=json_file == Path("-"))
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
     succeeded = 0
-    with Progress(*columns, console=console) as bar:
+    with progress_bar(console) as bar:
         task = bar.add_task(loaded.name, total=len(wanted))
 
         def show_trial(outcome: TrialResult | TrialFailure, stored: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -149,15 +149,10 @@ def annotate(
     number = f"frame {exposure.frame}" if exposure.frame >= 0 else "not looking"
     origin = "recording" if context.seed is None else f"seed {context.seed}"
     first = f"{context.scene.name}, {origin}    {exposure.camera}, {number}    {time}"
-    second, caption = "before the first decision", f"{time}, {exposure.camera}"
-    if snapshot.mission is not None and exposure.camera == OVERHEAD:
-        second = mission_text(snapshot.mission)
-    elif context.seed is None:
-        second = _present_text(context.scene, snapshot)
-    elif snapshot.phase is not None:
-        second = (
-            f"attempt {snapshot.attempt}, {snapshot.phase_text}: {_present_text(context.scene, snapshot)}"
-        )
+    of_mission = snapshot.mission is not None and exposure.camera == OVERHEAD
+    second = state_text(context, snapshot if of_mission else replace(snapshot, mission=None))
+    caption = f"{time}, {exposure.camera}"
+    if snapshot.phase is not None and not of_mission:
         caption = f"{time} {phase_name(snapshot.phase)}, {exposure.camera}"
     title = (first, second, "; ".join(filter(None, (_detection_text(view), details))))
     rows = unit_rows(snapshot) if exposure.camera == OVERHEAD else []
@@ -168,6 +163,18 @@ def annotate(
         tuple(legend),
         ((PAPER, _HEADINGS), *((context.colours[row.unit], _cells(row)) for row in rows)) if rows else (),
     )
+
+
+def state_text(context: DrawingContext, snapshot: Snapshot) -> str:
+    """Return in words how a mission stands, or what the first unit under way does and believes."""
+    if snapshot.mission is not None:
+        return mission_text(snapshot.mission)
+    present = _present_text(context.scene, snapshot)
+    if context.seed is None:
+        return present
+    if snapshot.phase is None:
+        return "before the first decision"
+    return f"attempt {snapshot.attempt}, {snapshot.phase_text}: {present}"
 
 
 def _cells(row: UnitRow) -> tuple[str, ...]:

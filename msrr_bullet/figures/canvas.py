@@ -56,6 +56,13 @@ class Canvas:
         # Ten times as fast as numpy fills an image with three values.
         cv2.rectangle(self.image, (0, 0), (zoom * width, zoom * height), bgr(background), cv2.FILLED)
 
+    @classmethod
+    def of(cls, image: Image) -> Canvas:
+        """Return a canvas that draws on an image, shape (height, width, 3), BGR."""
+        canvas = cls.__new__(cls)
+        canvas.zoom, canvas.image = 1, image
+        return canvas
+
     def paste(self, frame: NDArray[np.uint8], mask: NDArray[np.bool_]) -> None:
         """Copy the masked grey pixels of a frame, shape (height, width), each enlarged to a square."""
         size = (self.image.shape[1], self.image.shape[0])

@@ -1,4 +1,4 @@
-"""Files of annotated frames of a run: single pictures, a sheet of all of them, a film."""
+"""Files of annotated frames of a run: single pictures, and a sheet of all of them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from msrr_bullet.figures.annotation import AnnotatedFrame, DrawingContext
-from msrr_bullet.figures.canvas import BAR, PAPER, TABLE_WIDTH, Image, bgr, on_paper, table, titled, write_png
+from msrr_bullet.figures.canvas import PAPER, Image, bgr, titled, write_png
 from msrr_bullet.figures.onboard_frame import draw_onboard
 from msrr_bullet.figures.overhead_frame import draw_overhead
 from msrr_bullet.log.reader import Log
@@ -33,15 +33,9 @@ CameraChoice = Literal["overhead", "onboard", "both"]
 
 #: Default number of frames of each camera.
 COUNT = 8
-SHEET_NAME, FILM_NAME = "sheet.png", "film.webm"
+SHEET_NAME = "sheet.png"
 #: Number of columns of the sheet, and width of each [px].
 COLUMNS, TILE_WIDTH = 4, 480
-#: Frame rate of the film in simulated time [Hz], and size of the picture of each camera in it [px].
-FILM_RATE, FILM_SIZE = 12.5, (800, 600)
-#: Size of the picture of an onboard camera below the table of a mission [px].
-SMALL_FILM_SIZE = (TABLE_WIDTH, 3 * TABLE_WIDTH // 4)
-#: Height of the film with the title above the pictures and the legend below them [px].
-_FILM_HEIGHT = FILM_SIZE[1] + 7 * BAR
 
 
 class FramesError(MsrrError):
@@ -86,6 +80,20 @@ class FrameAnnotator:
         exposure = Exposure(camera, -1, stamp_ns)
         return self.draw(CameraView(exposure, lens_of(self.context.scene, camera)))
 
+    def draw_latest(self, camera: str, latest: CameraView | None, now_ns: int) -> AnnotatedFrame:
+        """Annotate the last frame of a camera, or its view without pixels when the next frame is overdue.
+
+        Args:
+            camera: Name of the camera.
+            latest: Its last frame up to now; None before the first.
+            now_ns: Time.
+        """
+        cameras = self.context.scene.cameras
+        spec = cameras.overhead if camera == OVERHEAD and cameras.overhead is not None else cameras.onboard
+        if latest is None or now_ns - latest.stamp_ns > 1.5 * NS_PER_S / spec.rate_hz:
+            return self.draw_without_pixels(camera, now_ns)
+        return self.draw(latest)
+
     def onboard_at(self, stamp_ns: int) -> str:
         """Return the camera that a film shows at a time."""
         step = self.trial.at(stamp_ns).watched
@@ -100,12 +108,10 @@ class WrittenFrames:
     Attributes:
         frames: One picture for each frame, in order of time.
         sheet: Picture of all frames.
-        film: Film of the whole run; None if not requested.
     """
 
     frames: tuple[Path, ...]
     sheet: Path
-    film: Path | None = None
 
 
 def write_frames(
@@ -115,7 +121,6 @@ def write_frames(
     *,
     every_s: float | None = None,
     count: int = COUNT,
-    film: bool = False,
 ) -> WrittenFrames:
     """Write annotated frames of a run into a folder. Everything in them comes from the log.
 
@@ -125,7 +130,6 @@ def write_frames(
         camera: Camera whose frames are written.
         every_s: Time between two frames of a camera [s]; None selects ``count`` frames.
         count: Number of frames of each camera, evenly spaced over the run.
-        film: Whether to write the whole run as a film as well: VP8 in WebM.
 
     Raises:
         FramesError: The run has no such frames, or the folder cannot be written.
@@ -144,8 +148,7 @@ def write_frames(
         paths.append(write_png(folder / name, frame.titled()))
         tiles.append(_tile(frame))
     sheet = write_png(folder / SHEET_NAME, _sheet(tiles))
-    film_path = _write_film(log, annotator, folder / FILM_NAME, camera) if film else None
-    return WrittenFrames(tuple(paths), sheet, film_path)
+    return WrittenFrames(tuple(paths), sheet)
 
 
 def _matches(exposure: Exposure, camera: CameraChoice) -> bool:
@@ -198,78 +201,3 @@ def _sheet(tiles: Sequence[Image]) -> Image:
         y, x = gap + (i // columns) * (tile_height + gap), gap + (i % columns) * (TILE_WIDTH + gap)
         sheet[y : y + small.shape[0], x : x + TILE_WIDTH] = small
     return sheet
-
-
-def _write_film(log: Log, annotator: FrameAnnotator, path: Path, camera: CameraChoice) -> Path:
-    """Write the run in simulated time, with the cameras side by side.
-
-    In a mission the table of the units and a smaller picture of one onboard camera are at the right.
-    """
-    above = log.header.scene.cameras.overhead is not None and camera != "onboard"
-    views = read_camera_views(log, [e for e in read_exposures(log) if _matches(e, camera)])
-    upcoming = next(views, None)
-    latest: dict[str, CameraView] = {}
-    writer: cv2.VideoWriter | None = None
-    try:
-        for k in range(round(annotator.trial.end_ns / NS_PER_S * FILM_RATE) + 1):
-            now_ns = round(k * NS_PER_S / FILM_RATE)
-            while upcoming is not None and upcoming.stamp_ns <= now_ns:
-                latest[upcoming.exposure.camera] = upcoming
-                upcoming = next(views, None)
-            panels: list[Image] = []
-            if above:
-                overhead = _frame(annotator, OVERHEAD, latest.get(OVERHEAD), now_ns)
-                panels.append(_panel(overhead, FILM_SIZE))
-                if overhead.table:
-                    panels.append(table(overhead.table, TABLE_WIDTH))
-            if camera != "overhead":
-                name = annotator.onboard_at(now_ns)
-                beside = above and bool(overhead.table)
-                onboard = _frame(annotator, name, latest.get(name), now_ns)
-                panels.append(_panel(onboard, SMALL_FILM_SIZE if beside else FILM_SIZE))
-            image = _arranged(panels)
-            if writer is None:
-                writer = _writer(path, image)
-            writer.write(image)
-    finally:
-        if writer is not None:
-            writer.release()
-    return path
-
-
-def _frame(annotator: FrameAnnotator, name: str, latest: CameraView | None, now_ns: int) -> AnnotatedFrame:
-    """Draw the last frame of a camera, or its view without pixels when the next frame is overdue."""
-    cameras = annotator.context.scene.cameras
-    spec = cameras.overhead if name == OVERHEAD and cameras.overhead is not None else cameras.onboard
-    if latest is None or now_ns - latest.stamp_ns > 1.5 * NS_PER_S / spec.rate_hz:
-        return annotator.draw_without_pixels(name, now_ns)
-    return annotator.draw(latest)
-
-
-def _panel(frame: AnnotatedFrame, room: tuple[int, int]) -> Image:
-    """Return a frame with its text, made to fit into a room of a width and a height [px]."""
-    height, width = frame.image.shape[:2]
-    scale = min(room[0] / width, room[1] / height)
-    size = round(scale * width), round(scale * height)
-    small = cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-    legend = frame.legend if room == FILM_SIZE else ()
-    return titled(on_paper(small, *room), frame.title, legend)
-
-
-def _arranged(panels: Sequence[Image]) -> Image:
-    """Return pictures side by side; those narrower than the first one are below each other at its right."""
-    wide = [panel for panel in panels if panel.shape[1] == FILM_SIZE[0]]
-    narrow = [panel for panel in panels if panel.shape[1] != FILM_SIZE[0]]
-    columns = [on_paper(panel, FILM_SIZE[0], _FILM_HEIGHT) for panel in wide]
-    if narrow:
-        columns.append(on_paper(np.concatenate(narrow), TABLE_WIDTH, _FILM_HEIGHT))
-    return np.concatenate(columns, axis=1)
-
-
-def _writer(path: Path, first: Image) -> cv2.VideoWriter:
-    height, width = first.shape[:2]
-    code = cv2.VideoWriter.fourcc(*"VP80")
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, FILM_RATE, (width, height))
-    if not writer.isOpened():
-        raise FramesError(f"{path}: OpenCV cannot write a VP8 film here")
-    return writer

@@ -105,15 +105,15 @@ def _draw_steps(
     """Draw the units under way, one after the other."""
     histories = step_histories(past)
     for single in snapshot.apart():
-        _draw_plan(canvas, perspective, single)
+        draw_plan(canvas, perspective, single)
         for step in single.steps:
             unit = step.unit
             driven = [at.units[unit].translation for at, _ in histories.get(step.key, ())]
             points = [*driven, single.units[unit].translation]
             draw_line(canvas, perspective, on_floor(points, PLANE), PATH, 2)
-            _draw_outline(canvas, perspective, context, unit, single.units[unit], PATH, 2)
+            draw_outline(canvas, perspective, context, unit, single.units[unit], PATH, 2)
         _draw_belief(canvas, perspective, context, single)
-        _draw_sight(canvas, perspective, context, single)
+        draw_sight(canvas, perspective, context, single)
 
 
 def _draw_mission(
@@ -128,33 +128,60 @@ def _draw_mission(
     for unit, colour in context.colours.items():
         way = driven_way([*past[::_WAY_EVERY], snapshot], unit)
         draw_line(canvas, perspective, on_floor(way, PLANE), colour, 3, halo=PAPER)
-        authority = mission.granted(unit)
-        if authority is not None:
-            ahead = context.routes.of(authority).part(mission.of(unit).progress, authority.limit)
-            draw_line(canvas, perspective, on_floor(ahead, PLANE), colour, 5, dashed=True, halo=PAPER)
-            beyond = context.routes.of(authority).part(authority.limit, mission.of(unit).length)
-            draw_line(canvas, perspective, on_floor(beyond, PLANE), colour, 1, dashed=True)
+        draw_route(canvas, perspective, context, mission, unit)
     for step in snapshot.steps:
         if step.estimate is not None:
-            _draw_outline(canvas, perspective, context, step.unit, step.estimate, BELIEF, 1)
-    _draw_obstacle_beliefs(canvas, perspective, snapshot)
-    for ends in docked_pairs(context.scene, snapshot).values():
-        draw_line(canvas, perspective, on_floor(ends, PLANE), BLACK, 4, halo=PAPER)
+            draw_outline(canvas, perspective, context, step.unit, step.estimate, BELIEF, 1)
+    draw_obstacle_beliefs(canvas, perspective, snapshot)
+    draw_links(canvas, perspective, context, snapshot, mission)
     for unit, colour in context.colours.items():
         X_WU = snapshot.units[unit]
-        _draw_outline(canvas, perspective, context, unit, X_WU, colour, 2)
+        draw_outline(canvas, perspective, context, unit, X_WU, colour, 2)
         middle = perspective.pixels(on_floor(X_WU.translation, PLANE))[0]
-        other = mission.waits_for(unit)
-        if other is not None:
-            end = perspective.pixels(on_floor(snapshot.units[other].translation, PLANE))[0]
-            canvas.arrow(middle, end, ALARM, 2, halo=PAPER)
         failed = mission.activity(unit) is Activity.FAILED
         below = perspective.hull(SE3.from_se2(X_WU).act(context.solids[unit].points))[:, 1].max()
         text, ink = (f"{unit} failed", ALARM) if failed else (unit, BLACK)
         canvas.text([middle[0], below + 28.0 / canvas.zoom], text, ink, scale=NAME_SCALE)
 
 
-def _draw_outline(
+def draw_route(
+    canvas: Canvas,
+    perspective: Perspective,
+    context: DrawingContext,
+    mission: MissionSnapshot,
+    unit: str,
+    plane: float = PLANE,
+) -> None:
+    """Draw the route of a unit that is under way, thick as far as it is granted."""
+    authority = mission.granted(unit)
+    if authority is None:
+        return
+    route, colour = context.routes.of(authority), context.colours[unit]
+    ahead = on_floor(route.part(mission.of(unit).progress, authority.limit), plane)
+    draw_line(canvas, perspective, ahead, colour, 5, dashed=True, halo=PAPER)
+    beyond = on_floor(route.part(authority.limit, mission.of(unit).length), plane)
+    draw_line(canvas, perspective, beyond, colour, 1, dashed=True)
+
+
+def draw_links(
+    canvas: Canvas,
+    perspective: Perspective,
+    context: DrawingContext,
+    snapshot: Snapshot,
+    mission: MissionSnapshot,
+) -> None:
+    """Draw a bar across every docked pair, and an arrow from a unit that waits to the one it waits for."""
+    for ends in docked_pairs(context.scene, snapshot).values():
+        draw_line(canvas, perspective, on_floor(ends, PLANE), BLACK, 4, halo=PAPER)
+    for unit, X_WU in snapshot.units.items():
+        other = mission.waits_for(unit)
+        if other is not None:
+            ends = on_floor([X_WU.translation, snapshot.units[other].translation], PLANE)
+            start, end = perspective.pixels(ends)
+            canvas.arrow(start, end, ALARM, 2, halo=PAPER)
+
+
+def draw_outline(
     canvas: Canvas,
     perspective: Perspective,
     context: DrawingContext,
@@ -176,44 +203,52 @@ def _draw_belief(
     canvas: Canvas, perspective: Perspective, context: DrawingContext, snapshot: Snapshot
 ) -> None:
     if snapshot.estimate is not None and snapshot.step is not None:
-        _draw_outline(canvas, perspective, context, snapshot.step.unit, snapshot.estimate, BELIEF, 1)
+        draw_outline(canvas, perspective, context, snapshot.step.unit, snapshot.estimate, BELIEF, 1)
     if snapshot.situation is None:
         return
     target = () if snapshot.situation.target is None else (snapshot.situation.target,)
     for other in (*target, *snapshot.situation.others):
-        _draw_outline(canvas, perspective, context, other.name, other.X_WB, BELIEF, 1)
-    _draw_obstacle_beliefs(canvas, perspective, snapshot)
+        draw_outline(canvas, perspective, context, other.name, other.X_WB, BELIEF, 1)
+    draw_obstacle_beliefs(canvas, perspective, snapshot)
 
 
-def _draw_obstacle_beliefs(canvas: Canvas, perspective: Perspective, snapshot: Snapshot) -> None:
+def draw_obstacle_beliefs(
+    canvas: Canvas, perspective: Perspective, snapshot: Snapshot, plane: float = PLANE
+) -> None:
+    """Draw a circle about the believed footprint of every obstacle, with its name."""
     if snapshot.situation is None:
         return
     avoiding = snapshot.assembly.avoiding if snapshot.assembly else None
     for obstacle in snapshot.situation.obstacles:
         avoided = obstacle.name == avoiding
         draw_line(
-            canvas, perspective, ring(obstacle.X_WB, obstacle.radius, PLANE), BELIEF, 3 if avoided else 2
+            canvas, perspective, ring(obstacle.X_WB, obstacle.radius, plane), BELIEF, 3 if avoided else 2
         )
         edge = obstacle.X_WB.translation - np.array([0.0, obstacle.radius + 0.07])
         text = f"{obstacle.name} (avoided)" if avoided else obstacle.name
-        canvas.text(perspective.pixels(on_floor(edge, PLANE))[0], text, BELIEF)
+        canvas.text(perspective.pixels(on_floor(edge, plane))[0], text, BELIEF)
 
 
-def _draw_plan(canvas: Canvas, perspective: Perspective, snapshot: Snapshot) -> None:
+def draw_plan(canvas: Canvas, perspective: Perspective, snapshot: Snapshot, plane: float = PLANE) -> None:
+    """Draw the planned path of the first step under way, with its desired point and the controlled one."""
     if snapshot.assembly is None:
         return
     if snapshot.path is not None and len(snapshot.path.points) > 1:
         draw_line(
-            canvas, perspective, on_floor(snapshot.path.points, PLANE), PLAN, 2, dashed=True, halo=PAPER
+            canvas, perspective, on_floor(snapshot.path.points, plane), PLAN, 2, dashed=True, halo=PAPER
         )
-    tip, desired = perspective.pixels(on_floor([snapshot.assembly.tip, snapshot.assembly.desired], PLANE))
+    tip, desired = perspective.pixels(on_floor([snapshot.assembly.tip, snapshot.assembly.desired], plane))
     canvas.line([tip, desired], PLAN, 1)
     canvas.dot(desired, PLAN, 5.0, halo=PAPER)
     canvas.dot(tip, BELIEF, 3.5, halo=PAPER)
 
 
-def _draw_sight(
-    canvas: Canvas, perspective: Perspective, context: DrawingContext, snapshot: Snapshot
+def draw_sight(
+    canvas: Canvas,
+    perspective: Perspective,
+    context: DrawingContext,
+    snapshot: Snapshot,
+    plane: float = PLANE,
 ) -> None:
     """Draw the angles of the target's edges as lines from the estimated position of the camera."""
     if snapshot.los is None or snapshot.estimate is None or snapshot.step is None:
@@ -224,7 +259,7 @@ def _draw_sight(
     dashed = snapshot.los.status is LosStatus.PREDICTED
     for angle in (snapshot.los.left, snapshot.los.right):
         ends = X_WF.act([[0.0, 0.0], [SIGHT_RANGE * math.cos(angle), SIGHT_RANGE * math.sin(angle)]])
-        draw_line(canvas, perspective, on_floor(ends, PLANE), SIGHT, 1, dashed=dashed)
+        draw_line(canvas, perspective, on_floor(ends, plane), SIGHT, 1, dashed=dashed)
 
 
 def _path_text(snapshot: Snapshot) -> str:

@@ -41,7 +41,7 @@ def draw_scene(
         poses: ``X_WB`` of the bodies that are present.
         hidden: Name of a body that the camera does not see: the unit that carries it.
     """
-    _draw_floor(canvas, perspective, arena)
+    draw_floor(canvas, perspective, arena)
     for _, points_W, colour, edge in sorted(_faces(perspective, solids, poses, hidden), key=lambda f: -f[0]):
         canvas.fill(perspective.hull(points_W), colour, edge)
 
@@ -65,7 +65,7 @@ def _faces(
                 yield perspective.depth(square) - 2.0 * _TAG_OFFSET, square, SQUARE, None
 
 
-def _draw_floor(canvas: Canvas, perspective: Perspective, arena: ArenaSpec) -> None:
+def draw_floor(canvas: Canvas, perspective: Perspective, arena: ArenaSpec) -> None:
     """Draw the floor with grid and border."""
     (x0, x1), (y0, y1) = arena.x_m, arena.y_m
     corners = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]

@@ -62,6 +62,9 @@ ACTIVITY_COLOURS = {
 #: Length to which lines of sight are drawn on the floor [m].
 SIGHT_RANGE = 0.7
 
+#: Direction in W from a scene to the camera that shows it as a whole: from the left, behind and above.
+VIEW_FROM = (-0.42, 0.72, 0.55)
+
 
 def unit_colours(scene: Scene) -> dict[str, int]:
     """Return the colour of every unit: one of its own in a mission of a base station, else by its part."""

@@ -23,6 +23,7 @@ from msrr_bullet.timeline.palette import (
     PATH,
     SIGHT,
     SIGHT_RANGE,
+    VIEW_FROM,
     link_colour,
     unit_colours,
 )
@@ -250,7 +251,7 @@ def look_at(snapshots: Sequence[Snapshot]) -> Iterator[Command]:
         radius *= _MISSION_VIEW
     yield set_transform("Cameras/default", SE3(p=np.array([middle[0], middle[1], 0.06])))
     # The node of the camera has its y axis up, so world (x, y, z) is (x, z, -y) there.
-    away = 1.3 * ZOOM * radius * np.array([-0.42, 0.72, 0.55])
+    away = 1.3 * ZOOM * radius * np.array(VIEW_FROM)
     camera = "Cameras/default/rotated/<object>"
     yield set_property(camera, "position", (away[0], away[2], -away[1]))
     yield set_property(camera, "zoom", ZOOM)

@@ -1,5 +1,6 @@
 """Options that several commands share: overrides, seeds, and the file of numbers."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -7,9 +8,11 @@ import pytest
 from msrr_bullet.cli.options import (
     MAX_SEEDS,
     check_writable,
+    folder_of,
     parse_overrides,
     parse_seed_range,
     parse_seeds,
+    run_or_last,
     write_json,
 )
 from msrr_scenes.errors import SceneError
@@ -69,3 +72,17 @@ def test_numbers_go_to_a_file_or_to_standard_output(
     check_writable(tmp_path / "numbers.json")
     with pytest.raises(SceneError, match="not a file in an existing folder"):
         check_writable(tmp_path)
+
+
+def test_without_a_run_the_newest_one_is_taken(tmp_path: Path) -> None:
+    assert run_or_last(Path("elsewhere")) == Path("elsewhere")
+    with pytest.raises(SceneError, match="no run is here"):
+        run_or_last(None)
+    for age, name in ((20, "later"), (30, "sooner"), (10, "last"), (0, "no run")):
+        folder = tmp_path / "runs" / name
+        folder.mkdir(parents=True)
+        file = folder / ("trial.mcap" if age else "notes.txt")
+        file.write_bytes(b"")
+        os.utime(file, (1e9 - age, 1e9 - age))
+    assert run_or_last(None) == Path("runs/last")
+    assert folder_of(run_or_last(None)) == folder_of(Path("runs/last/trial.mcap")) == Path("runs/last")

@@ -1,4 +1,4 @@
-"""Files of annotated frames: pictures, sheet and film."""
+"""Files of annotated frames: pictures and sheet."""
 
 from __future__ import annotations
 
@@ -7,37 +7,23 @@ import pytest
 
 from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import BAD_INPUT
-from msrr_bullet.figures import frame_files
-from msrr_bullet.figures.frame_files import FILM_SIZE, FramesError, write_frames
+from msrr_bullet.figures.frame_files import FramesError, write_frames
 from msrr_bullet.log import read_log
 from msrr_bullet.timeline.camera_views import read_exposures
 from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.messages import NS_PER_S
 
 
-def test_frames_sheet_and_film_are_written(short_log, tmp_path):
+def test_frames_and_their_sheet_are_written(short_log, tmp_path):
     written = write_frames(short_log, tmp_path / "frames", count=2)
     cameras = [path.name.partition("_0")[0] for path in written.frames]
     assert sorted(cameras) == ["a_onboard"] * 2 + ["overhead"] * 2
     sizes = {cv2.imread(str(path)).shape[1] for path in written.frames}
     assert sizes == {1280}
     assert written.sheet.is_file()
-    assert written.film is None
     again = write_frames(short_log, tmp_path / "again", count=2)
     for a, b in zip((*written.frames, written.sheet), (*again.frames, again.sheet), strict=True):
         assert a.read_bytes() == b.read_bytes()
-
-
-def test_a_film_lasts_as_long_as_its_run(short_log, trial, tmp_path, monkeypatch):
-    monkeypatch.setattr(frame_files, "FILM_RATE", 2.0)  # enough to count
-    written = write_frames(short_log, tmp_path, "onboard", count=1, film=True)
-    film = cv2.VideoCapture(str(written.film))
-    assert film.get(cv2.CAP_PROP_FPS) == pytest.approx(2.0)
-    shown = 0
-    while film.grab():
-        shown += 1
-    assert abs(shown - trial.end_ns / NS_PER_S * 2.0) <= 2.0
-    assert film.get(cv2.CAP_PROP_FRAME_WIDTH) == FILM_SIZE[0]
 
 
 def test_frames_have_the_requested_interval(short_log, tmp_path):

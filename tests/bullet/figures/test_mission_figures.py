@@ -11,7 +11,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from msrr_bullet.cli.app import run
-from msrr_bullet.figures import frame_files
 from msrr_bullet.figures.annotation import DrawingContext
 from msrr_bullet.figures.canvas import Canvas, on_paper, table
 from msrr_bullet.figures.frame_files import FrameAnnotator
@@ -154,18 +153,17 @@ def test_an_overhead_frame_shows_ways_routes_waiting_and_docked_pairs(count_pixe
 
 
 @pytest.mark.nightly
-def test_all_frames_of_a_mission_and_its_film_are_written(mission_by_images, monkeypatch, capsys):
+def test_all_frames_of_a_mission_and_its_film_are_written(mission_by_images):
     """Frames of units whose step the plan does not hold, and of units that have no step at all."""
-    monkeypatch.setattr(frame_files, "FILM_RATE", 0.5)
-    assert run(["frames", str(mission_by_images.folder), "--count", "2", "--video"]) == 0
+    assert run(["frames", str(mission_by_images.folder), "--count", "2"]) == 0
+    assert run(["film", str(mission_by_images.folder), "--show", "all", "--speed", "50"]) == 0
     folder = mission_by_images.folder / "frames"
     cameras = {path.name.rsplit("_", 1)[0] for path in folder.glob("*.png")} - {"sheet.png"}
     docked = [u for u in "abcd" if mission_by_images.snapshots[-1].mission.docked_to(u)]
     assert {"overhead", *(f"{unit}_onboard" for unit in docked)} <= cameras
-    film = cv2.VideoCapture(str(folder / "film.webm"))
-    read, image = film.read()
+    read, image = cv2.VideoCapture(str(mission_by_images.folder / "film.mp4")).read()
     assert read
-    assert image.shape[1] == frame_files.FILM_SIZE[0] + frame_files.SMALL_FILM_SIZE[0]
+    assert image.shape == (720, 1280, 3)
 
 
 def test_the_film_watches_the_unit_that_docks(mission_run):

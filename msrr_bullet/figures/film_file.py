@@ -1,0 +1,93 @@
+"""Files of films: MP4, WebM and GIF, written picture by picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+
+import cv2
+import numpy as np
+
+from msrr_bullet.figures.canvas import Image
+from msrr_scenes.errors import MsrrError
+
+#: Pictures in a second of a film.
+RATE = 25
+#: Codes of the encoders of OpenCV by the ending of the file: MPEG-4 for players and slides, VP8 for browsers.
+_CODES = {".mp4": "mp4v", ".webm": "VP80"}
+_GIF = ".gif"
+#: Endings of films.
+ENDINGS = (*_CODES, _GIF)
+#: Largest number of pictures of a GIF, which OpenCV encodes all at once, and its largest width [px].
+GIF_PICTURES, GIF_WIDTH = 1000, 640
+
+
+class FilmError(MsrrError):
+    """The film cannot be made, or not be written."""
+
+
+class FilmFile:
+    """A film that is being written. Use it in a ``with`` block: after an error there is no file."""
+
+    def __init__(self, path: Path, pictures: int) -> None:
+        """Prepare a file.
+
+        Args:
+            path: File to write. Its ending says which kind of film: one of :data:`ENDINGS`.
+            pictures: Number of pictures that the film will have.
+
+        Raises:
+            FilmError: There is no such kind of film, no such folder, or a GIF would have too many pictures.
+        """
+        self._path, self._kind = path, path.suffix.lower()
+        self._writer: cv2.VideoWriter | None = None
+        self._gif: list[Image] = []
+        if self._kind not in ENDINGS:
+            raise FilmError(f"{path}: a film ends in {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}")
+        if not path.absolute().parent.is_dir() or path.is_dir():
+            raise FilmError(f"{path}: not a file in an existing folder")
+        if self._kind == _GIF and pictures > GIF_PICTURES:
+            raise FilmError(
+                f"{path}: a GIF may have {GIF_PICTURES} pictures, and this one would have {pictures}; "
+                f"let it run {pictures / GIF_PICTURES:.1f} times as fast, or write a film that ends in .mp4"
+            )
+
+    def write(self, picture: Image) -> None:
+        """Append a picture, shape (height, width, 3), BGR; all have the same even height and width.
+
+        Raises:
+            FilmError: The file cannot be written.
+        """
+        if self._kind == _GIF:
+            height, width = picture.shape[:2]
+            size = min(width, GIF_WIDTH), round(height * min(1.0, GIF_WIDTH / width))
+            self._gif.append(cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8))
+            return
+        if self._writer is None:
+            code = cv2.VideoWriter.fourcc(*_CODES[self._kind])
+            size = picture.shape[1], picture.shape[0]
+            self._writer = cv2.VideoWriter(str(self._path), cv2.CAP_FFMPEG, code, RATE, size)
+            if not self._writer.isOpened():
+                raise FilmError(f"{self._path}: OpenCV cannot write a film here")
+        self._writer.write(picture)
+
+    def __enter__(self) -> FilmFile:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._writer is not None:
+            self._writer.release()
+            if kind is not None:
+                self._path.unlink(missing_ok=True)
+        elif kind is None and self._gif:
+            _write_gif(self._path, self._gif)
+
+
+def _write_gif(path: Path, pictures: list[Image]) -> None:
+    animation = cv2.Animation()
+    animation.frames, animation.durations = pictures, [1000 // RATE] * len(pictures)
+    colours = [cv2.IMWRITE_GIF_QUALITY, cv2.IMWRITE_GIF_COLORTABLE_SIZE_256]
+    if not cv2.imwriteanimation(str(path), animation, colours):
+        raise FilmError(f"{path}: OpenCV cannot write a GIF here")
