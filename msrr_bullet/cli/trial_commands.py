@@ -78,7 +78,7 @@ def dock(
     console = open_console()
     prepare_renderers(loaded, console.print)
     with ExitStack() as stack:
-        viewer = stack.enter_context(_live_view(loaded, console)) if view else None
+        viewer = stack.enter_context(_live_view(loaded, seed, console)) if view else None
         listener = stack.enter_context(_foxglove_server()).publish if foxglove else None
         with status_line(console, f"{loaded.name}: building the world") as show:
 
@@ -104,13 +104,14 @@ def dock(
 
 
 @contextmanager
-def _live_view(scene: Scene, console: Console) -> Iterator[LiveViewer]:
+def _live_view(scene: Scene, seed: int, console: Console) -> Iterator[LiveViewer]:
     """Open the live view and wait until a browser shows it, or for a limited time."""
     import webbrowser
 
+    from msrr_bullet.figures.stills import LiveStills
     from msrr_bullet.viewer.live import LiveViewer
 
-    with LiveViewer(scene, pace=1.0) as viewer:
+    with LiveViewer(scene, pace=1.0, drawer=LiveStills(scene, seed)) as viewer:
         typer.echo(f"Watch the trial at {viewer.url}")
         webbrowser.open(viewer.url)
         with status_line(console, "waiting for a browser"):

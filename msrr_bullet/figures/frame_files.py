@@ -65,10 +65,7 @@ class FrameAnnotator:
 
     def draw(self, view: CameraView) -> AnnotatedFrame:
         """Annotate a frame."""
-        snapshot = self.trial.at(view.stamp_ns)
-        if view.exposure.camera == OVERHEAD:
-            return draw_overhead(self.context, view, snapshot, self.trial.until(view.stamp_ns))
-        return draw_onboard(self.context, view, snapshot)
+        return draw_view(self.context, view, self.trial)
 
     def draw_without_pixels(self, camera: str, stamp_ns: int) -> AnnotatedFrame:
         """Annotate a frame that a camera did not take, drawn from truth alone.
@@ -99,6 +96,14 @@ class FrameAnnotator:
         step = self.trial.at(stamp_ns).watched
         unit = next(iter(self.context.scene.units)) if step is None else step.unit
         return f"{unit}/onboard"
+
+
+def draw_view(context: DrawingContext, view: CameraView, trial: SnapshotInterpolator) -> AnnotatedFrame:
+    """Annotate a frame of a trial, which is known at least up to the time of the frame."""
+    snapshot = trial.at(view.stamp_ns)
+    if view.exposure.camera == OVERHEAD:
+        return draw_overhead(context, view, snapshot, trial.until(view.stamp_ns))
+    return draw_onboard(context, view, snapshot)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -71,6 +72,45 @@ class CameraView:
         mask = cv2.remap(read.astype(np.uint8), columns, rows, cv2.INTER_NEAREST) > 0
         shown = cv2.remap(frame, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.where(mask, shown, np.uint8(UNREAD)), mask
+
+
+@runtime_checkable
+class CameraViewer(Protocol):
+    """Display of a running trial that shows camera views as well. It has no influence on the trial."""
+
+    def wants(self, camera: str) -> bool:
+        """Return whether a view of a camera would be shown now."""
+
+    def show_view(self, view: CameraView) -> None:
+        """Show what was read of a frame."""
+
+
+class CameraViewCollector:
+    """Collects the views of a running trial: one is complete when its tags have been reported."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Begin before the first message of a trial of a scene."""
+        self._scene = scene
+        self._windows: dict[Exposure, list[tuple[Window, Pixels]]] = {}
+
+    def add_window(self, exposure: Exposure, window: Window, pixels: Pixels) -> None:
+        """Take in the pixels, shape (height, width), that were read from a window of a frame."""
+        self._windows.setdefault(exposure, []).append((window, pixels.copy()))
+
+    def add(self, message: object) -> CameraView | None:
+        """Take in a message of the trial, and return the view that it completes."""
+        if isinstance(message, Localisation):
+            message = message.detections
+        if not isinstance(message, Detections) or message.exposure not in self._windows:
+            return None
+        exposure, windows = message.exposure, self._windows[message.exposure]
+        # What was exposed before is not reported any more.
+        self._windows = {
+            other: read
+            for other, read in self._windows.items()
+            if other.camera != exposure.camera or other.stamp_ns > exposure.stamp_ns
+        }
+        return CameraView(exposure, lens_of(self._scene, exposure.camera), windows, message.tags)
 
 
 @lru_cache(maxsize=4)

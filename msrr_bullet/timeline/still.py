@@ -12,13 +12,15 @@ class Still:
     Attributes:
         camera: Name of the camera, as in :class:`msrr_scenes.messages.Exposure`.
         stamp_ns: Time of exposure.
-        webp: The picture, a file of the format WebP.
+        data: The picture, a file.
         text: What was found in the frame, in words.
         legend: Meanings of the colours: each a text, its colour, and whether the line is dashed.
+        kind: Format of the file, as in its media type ``image/...``.
     """
 
     camera: str
     stamp_ns: int
-    webp: bytes
+    data: bytes
     text: str
     legend: tuple[tuple[str, int, bool], ...] = ()
+    kind: str = "webp"

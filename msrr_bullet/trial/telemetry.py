@@ -9,6 +9,7 @@ from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
 from msrr_bullet.log.records import JUDGE, BuiltErrors, ClearanceRecord, Event, Level, StartPoses, TruePose
+from msrr_bullet.timeline.camera_views import CameraViewCollector, CameraViewer
 from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.timeline.snapshot_builder import SnapshotBuilder
 from msrr_bullet.trial.docking_step import DockingStep
@@ -130,15 +131,22 @@ class _LiveSnapshots:
 
     def __init__(self, recorder: Recorder, scene: Scene, viewer: Viewer) -> None:
         self._recorder, self._viewer, self._builder = recorder, viewer, SnapshotBuilder(scene)
+        self._of_cameras = viewer if isinstance(viewer, CameraViewer) else None
+        self._views = CameraViewCollector(scene)
 
     def write(self, topic: str, stamp_ns: int, message: object) -> None:
         """Record a message."""
         self._builder.add(topic, stamp_ns, message)
         self._recorder.write(topic, stamp_ns, message)
+        view = self._views.add(message)
+        if self._of_cameras is not None and view is not None and self._of_cameras.wants(view.exposure.camera):
+            self._of_cameras.show_view(view)
 
     def window(self, exposure: Exposure, window: Window, pixels: Pixels) -> None:
         """Record the pixels of a window."""
         self._recorder.window(exposure, window, pixels)
+        if self._of_cameras is not None and self._of_cameras.wants(exposure.camera):
+            self._views.add_window(exposure, window, pixels)
 
     def close(self) -> None:
         """Finish the log."""

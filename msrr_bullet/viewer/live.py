@@ -15,17 +15,20 @@ from types import TracebackType
 
 import numpy as np
 
+from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import server
 from msrr_bullet.viewer.arena_belief import LIVE_PLAN_NODE, plan_commands
 from msrr_bullet.viewer.commands import Command, Placement, place
+from msrr_bullet.viewer.live_cameras import LiveCameras, StillDrawer
 from msrr_bullet.viewer.page import render_page
 from msrr_bullet.viewer.readings import labels, readings, unit_readings
+from msrr_bullet.viewer.replay_data import camera_data
 from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at, path_commands
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import NS_PER_S, AssemblyPath
+from msrr_scenes.messages import NS_PER_S, AssemblyPath, seconds
 from msrr_scenes.specs.scene import Scene
 
 DEFAULT_PORT = 7000
@@ -49,13 +52,20 @@ class LiveViewer:
     this process ends in any other way, because the pipe closes then.
     """
 
-    def __init__(self, scene: Scene, port: int = DEFAULT_PORT, pace: float | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        port: int = DEFAULT_PORT,
+        pace: float | None = None,
+        drawer: StillDrawer | None = None,
+    ) -> None:
         """Start the server, which serves the page at :attr:`url`.
 
         Args:
             scene: Scene of the trial.
             port: Port on 127.0.0.1. If it is taken, any free one is used.
             pace: Largest number of simulated seconds per second of wall-clock time; None sets no limit.
+            drawer: Draws the images of the cameras; None shows none.
 
         Raises:
             ViewerError: The server did not start.
@@ -70,7 +80,8 @@ class LiveViewer:
         self._view_set = False
         self._next_update = 0.0
         self._origin: tuple[float, int] | None = None
-        self._opened = threading.Event()
+        self._cameras = None if drawer is None or scene.perception != "images" else LiveCameras(drawer)
+        self._opened, self._browsers = threading.Event(), 0
         self._process = subprocess.Popen(
             [sys.executable, "-P", str(Path(server.__file__)), "--port", str(port)],
             stdin=subprocess.PIPE,
@@ -82,11 +93,14 @@ class LiveViewer:
             assert self._process.stdin is not None
             os.set_blocking(self._process.stdin.fileno(), False)
             self.url = self._await_url()
-            self._send(server.PAGE, b"", render_page(scene).encode())
+            self._send(server.PAGE, b"", self._page(scene))
             self._send_commands(self._graph.build())
         except BaseException:
             self.close()
             raise
+
+    def _page(self, scene: Scene) -> bytes:
+        return render_page(scene, live_cameras=self._cameras is not None).encode()
 
     def _await_url(self) -> str:
         answered = threading.Event()
@@ -98,7 +112,10 @@ class LiveViewer:
                 for line in stdout:
                     text = line.decode().strip()
                     if text == server.OPENED:
+                        self._browsers += 1
                         self._opened.set()
+                    elif text == server.CLOSED:
+                        self._browsers -= 1
                     else:
                         lines.append(text)
                         answered.set()
@@ -120,6 +137,8 @@ class LiveViewer:
         Raises:
             ViewerError: The server has ended or no longer reads.
         """
+        if self._cameras is not None:
+            self._cameras.add(snapshot)
         believed = {step.unit: step.estimate for step in snapshot.steps}
         for unit in self._true_paths:
             shown = unit in believed or snapshot.mission is not None
@@ -135,6 +154,21 @@ class LiveViewer:
         """Show a snapshot regardless of :data:`MAX_RATE`, such as the last one of a trial."""
         self._next_update = 0.0
         self.update(snapshot)
+
+    def wants(self, camera: str) -> bool:
+        """Return whether an image of a camera would be shown now: a browser is there, and the last is old."""
+        return self._cameras is not None and self._browsers > 0 and self._cameras.wants(camera)
+
+    def show_view(self, view: CameraView) -> None:
+        """Show what was read of a frame.
+
+        Raises:
+            ViewerError: The server has ended or no longer reads.
+        """
+        if self._cameras is not None:
+            still = camera_data(view.exposure.camera, [self._cameras.draw(view)])
+            key = f"still {view.exposure.camera}"
+            self._send(server.READING, key.encode(), json.dumps({"still": still}).encode())
 
     def _keep_pace(self, stamp_ns: int) -> None:
         if self._pace is None:
@@ -164,7 +198,13 @@ class LiveViewer:
         for path in (*self._true_paths.values(), *self._believed_paths.values()):
             commands += path.commands()
         self._send_commands(commands)
-        message = {"values": readings(snapshot, self._labels), "units": unit_readings(snapshot)}
+        watched = None if snapshot.watched is None else snapshot.watched.unit
+        message = {
+            "time": seconds(snapshot.stamp_ns),
+            "watched": watched,
+            "values": readings(snapshot, self._labels),
+            "units": unit_readings(snapshot),
+        }
         self._send(server.READING, b"readings", json.dumps(message).encode())
 
     def _send_commands(self, commands: Iterable[Command]) -> None:

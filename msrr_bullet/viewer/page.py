@@ -1,7 +1,7 @@
 """Web page of a run: the files of ``web`` put together with the data that they show.
 
 A finished run has its 3-D view, camera images, plots and events on one axis of time. The live page shows the
-3-D view and the readings alone.
+3-D view, the camera images and the readings of the present.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import json
 import re
 from collections.abc import Iterable, Sequence
 from importlib.resources import files
+from typing import Any
 
 from msrr_bullet.log.records import Event
 from msrr_bullet.timeline.palette import (
@@ -33,7 +34,8 @@ from msrr_bullet.timeline.still import Still
 from msrr_bullet.viewer.commands import Command, viewer_script
 from msrr_bullet.viewer.plots import moving_units
 from msrr_bullet.viewer.readings import HEADINGS, UNIT_READINGS, labels
-from msrr_bullet.viewer.replay_data import replay_data
+from msrr_bullet.viewer.replay_data import camera_data, replay_data
+from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.specs.scene import Scene
 
 _LEGEND = (
@@ -76,6 +78,8 @@ def render_page(
     snapshots: Sequence[Snapshot] | None = None,
     stills: Iterable[Still] = (),
     events: Iterable[Event] = (),
+    *,
+    live_cameras: bool = False,
 ) -> str:
     """Return the page.
 
@@ -85,6 +89,7 @@ def render_page(
         snapshots: Snapshots of a finished run; None for a live page, which connects to the server.
         stills: Annotated frames of the cameras of a finished run.
         events: Events of a finished run.
+        live_cameras: Whether a live page will get images of the cameras.
     """
     data = {
         "title": scene.name,
@@ -99,6 +104,7 @@ def render_page(
         "choice": _choice(scene, snapshots),
         "commands": [base64.b64encode(command.data).decode("ascii") for command in commands],
         "replay": replay_data(scene, snapshots, stills, events) if snapshots else None,
+        "live": {"stills": _cameras(scene) if live_cameras else [], "stillInterval": 0.0},
     }
     parts = {name: web_file(file) for name, file in _FILES.items()}
     parts |= {"meshcat": viewer_script(), "script": "".join(map(web_file, _SCRIPTS))}
@@ -123,6 +129,15 @@ def _legend(scene: Scene, snapshots: Sequence[Snapshot] | None) -> Sequence[tupl
 
 def _choice(scene: Scene, snapshots: Sequence[Snapshot] | None) -> Sequence[str]:
     """Return the units between which a reader of the page chooses; the first one is shown at first."""
-    if scene.coordinated:
-        return tuple(scene.units)
-    return moving_units(snapshots) if snapshots else ()
+    return moving_units(snapshots) if snapshots and not scene.coordinated else _docking_units(scene)
+
+
+def _docking_units(scene: Scene) -> Sequence[str]:
+    """Return the units that will dock, in the order of the plan."""
+    return tuple(scene.units) if scene.coordinated else tuple(dict.fromkeys(s.unit for s in scene.docks))
+
+
+def _cameras(scene: Scene) -> list[dict[str, Any]]:
+    """Return the cameras of a trial that begins."""
+    above = () if scene.cameras.overhead is None else (OVERHEAD,)
+    return [camera_data(name) for name in (*above, *(f"{unit}/onboard" for unit in _docking_units(scene)))]

@@ -100,17 +100,22 @@ def _cameras(stills: Iterable[Still], start_ns: int) -> list[dict[str, Any]]:
     by_camera: dict[str, list[Still]] = {}
     for still in stills:
         by_camera.setdefault(still.camera, []).append(still)
-    return [
-        {
-            "name": camera,
-            "unit": None if camera == OVERHEAD else camera.partition("/")[0],
-            "times": [seconds(still.stamp_ns - start_ns) for still in own],
-            "images": [base64.b64encode(still.webp).decode("ascii") for still in own],
-            "texts": [still.text for still in own],
-            "legend": [(text, css(colour), dashed) for text, colour, dashed in own[0].legend],
-        }
-        for camera, own in sorted(by_camera.items(), key=lambda item: item[0] != OVERHEAD)
-    ]
+    ordered = sorted(by_camera.items(), key=lambda item: item[0] != OVERHEAD)
+    return [camera_data(camera, own, start_ns) for camera, own in ordered]
+
+
+def camera_data(camera: str, stills: Sequence[Still] = (), start_ns: int = 0) -> dict[str, Any]:
+    """Return what a page shows of a camera, as JSON holds it; times are from ``start_ns`` on [s]."""
+    legend = stills[0].legend if stills else ()
+    return {
+        "name": camera,
+        "unit": None if camera == OVERHEAD else camera.partition("/")[0],
+        "kind": stills[0].kind if stills else "",
+        "times": [seconds(still.stamp_ns - start_ns) for still in stills],
+        "images": [base64.b64encode(still.data).decode("ascii") for still in stills],
+        "texts": [still.text for still in stills],
+        "legend": [(text, css(colour), dashed) for text, colour, dashed in legend],
+    }
 
 
 def _interval(times: Sequence[float]) -> float:

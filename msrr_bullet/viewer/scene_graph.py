@@ -57,8 +57,6 @@ CLEARANCE_Z, SIGHT_Z = 0.12, 0.0015
 GHOST_MARGIN = 0.004
 #: Zoom of the view, seen from correspondingly farther away.
 ZOOM = 2.2
-#: Factor by which a mission is seen from farther away, because the table of its units takes room.
-_MISSION_VIEW = 1.2
 
 
 class SceneGraph:
@@ -247,8 +245,6 @@ def look_at(snapshots: Sequence[Snapshot]) -> Iterator[Command]:
     low, high = points.min(axis=0), points.max(axis=0)
     middle = 0.5 * (low + high)
     radius = 0.14 + 0.5 * float(np.linalg.norm(high - low))
-    if any(snapshot.mission is not None for snapshot in snapshots):
-        radius *= _MISSION_VIEW
     yield set_transform("Cameras/default", SE3(p=np.array([middle[0], middle[1], 0.06])))
     # The node of the camera has its y axis up, so world (x, y, z) is (x, z, -y) there.
     away = 1.3 * ZOOM * radius * np.array(VIEW_FROM)

@@ -26,8 +26,8 @@ import tornado.websocket
 HOST = "127.0.0.1"
 HEADER = struct.Struct(">cII")
 PAGE, COMMAND, READING = b"p", b"c", b"r"
-#: Written to standard output when a browser has opened the page.
-OPENED = "opened"
+#: Written to standard output when a browser has opened the page, and when one has left it.
+OPENED, CLOSED = "opened", "closed"
 #: Interval at which the server checks that its parent runs [s]. The end of the parent closes the input at
 #: once, unless a fork of the parent holds a copy of the pipe.
 PARENT_CHECK = 0.5
@@ -82,13 +82,13 @@ class Browser(tornado.websocket.WebSocketHandler):
             self.put(key, message)
         self.state.browsers.add(self)
         self.sender = asyncio.create_task(self._send())
-        sys.stdout.write(f"{OPENED}\n")
-        sys.stdout.flush()
+        _say(OPENED)
 
     def on_close(self) -> None:
         """Remove the browser."""
         self.state.browsers.discard(self)
         self.sender.cancel()
+        _say(CLOSED)
 
     def put(self, key: bytes, message: bytes | str) -> None:
         """Queue a message in place of an older one with the same key."""
@@ -106,6 +106,12 @@ class Browser(tornado.websocket.WebSocketHandler):
                     await self.write_message(message, binary=isinstance(message, bytes))
                 except tornado.websocket.WebSocketClosedError:
                     return  # on_close follows
+
+
+def _say(line: str) -> None:
+    """Write a line to the parent."""
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
 
 
 def read_packets(stream: BinaryIO, put: Callable[[bytes, bytes, bytes], None]) -> None:
@@ -139,8 +145,7 @@ async def serve(port: int) -> None:
         loop.call_soon_threadsafe(done.set)
 
     threading.Thread(target=read, daemon=True).start()
-    sys.stdout.write(f"http://{HOST}:{sockets[0].getsockname()[1]}/\n")
-    sys.stdout.flush()
+    _say(f"http://{HOST}:{sockets[0].getsockname()[1]}/")
     parent = os.getppid()
     while not done.is_set() and os.getppid() == parent:
         try:

@@ -7,7 +7,7 @@ function startCameras({stills, stillInterval}) {
   const figures = [];
   for (const kind of ["overhead", "onboard"]) {
     if (!stills.some((camera) => (camera.unit === null) === (kind === "overhead"))) continue;
-    const figure = add($("cameras"), "figure", "", "card"), image = add(figure, "img");
+    const figure = add($("cameras"), "figure", "", "card"), image = add(add(figure, "div"), "img");
     const caption = add(figure, "figcaption"), name = add(caption, "b");
     const when = add(caption, "span"), found = add(caption, "span", "", "found");
     const legend = add(figure, "details");
@@ -20,7 +20,7 @@ function startCameras({stills, stillInterval}) {
     const camera = cameraOf(kind);
     if (!camera) return;
     const near = nearest(camera.times, time);
-    const i = camera.times[near] > time + AHEAD ? near - 1 : near;
+    const i = camera.times.length && camera.times[near] <= time + AHEAD ? near : near - 1;
     const taken = camera.times[i], age = time - taken;
     image.style.visibility = i < 0 ? "hidden" : "";
     if (i < 0) {
@@ -29,7 +29,7 @@ function startCameras({stills, stillInterval}) {
       write(found, "");
       return;
     }
-    const file = `data:image/webp;base64,${camera.images[i]}`;
+    const file = `data:image/${camera.kind};base64,${camera.images[i]}`;
     if (image.src !== file) image.src = file;
     image.dataset.time = taken;
     image.alt = `${camera.name} camera at ${taken.toFixed(2)} s: ${camera.texts[i]}`;
@@ -38,7 +38,7 @@ function startCameras({stills, stillInterval}) {
     const apart = Math.abs(age) < 0.005 ? "" : ` (${Math.abs(age).toFixed(2)} s ${age > 0 ? "ago" : "later"})`;
     write(when, `${taken.toFixed(2)} s${apart}`);
   }
-  choices.push(() => {
+  function showAll() {
     const shown = figures.map(({kind}) => cameraOf(kind)).filter((camera) => camera);
     stillTimes = shown.flatMap(({times}) => times).sort((a, b) => a - b);
     for (const each of figures) {
@@ -49,6 +49,12 @@ function startCameras({stills, stillInterval}) {
       for (const key of camera ? camera.legend : []) addKey(each.legend, key);
       showStill(each, clock.time);
     }
-  });
+  }
+  choices.push(showAll);
   clock.shows.push((time) => { for (const each of figures) showStill(each, time); });
+  // A live page gets the newest image of a camera in place of the one before.
+  return (still) => {
+    Object.assign(stills.find(({name}) => name === still.name), still);
+    showAll();
+  };
 }

@@ -24,7 +24,7 @@ function pairs(table, labels) {
 const cells = pairs($("values"), data.readings);
 const chosenCells = pairs($("unit"), data.unitReadings), unitRows = {};
 const choices = [];  // functions that show the unit that was chosen
-let chosen = null, latest = null;
+let chosen = null, latest = null, picked = false;  // picked: by the reader, not by the page
 if (data.headings.length) {
   const head = $("units").insertRow();
   for (const heading of data.headings) add(head, "th", heading);
@@ -33,13 +33,17 @@ if (data.headings.length) {
     for (const _ of data.headings) row.insertCell();
     add(row.cells[0], "i").style.background = colour;
     add(row.cells[0], "b");
-    row.onclick = () => choose(name);
+    row.onclick = () => pick(name);
   }
 }
 // Units between which one chooses are those that do something; a page of a single one needs no choice.
 for (const name of data.choice) add($("chosen"), "option", name).value = name;
 $("choice").hidden = data.choice.length < 2;
-$("chosen").onchange = () => choose($("chosen").value);
+$("chosen").onchange = () => pick($("chosen").value);
+function pick(name) {
+  picked = true;
+  choose(name);
+}
 function choose(name) {
   if (unitRows[chosen]) unitRows[chosen].className = "";
   chosen = $("chosen").value = name;

@@ -16,14 +16,12 @@ viewer.gui.domElement.remove();  // the raw tree of nodes
 // Turn about the position of the camera's node, where three.js would turn about the origin of the world.
 const lookAt = camera.lookAt.bind(camera);
 camera.lookAt = (target) => lookAt(camera.parent.localToWorld(target.clone()));
-// Meshcat takes the height of the window. The readings of a live page cover the left of the pane.
+// Meshcat takes the height of the window.
 const setPaneSize = viewer.set_3d_pane_size.bind(viewer);
 function fit() {
   const {clientWidth: width, clientHeight: height} = pane;
   if (!width || !height) return;
   setPaneSize(width, height);
-  const covered = data.replay ? 0 : $("hud").getBoundingClientRect().right;
-  camera.setViewOffset(width, height, -covered / 2, 0, width, height);
   viewer.set_dirty();
 }
 viewer.set_3d_pane_size = fit;

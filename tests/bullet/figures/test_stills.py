@@ -24,7 +24,7 @@ def test_a_still_shows_the_annotated_frame_of_its_instant(short_log, short_snaps
     annotator = FrameAnnotator(short_log, short_snapshots)
     for view in read_camera_views(short_log, exposures[:2]):
         still, frame = stamps[view.exposure.camera, view.stamp_ns], annotator.draw(view)
-        image = cv2.imdecode(np.frombuffer(still.webp, dtype=np.uint8), cv2.IMREAD_COLOR)
+        image = cv2.imdecode(np.frombuffer(still.data, dtype=np.uint8), cv2.IMREAD_COLOR)
         small = cv2.resize(frame.image, (640, 480), interpolation=cv2.INTER_AREA)
         assert image.shape == small.shape
         assert np.abs(image.astype(float) - small).mean() < 4.0  # grey levels; what the compression loses

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from msrr_bullet.log.records import CameraWindow
 from msrr_bullet.timeline.camera_views import (
     UNREAD,
     CameraView,
+    CameraViewCollector,
     docking_views,
     evenly_spaced,
     lens_of,
@@ -31,6 +33,27 @@ def test_a_mosaic_holds_the_windows_and_a_mask_of_them(short_log):
     assert (frame[3:7, 2:7] == 7).all()
     assert read.sum() == 20
     assert (frame[~read] == UNREAD).all()
+
+
+def test_a_running_trial_gives_the_views_of_its_log(short_log):
+    collector, live = CameraViewCollector(short_log.header.scene), []
+    for record in short_log.records("/camera/*", "/perception/*", end_ns=3_000_000_000):
+        if record.kind is CameraWindow:
+            read = record.message
+            collector.add_window(read.exposure, read.window, read.pixels)
+        else:
+            view = collector.add(record.message)
+            live += [] if view is None else [view]
+    logged = {v.exposure: v for v in read_camera_views(short_log, [v.exposure for v in live])}
+    assert len(live) == len(logged) > 10
+    for view in live:
+        assert view.lens == logged[view.exposure].lens
+        for (a, pixels), (b, same) in zip(view.windows, logged[view.exposure].windows, strict=True):
+            assert a == b
+            assert (pixels == same).all()
+        for tag, same in zip(view.tags, logged[view.exposure].tags, strict=True):
+            assert tag.tag_id == same.tag_id
+            assert (tag.corners == same.corners).all()
 
 
 def test_a_mosaic_is_undistorted():

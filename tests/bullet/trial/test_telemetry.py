@@ -5,17 +5,22 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from msrr_bullet.log import ClearanceRecord, MemoryRecorder, StartPoses, TruePose
+from msrr_bullet.figures.stills import LiveStills
+from msrr_bullet.log import ClearanceRecord, McapRecorder, MemoryRecorder, StartPoses, TruePose
+from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.records import Event
+from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.series import TrialSeries
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial
+from msrr_bullet.viewer.live_cameras import LiveCameras
 from msrr_bullet.viewer.readings import READINGS, readings
 from msrr_scenes.messages import Action, Phase, PoseEstimate
 from msrr_scenes.outcome import Outcome
@@ -146,3 +151,30 @@ def test_every_display_of_the_clearance_leaves_out_the_docking_pair(docking: Wat
 
 def test_reports_change_nothing_in_the_trial(docking: Watched) -> None:
     assert Trial(docking.scene, 7).run() == docking.result
+
+
+class WatchingViewer(KeepingViewer):
+    """A viewer that draws every frame of the cameras."""
+
+    def __init__(self, scene: Scene, seed: int) -> None:
+        super().__init__()
+        self.cameras, self.drawn = LiveCameras(LiveStills(scene, seed)), set[str]()
+
+    def update(self, snapshot: Snapshot) -> None:
+        self.cameras.add(snapshot)
+
+    def wants(self, camera: str) -> bool:
+        return True
+
+    def show_view(self, view: CameraView) -> None:
+        self.drawn.add(self.cameras.draw(view).camera)
+
+
+def test_images_for_a_viewer_change_no_bit_of_a_trial(shipped: Load, tmp_path: Path) -> None:
+    scene = shipped("two_units", {"plant": "unicycle", "time_limit_s": "0.6"})
+    watching = WatchingViewer(scene, 2)
+    for name, viewer in (("watched", watching), ("alone", None)):
+        with McapRecorder(tmp_path / name, LogHeader.of(scene, 2, {})) as recorder:
+            Trial(scene, 2, recorder=recorder, viewer=viewer).run()
+    assert watching.drawn == {"overhead"}
+    assert (tmp_path / "watched").read_bytes() == (tmp_path / "alone").read_bytes()

@@ -21,11 +21,10 @@ from msrr_scenes.geometry.pinhole import Window
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SIZE = (1680, 900)
-#: The part of the page that shows the scene and nothing over it: left, top, right, bottom [px].
+#: The part of the page that shows the scene: left, top, right, bottom [px].
 STAGE = """(() => {
   const {left, top, right, bottom} = pane.getBoundingClientRect();
-  const covered = data.replay ? 0 : $("hud").getBoundingClientRect().right;
-  return [Math.max(left, covered), top, right, bottom].map(Math.round);
+  return [left, top, right, bottom].map(Math.round);
 })()"""
 #: Until the next two frames are drawn.
 DRAWN = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))"

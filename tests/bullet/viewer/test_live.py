@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import json
 import os
 import re
@@ -14,13 +15,17 @@ import time
 import urllib.error
 import urllib.request
 
+import cv2
+import numpy as np
 import psutil
 import pytest
 import tornado.httpclient
 import tornado.websocket
 import umsgpack
 
-from msrr_bullet.viewer import live
+from msrr_bullet.figures.stills import LiveStills
+from msrr_bullet.timeline.camera_views import read_camera_views, read_exposures
+from msrr_bullet.viewer import live, live_cameras
 from msrr_bullet.viewer.live import LiveViewer, ViewerError
 from msrr_scenes.loading.load import load_scene
 
@@ -33,6 +38,72 @@ def test_it_shows_units_tags_and_paths(browser, drive):
         image = browser.screenshot(viewer.url, until="latest")
         assert viewer.wait_for_browser(0.0)
     browser.assert_shows_the_trial(image, drive.scene)
+
+
+@pytest.fixture(scope="module")
+def views(short_log):
+    """The last view of each camera."""
+    last = {exposure.camera: exposure for exposure in read_exposures(short_log)}
+    return list(read_camera_views(short_log, last.values()))
+
+
+@pytest.fixture
+def with_cameras(short_log, short_snapshots):
+    """A live view of a whole run but for the images of its cameras."""
+    scene = short_log.header.scene
+    with LiveViewer(scene, port=0, drawer=LiveStills(scene, short_log.header.seed)) as viewer:
+        for snapshot in short_snapshots:
+            viewer.update(snapshot)
+        viewer.show(short_snapshots[-1])
+        yield viewer
+
+
+def test_images_are_drawn_for_a_browser_alone_and_not_too_often(with_cameras, views):
+    async def images(url):
+        connection = await tornado.websocket.websocket_connect(url)
+        assert with_cameras.wait_for_browser(5.0)
+        shown = {}
+        for view in views:
+            assert with_cameras.wants(view.exposure.camera)
+            start = time.monotonic()
+            with_cameras.show_view(view)
+            assert not with_cameras.wants(view.exposure.camera)
+            while not with_cameras.wants(view.exposure.camera):
+                await asyncio.sleep(0.01)
+            assert time.monotonic() - start >= 1.0 / live_cameras.MAX_RATE
+        while len(shown) < len(views):
+            message = await asyncio.wait_for(connection.read_message(), 10)
+            if isinstance(message, str) and "still" in (told := json.loads(message)):
+                shown[told["still"]["name"]] = told["still"]
+        connection.close()
+        return shown
+
+    assert not any(with_cameras.wants(view.exposure.camera) for view in views)
+    shown = asyncio.run(images(with_cameras.url.replace("http:", "ws:") + "feed"))
+    assert set(shown) == {"overhead", "a/onboard"}
+    for view in views:
+        still = shown[view.exposure.camera]
+        assert still["times"] == [view.stamp_ns / 1e9]
+        file = np.frombuffer(base64.b64decode(still["images"][0]), dtype=np.uint8)
+        assert cv2.imdecode(file, cv2.IMREAD_COLOR).shape == (480, 640, 3)
+    wait_until(lambda: not with_cameras.wants("overhead"), 5.0)
+    assert not with_cameras.wants("overhead"), "the browser has left"
+
+
+def test_the_page_shows_the_newest_images_beside_the_scene(browser, with_cameras, views):
+    browser.open(with_cameras.url, until="latest")
+    assert browser.evaluate("$('cameras').textContent").count("not looking yet") == 2
+    assert with_cameras.wait_for_browser(5.0)
+    for view in views:
+        with_cameras.show_view(view)
+    browser.wait("[...document.querySelectorAll('#cameras img')].every((i) => i.naturalWidth === 640)")
+    text = browser.evaluate("$('cameras').textContent")
+    for view in views:
+        assert f"{view.exposure.camera}{view.stamp_ns / 1e9:.2f} s" in text
+    assert "tags found" in text
+    shown = browser.evaluate("[pane, ...document.querySelectorAll('img')].map((e) => e.clientWidth)")
+    assert min(shown) > 100
+    assert browser.console == []
 
 
 @pytest.mark.nightly

@@ -61,7 +61,7 @@ def assert_one_instant(shown, snapshots, stills):
     start_ns = snapshots[0].stamp_ns
     true = SnapshotInterpolator(snapshots).at(start_ns + round(time * 1e9)).units["a"]
     assert np.hypot(shown["a"][0] - true.x, shown["a"][1] - true.y) < NEAR
-    files = {round(s.stamp_ns - start_ns): base64.b64encode(s.webp).decode() for s in stills}
+    files = {round(s.stamp_ns - start_ns): base64.b64encode(s.data).decode() for s in stills}
     for image in filter(lambda image: image["at"], shown["images"]):
         assert image["file"].removeprefix("data:image/webp;base64,") == files[round(1e9 * float(image["at"]))]
 
