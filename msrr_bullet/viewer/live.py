@@ -198,10 +198,9 @@ class LiveViewer:
         for path in (*self._true_paths.values(), *self._believed_paths.values()):
             commands += path.commands()
         self._send_commands(commands)
-        watched = None if snapshot.watched is None else snapshot.watched.unit
         message = {
             "time": seconds(snapshot.stamp_ns),
-            "watched": watched,
+            "watched": "" if snapshot.watched is None else snapshot.watched.unit,
             "values": readings(snapshot, self._labels),
             "units": unit_readings(snapshot),
         }

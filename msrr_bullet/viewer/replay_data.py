@@ -44,6 +44,7 @@ def replay_data(
         "end": max([times[-1], *(event["time"] for event in happened)]),
         "values": changes(zip(*(readings(s, labels(scene)) for s in snapshots), strict=True)),
         "units": {unit: changes(zip(*(at[unit] for at in by_unit), strict=True)) for unit in by_unit[0]},
+        "watched": changes([["" if s.watched is None else s.watched.unit for s in snapshots]])[0],
         "rows": _rows(scene, snapshots, times),
         "events": happened,
         "stills": cameras,

@@ -48,7 +48,7 @@ function step(direction) {
   seek(near ? image : clock.time + STEP * direction);
 }
 
-function startPlayer({times, values, units, rows, events}) {
+function startPlayer({times, values, units, watched, rows, events}) {
   const animator = viewer.animator;
   animator.pause();
   $("time").max = clock.end;
@@ -57,6 +57,7 @@ function startPlayer({times, values, units, rows, events}) {
   clock.shows.push((time) => animator.seek(time), (time) => {
     const now = at(lastUpTo(times, time + EPSILON));
     const byUnit = Object.entries(units).map(([name, columns]) => [name, columns.map(now)]);
+    follow(now(watched));
     show({values: values.map(now), units: Object.fromEntries(byUnit)});
   });
   showPhases(rows);

@@ -40,6 +40,10 @@ if (data.headings.length) {
 for (const name of data.choice) add($("chosen"), "option", name).value = name;
 $("choice").hidden = data.choice.length < 2;
 $("chosen").onchange = () => pick($("chosen").value);
+// Until the reader picks a unit, the page shows the one that docks.
+function follow(name) {
+  if (!picked && name !== chosen && data.choice.includes(name)) choose(name);
+}
 function pick(name) {
   picked = true;
   choose(name);

@@ -16,8 +16,7 @@ function showPresent(reading) {
   if (!latest) setTheme(isDark());  // the scene has come before the first reading
   show(reading);
   clock.time = reading.time;
-  const {watched} = reading;
-  if (!picked && watched !== chosen && data.choice.includes(watched)) choose(watched);
+  follow(reading.watched);
   for (const showTime of clock.shows) showTime(clock.time);
 }
 document.body.className = data.replay ? "replay" : "live";

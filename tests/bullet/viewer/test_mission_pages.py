@@ -41,6 +41,13 @@ def test_the_replay_shows_units_and_who_waits_without_errors(browser, mission_ru
     image = browser.screenshot(f"{path.as_uri()}#t={waiting.stamp_ns * 1e-9:.3f}")
     assert_shows_the_mission(browser, image, scene)
     assert browser.console == []
+    # It follows the unit that docks until the reader picks another one.
+    shown = {s.watched.unit: s.stamp_ns * 1e-9 for s in mission_run.snapshots if s.watched is not None}
+    assert len(shown) > 1
+    for unit, time in shown.items():
+        assert browser.evaluate(f"seek({time}), chosen") == unit
+    browser.evaluate("pick('c')")
+    assert {browser.evaluate(f"seek({time}), chosen") for time in shown.values()} == {"c"}
 
 
 def test_the_live_view_shows_the_same(browser, mission_run, waiting):
