@@ -39,6 +39,8 @@ def write_film(
 ) -> Path:
     """Write a film of a whole run, and return its path. Everything in it comes from the log.
 
+    It ends with a second in which the last instant stays.
+
     Args:
         log: Log of the run.
         path: File to write: MP4, WebM or GIF, by its ending. A file that is there is overwritten.
@@ -54,11 +56,14 @@ def write_film(
     _check(log, shown, size, speed)
     annotator = FrameAnnotator(log)
     end_ns = annotator.trial.end_ns
-    count = math.floor(end_ns * RATE / (speed * NS_PER_S)) + 1
+    count = math.ceil(end_ns * RATE / (speed * NS_PER_S)) + RATE
     with FilmFile(path, count) as film:
         pictures = _Pictures(log, annotator, shown, size)
         for k in range(count):
-            film.write(pictures.at(min(round(k * speed * NS_PER_S / RATE), end_ns)))
+            now_ns = min(round(k * speed * NS_PER_S / RATE), end_ns)
+            if now_ns < end_ns or k == count - RATE:
+                picture = pictures.at(now_ns)
+            film.write(picture)
             if on_picture is not None:
                 on_picture(k + 1, count)
     return path
@@ -107,8 +112,8 @@ class _Pictures:
         picture: Image = np.full((self._size[1], self._size[0], 3), bgr(PAPER), dtype=np.uint8)
         for shown, (x, y, width, height) in self._rooms.items():
             part = _fitted(self._frame(shown, now_ns), width, height)
-            left = x + (width - part.shape[1]) // 2
-            picture[y : y + part.shape[0], left : left + part.shape[1]] = part
+            top = y + (height - part.shape[0]) // 2
+            picture[top : top + part.shape[0], x : x + width] = part
         return picture
 
     def _frame(self, shown: Shown, now_ns: int) -> AnnotatedFrame:
