@@ -60,7 +60,10 @@ def film(
                 bar.add_task(str(run), total=total)
             bar.update(bar.task_ids[0], completed=done)
 
-        write_film(log, file, SHOWN[show], size=pixels, speed=speed, on_picture=show_picture)
+        shown = SHOWN[show]
+        if len(shown) > 1 and log.header.scene.cameras.overhead is None:
+            shown = tuple(each for each in shown if each != "overhead")  # all that there is
+        write_film(log, file, shown, size=pixels, speed=speed, on_picture=show_picture)
     typer.echo(str(file))
 
 

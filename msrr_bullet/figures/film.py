@@ -96,7 +96,7 @@ class _Pictures:
         self._scene: SceneView | None = None
         if "scene" in shown:
             _, _, width, height = self._rooms["scene"]
-            legend = SceneView.legend_of(annotator.context.scene) if width >= _WIDE else ()
+            legend = SceneView.legend_of(annotator.context) if width >= _WIDE else ()
             room = _room_for_image(width, height, SceneView.LINES, legend)
             self._scene = SceneView(annotator.context, annotator.trial, *room)
         exposures = read_exposures(log) if set(shown) != {"scene"} else ()

@@ -41,7 +41,6 @@ from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import seconds
-from msrr_scenes.specs.scene import Scene
 
 #: Horizontal field of view of the camera [rad], and share of the picture that is left free at each edge.
 HFOV, MARGIN = math.radians(32.0), 0.06
@@ -60,6 +59,8 @@ _LEGEND = (
     Key(SIGHT, "line of sight"),
     Key(CLEARANCE, "smallest clearance"),
 )
+#: Legend of a recording, of which nobody knows the truth.
+_RECORDING_LEGEND = (Key(BELIEF, "where the robot believes to be, and its way"), Key(SIGHT, "line of sight"))
 _MISSION_LEGEND = (
     Key(DARK, "way of a unit, truth"),
     Key(DARK, "its route, thick as far as it is granted", dashed=True),
@@ -99,9 +100,11 @@ class SceneView:
         self._ends: dict[str, Array] = {}  # of the ways that are drawn, (2,) in W [m]
 
     @staticmethod
-    def legend_of(scene: Scene) -> tuple[Key, ...]:
-        """Return the legend of the pictures of a scene."""
-        return _MISSION_LEGEND if scene.coordinated else _LEGEND
+    def legend_of(context: DrawingContext) -> tuple[Key, ...]:
+        """Return the legend of the pictures of a run."""
+        if context.seed is None:
+            return _RECORDING_LEGEND
+        return _MISSION_LEGEND if context.scene.coordinated else _LEGEND
 
     def _extent(self, snapshots: Sequence[Snapshot]) -> Array:
         """Return the corners of boxes around all bodies at some instants, shape (N, 3) in W [m]."""
@@ -134,7 +137,7 @@ class SceneView:
         origin = "recording" if context.seed is None else f"seed {context.seed}"
         title = f"{context.scene.name}, {origin}    {seconds(stamp_ns):.2f} s"
         lines = title, state_text(context, snapshot)
-        return AnnotatedFrame(canvas.image, lines, title, self.legend_of(context.scene))
+        return AnnotatedFrame(canvas.image, lines, title, self.legend_of(context))
 
     def _extend_ways(self, stamp_ns: int) -> None:
         """Draw on the ground what has been driven since the last picture."""
@@ -151,7 +154,8 @@ class SceneView:
                 continue
             end = self._ends.setdefault(unit, X_WU.translation)
             if math.dist(end, X_WU.translation) >= STEP_M:
-                colour = self._context.colours[unit] if led else PATH
+                driven = BELIEF if self._context.seed is None else PATH
+                colour = self._context.colours[unit] if led else driven
                 points = on_floor([end, X_WU.translation], FLOOR_Z)
                 draw_line(self._ground, self.perspective, points, colour, 3)
                 self._ends[unit] = X_WU.translation

@@ -99,7 +99,7 @@ def test_what_cannot_be_filmed_is_refused(short_log, blind_run, tmp_path, capsys
 
 
 def test_the_command_films_a_run_that_has_no_pixels(blind_run, capsys):
-    assert run(["film", str(blind_run), "--size", "320x240", "--speed", "40"]) == 0
+    assert run(["film", str(blind_run), "--show", "all", "--size", "320x240", "--speed", "40"]) == 0
     assert len(pictures_of(blind_run / "film.mp4")[1]) > 3
     assert "film.mp4" in capsys.readouterr().out
 
