@@ -110,11 +110,11 @@ class SceneView:
         """Return the corners of boxes around all bodies at some instants, shape (N, 3) in W [m]."""
         places = {(name, X.x, X.y) for s in snapshots for name, X in (*s.shown.items(), *s.obstacles.items())}
         corners = [(i, j, k) for i in (-1.0, 1.0) for j in (-1.0, 1.0) for k in (0.0, 1.0)]
-        boxes = []
-        for name, x, y in places:
-            radius = float(np.linalg.norm(self._context.solids[name].points[:, :2], axis=1).max())
-            boxes.append([x, y, 0.0] + np.array(corners) * [radius, radius, self._heights[name]])
-        return np.concatenate(boxes)
+        boxes = {}
+        for name, solids in self._context.solids.items():
+            radius = float(np.linalg.norm(solids.points[:, :2], axis=1).max())
+            boxes[name] = np.array(corners) * [radius, radius, self._heights[name]]
+        return np.concatenate([[x, y, 0.0] + boxes[name] for name, x, y in places])
 
     def draw(self, stamp_ns: int) -> AnnotatedFrame:
         """Return the picture of an instant, which is not before that of the last call."""
