@@ -34,16 +34,17 @@ def test_a_film_lasts_as_long_as_its_run_at_its_speed(short_log, trial, tmp_path
     shown = ("scene", "overhead", "onboard")
     done = []
     path = write_film(
-        short_log, tmp_path / "film.mp4", shown, size=SMALL, speed=20.0, on_picture=lambda *n: done.append(n)
+        short_log, tmp_path / "film.mp4", shown, size=SMALL, speed=50.0, on_picture=lambda *n: done.append(n)
     )
     rate, pictures = pictures_of(path)
     assert rate == 25.0
-    assert len(pictures) == math.ceil(trial.end_ns / NS_PER_S * 25.0 / 20.0) + 25  # a second more
+    assert len(pictures) == math.ceil(trial.end_ns / NS_PER_S * 25.0 / 50.0) + 25  # a second more
     assert done == [(i + 1, len(pictures)) for i in range(len(pictures))]
     assert pictures[0].shape == (SMALL[1], SMALL[0], 3)
-    assert np.abs(pictures[-1].astype(int) - pictures[-24]).max() < 40, "the last instant stays"
+    held, change = (np.abs(pictures[-1].astype(int) - pictures[i]) for i in (-12, 2))
+    assert held.mean() < 0.2 * change.mean(), "the last instant stays, but for what the compression loses"
     # Something moves in each of the three parts.
-    moved = (np.abs(pictures[-1].astype(int) - pictures[2]) > 60).any(axis=2)
+    moved = (change > 60).any(axis=2)
     width = SMALL[0] - SMALL[0] // 3
     for part in (moved[:, :width], moved[: SMALL[1] // 2, width:], moved[SMALL[1] // 2 :, width:]):
         assert part.sum() > 20

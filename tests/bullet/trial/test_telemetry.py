@@ -171,7 +171,7 @@ class WatchingViewer(KeepingViewer):
 
 
 def test_images_for_a_viewer_change_no_bit_of_a_trial(shipped: Load, tmp_path: Path) -> None:
-    scene = shipped("two_units", {"plant": "unicycle", "time_limit_s": "0.6"})
+    scene = shipped("two_units", {"plant": "unicycle", "time_limit_s": "0.4"})
     watching = WatchingViewer(scene, 2)
     for name, viewer in (("watched", watching), ("alone", None)):
         with McapRecorder(tmp_path / name, LogHeader.of(scene, 2, {})) as recorder:
