@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib.util
 import json
+import sysconfig
 from functools import lru_cache
 from pathlib import Path
 
@@ -18,16 +20,57 @@ _PACKAGES = ("msrr_scenes", "msrr_perception", "msrr_control", "msrr_bullet")
 def code_fingerprint(scene: Scene) -> str:
     """Return a digest of the code that a trial of ``scene`` runs.
 
-    It covers the versions of the packages that can change a bit, every source file of this project, and the
-    file of each implementation that the scene names by import path (not what that file imports in turn).
+    It covers the versions of the packages that can change a bit, every source file of this project, and of
+    each implementation that the scene names by import path its file with those that it imports from the same
+    folder, or from the same package if it is installed.
     """
     digest = hashlib.blake2b(digest_size=12)
     digest.update(_own_code())
     for module in sorted({c.name.partition(":")[0] for c in choices(scene) if is_import_path(c)}):
-        file = _module_file(module)
         digest.update(module.encode())
-        digest.update(file.read_bytes() if file is not None else b"")
+        for file in _files_of(module):
+            digest.update(file.read_bytes())
     return digest.hexdigest()
+
+
+def _files_of(module: str) -> list[Path]:
+    """Return the file of a module and those of its own kind that it imports, directly or not."""
+    file = _module_file(module)
+    if file is None:
+        return []
+    root = file.parents[module.count(".") + (file.name == "__init__.py")]
+    package = module.partition(".")[0]
+    installed = str(root) in (sysconfig.get_path("purelib"), sysconfig.get_path("platlib"))
+    found: set[Path] = set()
+    waiting = {module}
+    while waiting:
+        name = waiting.pop()
+        top = name.partition(".")[0]
+        path = root.joinpath(*name.split("."))
+        source = next((f for f in (path.with_suffix(".py"), path / "__init__.py") if f.is_file()), None)
+        if source is None or source in found or top in _PACKAGES or (installed and top != package):
+            continue
+        found.add(source)
+        waiting |= _imports(source, name if source.name == "__init__.py" else name.rpartition(".")[0])
+    return sorted(found)
+
+
+def _imports(source: Path, package: str) -> set[str]:
+    """Return the modules that a file of a package may import, with the packages around them."""
+    try:
+        nodes = list(ast.walk(ast.parse(source.read_bytes())))
+    except (SyntaxError, ValueError):
+        return set()  # building the trial reports the mistake
+    names: set[str] = set()
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            around = package.split(".") if node.level else []
+            base = [*around[: len(around) - node.level + 1], *filter(None, [node.module])]
+            names |= {".".join([*base, alias.name]) for alias in node.names} | {".".join(base)}
+    parts = [name.split(".") for name in names if name]
+    return {".".join(p[: i + 1]) for p in parts for i in range(len(p))}
 
 
 @lru_cache(maxsize=1)

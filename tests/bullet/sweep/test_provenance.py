@@ -17,3 +17,31 @@ def test_the_code_of_an_own_controller_counts(tmp_path: Path, monkeypatch: pytes
     assert code_fingerprint(scene) == before
     module.write_text("class Law: gain = 2\n")
     assert code_fingerprint(scene) != before
+
+
+def test_what_it_imports_from_its_folder_counts_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = {
+        "gains.py": "GAIN = 1\n",
+        "laws/__init__.py": "",
+        "laws/base.py": "import numpy\nfrom . import limits\nfrom .deep.table import ROWS\n",
+        "laws/limits.py": "LIMIT = 1\n",
+        "laws/deep/__init__.py": "",
+        "laws/deep/table.py": "import gains, no_such_module\nROWS = ()\n",
+        "laws/own.py": "from laws import base\nclass Law: ...\n",
+        "laws/unused.py": "",
+        "numpy.py": "raise RuntimeError('never run: it only stands in the folder')\n",
+        "unused.py": "",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    scene = load_scene("close_range", {"control.docking": "laws.own:Law"})
+    for name, text in files.items():
+        before = code_fingerprint(scene)
+        (tmp_path / name).write_text(text + "# changed\n")
+        assert (code_fingerprint(scene) != before) is ("unused" not in name), name
+    (tmp_path / "gains.py").write_text("GAIN = (\n")
+    assert code_fingerprint(scene) == code_fingerprint(scene)  # the trial reports the mistake
