@@ -201,7 +201,7 @@ def sweep(
                 )
             elif outcome.docked:
                 succeeded += 1
-            elif not stored:
+            else:
                 bar.console.print(
                     f"seed {outcome.seed}: {outcome.outcome.value}, {outcome.reason}",
                     highlight=False,

@@ -33,6 +33,22 @@ class TrialFailure(BaseModel):
     stopped: bool = False
 
 
+class Unsuccessful(BaseModel):
+    """A trial that ended otherwise than ``docked`` or, for missions, ``complete``.
+
+    Attributes:
+        seed: Seed of the trial.
+        outcome: How it ended.
+        reason: Why, in words.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    seed: int
+    outcome: Outcome
+    reason: str
+
+
 class StepFigures(BaseModel):
     """Figures of one step over the trials that began it, or of many steps, each of which counts as a trial.
 
@@ -124,6 +140,7 @@ class SweepSummary(BaseModel):
         steps: Summary of every step of the plan, in order; empty for missions.
         mission: Summary of the missions; None without a base station.
         reused: Number of trials taken from the store.
+        unsuccessful: Trials that ended otherwise than ``docked`` or ``complete``, by seed.
         failures: Trials without a result.
         interrupted: Whether the sweep was stopped before all seeds were run.
     """
@@ -145,6 +162,7 @@ class SweepSummary(BaseModel):
     steps: tuple[StepSummary, ...]
     mission: MissionSummary | None = None
     reused: int = 0
+    unsuccessful: tuple[Unsuccessful, ...] = ()
     failures: tuple[TrialFailure, ...] = ()
     interrupted: bool = False
 
@@ -223,6 +241,11 @@ def summarise(
         ),
         mission=_summarise_missions(trials) if scene.coordinated else None,
         reused=reused,
+        unsuccessful=tuple(
+            Unsuccessful(seed=r.seed, outcome=r.outcome, reason=r.reason)
+            for r in sorted(trials, key=lambda r: r.seed)
+            if not r.docked
+        ),
         failures=tuple(sorted(failures, key=lambda f: f.seed)),
         interrupted=interrupted,
     )

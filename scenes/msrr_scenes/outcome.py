@@ -37,7 +37,8 @@ class Outcome(Enum):
     BLOCKED = "blocked"
     """The robot found no free path to the target and stopped where it was safe."""
     COLLISION = "collision"
-    """Bodies other than the docking pair touched."""
+    """Two bodies touched otherwise than the pins of a docking unit and its port. A docking unit that hits its
+    target beside the port counts, too."""
     CLEARANCE_VIOLATED = "clearance_violated"
     """Bodies came closer than the scene allows."""
     LEFT_ARENA = "left_arena"

@@ -26,6 +26,9 @@ def test_the_numbers(scene: Scene, made_up: TrialFunction) -> None:
     assert summary.min_clearance_m == step.min_clearance_m == pytest.approx(0.11)
     assert summary.false_docks == 2
     assert summary.redraws == sum(seed % 3 for seed in range(20))
+    assert [(u.seed, u.outcome, u.reason) for u in summary.unsuccessful] == [
+        (seed, Outcome.FALSE_DOCK, "made up") for seed in (9, 19)
+    ]
     assert not summary.failures
     assert not summary.interrupted
 
