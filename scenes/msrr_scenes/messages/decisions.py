@@ -118,8 +118,8 @@ class Phase(Enum):
     ASSEMBLE = "assemble"
     """The long distance: the unit drives to a place in front of the port."""
     HAND_OVER = "hand_over"
-    """The unit looks for the port with its own camera. It comes nearer at a creep while it sees the port and is
-    not certain where, and turns to both sides while it sees nothing."""
+    """The unit looks for the port with its own camera. It comes nearer at a creep while it sees the port and
+    is not certain where, and turns to both sides while it sees nothing."""
     CALIBRATE = "calibrate"
     """The unit drives in front of the port to find out the errors of its camera and wheels."""
     DOCK = "dock"
