@@ -22,10 +22,10 @@ from msrr_perception.detection.detector import scene_detector
 from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_perception.estimation.arena_tracker import ArenaTracker
 from msrr_perception.estimation.body_track import Sightings
-from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.problems import dotted
-from msrr_scenes.messages import Detections, Exposure, Fetch, GlobalPose
+from msrr_scenes.messages import OVERHEAD, Detections, Exposure, Fetch, GlobalPose
 from msrr_scenes.messages.coordination import Authority, MissionState, MissionStatus, UnitReport, UnitState
 from msrr_scenes.specs.scene import Scene
 

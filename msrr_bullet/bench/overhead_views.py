@@ -18,14 +18,14 @@ from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_perception.pose.global_pose import GlobalLocalizer
-from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import NS_PER_S, Detections, GlobalPose
+from msrr_scenes.messages import NS_PER_S, OVERHEAD, Detections, GlobalPose
 from msrr_scenes.placement.placement import Placement, draw_placement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene

@@ -29,7 +29,7 @@ from msrr_bullet.cli import (
 )
 from msrr_bullet.cli.console import open_console
 from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, report_error
-from msrr_bullet.cli.options import Overrides, parse_overrides
+from msrr_bullet.cli.options import Overrides, naming_overrides, parse_overrides
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.loading.file_schema import KINDS, file_schema
 from msrr_scenes.loading.load import load_scene, scene_hash, shipped_scenes
@@ -109,11 +109,12 @@ def check(
     load_simulator()
     from msrr_bullet.trial.check import check_trial
 
-    code = 0
+    code, given = 0, parse_overrides(overrides)
     for file in files:
         try:
-            loaded = load_scene(file, parse_overrides(overrides))
-            check_trial(loaded)
+            with naming_overrides(given):
+                loaded = load_scene(file, given)
+                check_trial(loaded)
         except MsrrError as error:
             code = report_error(str(error), BAD_INPUT)
             continue

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -101,6 +102,18 @@ def parse_overrides(pairs: Sequence[str] | None) -> dict[str, str]:
             raise SceneError(f"--set {pair}: {key} is already set to {overrides[key]!r}; give it once")
         overrides[key] = value
     return overrides
+
+
+@contextmanager
+def naming_overrides(overrides: Mapping[str, str]) -> Iterator[None]:
+    """Let the errors of a scene that do not say so name the values that were set for this run."""
+    try:
+        yield
+    except SceneError as error:
+        if not overrides or "--set" in str(error):
+            raise
+        given = " ".join(f"--set {key}={value}" for key, value in overrides.items())
+        raise SceneError(f"with {given}: {error}") from error
 
 
 def parse_seeds(text: str) -> Sequence[int]:

@@ -20,7 +20,15 @@ from msrr_bullet.timeline.palette import DETECTION, OBSTACLE, PATH, unit_colours
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid
-from msrr_scenes.messages import AssemblyPath, Detections, Exposure, PoseEstimate, TagDetection
+from msrr_scenes.messages import (
+    OVERHEAD,
+    AssemblyPath,
+    Detections,
+    Exposure,
+    PoseEstimate,
+    TagDetection,
+    onboard_camera,
+)
 from msrr_scenes.specs.bodies import CylinderSpec
 from msrr_scenes.specs.scene import Scene
 
@@ -133,7 +141,7 @@ def _layout(scene: Scene) -> Any:
         contents=["/tf", "/bodies/**", "/paths/**"],
         spatial_information=rrb.SpatialInformation(target_frame=WORLD),
     )
-    cameras = [f"{unit}/onboard", *(["overhead"] if scene.cameras.overhead else [])]
+    cameras = [onboard_camera(unit), *([OVERHEAD] if scene.cameras.overhead else [])]
     images = [rrb.Spatial2DView(origin=image(camera), name=camera) for camera in cameras]
     curves = rrb.TimeSeriesView(origin="/curves", name="Estimates [mm, deg]")
     events = rrb.TextLogView(origin="/log", name="Events")

@@ -19,11 +19,10 @@ from msrr_bullet.timeline.palette import DETECTION, GRID, WINDOW, unit_colours
 from msrr_bullet.timeline.routes import Routes
 from msrr_bullet.timeline.series import port_in_dock
 from msrr_bullet.timeline.snapshot import Snapshot, phase_name
-from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.as_built import AsBuilt, as_drawn, draw_as_built
 from msrr_scenes.geometry.lens import frame_outline
-from msrr_scenes.messages import Phase, seconds
+from msrr_scenes.messages import OVERHEAD, Phase, carrier_of, seconds
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
@@ -124,7 +123,7 @@ def draw_frame(
     camera = view.camera
     canvas = Canvas(camera.width, camera.height, max(1, WIDTH // camera.width), GRID)
     poses = {**snapshot.units, **snapshot.obstacles}
-    own = None if view.exposure.camera == OVERHEAD else view.exposure.camera.partition("/")[0]
+    own = carrier_of(view.exposure.camera)
     draw_scene(canvas, perspective, context.scene.arena, context.solids, poses, own)
     frame, read = view.mosaic()
     canvas.paste(frame, read)

@@ -17,8 +17,7 @@ from msrr_bullet.figures.frame_files import FrameAnnotator
 from msrr_bullet.figures.scene_view import SceneView
 from msrr_bullet.log.reader import Log
 from msrr_bullet.timeline.camera_views import CameraView, read_camera_views, read_exposures
-from msrr_perception.pose.overhead_model import OVERHEAD
-from msrr_scenes.messages import NS_PER_S
+from msrr_scenes.messages import NS_PER_S, OVERHEAD
 
 #: What a film shows: the scene from beside and above, the overhead camera, the camera of the unit that docks.
 Shown = Literal["scene", "overhead", "onboard"]

@@ -18,16 +18,14 @@ from msrr_bullet.log.reader import Log
 from msrr_bullet.timeline.camera_views import (
     CameraView,
     evenly_spaced,
-    lens_of,
     read_camera_views,
     read_exposures,
 )
 from msrr_bullet.timeline.interpolation import SnapshotInterpolator
 from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.snapshot import Snapshot
-from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.messages import NS_PER_S, Exposure
+from msrr_scenes.messages import NS_PER_S, OVERHEAD, Exposure, onboard_camera
 
 CameraChoice = Literal["overhead", "onboard", "both"]
 
@@ -75,7 +73,7 @@ class FrameAnnotator:
             stamp_ns: Time of the frame.
         """
         exposure = Exposure(camera, -1, stamp_ns)
-        return self.draw(CameraView(exposure, lens_of(self.context.scene, camera)))
+        return self.draw(CameraView(exposure, self.context.scene.lenses[camera]))
 
     def draw_latest(self, camera: str, latest: CameraView | None, now_ns: int) -> AnnotatedFrame:
         """Annotate the last frame of a camera, or its view without pixels when the next frame is overdue.
@@ -95,7 +93,7 @@ class FrameAnnotator:
         """Return the camera that a film shows at a time."""
         step = self.trial.at(stamp_ns).watched
         unit = next(iter(self.context.scene.units)) if step is None else step.unit
-        return f"{unit}/onboard"
+        return onboard_camera(unit)
 
 
 def draw_view(context: DrawingContext, view: CameraView, trial: SnapshotInterpolator) -> AnnotatedFrame:

@@ -24,7 +24,7 @@ from msrr_bullet.timeline.snapshot_builder import target_frame
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import LosObservation, LosStatus
+from msrr_scenes.messages import LosObservation, LosStatus, carrier_of
 
 _LEGEND = (
     READ_KEY,
@@ -45,7 +45,7 @@ def draw_onboard(context: DrawingContext, view: CameraView, snapshot: Snapshot) 
         view: Frame as far as it was read.
         snapshot: Trial at the time of exposure.
     """
-    unit = view.exposure.camera.partition("/")[0]
+    unit = carrier_of(view.exposure.camera) or ""
     snapshot = snapshot.of_unit(unit)
     scene, step = context.scene, snapshot.step
     perspective = Perspective.onboard(scene, context.built, unit, snapshot.shown.get(unit, SE2()))

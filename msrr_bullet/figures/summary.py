@@ -20,7 +20,7 @@ from msrr_bullet.timeline.palette import DETECTION, css
 from msrr_bullet.timeline.series import TrialSeries
 from msrr_bullet.timeline.snapshot import Snapshot, of_unit, unit_of_curves
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.messages import seconds
+from msrr_scenes.messages import carrier_of, seconds
 from msrr_scenes.specs.scene import Scene
 
 #: Width [in] and resolution [1/in] of the picture. Its height depends on the extent of the trial.
@@ -109,6 +109,6 @@ def _draw_onboard(axes: Axes, view: CameraView, start_ns: int) -> None:
         x, y = (float(a) for a in tag.corners.mean(axis=0))
         axes.annotate(str(tag.tag_id), (x, y), color=css(DETECTION), fontsize=7, ha="center")
     time = seconds(view.stamp_ns - start_ns)
-    unit = view.exposure.camera.partition("/")[0]
+    unit = carrier_of(view.exposure.camera) or ""
     axes.set_title(f"onboard {unit}, {time:.2f} s, tags found: {len(view.tags)}", fontsize=8)
     axes.set_axis_off()

@@ -27,7 +27,6 @@ from msrr_bullet.log.records import Event, FrameLinks, StartPoses, TruePose
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.coordination.track import track_of
 from msrr_scenes.arrays import Array
-from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -39,6 +38,7 @@ from msrr_scenes.messages import (
     LosStatus,
     PoseEstimate,
     WheelOdometry,
+    carrier_of,
 )
 from msrr_scenes.messages.coordination import Authority
 from msrr_scenes.specs.bodies import CylinderSpec
@@ -61,9 +61,6 @@ class Shown(Protocol):
 #: A message with its topic and its time [ns].
 Display = tuple[str, int, Shown]
 
-#: Name of the overhead camera in exposures, and the end of the names of onboard cameras.
-_OVERHEAD, _ONBOARD = "overhead", "/onboard"
-
 #: Least time between two of what would otherwise come at every reading [ns].
 _EVERY_NS = 100_000_000
 
@@ -81,21 +78,12 @@ _LIFT_M, _ELLIPSE = 0.003, 32
 _ELLIPSE_SIGMAS = math.sqrt(-2.0 * math.log(0.05))
 
 
-def cameras(scene: Scene) -> dict[str, Lens]:
-    """Return the cameras of a scene by their names in exposures, with the lens that robots are told of."""
-    driving = [unit for unit in scene.units if scene.geometry(unit).drives]
-    lenses = {f"{unit}{_ONBOARD}": scene.cameras.onboard.lens for unit in driving}
-    if scene.cameras.overhead is not None:
-        lenses[_OVERHEAD] = scene.cameras.overhead.lens
-    return lenses
-
-
 class DisplayMessages:
     """Derives the messages for clients from the exact messages of one trial, which it gets in their order."""
 
     def __init__(self, scene: Scene) -> None:
         """Set up for the trial of a scene."""
-        self._scene, self._cameras = scene, cameras(scene)
+        self._scene, self._cameras = scene, scene.lenses
         self._waiting: dict[str, SE2] = {}  # obstacles that have not appeared
         self._sight: dict[str, LosObservation] = {}
         self._routes: dict[str, int] = {}
@@ -194,14 +182,15 @@ class DisplayMessages:
             line, label = foxglove.loop(at_ns, detected.corners, tag, str(detected.tag_id))
             points.append(line)
             texts += label
-        if camera.endswith(_ONBOARD):
-            points += self._sight_lines(camera, at_ns)
+        unit = carrier_of(camera)
+        if unit is not None:
+            points += self._sight_lines(unit, camera, at_ns)
         annotations = ImageAnnotations(timestamp=foxglove.timestamp(at_ns), points=points, texts=texts)
         yield topics.image_annotations(camera), stamp_ns, annotations
 
-    def _sight_lines(self, camera: str, stamp_ns: int) -> list[PointsAnnotation]:
+    def _sight_lines(self, unit: str, camera: str, stamp_ns: int) -> list[PointsAnnotation]:
         """Return the edges of the target as the robot knows them, as upright lines in the image."""
-        los, lens = self._sight.get(camera.removesuffix(_ONBOARD)), self._cameras[camera]
+        los, lens = self._sight.get(unit), self._cameras[camera]
         if los is None or los.status not in _SIGHT:
             return []
         shade, ideal, lines = foxglove.colour(_SIGHT[los.status]), lens.camera, []

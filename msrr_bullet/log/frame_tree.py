@@ -9,6 +9,7 @@ import numpy as np
 from msrr_bullet.log.records import FrameLink, FrameLinks, StepStart
 from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
+from msrr_scenes.messages import OVERHEAD, onboard_camera
 from msrr_scenes.specs.scene import Scene
 
 WORLD = "world"
@@ -31,13 +32,13 @@ def scene_frames(scene: Scene) -> FrameLinks:
         for port in geometry.ports:
             links.append(FrameLink(unit, f"{unit}.{port}", SE3.from_se2(geometry.dock_frame(port))))
         if geometry.drives:
-            links.append(FrameLink(unit, f"{unit}/onboard", optical_pose(geometry.frame("camera"))))
+            links.append(FrameLink(unit, onboard_camera(unit), optical_pose(geometry.frame("camera"))))
     overhead = scene.cameras.overhead
     if overhead is not None:
         # Image right is world x, image down is world -y: half a turn about x.
         down = rotation_from_rpy(math.pi, 0.0, 0.0)
         position = np.array([overhead.x_m, overhead.y_m, overhead.height_m])
-        links.append(FrameLink(WORLD, "overhead", SE3(down, position)))
+        links.append(FrameLink(WORLD, OVERHEAD, SE3(down, position)))
     return FrameLinks(0, tuple(links))
 
 

@@ -23,7 +23,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 from msrr_bullet.log import topics
 from msrr_bullet.log.channel_kind import ChannelKind
 from msrr_bullet.log.codec import LogError, log_name, to_bytes
-from msrr_bullet.log.display import Display, DisplayMessages, Shown, cameras
+from msrr_bullet.log.display import Display, DisplayMessages, Shown
 from msrr_bullet.log.formats import format_named, format_of
 from msrr_bullet.log.foxglove import compressed_image
 from msrr_bullet.log.frame_tree import scene_frames, step_frames
@@ -239,7 +239,7 @@ class _Writer:
         self._composers: dict[str, FrameComposer] = {}
 
     def start(self, header: LogHeader) -> None:
-        self._cameras = cameras(header.scene)
+        self._cameras = header.scene.lenses
         self._mcap.start(profile="", library=LIBRARY)
         self._mcap.add_metadata(METADATA, header.metadata())
         for name, content in header.files.items():

@@ -17,8 +17,7 @@ from msrr_bullet.recordings.recording import (
     RecordingError,
     WheelReading,
 )
-from msrr_perception.pose.overhead_model import OVERHEAD
-from msrr_scenes.messages import Action, Detections, Exposure, Pixels, WheelOdometry
+from msrr_scenes.messages import OVERHEAD, Action, Detections, Exposure, Pixels, WheelOdometry, onboard_camera
 
 
 def open_trial(path: Path, topic: str | None, odometry: bool = True) -> Recording:
@@ -42,7 +41,7 @@ def open_trial(path: Path, topic: str | None, odometry: bool = True) -> Recordin
         text = f"no frames on {topic}" if topic else "which camera is meant is not said"
         raise RecordingError(f"{log.path}: {text}; --topic is one of {', '.join(known) or '(none)'}")
     unit = topics.unit_of(topic)
-    camera = f"{unit}/onboard"
+    camera = onboard_camera(unit)
     frame = log.header.scene.cameras.onboard.lens.camera.frame
     for _, first in log.messages(CameraWindow, topics.window(camera)):
         if first.window != frame:
@@ -55,7 +54,7 @@ def open_trial(path: Path, topic: str | None, odometry: bool = True) -> Recordin
 
 
 def _items(log: Log, unit: str, odometry: bool) -> Iterator[Item]:
-    camera = f"{unit}/onboard"
+    camera = onboard_camera(unit)
     detections = log.messages(Detections, topics.sensor(unit, Detections(Exposure("", 0, 0), (), ())))
     arrivals = {m.exposure: stamp for stamp, m in detections if m.exposure.camera == camera}
     wheels = topics.sensor(unit, WheelOdometry(unit, 0, 0.0, 0.0))

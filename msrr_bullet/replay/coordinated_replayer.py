@@ -12,9 +12,8 @@ from msrr_bullet.replay.comparison import Diverged, encoded
 from msrr_bullet.replay.replayer import ReplayedRobot, Replayer
 from msrr_bullet.robot.fail_safe import led_robot
 from msrr_bullet.robot.interface import CameraReader
-from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.errors import ProgramFailedError
-from msrr_scenes.messages import Detections, Exposure, GlobalPose, SensorMessage
+from msrr_scenes.messages import OVERHEAD, Detections, Exposure, GlobalPose, SensorMessage
 from msrr_scenes.messages.coordination import Authority, MissionStatus, UnitReport
 from msrr_scenes.specs.scene import Scene
 

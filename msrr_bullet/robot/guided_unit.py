@@ -14,8 +14,8 @@ from msrr_control.staging.registry import build_guided
 from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.estimation.body_track import Sightings
 from msrr_perception.estimation.knowledge import CalibrationMemory
-from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.messages import (
+    OVERHEAD,
     Action,
     ArenaEstimate,
     AssemblyPath,

@@ -6,10 +6,11 @@ from msrr_perception.detection.detector import Detector
 from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_perception.estimation.body_track import Sightings
 from msrr_perception.estimation.global_estimator import GlobalEstimator
-from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
+    OVERHEAD,
     ArenaEstimate,
     Detections,
     Exposure,

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from msrr_bullet.simulation.simulation import camera_pose, overhead_camera_pose
 from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
 from msrr_perception.pose.joint_pose import joint_pose
-from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import AsBuilt, BuiltCamera
@@ -20,7 +20,7 @@ from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
-from msrr_scenes.messages import Detections, Exposure, TagDetection
+from msrr_scenes.messages import OVERHEAD, Detections, Exposure, TagDetection
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 

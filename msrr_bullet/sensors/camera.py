@@ -57,7 +57,7 @@ class Camera:
         """Set up a camera.
 
         Args:
-            name: ``overhead`` or ``<unit>/onboard``.
+            name: Name of the camera, as in :class:`~msrr_scenes.messages.Exposure`.
             spec: Optics, noise, blur and dropout of the camera.
             renderer: Renders the noise-free pixels; an :class:`ExposureRenderer` if the lens distorts, or if
                 ``motion`` is given and the shutter takes time.

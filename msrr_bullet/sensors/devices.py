@@ -20,13 +20,13 @@ from msrr_bullet.sensors.parametric_cameras import ParametricOnboardCamera, Para
 from msrr_bullet.sensors.radio import Radio
 from msrr_bullet.sensors.wheel_encoders import WheelEncoders
 from msrr_bullet.simulation.simulation import Simulation, camera_pose, overhead_camera_pose
-from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.as_built import BuiltCamera
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import Pixels
+from msrr_scenes.messages import OVERHEAD, Pixels, onboard_camera
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.mission import RadioSpec
 from msrr_scenes.specs.plan import DockStep
@@ -94,7 +94,7 @@ class Devices:
         built = self._simulation.built
         X_UC = optical_pose(camera_pose(scene, built, unit))
         camera = self._camera(
-            f"{unit}/onboard",
+            onboard_camera(unit),
             scene.cameras.onboard,
             built.units[unit].camera,
             lambda: plant.pose3(unit) @ X_UC,
@@ -117,7 +117,7 @@ class Devices:
 
     def _parametric_onboard(self, step: DockStep, X_DU: Callable[[], SE2]) -> CameraSensor:
         scene, built = self._simulation.scene, self._simulation.built
-        name, spec = f"{step.unit}/onboard", scene.cameras.onboard
+        name, spec = onboard_camera(step.unit), scene.cameras.onboard
         return ParametricOnboardCamera(
             scene,
             step,

@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from msrr_perception.pose.global_pose import FlatTag, fit_se2, rays_to_plane
-from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Detections, TagDetection, seconds
+from msrr_scenes.messages import OVERHEAD, Detections, TagDetection, seconds
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.sensors import LocalisationErrorSpec
 

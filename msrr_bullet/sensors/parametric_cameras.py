@@ -15,9 +15,15 @@ from msrr_bullet.robot.interface import CameraReader
 from msrr_bullet.sensors.calibrated_sight import Bearings, OnboardSight, OverheadSight
 from msrr_bullet.sensors.frame_dropout import FrameDropout
 from msrr_bullet.sensors.frame_timing import FrameTiming
-from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Exposure, GlobalPose, PoseMeasurement, SensorMessage
+from msrr_scenes.messages import (
+    OVERHEAD,
+    Exposure,
+    GlobalPose,
+    PoseMeasurement,
+    SensorMessage,
+    onboard_camera,
+)
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.plan import DockStep, LosSpec
 from msrr_scenes.specs.scene import Scene
@@ -52,7 +58,7 @@ class ParametricOnboardCamera:
             timing: Clock and latency of this camera.
             sight: What the robot makes of what was built; None if all is as drawn.
         """
-        self.name = f"{step.unit}/onboard"
+        self.name = onboard_camera(step.unit)
         self.spec: CameraSpec = scene.cameras.onboard
         self._los = scene.los
         self._X_DU = X_DU

@@ -20,6 +20,7 @@ from msrr_scenes.messages import (
     PoseMeasurement,
     SeatSwitches,
     SensorMessage,
+    onboard_camera,
 )
 from msrr_scenes.specs.faults import SeatSwitchStuck
 from msrr_scenes.specs.plan import DockStep
@@ -81,7 +82,7 @@ class SensorSuite:
         self._encoders = encoders
         self._encoder_timer = Periodic(scene.odometry.rate_hz, now_ns)
         self._cameras = [MountedCamera(camera, now_ns) for camera in cameras]
-        self._onboard = f"{unit}/onboard"
+        self._onboard = onboard_camera(unit)
         target = None if step is None else step.target_unit
         self._target_tags = frozenset(() if target is None else scene.tag_ids(target).values())
         self._profiler = profiler

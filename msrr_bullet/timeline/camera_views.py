@@ -13,11 +13,18 @@ from numpy.typing import NDArray
 
 from msrr_bullet.log.reader import Log
 from msrr_bullet.log.records import CameraWindow
-from msrr_perception.pose.overhead_model import OVERHEAD
-from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
-from msrr_scenes.messages import Action, Detections, Exposure, Localisation, Phase, Pixels, TagDetection
+from msrr_scenes.messages import (
+    OVERHEAD,
+    Action,
+    Detections,
+    Exposure,
+    Localisation,
+    Phase,
+    Pixels,
+    TagDetection,
+)
 from msrr_scenes.specs.scene import Scene
 
 #: Grey level of pixels that perception did not read.
@@ -90,7 +97,7 @@ class CameraViewCollector:
 
     def __init__(self, scene: Scene) -> None:
         """Begin before the first message of a trial of a scene."""
-        self._scene = scene
+        self._lenses = scene.lenses
         self._windows: dict[Exposure, list[tuple[Window, Pixels]]] = {}
 
     def add_window(self, exposure: Exposure, window: Window, pixels: Pixels) -> None:
@@ -110,7 +117,7 @@ class CameraViewCollector:
             for other, read in self._windows.items()
             if other.camera != exposure.camera or other.stamp_ns > exposure.stamp_ns
         }
-        return CameraView(exposure, lens_of(self._scene, exposure.camera), windows, message.tags)
+        return CameraView(exposure, self._lenses[exposure.camera], windows, message.tags)
 
 
 @lru_cache(maxsize=4)
@@ -120,19 +127,6 @@ def _places(lens: Lens) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     ideal = np.stack([columns, rows], axis=-1)
     places = np.where(lens.shows(ideal)[..., np.newaxis], lens.distorted(ideal), -1.0).astype(np.float32)
     return places[..., 0], places[..., 1]
-
-
-def lens_of(scene: Scene, camera: str) -> Lens:
-    """Return the calibration of a camera by its name in exposures.
-
-    Raises:
-        SceneError: The scene has no overhead camera.
-    """
-    if camera != OVERHEAD:
-        return scene.cameras.onboard.lens
-    if scene.cameras.overhead is None:
-        raise SceneError("cameras.overhead: this scene has no overhead camera")
-    return scene.cameras.overhead.lens
 
 
 def read_exposures(log: Log) -> list[Exposure]:
@@ -145,12 +139,12 @@ def read_camera_views(log: Log, exposures: Collection[Exposure]) -> Iterator[Cam
     exposures = frozenset(exposures)
     # Detections are logged later than the pixels, by the latency.
     tags = {found.exposure: found.tags for found in _detections(log) if found.exposure in exposures}
-    scene = log.header.scene
+    lenses = log.header.scene.lenses
     current: Exposure | None = None
     windows: list[tuple[Window, Pixels]] = []
 
     def view(exposure: Exposure) -> CameraView:
-        return CameraView(exposure, lens_of(scene, exposure.camera), windows, tags.get(exposure, ()))
+        return CameraView(exposure, lenses[exposure.camera], windows, tags.get(exposure, ()))
 
     for record in log.records("/camera/*"):
         if record.kind is Exposure:

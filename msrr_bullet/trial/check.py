@@ -40,7 +40,7 @@ def check_trial(scene: Scene) -> None:
     except ProgramFailedError:
         raise
     except MsrrError as error:
-        raise SceneError(f"{scene.origin}: {error}") from error
+        raise SceneError(f"{scene.source or scene.name}: {error}") from error
 
 
 def _check(scene: Scene) -> None:

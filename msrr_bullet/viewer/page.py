@@ -35,7 +35,7 @@ from msrr_bullet.viewer.commands import Command, viewer_script
 from msrr_bullet.viewer.plots import moving_units
 from msrr_bullet.viewer.readings import HEADINGS, UNIT_READINGS, labels
 from msrr_bullet.viewer.replay_data import camera_data, replay_data
-from msrr_perception.pose.overhead_model import OVERHEAD
+from msrr_scenes.messages import OVERHEAD, onboard_camera
 from msrr_scenes.specs.scene import Scene
 
 _LEGEND = (
@@ -140,4 +140,4 @@ def _docking_units(scene: Scene) -> Sequence[str]:
 def _cameras(scene: Scene) -> list[dict[str, Any]]:
     """Return the cameras of a trial that begins."""
     above = () if scene.cameras.overhead is None else (OVERHEAD,)
-    return [camera_data(name) for name in (*above, *(f"{unit}/onboard" for unit in _docking_units(scene)))]
+    return [camera_data(name) for name in (*above, *(onboard_camera(unit) for unit in _docking_units(scene)))]

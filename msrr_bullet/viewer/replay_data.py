@@ -15,8 +15,7 @@ from msrr_bullet.timeline.snapshot import Snapshot, phase_name
 from msrr_bullet.timeline.still import Still
 from msrr_bullet.viewer.plots import plots_of_run
 from msrr_bullet.viewer.readings import changes, labels, readings, unit_readings
-from msrr_perception.pose.overhead_model import OVERHEAD
-from msrr_scenes.messages import seconds
+from msrr_scenes.messages import OVERHEAD, carrier_of, seconds
 from msrr_scenes.specs.scene import Scene
 
 #: Events of a mission that are marked like errors.
@@ -110,7 +109,7 @@ def camera_data(camera: str, stills: Sequence[Still] = (), start_ns: int = 0) ->
     legend = stills[0].legend if stills else ()
     return {
         "name": camera,
-        "unit": None if camera == OVERHEAD else camera.partition("/")[0],
+        "unit": carrier_of(camera),
         "kind": stills[0].kind if stills else "",
         "times": [seconds(still.stamp_ns - start_ns) for still in stills],
         "images": [base64.b64encode(still.data).decode("ascii") for still in stills],

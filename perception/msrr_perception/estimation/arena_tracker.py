@@ -10,10 +10,10 @@ import numpy as np
 
 from msrr_perception.estimation.body_track import BodyTrack, Motion, SeenPose, Sightings, TrackNoise
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
-from msrr_perception.pose.overhead_model import OVERHEAD, OverheadModel
+from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
-from msrr_scenes.messages import NS_PER_S, Detections, GlobalPose, ObstacleEstimate
+from msrr_scenes.messages import NS_PER_S, OVERHEAD, Detections, GlobalPose, ObstacleEstimate
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 # The trackers of all units in a mission are given the same measurements. Tracks never change, so that what

@@ -24,9 +24,6 @@ from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.tag_families import TAG36H11, TagFamily
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-#: Name of the overhead camera in exposures.
-OVERHEAD = "overhead"
-
 
 @dataclass(frozen=True, eq=False)
 class OverheadModel:

@@ -20,7 +20,7 @@ from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
-from msrr_scenes.messages import Pixels
+from msrr_scenes.messages import Pixels, onboard_camera
 from msrr_scenes.specs.plan import DockStep, LosSpec
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.tag_families import TagFamily
@@ -143,7 +143,7 @@ class TargetModel:
     ) -> TargetModel:
         own, spec = scene.geometry(unit), scene.cameras.onboard
         return cls(
-            camera_name=f"{unit}/onboard",
+            camera_name=onboard_camera(unit),
             lens=spec.lens,
             X_UC=optical_pose(own.frame("camera")),
             corners_D=corners_D,

@@ -24,6 +24,7 @@ from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
+from msrr_scenes.messages import onboard_camera
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.as_built import CameraDeviations, MountDeviations
 from msrr_scenes.specs.deviations import Deviation, FrictionDeviation
@@ -121,7 +122,7 @@ def as_drawn(scene: Scene) -> AsBuilt:
 
 def _unit(scene: Scene, unit: str, draw: _Draw) -> BuiltUnit:
     spec, name, drawn = scene.as_built, f"unit/{unit}", scene.geometry(unit)
-    camera = _camera(scene.cameras.onboard, spec.onboard, f"{name}/onboard", draw)
+    camera = _camera(scene.cameras.onboard, spec.onboard, onboard_camera(name), draw)
     for fault in scene.faults:
         if isinstance(fault, CameraMisaligned) and fault.unit == unit:
             X_BX = SE3.from_se2(SE2(0.0, 0.0, math.radians(fault.yaw_deg)))

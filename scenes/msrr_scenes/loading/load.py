@@ -87,7 +87,6 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, str] = _NONE) -
     _embed_maps(document, path.parent)
     scene = _validate(document, path)
     refuse(document, _contradictions(scene))
-    scene._overrides = tuple(f"{key}={value}" for key, value in overrides.items())
     return scene
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from msrr_scenes.errors import nearest
 from msrr_scenes.loading.assembly_checks import assembly_problems
 from msrr_scenes.loading.problems import KeyPath, Problem
+from msrr_scenes.messages import OVERHEAD, onboard_camera
 from msrr_scenes.placement.placement import split_frame
 from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
 from msrr_scenes.specs.plan import DockStep, PlanStep, UndockStep
@@ -30,8 +31,8 @@ def step_key(step: PlanStep) -> str:
 
 def camera_names(scene: Scene) -> list[str]:
     """Return the names of all cameras: ``overhead`` if there is one, ``<unit>/onboard``."""
-    overhead = ["overhead"] if scene.cameras.overhead else []
-    return overhead + [f"{unit}/onboard" for unit in scene.units]
+    overhead = [OVERHEAD] if scene.cameras.overhead else []
+    return overhead + [onboard_camera(unit) for unit in scene.units]
 
 
 def reference_problems(scene: Scene) -> list[Problem]:

@@ -25,6 +25,7 @@ from msrr_scenes.messages.estimates import (
 )
 from msrr_scenes.messages.sensing import (
     NS_PER_S,
+    OVERHEAD,
     Detections,
     Exposure,
     Fetch,
@@ -38,11 +39,14 @@ from msrr_scenes.messages.sensing import (
     SensorMessage,
     TagDetection,
     WheelOdometry,
+    carrier_of,
+    onboard_camera,
     seconds,
 )
 
 __all__ = [
     "NS_PER_S",
+    "OVERHEAD",
     "Action",
     "ArenaEstimate",
     "AssemblyPath",
@@ -71,5 +75,7 @@ __all__ = [
     "TagDetection",
     "Twist",
     "WheelOdometry",
+    "carrier_of",
+    "onboard_camera",
     "seconds",
 ]

@@ -26,12 +26,28 @@ def seconds(duration_ns: int) -> float:
     return duration_ns / NS_PER_S
 
 
+#: Name of the overhead camera.
+OVERHEAD = "overhead"
+
+_ONBOARD = "/onboard"
+
+
+def onboard_camera(unit: str) -> str:
+    """Return the name of the onboard camera of a unit."""
+    return unit + _ONBOARD
+
+
+def carrier_of(camera: str) -> str | None:
+    """Return the unit that carries a camera; None for the overhead camera."""
+    return camera.removesuffix(_ONBOARD) if camera.endswith(_ONBOARD) else None
+
+
 @dataclass(frozen=True, slots=True)
 class Exposure:
     """One frame of one camera before readout.
 
     Attributes:
-        camera: ``overhead`` or ``<unit>/onboard``.
+        camera: Name of the camera: :data:`OVERHEAD` or that of :func:`onboard_camera`.
         frame: Number of the frame, counted from 0.
         stamp_ns: Time of the exposure by the clock of the camera.
     """

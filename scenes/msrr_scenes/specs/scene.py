@@ -8,12 +8,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, model_validator
 
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
 from msrr_scenes.html import html_table
+from msrr_scenes.messages import OVERHEAD, onboard_camera
 from msrr_scenes.specs.as_built import GRADES, AsBuiltSpec, Grade, graded_odometry, graded_optics
 from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
 from msrr_scenes.specs.faults import Fault
@@ -103,7 +105,6 @@ class Scene(Spec):
     """Deliberate faults."""
     source: Path | None = Field(default=None, exclude=True)
     """File that the scene was read from; set by the program."""
-    _overrides: tuple[str, ...] = PrivateAttr(default=())
 
     @model_validator(mode="before")
     @classmethod
@@ -124,15 +125,17 @@ class Scene(Spec):
         return {**data, "cameras": cameras, "odometry": {**graded_odometry(cast(Grade, grade)), **odometry}}
 
     @property
-    def origin(self) -> str:
-        """File or name of this scene, for messages, and what was set to other values when it was loaded."""
-        changes = "".join(f" --set {change}" for change in self._overrides)
-        return f"{self.source or self.name}{' with' if changes else ''}{changes}"
-
-    @property
     def docks(self) -> tuple[DockStep, ...]:
         """The steps of the plan in which a unit docks."""
         return tuple(step for step in self.plan if isinstance(step, DockStep))
+
+    @property
+    def lenses(self) -> dict[str, Lens]:
+        """Calibration, as everybody is told it, of the cameras that there are, by their names in messages."""
+        lenses = {onboard_camera(u): self.cameras.onboard.lens for u in self.units if self.geometry(u).drives}
+        if self.cameras.overhead is not None:
+            lenses[OVERHEAD] = self.cameras.overhead.lens
+        return lenses
 
     @property
     def holders(self) -> Mapping[str, str]:

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from msrr_bullet.base_station.base_station import BaseStation, knowledge_of
-from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import GlobalPose
+from msrr_scenes.messages import OVERHEAD, GlobalPose
 from msrr_scenes.messages.coordination import MissionState, UnitState
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Choice

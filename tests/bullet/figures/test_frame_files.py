@@ -10,8 +10,7 @@ from msrr_bullet.cli.exit_codes import BAD_INPUT
 from msrr_bullet.figures.frame_files import FramesError, write_frames
 from msrr_bullet.log import read_log
 from msrr_bullet.timeline.camera_views import read_exposures
-from msrr_perception.pose.overhead_model import OVERHEAD
-from msrr_scenes.messages import NS_PER_S
+from msrr_scenes.messages import NS_PER_S, OVERHEAD
 
 
 def test_frames_and_their_sheet_are_written(short_log, tmp_path):

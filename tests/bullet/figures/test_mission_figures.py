@@ -21,11 +21,10 @@ from msrr_bullet.figures.plot import write_plot
 from msrr_bullet.figures.summary import write_picture
 from msrr_bullet.figures.top_view import draw_top_view
 from msrr_bullet.timeline import palette
-from msrr_bullet.timeline.camera_views import CameraView, lens_of
+from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.mission_series import activity_spans
-from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.messages import Exposure
+from msrr_scenes.messages import OVERHEAD, Exposure
 from msrr_scenes.messages.coordination import UnitState
 
 
@@ -50,7 +49,7 @@ def drawn():
 
 def overhead(mission_run, snapshot, past=()):
     scene = mission_run.log.header.scene
-    view = CameraView(Exposure(OVERHEAD, -1, snapshot.stamp_ns), lens_of(scene, OVERHEAD))
+    view = CameraView(Exposure(OVERHEAD, -1, snapshot.stamp_ns), scene.lenses[OVERHEAD])
     return draw_overhead(DrawingContext(scene, 1), view, snapshot, past)
 
 

@@ -11,9 +11,9 @@ from msrr_bullet.figures.overhead_frame import draw_overhead
 from msrr_bullet.figures.perspective import Perspective, scene_solids
 from msrr_bullet.timeline import palette
 from msrr_bullet.timeline.camera_views import CameraView
-from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.messages import OVERHEAD
 
 
 def test_an_overhead_frame_shows_truth_belief_plan_and_detections(count_pixels, views, trial, context):

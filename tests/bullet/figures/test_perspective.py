@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_bullet.figures.perspective import Perspective
-from msrr_perception.pose.overhead_model import OVERHEAD
 from msrr_scenes.as_built import as_drawn
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
+from msrr_scenes.messages import OVERHEAD
 
 
 def perspective(scene, view, snapshot):

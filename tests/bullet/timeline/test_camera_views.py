@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from msrr_bullet.log.records import CameraWindow
 from msrr_bullet.timeline.camera_views import (
@@ -12,17 +11,14 @@ from msrr_bullet.timeline.camera_views import (
     CameraViewCollector,
     docking_views,
     evenly_spaced,
-    lens_of,
     read_camera_views,
     read_exposures,
 )
-from msrr_perception.pose.overhead_model import OVERHEAD
-from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import Exposure
+from msrr_scenes.messages import OVERHEAD, Exposure
 
 
 def test_a_mosaic_holds_the_windows_and_a_mask_of_them(short_log):
@@ -74,7 +70,7 @@ def test_views_are_those_of_the_exposures_asked_for(short_log):
     views = list(read_camera_views(short_log, wanted))
     assert [view.exposure for view in views] == wanted
     assert any(view.tags for view in views)
-    assert all(view.lens == lens_of(short_log.header.scene, view.exposure.camera) for view in views)
+    assert all(view.lens == short_log.header.scene.lenses[view.exposure.camera] for view in views)
 
 
 def test_docking_views_are_onboard_frames_with_tags(short_log):
@@ -90,6 +86,6 @@ def test_evenly_spaced_exposures_include_both_ends():
     assert evenly_spaced([], 3) == []
 
 
-def test_a_scene_without_an_overhead_camera_has_no_model_of_it():
-    with pytest.raises(SceneError, match="no overhead camera"):
-        lens_of(load_scene("close_range"), OVERHEAD)
+def test_a_scene_has_a_lens_for_every_camera_that_there_is():
+    assert set(load_scene("close_range").lenses) == {"a/onboard", "b/onboard"}
+    assert set(load_scene("two_units").lenses) == {"a/onboard", "b/onboard", OVERHEAD}
