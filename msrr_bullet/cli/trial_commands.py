@@ -26,6 +26,7 @@ from msrr_bullet.cli.options import (
     SceneName,
     WallLimit,
     check_writable,
+    naming_overrides,
     parse_overrides,
     parse_seeds,
     use_one_thread_per_process,
@@ -67,7 +68,8 @@ def dock(
     overrides: Overrides = None,
 ) -> None:
     """Run one trial and compare the robot's belief with the truth."""
-    loaded = load_scene(scene, parse_overrides(overrides))
+    given = parse_overrides(overrides)
+    loaded = load_scene(scene, given)
     folder = out if out is not None else RUNS / f"{loaded.name}-{seed}-{scene_hash(loaded)[:6]}"
     from msrr_bullet.pybullet_client import load_simulator
 
@@ -77,7 +79,7 @@ def dock(
 
     console = open_console()
     prepare_renderers(loaded, console.print)
-    with ExitStack() as stack:
+    with naming_overrides(given), ExitStack() as stack:
         viewer = stack.enter_context(_live_view(loaded, seed, console)) if view else None
         listener = stack.enter_context(_foxglove_server()).publish if foxglove else None
         with status_line(console, f"{loaded.name}: building the world") as show:
@@ -180,7 +182,8 @@ def sweep(
     """Run many trials and report the success rate with its confidence interval."""
     use_one_thread_per_process()
     wanted = parse_seeds(seeds)
-    loaded = load_scene(scene, parse_overrides(overrides))
+    given = parse_overrides(overrides)
+    loaded = load_scene(scene, given)
     check_writable(json_file)
     from msrr_bullet.cli.console_report import goal, sweep_table
     from msrr_bullet.render import prepare_renderers
@@ -190,7 +193,7 @@ def sweep(
 
     console = open_console(stderr=json_file == Path("-"))
     succeeded = 0
-    with progress_bar(console) as bar:
+    with naming_overrides(given), progress_bar(console) as bar:
         task = bar.add_task(loaded.name, total=len(wanted))
 
         def show_trial(outcome: TrialResult | TrialFailure, stored: bool) -> None:
