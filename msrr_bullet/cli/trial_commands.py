@@ -138,6 +138,8 @@ def _report(console: Console, result: TrialResult, folder: Path) -> None:
         console.print(steps_table(result))
     if step is not None and not (result.mission is not None and step.succeeded):
         console.print(step_table(result, step))
+        if step.verdict_reason:
+            typer.echo(f"The judge's reason: {step.verdict_reason}")
         typer.echo(f"The robot's reason: {step.belief_reason}")
     if result.mission is not None:
         console.print(mission_table(result, result.mission))

@@ -12,7 +12,7 @@ from msrr_bullet.trial.result import ResultError, TrialResult
 from msrr_scenes.errors import MsrrError
 
 #: Version of the tables and of the results in them; it is increased with every change.
-LAYOUT = 3
+LAYOUT = 4
 
 _TABLES = """
 CREATE TABLE IF NOT EXISTS scenes (

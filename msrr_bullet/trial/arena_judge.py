@@ -21,12 +21,14 @@ class Safety:
     Attributes:
         outcome: Outcome that ends the trial; None while nothing does.
         units: Units whose doing it is; empty without an outcome.
+        reason: What happened, in words; empty without an outcome.
         nearest: Smallest clearance of all pairs that are not exempt, which the log holds and every display
             shows; None without such a pair.
     """
 
     outcome: Outcome | None
     units: frozenset[str]
+    reason: str
     nearest: Clearance | None
 
 
@@ -55,7 +57,8 @@ class ArenaJudge:
         """
         opened = self._locked.opened(self._simulation.plant)
         if opened is not None:
-            return Safety(Outcome.LOCK_FAILED, frozenset({opened.unit}), None)
+            said = f"the lock of {opened.unit} holds {opened.to} no longer"
+            return Safety(Outcome.LOCK_FAILED, frozenset({opened.unit}), said, None)
         docking = {judge.pair: judge for judge in judges if judge.docking}
         exempt = set(self._locked.pairs)
         nearest = self._clearance.minimum(poses, exempt)
@@ -63,20 +66,32 @@ class ArenaJudge:
             exempt.add(nearest.pair)
             nearest = self._clearance.minimum(poses, exempt)
         if nearest is not None and nearest.distance <= 0.0:
-            return Safety(Outcome.COLLISION, nearest.pair, nearest)
+            (x, y), beside = nearest.point_a, " beside its port" if nearest.pair in docking else ""
+            one, other = self._in_order(nearest, docking)
+            said = f"{one} touched {other}{beside} at ({x:.2f}, {y:.2f}) m"
+            return Safety(Outcome.COLLISION, nearest.pair, said, nearest)
         limit, limits = self._simulation.scene.judge.min_clearance_m, _neighbour_limits(docking.values())
         tested = nearest
         while tested is not None and tested.distance < limit:
             if tested.distance < limits.get(tested.pair, limit):
-                return Safety(Outcome.CLEARANCE_VIOLATED, tested.pair, nearest)
+                one, other = self._in_order(tested, docking)
+                said = f"{one} came within {1e3 * tested.distance:.0f} mm of {other}"
+                return Safety(Outcome.CLEARANCE_VIOLATED, tested.pair, said, nearest)
             exempt.add(tested.pair)
             tested = self._clearance.minimum(poses, exempt)
         arena = self._simulation.scene.arena
         for unit in self._simulation.scene.units:
             X_WU = poses[unit]
             if not (arena.x_m[0] <= X_WU.x <= arena.x_m[1] and arena.y_m[0] <= X_WU.y <= arena.y_m[1]):
-                return Safety(Outcome.LEFT_ARENA, frozenset({unit}), nearest)
-        return Safety(None, frozenset(), nearest)
+                said = f"{unit} left the arena at ({X_WU.x:.2f}, {X_WU.y:.2f}) m"
+                return Safety(Outcome.LEFT_ARENA, frozenset({unit}), said, nearest)
+        return Safety(None, frozenset(), "", nearest)
+
+    def _in_order(self, near: Clearance, docking: Mapping[Pair, Judge]) -> list[str]:
+        """Return the two bodies: the unit that docks first, then other units, then obstacles."""
+        judge, units = docking.get(near.pair), self._simulation.scene.units
+        first = "" if judge is None else judge.step.unit
+        return sorted(near.pair, key=lambda body: (body != first, body not in units, body))
 
 
 def _is_authorised(clearance: Clearance, judge: Judge | None) -> bool:

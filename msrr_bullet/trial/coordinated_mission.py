@@ -124,7 +124,7 @@ class CoordinatedMission(Mission):
                 member.runner.stop()
         ended = self._judge(now_ns)
         if ended is None:
-            self.record.reason = "the judge ended the mission"
+            self.record.reason = self.stop_reason
             return
         for step in ended:
             member = self._members[step.step.unit]

@@ -50,6 +50,7 @@ class DockingStep:
         robot: The robot of the unit.
         runner: Lets the robot sense and act.
         outcome: Outcome; None while the step is under way.
+        verdict_reason: Why the judge ended the step, where the robot did not; else empty.
     """
 
     def __init__(
@@ -94,6 +95,7 @@ class DockingStep:
         self._pull_test_passed: bool | None = None
         self._belief = Belief()
         self.outcome: Outcome | None = None
+        self.verdict_reason = ""
 
     @property
     def action(self) -> Action:
@@ -130,11 +132,11 @@ class DockingStep:
         elif self.action.phase is Phase.FAILED:
             self.end(self._verdict_gave_up())
         elif timed_out:
-            self.end(Outcome.TIMEOUT)
+            self.end(Outcome.TIMEOUT, f"the time limit of {self._scene.time_limit_s:g} s is over")
         return self.outcome is not None
 
-    def end(self, outcome: Outcome) -> None:
-        """End the step with an outcome; the unit is commanded to stand still."""
+    def end(self, outcome: Outcome, reason: str = "") -> None:
+        """End the step with an outcome, for a reason of the judge; the unit is commanded to stand still."""
         plant, unit = self._plant, self.step.unit
         self._attempts.append(self._record(self.action, self.action.reason))
         self._seating = self.judge.seating()
@@ -142,7 +144,7 @@ class DockingStep:
         self._engaged = plant.lock_engaged(unit)
         plant.command(unit, Twist())
         self._belief = self.robot.belief
-        self.outcome = outcome
+        self.outcome, self.verdict_reason = outcome, reason
 
     def _end_as_believed(self) -> None:
         """End a step of which the robot believes that it has docked, or undocked."""
@@ -198,6 +200,7 @@ class DockingStep:
             target=self.step.to,
             outcome=self.outcome,
             belief=_BELIEFS.get(belief.conviction, "undecided"),
+            verdict_reason=self.verdict_reason,
             belief_reason=belief.reason or self._attempts[-1].reason,
             started_s=seconds(self._started_ns),
             attempts=tuple(self._attempts),

@@ -30,6 +30,7 @@ class Mission(ABC):
     Attributes:
         outcome: Outcome that is not that of a step: what endangered bodies, or what became of the mission as
             a whole; None while there is none.
+        stop_reason: Why the judge stopped the mission; empty while it did not.
         ended_ns: Time at which the mission ended, before the locks are pulled.
     """
 
@@ -46,6 +47,7 @@ class Mission(ABC):
         self._unparted: list[Judge] = []  # of steps that have ended, their units not yet clear of the port
         self._over = False
         self.outcome: Outcome | None = None
+        self.stop_reason = ""
         self.ended_ns = 0
 
     def run(self, check_clock: Callable[[], None] = lambda: None) -> tuple[StepResult, ...]:
@@ -138,12 +140,12 @@ class Mission(ABC):
     def _abort(self, safety: Safety, outcome: Outcome) -> None:
         """End all steps; those whose units are to blame get the outcome."""
         active, self._active = self._active, []
-        self.outcome, self._over = outcome, True
+        self.outcome, self.stop_reason, self._over = outcome, safety.reason, True
         for step in active:
-            step.end(outcome if step.step.unit in safety.units else Outcome.ABORTED)
+            step.end(outcome if step.step.unit in safety.units else Outcome.ABORTED, safety.reason)
         for step in self._begun:
             if outcome is Outcome.LOCK_FAILED and step.step.unit in safety.units:
-                step.outcome = outcome
+                step.outcome, step.verdict_reason = outcome, safety.reason
         if active and not any(step.outcome is outcome for step in self._begun):
             active[0].outcome = outcome  # no unit under way is to blame: the first one stands for the trial
         for step in self._begun:

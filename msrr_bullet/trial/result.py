@@ -139,10 +139,11 @@ class TrialResult(Record):
 
     @property
     def reason(self) -> str:
-        """Why the trial ended so: reason of the mission, else of the robot in the decisive step."""
+        """Why the trial ended so: reason of the mission, else of judge or robot in the decisive step."""
         if self.mission is not None:
             return self.mission.reason
-        return "" if self.decisive_step is None else self.decisive_step.belief_reason
+        step = self.decisive_step
+        return "" if step is None else step.verdict_reason or step.belief_reason
 
     @property
     def min_clearance_m(self) -> float | None:

@@ -119,6 +119,7 @@ class StepResult(Record):
         port: Active port of the docking unit.
         target: Port that is docked to, written ``<unit>.<port>``.
         outcome: Verdict of the judge.
+        verdict_reason: Why the judge ended the step, where the robot did not; else empty.
         belief: Belief of the robot.
         belief_reason: Reason of the robot for the belief.
         started_s: Simulated time of the start [s].
@@ -138,6 +139,7 @@ class StepResult(Record):
     port: str
     target: str
     outcome: Outcome
+    verdict_reason: str = ""
     belief: Belief
     belief_reason: str
     started_s: Distance

@@ -114,7 +114,8 @@ class Telemetry:
         """Record the verdict on a step that has ended."""
         assert step.outcome is not None, "the step has ended"
         way = "from" if step.undocks else "to"
-        text = f"{step.step.unit} {way} {step.step.to}: {step.outcome.value}"
+        reason = f", {step.verdict_reason}" if step.verdict_reason else ""
+        text = f"{step.step.unit} {way} {step.step.to}: {step.outcome.value}{reason}"
         self.event(stamp_ns, JUDGE, text, _level(step.outcome))
 
     def end(self, stamp_ns: int, outcome: Outcome) -> None:

@@ -115,7 +115,7 @@ def test_an_empty_arena_has_no_clearance(scene: Scene) -> None:
     everything = {frozenset(p) for p in ("ab", "bc", "ac")} | {frozenset((u, "post")) for u in "abc"}
     crowded.locked.pairs |= everything
     judge = crowded.judge()
-    assert crowded.check(judge, Phase.HAND_OVER) == Safety(None, frozenset(), None)
+    assert crowded.check(judge, Phase.HAND_OVER) == Safety(None, frozenset(), "", None)
 
 
 def beside(scene: Scene, x: float, y: float = 0.0, yaw: float = 0.0) -> Crowd:

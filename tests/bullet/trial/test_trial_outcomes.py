@@ -140,6 +140,14 @@ CASES = (
     ),
 )
 
+#: Outcomes with which a judge ends a step, whatever the robot is at.
+ENDED_BY_THE_JUDGE = (
+    Outcome.COLLISION,
+    Outcome.CLEARANCE_VIOLATED,
+    Outcome.LEFT_ARENA,
+    Outcome.TIMEOUT,
+)
+
 Load = Callable[..., Scene]
 
 
@@ -150,6 +158,8 @@ def test_an_outcome_is_provoked(case: Case, shipped: Load) -> None:
     assert (result.outcome, step.belief) == (case.outcome, case.belief), step.belief_reason
     assert case.true(step), step
     assert step.belief_reason
+    assert bool(step.verdict_reason) is (case.outcome in ENDED_BY_THE_JUDGE)
+    assert result.reason == (step.verdict_reason or step.belief_reason)
     assert result.docked == (case.outcome is Outcome.DOCKED)
 
 
@@ -182,6 +192,7 @@ def test_touching_the_target_beside_its_port_is_a_collision(shipped: Load) -> No
     result = run_trial(shipped("askew_camera", misaligned), SEED)
     (step,) = result.steps
     assert (result.outcome, step.belief) == (Outcome.COLLISION, "undecided")
+    assert result.reason.startswith("a touched b beside its port at (")
     assert step.contact is None
     assert step.min_clearance_m is not None
     assert step.min_clearance_m <= 0.0
