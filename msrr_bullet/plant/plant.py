@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 
 from msrr_bullet.plant.drivetrain import Drivetrain
 from msrr_bullet.plant.limited_drive import LimitedDrive
@@ -126,6 +127,20 @@ class Plant(ABC):
     @abstractmethod
     def step(self) -> None:
         """Advance by one tick."""
+
+    def advance(self, until_ns: float, observe: Callable[[], None] | None = None) -> None:
+        """Advance to the first tick at or after a time, by one tick at least.
+
+        Args:
+            until_ns: The time [ns].
+            observe: Called after every tick.
+        """
+        while True:
+            self.step()
+            if observe is not None:
+                observe()
+            if self.now_ns() >= until_ns:
+                return
 
     def command(self, unit: str, twist: Twist) -> None:
         """Command a velocity to the drive of ``unit``."""

@@ -19,6 +19,11 @@ class CommandLink:
         self._rng = rng
         self._queue: Delayed[Action] = Delayed()
 
+    @property
+    def next_ns(self) -> float:
+        """Time at which the next action arrives [ns]."""
+        return self._queue.next_ns
+
     def send(self, action: Action) -> None:
         """Send an action; one number is drawn per action whether or not the link loses any."""
         if self._rng.random() >= self._loss:

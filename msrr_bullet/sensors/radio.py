@@ -65,6 +65,11 @@ class Radio:
         self.to_units = {u: RadioLink(spec, u, stream(seed, f"radio/{u}/down"), self._down) for u in units}
         self.from_units = {u: RadioLink(spec, u, stream(seed, f"radio/{u}/up"), self._up) for u in units}
 
+    @property
+    def next_ns(self) -> float:
+        """Time at which the next message arrives anywhere [ns]."""
+        return min(self._down.next_ns, self._up.next_ns)
+
     def arrived_at_units(self, now_ns: int) -> dict[str, list[Authority]]:
         """Remove and return the authorities that have arrived by ``now_ns``, by unit."""
         arrived: dict[str, list[Authority]] = {}

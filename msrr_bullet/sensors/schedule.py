@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import heapq
+import math
 from typing import Generic, TypeVar
 
 from msrr_scenes.messages import NS_PER_S
 
 T = TypeVar("T")
+
+#: A time that never comes [ns].
+NEVER_NS = math.inf
 
 
 def duration_ns(time_s: float) -> int:
@@ -16,25 +20,29 @@ def duration_ns(time_s: float) -> int:
 
 
 class Periodic:
-    """A periodic event of any rate; it happens at the first tick at or after each due time k / rate."""
+    """A periodic event of any rate; it happens at the first tick at or after each due time k / rate.
+
+    Attributes:
+        next_ns: Time at which it is due next [ns].
+    """
 
     def __init__(self, rate_hz: float, start_ns: int = 0) -> None:
         """Start at ``start_ns``, when the first event is due."""
         self._rate = rate_hz
         self._start = start_ns
         self._count = 0
-        self._next = start_ns
+        self.next_ns = start_ns
 
     def due(self, now_ns: int) -> bool:
         """Return whether an event is due at this tick, and advance to the next event.
 
         Events whose due times passed between two calls count as one.
         """
-        if now_ns < self._next:
+        if now_ns < self.next_ns:
             return False
         elapsed = (now_ns - self._start) / NS_PER_S
         self._count = max(self._count + 1, int(elapsed * self._rate) + 1)
-        self._next = self._start + round(self._count * NS_PER_S / self._rate)
+        self.next_ns = self._start + round(self._count * NS_PER_S / self._rate)
         return True
 
 
@@ -44,6 +52,11 @@ class Delayed(Generic[T]):
     def __init__(self) -> None:
         self._heap: list[tuple[int, int, T]] = []
         self._sent = 0
+
+    @property
+    def next_ns(self) -> float:
+        """Time at which the next message arrives [ns]."""
+        return self._heap[0][0] if self._heap else NEVER_NS
 
     def send(self, arrival_ns: int, message: T) -> None:
         """Add a message that arrives at ``arrival_ns``."""

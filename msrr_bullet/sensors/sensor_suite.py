@@ -37,6 +37,11 @@ class MountedCamera:
         self._arrival_ns = 0
         self._queue: Delayed[SensorMessage] = Delayed()
 
+    @property
+    def next_ns(self) -> float:
+        """Time at which the next frame is due or the next message arrives [ns]."""
+        return min(self._frames.next_ns, self._queue.next_ns)
+
     def tick(self, now_ns: int, reader: CameraReader) -> list[SensorMessage]:
         """Capture a frame if one is due and the reader uses it; return the messages that have arrived."""
         if self._frames.due(now_ns) and reader.uses_camera(self.sensor.name):
@@ -93,6 +98,11 @@ class SensorSuite:
         self._last_switches: tuple[bool, bool] | None = None
         self._last_lock_position: LockPosition | None = None
         self.ever_detected = False
+
+    @property
+    def next_ns(self) -> float:
+        """Time at which the next measurement is due or the next message arrives [ns]."""
+        return min([self._encoder_timer.next_ns, *(camera.next_ns for camera in self._cameras)])
 
     def tick(self, now_ns: int, robot: Robot) -> None:
         """Make the measurements that are due at this tick and deliver the messages that have arrived."""

@@ -78,6 +78,11 @@ class CoordinatedMission(Mission):
         self._reports = {u: Periodic(rate_hz, k * share_ns) for k, u in enumerate(scene.units)}
         self.record = MissionRecord(tuple(scene.units))
 
+    def _next_ns(self) -> float:
+        moving = (m.runner.next_ns for m in self._members.values() if not m.waits and m.runner.running)
+        reports = (timer.next_ns for timer in self._reports.values())
+        return min(self._camera.next_ns, self._radio.next_ns, self._base_timer.next_ns, *reports, *moving)
+
     def _sense(self, now_ns: int) -> None:
         try:
             self._run_base(now_ns)

@@ -39,8 +39,8 @@ STOP_TIME_S = 1.5
 class DockingStep:
     """One step: one unit docks to another one, or undocks from it.
 
-    The mission owns the time and lets the robot decide. It calls :meth:`follow` after every decision and
-    :meth:`observe` after every tick of the physics, until the step has ended.
+    The mission owns the time and lets the robot decide. It calls :meth:`follow` after every decision and,
+    where the step :meth:`watches`, :meth:`observe` after every tick of the physics, until the step has ended.
 
     Attributes:
         index: Index of the step: in the plan, or among those that a base station has begun.
@@ -111,10 +111,13 @@ class DockingStep:
         self.judge.decide(action)
         self._collect_assembly(action)
 
+    def watches(self) -> bool:
+        """Return whether the judge has to observe every tick until the next control instant."""
+        return not self.undocks and self.judge.watches(self.action.attempt)
+
     def observe(self, now_ns: int) -> None:
-        """Let the judge observe pins and seat after a tick of the physics."""
-        if not self.undocks:
-            self.judge.tick(now_ns, self.action.attempt, lambda: self.robot.estimate)
+        """Let the judge observe pins and seat after a tick of the physics, while it :meth:`watches`."""
+        self.judge.tick(now_ns, self.action.attempt, lambda: self.robot.estimate)
 
     def note_clearance(self, distance: float) -> None:
         """Take note of the smallest clearance of all bodies at this instant [m]."""

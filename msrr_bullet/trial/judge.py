@@ -166,8 +166,13 @@ class Judge:
             and abs(port.yaw) <= SEATED_YAW_RAD
         )
 
+    def watches(self, attempt: int) -> bool:
+        """Return whether the unit may reach the zone before the next control instant, or has a new attempt."""
+        near = self.port is None or self.port.gap <= ZONE_DEPTH_M + self._travel
+        return near or attempt != self._attempt
+
     def tick(self, now_ns: int, attempt: int, estimate: Callable[[], PoseEstimate | None]) -> None:
-        """Observe pins and seat at one physics tick.
+        """Observe pins and seat at one physics tick; not needed at ticks that the judge does not watch.
 
         Args:
             now_ns: Simulated time.
@@ -178,8 +183,6 @@ class Judge:
             self._attempt = attempt
             self._deepest, self._deepest_pose = math.inf, None
             self._seated_since, self._was_seated = None, False
-        if self.port is not None and self.port.gap > ZONE_DEPTH_M + self._travel:
-            return  # the unit cannot reach the zone before the next control instant
         port = self.port_pose()
         if not port.in_zone:
             return

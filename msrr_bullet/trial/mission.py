@@ -25,7 +25,7 @@ from msrr_scenes.specs.plan import DockStep, in_order
 
 
 class Mission(ABC):
-    """A loop in which units sense and act, then the physics advances by one tick.
+    """A loop in which units sense and act, then the physics advances until something is due again.
 
     Attributes:
         outcome: Outcome that is not that of a step: what endangered bodies, or what became of the mission as
@@ -56,7 +56,8 @@ class Mission(ABC):
         The locks are pulled at the end, when no unit can be disturbed by it.
 
         Args:
-            check_clock: Called at every tick; it raises when the trial takes too long on the wall clock.
+            check_clock: Called before every advance of the physics; it raises when the trial takes too long
+                on the wall clock.
         """
         plant, profiler = self._plant, self._profiler
         while not self._over:
@@ -70,10 +71,7 @@ class Mission(ABC):
                     break
             self._actuate(now_ns)
             with profiler("physics"):
-                plant.step()
-            with profiler("judge"):
-                for step in self._active:
-                    step.observe(plant.now_ns())
+                plant.advance(min(self._next_ns(), self._control.next_ns, self._deadline_ns), self._observer())
         self.ended_ns = plant.now_ns()
         self._test_locks()
         return tuple(step.result() for step in sorted(self._begun, key=lambda step: step.index))
@@ -94,6 +92,23 @@ class Mission(ABC):
         """Note that the lock of a pair that was assembled at the start has not held the pull."""
         self.outcome = Outcome.LOCK_FAILED
         self._telemetry.event(self._plant.now_ns(), JUDGE, f"{dock}: lock_failed", Level.WARNING)
+
+    def _observer(self) -> Callable[[], None] | None:
+        """Return what is called after every tick until the next control instant, if anything has to be."""
+        watching = [step for step in self._active if step.watches()]
+        if not watching:
+            return None
+
+        def observe() -> None:
+            with self._profiler("judge"):
+                for step in watching:
+                    step.observe(self._plant.now_ns())
+
+        return observe
+
+    @abstractmethod
+    def _next_ns(self) -> float:
+        """Return the time at which something is sensed, arrives or is sent next [ns], control apart."""
 
     @abstractmethod
     def _sense(self, now_ns: int) -> None:
@@ -171,6 +186,9 @@ class PlannedMission(Mission):
             step = begin_planned(self._environment, index, self._telemetry, self._profiler)
             self._begun.append(step)
             self._active.append(step)
+
+    def _next_ns(self) -> float:
+        return self._active[0].runner.next_ns
 
     def _sense(self, now_ns: int) -> None:
         self._active[0].runner.sense(now_ns)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.robot.interface import Robot
 from msrr_bullet.sensors.camera_sensors import CameraSensor
+from msrr_bullet.sensors.schedule import NEVER_NS
 from msrr_bullet.sensors.sensor_suite import SensorSuite
 from msrr_bullet.trial.environment import Environment
 from msrr_scenes.messages import Action, Phase, Twist
@@ -46,6 +47,11 @@ class UnitRunner:
     def ever_detected(self) -> bool:
         """Whether the target has been detected since the sensors were started."""
         return self._sensors is not None and self._sensors.ever_detected
+
+    @property
+    def next_ns(self) -> float:
+        """Time at which the unit senses or gets a command next [ns]."""
+        return min(self._sensors.next_ns if self._sensors else NEVER_NS, self._link.next_ns)
 
     def start(self, step: DockStep | None, cameras: list[CameraSensor]) -> None:
         """Start the sensors.
