@@ -167,7 +167,7 @@ class Judge:
         )
 
     def watches(self, attempt: int) -> bool:
-        """Return whether the unit may reach the zone before the next control instant, or has a new attempt."""
+        """Return whether a new attempt begins, or the unit may reach the zone before the next decision."""
         near = self.port is None or self.port.gap <= ZONE_DEPTH_M + self._travel
         return near or attempt != self._attempt
 

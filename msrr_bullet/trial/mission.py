@@ -70,8 +70,9 @@ class Mission(ABC):
                 if self._over:
                     break
             self._actuate(now_ns)
+            next_ns = min(self._next_ns(), self._control.next_ns, self._deadline_ns)
             with profiler("physics"):
-                plant.advance(min(self._next_ns(), self._control.next_ns, self._deadline_ns), self._observer())
+                plant.advance(next_ns, self._observer())
         self.ended_ns = plant.now_ns()
         self._test_locks()
         return tuple(step.result() for step in sorted(self._begun, key=lambda step: step.index))
