@@ -23,6 +23,8 @@ from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LockSpec
 
+Vector = tuple[float, float, float]
+
 
 class PortMechanism(ABC):
     """The pins, the seat switches and the lock of an active port that docks to a passive port.
@@ -154,6 +156,17 @@ class Plant(ABC):
     @abstractmethod
     def pose3(self, unit: str) -> SE3:
         """Return the true ``X_WU`` with pitch, roll and height."""
+
+    def frame(self, unit: str, X_UF: SE3) -> tuple[Vector, Vector, Vector]:
+        """Return origin [m], x axis and y axis in W of a frame that is fixed to a unit.
+
+        Args:
+            unit: Name of the unit.
+            X_UF: Pose of the frame in the unit, the same object in every call.
+        """
+        X_WF = self.pose3(unit) @ X_UF
+        origin, x_axis, y_axis = (tuple(v.tolist()) for v in (X_WF.p, X_WF.R[:, 0], X_WF.R[:, 1]))
+        return origin, x_axis, y_axis
 
     @abstractmethod
     def wheel_angles(self, unit: str) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from msrr_bullet.plant.plant import Plant
+from msrr_bullet.plant.plant import Plant, Vector
 from msrr_bullet.simulation.pin_lock import PinLock
 from msrr_bullet.simulation.port_plug import PortPlug
 from msrr_bullet.simulation.sleeping import SleepingUnits
@@ -30,7 +30,7 @@ class BulletPlant(Plant):
         self._parting: list[PinLock] = []
         self._plugs: dict[tuple[str, str], PortPlug] = {}
         self._sleeping = SleepingUnits(world)
-        self._locked_pairs: tuple[tuple[str, str], ...] = ()
+        self._engaged: list[PinLock] = []
 
     def step(self) -> None:
         """Advance by one tick: drives, physics, locks."""
@@ -78,6 +78,10 @@ class BulletPlant(Plant):
         """Return the true ``X_WU`` with pitch, roll and height."""
         return self.world.pose3(unit)
 
+    def frame(self, unit: str, X_UF: SE3) -> tuple[Vector, Vector, Vector]:
+        """Return origin [m], x axis and y axis in W of a frame that is fixed to a unit."""
+        return self.world.frame(unit, X_UF)
+
     def wheel_angles(self, unit: str) -> tuple[float, float]:
         """Return the true angles of the left and the right wheel [rad]."""
         return self.world.wheel_angles(unit)
@@ -117,13 +121,12 @@ class BulletPlant(Plant):
         self.tick += 1
         for lock in (*self._locks.values(), *self._parting):
             lock.step(self._dt)
-        pairs = tuple(
-            (lock.dock_step.unit, lock.dock_step.target_unit) for lock in self._locks.values() if lock.engaged
-        )
-        if pairs != self._locked_pairs:
-            self._locked_pairs = pairs
-            self._sleeping.join(pairs)
-        self._parting = [lock for lock in self._parting if not lock.parted]
+        engaged = [lock for lock in self._locks.values() if lock.engaged]
+        if engaged != self._engaged:
+            self._engaged = engaged
+            self._sleeping.join((lock.dock_step.unit, lock.dock_step.target_unit) for lock in engaged)
+        if self._parting:
+            self._parting = [lock for lock in self._parting if not lock.parted]
         self.world.reveal(self.tick / self._scene.physics_hz)
 
     def _is_driven(self, unit: str) -> bool:

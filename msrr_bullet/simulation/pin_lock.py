@@ -80,6 +80,11 @@ class PinLock(PortMechanism):
         self._plant = plant
         self._unit, self._target = world.unit(step.unit), world.unit(step.target_unit)
         self._depths = PinDepths(world, step, max(LOCK_REACH, switch_travel))
+        self._X_UP = self._unit.geometry.frame(f"port_{step.port}")
+        port = f"port_{step.target_port}"
+        self._X_TP = self._target.geometry.frame(port)
+        holes = [self._target.geometry.frame(f"{port}_hole_{side}").p for side in SIDES]
+        self._X_TH = SE3(self._X_TP.R, np.mean(holes, axis=0))  # in the middle of the holes
         self._constraint: int | None = None
         self._contact_disabled = False
 
@@ -179,9 +184,7 @@ class PinLock(PortMechanism):
     def _catch(self) -> None:
         if not all(depth <= LOCK_REACH for depth in self._depths.left()):
             return
-        X_WP = SE3.from_se2(self._world.pose(self.dock_step.unit)) @ self._unit.geometry.frame(
-            f"port_{self.dock_step.port}"
-        )
+        X_WP = SE3.from_se2(self._world.pose(self.dock_step.unit)) @ self._X_UP
         parent, child = (self._root_pose(unit).inverse() @ X_WP for unit in (self._unit, self._target))
         self._constraint = pybullet.createConstraint(
             self._unit.body,
@@ -224,17 +227,14 @@ class PinLock(PortMechanism):
 
     def _docking_axis(self) -> tuple[Array, Array]:
         """Return the docking axis into the target and the middle of the holes [m], in W, shapes (3,)."""
-        target, port = self.dock_step.target_unit, f"port_{self.dock_step.target_port}"
-        X_WP = self._world.link_pose(target, port)
-        holes = [self._world.link_pose(target, f"{port}_hole_{side}").p for side in SIDES]
-        return -X_WP.R[:, 0], np.mean(holes, axis=0)
+        middle, out, _ = self._world.frame(self.dock_step.target_unit, self._X_TH)
+        return -np.array(out), np.array(middle)
 
     def _gap(self) -> float:
         """Return the distance between the two faces along the docking axis [m]."""
-        axis, _ = self._docking_axis()
-        own = self._world.link_pose(self.dock_step.unit, f"port_{self.dock_step.port}").p
-        other = self._world.link_pose(self.dock_step.target_unit, f"port_{self.dock_step.target_port}").p
-        return float(axis @ (other - own))
+        own, _, _ = self._world.frame(self.dock_step.unit, self._X_UP)
+        face, out, _ = self._world.frame(self.dock_step.target_unit, self._X_TP)
+        return sum(axis * (a - b) for axis, a, b in zip(out, own, face, strict=True))
 
     def _push(self, unit: UnitBody, force: Array, point: Array) -> None:
         pybullet.applyExternalForce(

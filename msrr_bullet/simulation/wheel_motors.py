@@ -12,6 +12,8 @@ from msrr_scenes.specs.vehicle import WheelMotorSpec
 STANDSTILL_MPS = 1e-4
 STANDSTILL_RADPS = 1e-3
 
+_GAINS = (1.0, 1.0)
+
 
 def is_standstill(velocity: Twist) -> bool:
     """Return whether a drive at this velocity counts as stopped."""
@@ -47,13 +49,12 @@ class WheelMotors:
         if (speeds, torque) == self._last_target:
             return  # PyBullet keeps the target of a motor until it gets another
         self._last_target = (speeds, torque)
-        for joint, speed in zip(self._unit.wheels, speeds, strict=True):
-            pybullet.setJointMotorControl2(
-                self._unit.body,
-                joint,
-                pybullet.VELOCITY_CONTROL,
-                targetVelocity=speed,
-                velocityGain=1.0,
-                force=torque,
-                physicsClientId=self._client,
-            )
+        pybullet.setJointMotorControlArray(
+            self._unit.body,
+            self._unit.wheels,
+            pybullet.VELOCITY_CONTROL,
+            targetVelocities=speeds,
+            velocityGains=_GAINS,
+            forces=(torque, torque),
+            physicsClientId=self._client,
+        )

@@ -14,6 +14,7 @@ from types import TracebackType
 import numpy as np
 import pybullet
 
+from msrr_bullet.plant.plant import Vector
 from msrr_bullet.simulation.floor import add_floor, gravity
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody, load_unit
@@ -80,6 +81,7 @@ class BulletWorld:
         self.obstacles: dict[str, int] = {}
         self._planar: dict[str, SE2] = {}  # of the present tick
         self._held: dict[str, SE2] = {}  # of units that are taken to stay where they are
+        self._frames: dict[tuple[str, SE3], tuple[list[float], ...]] = {}  # in the frame I of their unit
         self._places: dict[str, tuple[_Place, SE2]] = {}  # where the units were when they were asked for last
         # The next obstacle to appear is last; obstacles that appear together keep the order of the scene.
         self._waiting = sorted(
@@ -138,6 +140,24 @@ class BulletWorld:
         position, quaternion = pybullet.getBasePositionAndOrientation(unit.body, physicsClientId=self.client)
         return SE3.from_quaternion_xyzw(position, quaternion) @ unit.X_IU
 
+    def frame(self, name: str, X_UF: SE3) -> tuple[Vector, Vector, Vector]:
+        """Return origin [m], x axis and y axis in W of a frame that is fixed to a unit; faster than poses."""
+        known = self._frames.get((name, X_UF))
+        if known is None:
+            X_IF = self.unit(name).X_IU @ X_UF
+            known = self._frames[name, X_UF] = (X_IF.p.tolist(), *X_IF.R.T.tolist()[:2])
+        (px, py, pz), (x, y, z, w) = pybullet.getBasePositionAndOrientation(
+            self.units[name].body, physicsClientId=self.client
+        )
+        r00, r01, r02 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
+        r10, r11, r12 = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
+        r20, r21, r22 = 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
+        (ox, oy, oz), x_axis, y_axis = (
+            (r00 * a + r01 * b + r02 * c, r10 * a + r11 * b + r12 * c, r20 * a + r21 * b + r22 * c)
+            for a, b, c in known
+        )
+        return (px + ox, py + oy, pz + oz), x_axis, y_axis
+
     def pose(self, name: str) -> SE2:
         """Return the true ``X_WU`` in the plane, the same object until the unit has moved."""
         pose = self._held.get(name) or self._planar.get(name)
@@ -188,11 +208,8 @@ class BulletWorld:
     def wheel_angles(self, name: str) -> tuple[float, float]:
         """Return the true angles of the left and the right wheel [rad]."""
         unit = self.unit(name)
-        left, right = (
-            float(pybullet.getJointState(unit.body, joint, physicsClientId=self.client)[0])
-            for joint in unit.wheels
-        )
-        return left, right
+        left, right = pybullet.getJointStates(unit.body, unit.wheels, physicsClientId=self.client)
+        return left[0], right[0]
 
     def place(self, name: str, X_WU: SE2, wheels: tuple[float, float]) -> None:
         """Put a unit on the floor at ``X_WU`` and at rest, the wheels (left, right) at these angles [rad]."""

@@ -109,7 +109,7 @@ class Judge:
         self._X_UP_plane = geometry.port(step.port)
         self._X_UP = SE3.from_se2(self._X_UP_plane, geometry.pin_height)
         self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
-        self._X_DT = SE3.from_se2(self.X_TD).inverse()
+        self._X_TD = SE3.from_se2(self.X_TD)
         self.pair: Pair = frozenset({step.unit, step.target_unit})
         self._neighbour_limits: Mapping[Pair, float] = {}
         self._known_locks: list[DockStep] = []
@@ -140,12 +140,15 @@ class Judge:
         X_DP = self.X_DU() @ self._X_UP_plane
         if X_DP.x < -(ZONE_DEPTH_M + self._travel + TILT_M):
             return PortPose(-X_DP.x, X_DP.y, X_DP.yaw)
-        X_WU, X_WT = self._plant.pose3(self.step.unit), self._plant.pose3(self.step.target_unit)
-        # X_DT X_WT^-1 X_WU X_UP, of which only a point and a direction are needed, at every tick near a port.
-        p_T = (X_WU.R @ self._X_UP.p + X_WU.p - X_WT.p) @ X_WT.R
-        x, y, _ = (self._X_DT.R @ p_T + self._X_DT.p).tolist()
-        ahead = self._X_DT.R @ ((X_WU.R @ self._X_UP.R[:, 0]) @ X_WT.R)
-        return PortPose(-x, y, math.atan2(ahead[1], ahead[0]))
+        # Of X_DP only a point and a direction are needed, at every tick near a port.
+        (px, py, pz), (ax, ay, az), _ = self._plant.frame(self.step.unit, self._X_UP)
+        (ox, oy, oz), (ux, uy, uz), (vx, vy, vz) = self._plant.frame(self.step.target_unit, self._X_TD)
+        px, py, pz = px - ox, py - oy, pz - oz
+        return PortPose(
+            gap=-(ux * px + uy * py + uz * pz),
+            lateral=vx * px + vy * py + vz * pz,
+            yaw=math.atan2(vx * ax + vy * ay + vz * az, ux * ax + uy * ay + uz * az),
+        )
 
     def seating(self) -> Seating | None:
         """Return the true relative pose of the pair; None when the port is not in the zone of the target."""
