@@ -16,6 +16,7 @@ import pybullet
 
 from msrr_bullet.plant.plant import Vector
 from msrr_bullet.simulation.floor import add_floor, gravity
+from msrr_bullet.simulation.obstacle_body import add_obstacle
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody, load_unit
 from msrr_scenes.as_built import AsBuilt, as_drawn
@@ -24,14 +25,11 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement
-from msrr_scenes.specs.bodies import CylinderSpec
 from msrr_scenes.specs.scene import Scene
 
-OBSTACLE_FRICTION = 0.5
 #: A link higher than this above the floor cannot reach it, because wheels and casters keep the unit from
 #: tipping [m]. A driving unit costs a fifth less when such links are not tested against the floor.
 FLOOR_REACH_M = 0.01
-OBSTACLE_RGBA = (0.55, 0.55, 0.55, 1.0)
 #: Enough for contacts to converge: with 50 iterations a unit that jams at the mouth is pressed in and the
 #: target creeps away by millimetres; with 400 the median case differs by less than 0.1 mm from 150.
 SOLVER_ITERATIONS = 150
@@ -256,34 +254,8 @@ class BulletWorld:
             self._tags.add_to_unit(self.client, unit.body, name)
 
     def _add_obstacle(self, name: str) -> int:
-        spec = self.scene.obstacles[name]
-        X_WB = self._placement.obstacles[name]
-        collision: dict[str, float | list[float]]
-        visual: dict[str, float | list[float]]
-        if isinstance(spec, CylinderSpec):
-            shape = pybullet.GEOM_CYLINDER
-            collision, visual = (
-                {"radius": spec.radius_m, "height": spec.height_m},
-                {"radius": spec.radius_m, "length": spec.height_m},
-            )
-        else:
-            shape = pybullet.GEOM_BOX
-            half = [0.5 * spec.length_m, 0.5 * spec.width_m, 0.5 * spec.height_m]
-            collision = visual = {"halfExtents": half}
-        X_WG = SE3.from_se2(X_WB, 0.5 * spec.height_m)
-        body: int = pybullet.createMultiBody(
-            baseMass=0.0,
-            baseCollisionShapeIndex=pybullet.createCollisionShape(
-                shape, **collision, physicsClientId=self.client
-            ),
-            baseVisualShapeIndex=pybullet.createVisualShape(
-                shape, **visual, rgbaColor=OBSTACLE_RGBA, physicsClientId=self.client
-            ),
-            basePosition=X_WG.p.tolist(),
-            baseOrientation=X_WG.quaternion_xyzw().tolist(),
-            physicsClientId=self.client,
-        )
-        pybullet.changeDynamics(body, ROOT, lateralFriction=OBSTACLE_FRICTION, physicsClientId=self.client)
+        spec, X_WB = self.scene.obstacles[name], self._placement.obstacles[name]
+        body = add_obstacle(self.client, spec, X_WB)
         if self._tags and spec.tag_id is not None:
             self._tags.add_to_obstacle(self.client, name, X_WB)
         return body

@@ -13,7 +13,7 @@ from msrr_bullet.plant.lock_actuator import TILT_M
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.step_result import Contact, PlanarPose, Seating
-from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Action, FailureReason, Phase, PoseEstimate, seconds
 from msrr_scenes.outcome import Outcome
@@ -137,9 +137,9 @@ class Judge:
 
         Near the target it is that at the height of the pins, by pitch and roll; elsewhere that in the plane.
         """
-        X_DP = self.X_DU() @ self._X_UP_plane
-        if X_DP.x < -(ZONE_DEPTH_M + self._travel + TILT_M):
-            return PortPose(-X_DP.x, X_DP.y, X_DP.yaw)
+        far = self._port_in_plane()
+        if far.gap > ZONE_DEPTH_M + self._travel + TILT_M:
+            return far
         # Of X_DP only a point and a direction are needed, at every tick near a port.
         (px, py, pz), (ax, ay, az), _ = self._plant.frame(self.step.unit, self._X_UP)
         (ox, oy, oz), (ux, uy, uz), (vx, vy, vz) = self._plant.frame(self.step.target_unit, self._X_TD)
@@ -148,6 +148,19 @@ class Judge:
             gap=-(ux * px + uy * py + uz * pz),
             lateral=vx * px + vy * py + vz * pz,
             yaw=math.atan2(vx * ax + vy * ay + vz * az, ux * ax + uy * ay + uz * az),
+        )
+
+    def _port_in_plane(self) -> PortPose:
+        """Return the pose X_DP in the plane, in floats, because poses would take three times as long."""
+        X_WU, X_UP = self._plant.pose(self.step.unit), self._X_UP_plane
+        X_WD = self.X_WD()
+        c, s = math.cos(X_WU.yaw), math.sin(X_WU.yaw)
+        dx, dy = X_WU.x + c * X_UP.x - s * X_UP.y - X_WD.x, X_WU.y + s * X_UP.x + c * X_UP.y - X_WD.y
+        c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
+        return PortPose(
+            gap=-(c * dx + s * dy),
+            lateral=c * dy - s * dx,
+            yaw=wrap_angle(X_WU.yaw + X_UP.yaw - X_WD.yaw),
         )
 
     def seating(self) -> Seating | None:

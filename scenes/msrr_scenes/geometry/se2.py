@@ -32,6 +32,9 @@ class SE2:
     yaw: float = 0.0
 
     def __post_init__(self) -> None:
+        x, y, yaw = self.x, self.y, self.yaw
+        if type(x) is type(y) is type(yaw) is float and -math.pi < yaw <= math.pi:
+            return  # nearly all poses; wrapping would not change a bit of them
         object.__setattr__(self, "x", float(self.x))
         object.__setattr__(self, "y", float(self.y))
         object.__setattr__(self, "yaw", wrap_angle(float(self.yaw)))

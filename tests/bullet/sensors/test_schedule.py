@@ -7,7 +7,7 @@ from bisect import bisect_left
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msrr_bullet.sensors.schedule import Delayed, Periodic, duration_ns
+from msrr_bullet.sensors.schedule import NEVER_NS, Delayed, Periodic, duration_ns
 
 S = 1_000_000_000
 
@@ -35,6 +35,27 @@ def test_an_event_happens_at_the_first_tick_at_or_after_each_due_time(
     ambiguous = sum(ticks[bisect_left(ticks, time - 1)] <= time + 1 for time in due)
     assert len(set(events) ^ expected) <= 2 * ambiguous
     assert len(events) == len(set(events))
+
+
+@settings(deadline=None)
+@given(st.floats(0.5, 300.0), st.integers(0, S))
+def test_an_event_is_due_at_the_time_that_it_gives_and_not_before(rate_hz: float, start_ns: int) -> None:
+    event = Periodic(rate_hz, start_ns)
+    for _ in range(50):
+        next_ns = event.next_ns
+        assert not event.due(next_ns - 1)
+        assert event.due(next_ns)
+        assert event.next_ns > next_ns
+
+
+def test_a_queue_gives_the_time_of_its_next_message() -> None:
+    queue: Delayed[str] = Delayed()
+    assert queue.next_ns == NEVER_NS
+    queue.send(30, "late")
+    queue.send(20, "early")
+    assert queue.next_ns == 20
+    assert queue.arrived(20) == ["early"]
+    assert queue.next_ns == 30
 
 
 def test_events_that_nobody_asked_for_count_as_one() -> None:

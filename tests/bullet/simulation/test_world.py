@@ -65,6 +65,20 @@ def test_all_frames_are_where_the_urdf_says(world):
             close(world.link_pose("a", link), world.pose3("a") @ X_UL, 1e-6)
 
 
+def test_a_frame_is_that_of_the_pose_in_space(world):
+    """Of a unit that has tipped over as well."""
+    for turn in ([0.0, 0.0, 0.0, 1.0], [0.3, -0.2, 0.6, 0.7]):
+        body, client = world.unit("a").body, world.client
+        turn = (np.array(turn) / np.linalg.norm(turn)).tolist()
+        pybullet.resetBasePositionAndOrientation(body, [0.4, -0.7, 0.2], turn, physicsClientId=client)
+        for link in ("port_left", "port_rear_marker_left"):
+            X_UF = world.unit("a").geometry.frame(link)
+            X_WF = world.pose3("a") @ X_UF
+            np.testing.assert_allclose(
+                world.frame("a", X_UF), [X_WF.p, X_WF.R[:, 0], X_WF.R[:, 1]], atol=1e-12
+            )
+
+
 def test_every_setting_of_the_urdf_reaches_the_physics(world):
     body, client = world.unit("a").body, world.client
     friction = {

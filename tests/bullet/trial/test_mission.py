@@ -7,7 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from msrr_bullet.log import LogHeader, McapRecorder
 from msrr_bullet.log.records import StepStart
+from msrr_bullet.plant.plant import Plant
+from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.errors import SceneError
@@ -154,3 +157,32 @@ def test_steps_at_the_same_time_need_a_base_station(tmp_path: Path) -> None:
 def test_an_order_that_cannot_be_kept_is_refused(tmp_path: Path, plan: str, message: str) -> None:
     with pytest.raises(SceneError, match=message):
         mission(tmp_path, plan)
+
+
+@pytest.mark.parametrize("plant", ["bullet", "unicycle"])
+def test_to_ask_at_every_tick_changes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, plant: str
+) -> None:
+    """Nothing is due between the times that sensors, links and control give, and the judge misses nothing."""
+    plan = "  - {unit: a, to: b.rear}"
+    rates = {"cameras.onboard.rate_hz": "17", "link.latency_ms": "13", "odometry.rate_hz": "70"}
+    scene = mission(tmp_path, plan, plant=plant, time_limit_s="3.4", **rates)
+
+    def log(name: str) -> bytes:
+        with McapRecorder(tmp_path / name, LogHeader.of(scene, 1, {})) as recorder:
+            result = Trial(scene, 1, recorder=recorder).run()
+        assert result.steps[0].attempts[0].contact is not None
+        return (tmp_path / name).read_bytes()
+
+    as_due = log("as_due.mcap")
+    advance = Plant.advance
+    calls: list[float] = []
+
+    def by_one_tick(self: Plant, until_ns: float, observe: Callable[[], None] | None = None) -> None:
+        calls.append(until_ns)
+        advance(self, self.now_ns(), observe)
+
+    monkeypatch.setattr(Plant, "advance", by_one_tick)
+    monkeypatch.setattr(DockingStep, "watches", lambda self: True)
+    assert log("every_tick.mcap") == as_due
+    assert len(calls) > 700  # 240 a second
