@@ -7,8 +7,6 @@ from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.messages import Twist
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-_AT_REST = Twist()
-
 
 def wheel_speeds(twist: Twist, geometry: UnitGeometry) -> tuple[float, float]:
     """Return the speeds of the left and the right wheel [rad/s] with which a unit moves at ``twist``."""
@@ -33,7 +31,7 @@ class LimitedDrive:
     def step(self, command: Twist) -> Twist:
         """Advance the velocity towards ``command`` by one step and return it."""
         before = self.velocity
-        if not before == command == _AT_REST:
+        if before.v or before.w or command.v or command.w:  # a drive at rest stays there
             v, w = float(command.v), float(command.w)
             self.velocity = Twist(self._limited_v(before.v, v), self._limited_w(before.w, w))
         return self.velocity

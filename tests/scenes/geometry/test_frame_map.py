@@ -111,11 +111,11 @@ def test_a_map_that_does_not_fit_is_refused(frames: list[MappedFrame], frame: st
             r"joint 'pan' \(revolute\) moves the frame 'camera'; make it a fixed one",
         ),
         (
-            '<box size="0.23985 0.16 0.037"/>',
+            '<box size="0.2397 0.16 0.037"/>',
             '<mesh filename="package://elsewhere/base.obj"/>',
             "the URDF is in no folder 'elsewhere'",
         ),
-        ('<box size="0.23985 0.16 0.037"/>', '<mesh filename="base.stl"/>', "has to be an OBJ file"),
+        ('<box size="0.2397 0.16 0.037"/>', '<mesh filename="base.stl"/>', "has to be an OBJ file"),
     ],
 )
 def test_a_robot_that_cannot_drive_or_see_is_refused(tmp_path: Path, old: str, new: str, text: str) -> None:
@@ -134,7 +134,7 @@ def test_macros_are_to_be_expanded(tmp_path: Path) -> None:
 def test_meshes_of_a_package_are_found_above_the_urdf(tmp_path: Path) -> None:
     folder = tmp_path / "my_robot" / "urdf"
     folder.mkdir(parents=True)
-    box = '<box size="0.23985 0.16 0.037"/>'
+    box = '<box size="0.2397 0.16 0.037"/>'
     path = changed(folder, box, '<mesh filename="package://my_robot/meshes/base.obj"/>')
     mesh = tmp_path / "my_robot" / "meshes" / "base.obj"
     mesh.parent.mkdir()
