@@ -49,10 +49,10 @@ def test_the_edge_of_the_mouth_decides_which_pins_jam(bench, speed):
 
 @pytest.mark.nightly
 def test_nearly_all_approaches_within_the_capture_range_seat(bench):
-    """Up to 14 mm and 8 degrees off 249 of 250 seat; of 60, more than three fail with odds of 1e-4."""
+    """Up to 14 mm and 8 degrees off 248 of 250 seat; of 60, more than four fail with odds of 2e-4."""
     rng = stream(11, "capture range")
     seated = 0
     for _ in range(60):
         lateral, yaw, speed = rng.uniform(-14.0, 14.0), rng.uniform(-8.0, 8.0), rng.uniform(0.04, 0.15)
         seated += seats(bench, lateral, yaw, speed, str(rng.choice(["rear", "left", "right"])))
-    assert seated >= 57
+    assert seated >= 56
