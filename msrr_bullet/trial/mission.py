@@ -74,7 +74,8 @@ class Mission(ABC):
             with profiler("physics"):
                 plant.advance(next_ns, self._observer())
         self.ended_ns = plant.now_ns()
-        self._test_locks()
+        with profiler("physics"):
+            self._test_locks()
         return tuple(step.result() for step in sorted(self._begun, key=lambda step: step.index))
 
     def _test_locks(self) -> None:
