@@ -14,7 +14,6 @@ from msrr_bullet.sensors.frame_timing import FrameTiming
 from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_bullet.sensors.image_response import image_response, jpeg_round_trip, whole_blocks
 from msrr_bullet.sensors.shutter import Shutter
-from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import BuiltCamera
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.distortion import IDEAL_LENS
@@ -52,7 +51,7 @@ class Camera:
         seed: int,
         faults: Iterable[Fault] = (),
         built: BuiltCamera | None = None,
-        motion: Callable[[Array], CameraMotion] | None = None,
+        motion: Callable[[], CameraMotion] | None = None,
     ) -> None:
         """Set up a camera.
 
@@ -65,8 +64,7 @@ class Camera:
             seed: Seed of the trial; noise and dropout use separate random streams.
             faults: Faults of the scene; blackouts of other cameras are ignored.
             built: True intrinsics, lens and clock; None if they are those of ``spec``.
-            motion: Returns, for the position of the camera in W, how camera and bodies move at the instant of
-                exposure; None if nothing moves.
+            motion: Returns how camera and bodies move at the instant of exposure; None if nothing moves.
         """
         self.name = name
         self.spec = spec
@@ -97,7 +95,7 @@ class Camera:
         self._exposure = None if lost else Exposure(self.name, frame, self.timing.stamp(stamp_ns))
         if not lost:
             self._X_WC = self._pose()
-            self._motion = self._observe(self._X_WC.p) if self._observe else None
+            self._motion = self._observe() if self._observe else None
         return self._exposure
 
     def fetch(self, window: Window) -> Pixels:
@@ -142,6 +140,8 @@ class Camera:
         exposures = list(self._shutter.exposures(window, self._X_WC, self._motion))
         views = [(e.rows, e.instant) for e in exposures]
         drawn = renderer.render_instants(self.pinhole, views, self._distortion)
+        if len(drawn) == 1:
+            return drawn[0]
         light = np.zeros((window.height, window.width), dtype=np.float32)
         for exposure, pixels in zip(exposures, drawn, strict=True):
             first = exposure.rows.y - window.y

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -16,13 +17,12 @@ import pybullet
 
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.specs.bodies import BoxSpec
 
-#: Distance from the middle of a unit or of an obstacle to what is seen of it [m]: half a unit's width.
-_REACH_M = 0.1
-
-#: Height of what a camera that looks down sees of a unit [m].
-_TALLEST_M = 0.25
+#: Height of a unit with its mast and its tag on top [m].
+_UNIT_HEIGHT_M = 0.25
 
 #: Nothing is taken to be nearer than this, where a camera could no longer see a tag as a whole [m].
 _NEAREST_M = 0.05
@@ -52,9 +52,11 @@ class BodyMotion:
         R = np.asarray(cv2.Rodrigues(self.w_W * dt)[0], dtype=np.float64)
         return SE3(R, self.p_W + self.v_W * dt - R @ self.p_W)
 
-    def speed_at(self, p_W: Array) -> float:
-        """Return the speed of a point of the body [m/s]."""
-        return float(np.linalg.norm(self.v_W + np.cross(self.w_W, p_W - self.p_W)))
+    def velocity_at(self, p_W: Array) -> Array:
+        """Return the velocities of points of the body [m/s], both of shape (..., 3)."""
+        x, y, z = self.w_W.tolist()
+        turning: Array = (p_W - self.p_W) @ np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+        return turning + self.v_W
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,56 +66,99 @@ class CameraMotion:
     Attributes:
         bodies: Bodies that move, by their PyBullet ids.
         carrier: The one that carries the camera; None for a camera that stands.
-        nearest_m: Distance from the camera to the nearest other body, or less [m].
+        outlines: Corners of a box about every body but the carrier, in W, shape (8, 3) [m], by id.
     """
 
     bodies: Mapping[int, BodyMotion]
     carrier: int | None
-    nearest_m: float
+    outlines: Mapping[int, Array]
 
     def displaced(self, dt: float) -> dict[int, SE3]:
         """Return the displacement, in W, of every moving body ``dt`` seconds after the instant."""
         return {body: motion.displacement(dt) for body, motion in self.bodies.items()}
 
-    def rate(self, p_WC: Array) -> float:
-        """Return how fast what the camera sees moves over its image, or more [rad/s].
+    def image_speed(self, camera: PinholeCamera, X_WC: SE3) -> float:
+        """Return how fast the image of bodies in the frame moves at most [px/s].
+
+        It is taken at the corners of their boxes, and for what is far away in the middle of the image. The
+        floor is not counted: it may be near, but its texture is smooth.
 
         Args:
-            p_WC: Position of the camera, shape (3,) [m].
+            camera: Intrinsics.
+            X_WC: Pose of the camera.
         """
         own = self.bodies.get(self.carrier) if self.carrier is not None else None
-        turning = 0.0 if own is None else float(np.linalg.norm(own.w_W))
-        speed = 0.0 if own is None else own.speed_at(p_WC)
-        others = (
-            float(np.linalg.norm(motion.v_W) + _REACH_M * np.linalg.norm(motion.w_W))
-            for body, motion in self.bodies.items()
-            if body != self.carrier
+        fastest = 0.0 if own is None else camera.focal * float(np.linalg.norm(own.w_W @ X_WC.R[:, :2]))
+        left, right = (-0.5 - camera.cx) / camera.focal, (camera.width - 0.5 - camera.cx) / camera.focal
+        top, bottom = (-0.5 - camera.cy) / camera.focal, (camera.height - 0.5 - camera.cy) / camera.focal
+        for body, corners in self.outlines.items():
+            px, py, pz = X_WC.R.T @ (corners - X_WC.p).T
+            outside = (px < left * pz, px > right * pz, py < top * pz, py > bottom * pz, pz < _NEAREST_M)
+            if any(side.all() for side in outside):
+                continue
+            v_W = np.zeros(corners.shape)
+            if body in self.bodies:
+                v_W += self.bodies[body].velocity_at(corners)
+            if own is not None:
+                v_W -= own.velocity_at(corners)
+            vx, vy, vz = X_WC.R.T @ v_W.T
+            z = np.maximum(pz, _NEAREST_M)
+            # A box may reach beyond the frame; its part in the frame moves as its border does at that depth.
+            x, y = np.clip(px / z, left, right), np.clip(py / z, top, bottom)
+            fastest = max(fastest, camera.focal * float((np.hypot(vx - x * vz, vy - y * vz) / z).max()))
+        return fastest
+
+
+class MotionSensor:
+    """Reads from a simulation with images how a camera and all bodies move."""
+
+    def __init__(self, simulation: Simulation, carrier: str | None) -> None:
+        """Observe a camera.
+
+        Args:
+            simulation: True state of the trial.
+            carrier: Unit that carries the camera; None for a camera that stands.
+        """
+        self._simulation = simulation
+        self._carrier = carrier
+
+    def __call__(self) -> CameraMotion:
+        """Return the motion at this instant."""
+        simulation, world = self._simulation, self._simulation.world
+        assert world is not None, "a simulation with images has a world"
+        ids = {unit: world.unit(unit).body for unit in simulation.scene.units} | world.obstacles
+        motions = {ids[unit]: _unit_motion(simulation, unit) for unit in simulation.scene.units}
+        outlines = {
+            ids[name]: SE3.from_se2(X_WB).act(self._boxes[name])
+            for name, X_WB in simulation.poses().items()
+            if name in ids and name != self._carrier
+        }
+        return CameraMotion(
+            bodies={body: motion for body, motion in motions.items() if not motion.stands},
+            carrier=None if self._carrier is None else ids[self._carrier],
+            outlines=outlines,
         )
-        return turning + (speed + max(others, default=0.0)) / self.nearest_m
+
+    @cached_property
+    def _boxes(self) -> dict[str, Array]:
+        """Corners of the box about each body, in the body's frame on the floor, shape (8, 3) [m]."""
+        scene = self._simulation.scene
+        boxes = {}
+        for unit in scene.units:
+            outline = scene.geometry(unit).footprint
+            boxes[unit] = _box(outline.min(axis=0), outline.max(axis=0), _UNIT_HEIGHT_M)
+        for name, spec in scene.obstacles.items():
+            reach = np.full(2, spec.radius_m)
+            if isinstance(spec, BoxSpec):
+                reach = 0.5 * np.array([spec.length_m, spec.width_m])
+            boxes[name] = _box(-reach, reach, spec.height_m)
+        return boxes
 
 
-def camera_motion(simulation: Simulation, p_WC: Array, carrier: str | None) -> CameraMotion:
-    """Return the motion of a camera of a simulation with images, at this instant.
-
-    Args:
-        simulation: True state of the trial.
-        p_WC: Position of the camera, shape (3,) [m].
-        carrier: Unit that carries the camera; None for a camera that stands.
-    """
-    world = simulation.world
-    assert world is not None, "a simulation with images has a world"
-    motions = {world.unit(unit).body: _unit_motion(simulation, unit) for unit in simulation.scene.units}
-    away = (
-        float(np.hypot(X_WB.x - p_WC[0], X_WB.y - p_WC[1]))
-        for body, X_WB in simulation.poses().items()
-        if body != carrier
-    )
-    height = max(float(p_WC[2]) - _TALLEST_M, 0.0)
-    return CameraMotion(
-        bodies={body: motion for body, motion in motions.items() if not motion.stands},
-        carrier=None if carrier is None else world.unit(carrier).body,
-        nearest_m=max(float(np.hypot(min(away, default=np.inf) - _REACH_M, height)), _NEAREST_M),
-    )
+def _box(low: Array, high: Array, height: float) -> Array:
+    """Return the corners of an upright box on the floor, shape (8, 3), from two corners of its base (2,)."""
+    corners = np.meshgrid((low[0], high[0]), (low[1], high[1]), (0.0, height))
+    return np.stack(corners, axis=-1).reshape(8, 3)
 
 
 def _unit_motion(simulation: Simulation, unit: str) -> BodyMotion:

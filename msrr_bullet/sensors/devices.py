@@ -10,7 +10,7 @@ from msrr_bullet.profiler import Profiler
 from msrr_bullet.render import RenderContext, Renderer, build_renderer
 from msrr_bullet.sensors.calibrated_sight import OnboardSight, OverheadSight
 from msrr_bullet.sensors.camera import Camera
-from msrr_bullet.sensors.camera_motion import camera_motion
+from msrr_bullet.sensors.camera_motion import MotionSensor
 from msrr_bullet.sensors.camera_sensors import CameraSensor, RenderedCameraSensor
 from msrr_bullet.sensors.command_link import CommandLink
 from msrr_bullet.sensors.frame_dropout import FrameDropout
@@ -162,7 +162,7 @@ class Devices:
                 self._seed,
                 self._simulation.scene.faults,
                 built,
-                lambda p_WC: camera_motion(self._simulation, p_WC, carrier),
+                MotionSensor(self._simulation, carrier),
             )
         return self._cameras[name]
 

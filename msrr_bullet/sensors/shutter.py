@@ -21,8 +21,12 @@ from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.sensors import CameraSpec
 
-#: Cells of an exposure for each pixel that it smears, and the most.
-_CELLS_PER_PX, _MOST_CELLS = 2.0, 8
+#: Largest deviation of the grey level at a sharp edge from the mean over the exposure, as a share of the
+#: edge's contrast: one of the 16 shades that a pixel with an edge may have.
+_EDGE_ERROR = 1.0 / 16.0
+
+#: Most cells of an exposure.
+_MOST_CELLS = 8
 
 #: Width of a cell of a rolling shutter whose exposure is short [px]: so far the image moves meanwhile.
 _LEAST_CELL_PX = 0.25
@@ -75,29 +79,38 @@ class Shutter:
             X_WC: Pose of the camera at the time of the stamp.
             motion: Velocities at the time of the stamp.
         """
-        speed = self._pinhole.focal * motion.rate(X_WC.p)  # [px/s], in the middle of the image
+        speed = motion.image_speed(self._pinhole, X_WC)
         rolls = speed * self._readout_s > _LEAST_SHIFT_PX
-        count = min(max(math.ceil(_CELLS_PER_PX * speed * self._exposure_s), 1), _MOST_CELLS)
+        count = cells_of_smear(speed * self._exposure_s)
         cell = self._exposure_s / count
         if rolls and cell * speed < _LEAST_CELL_PX:
             count, cell = 1, _LEAST_CELL_PX / speed
         if not rolls and count == 1:
-            yield PartialExposure(
-                window, instant_after(0.0, X_WC, motion), np.ones(window.height, np.float32)
-            )
+            yield PartialExposure(window, Instant(X_WC), np.ones(window.height, np.float32))
             return
         rows = np.arange(window.y, window.y_end)
         middle = ((rows + 0.5) / self._pinhole.height - 0.5) * (self._readout_s if rolls else 0.0)
-        # In cells, counted so that the exposure of a global shutter covers whole ones.
-        start = middle / cell - 0.5 * count
+        # In cells, on a grid that makes the exposure of a global shutter cover whole ones.
+        offset = 0.0 if rolls else 0.5 * (count % 2)
+        start = middle / cell - 0.5 * count + offset
         for k in range(math.floor(start[0]), math.ceil(start[-1] + count)):
             weights = (np.minimum(start + count, k + 1.0) - np.maximum(start, k)) / count
             seen = np.flatnonzero(weights > 1e-9)
             if seen.size:
                 first, end = int(seen[0]), int(seen[-1]) + 1
                 part = Window(window.x, window.y + first, window.width, end - first)
-                instant = instant_after((k + 0.5) * cell, X_WC, motion)
+                instant = instant_after((k + 0.5 - offset) * cell, X_WC, motion)
                 yield PartialExposure(part, instant, weights[first:end].astype(np.float32))
+
+
+def cells_of_smear(smear: float) -> int:
+    """Return the number of instants whose mean stands for an exposure that smears the image by ``smear`` px.
+
+    The brightness of a pixel that an edge crosses is, over time, a ramp one pixel long. The mean of n
+    instants is off by at most a share ``smear / (8 n^2)`` of the contrast, where the ramp begins or ends in
+    the middle of a cell.
+    """
+    return min(max(math.ceil(math.sqrt(smear / (8.0 * _EDGE_ERROR))), 1), _MOST_CELLS)
 
 
 def instant_after(dt: float, X_WC: SE3, motion: CameraMotion) -> Instant:
