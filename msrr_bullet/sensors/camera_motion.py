@@ -14,17 +14,16 @@ from functools import cached_property
 import cv2
 import numpy as np
 import pybullet
+from numpy.typing import NDArray
 
 from msrr_bullet.simulation.simulation import Simulation
+from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.specs.bodies import BoxSpec
+from msrr_scenes.geometry.unit_geometry import tag_corners
 
-#: Height of a unit with its mast and its tag on top [m].
-_UNIT_HEIGHT_M = 0.25
-
-#: Nothing is taken to be nearer than this, where a camera could no longer see a tag as a whole [m].
+#: Tags that are nearer do not count: a camera could no longer see one as a whole [m].
 _NEAREST_M = 0.05
 
 
@@ -66,22 +65,25 @@ class CameraMotion:
     Attributes:
         bodies: Bodies that move, by their PyBullet ids.
         carrier: The one that carries the camera; None for a camera that stands.
-        outlines: Corners of a box about every body but the carrier, in W, shape (8, 3) [m], by id.
+        tags: Corners of the tags of all bodies but the carrier, in W, shape (T, 4, 3) [m], in the order of
+            :func:`.unit_geometry.tag_corners`.
+        owners: PyBullet id of the body of each tag, shape (T,).
     """
 
     bodies: Mapping[int, BodyMotion]
     carrier: int | None
-    outlines: Mapping[int, Array]
+    tags: Array
+    owners: NDArray[np.int64]
 
     def displaced(self, dt: float) -> dict[int, SE3]:
         """Return the displacement, in W, of every moving body ``dt`` seconds after the instant."""
         return {body: motion.displacement(dt) for body, motion in self.bodies.items()}
 
     def image_speed(self, camera: PinholeCamera, X_WC: SE3) -> float:
-        """Return how fast the image of bodies in the frame moves at most [px/s].
+        """Return how fast the image of what is read moves at most [px/s].
 
-        It is taken at the corners of their boxes, and for what is far away in the middle of the image. The
-        floor is not counted: it may be near, but its texture is smooth.
+        It is taken at the corners of the tags that face the camera, and for what is far away in the middle
+        of the image.
 
         Args:
             camera: Intrinsics.
@@ -89,23 +91,21 @@ class CameraMotion:
         """
         own = self.bodies.get(self.carrier) if self.carrier is not None else None
         fastest = 0.0 if own is None else camera.focal * float(np.linalg.norm(own.w_W @ X_WC.R[:, :2]))
-        left, right = (-0.5 - camera.cx) / camera.focal, (camera.width - 0.5 - camera.cx) / camera.focal
-        top, bottom = (-0.5 - camera.cy) / camera.focal, (camera.height - 0.5 - camera.cy) / camera.focal
-        for body, corners in self.outlines.items():
-            px, py, pz = X_WC.R.T @ (corners - X_WC.p).T
-            outside = (px < left * pz, px > right * pz, py < top * pz, py > bottom * pz, pz < _NEAREST_M)
-            if any(side.all() for side in outside):
-                continue
-            v_W = np.zeros(corners.shape)
-            if body in self.bodies:
-                v_W += self.bodies[body].velocity_at(corners)
+        p_C = (self.tags - X_WC.p) @ X_WC.R
+        # A tag's z axis points into it, away from a camera that it faces.
+        right, up, corner = p_C[:, 1] - p_C[:, 0], p_C[:, 3] - p_C[:, 0], p_C[:, 0]
+        shown = np.linalg.det(np.stack([right, up, corner], axis=1)) < 0.0
+        shown &= (camera.sees(p_C) & (p_C[..., 2] > _NEAREST_M)).any(axis=1)
+        for owner in np.unique(self.owners[shown]):
+            tags = shown & (self.owners == owner)
+            v_W = np.zeros(self.tags[tags].shape)
+            if owner in self.bodies:
+                v_W += self.bodies[owner].velocity_at(self.tags[tags])
             if own is not None:
-                v_W -= own.velocity_at(corners)
-            vx, vy, vz = X_WC.R.T @ v_W.T
-            z = np.maximum(pz, _NEAREST_M)
-            # A box may reach beyond the frame; its part in the frame moves as its border does at that depth.
-            x, y = np.clip(px / z, left, right), np.clip(py / z, top, bottom)
-            fastest = max(fastest, camera.focal * float((np.hypot(vx - x * vz, vy - y * vz) / z).max()))
+                v_W -= own.velocity_at(self.tags[tags])
+            v_C, z = v_W @ X_WC.R, np.maximum(p_C[tags][..., 2:], _NEAREST_M)
+            flow = (v_C[..., :2] - p_C[tags][..., :2] / z * v_C[..., 2:]) / z
+            fastest = max(fastest, camera.focal * float(np.sqrt((flow * flow).sum(axis=-1)).max()))
         return fastest
 
 
@@ -126,39 +126,40 @@ class MotionSensor:
         """Return the motion at this instant."""
         simulation, world = self._simulation, self._simulation.world
         assert world is not None, "a simulation with images has a world"
-        ids = {unit: world.unit(unit).body for unit in simulation.scene.units} | world.obstacles
-        motions = {ids[unit]: _unit_motion(simulation, unit) for unit in simulation.scene.units}
-        outlines = {
-            ids[name]: SE3.from_se2(X_WB).act(self._boxes[name])
-            for name, X_WB in simulation.poses().items()
-            if name in ids and name != self._carrier
-        }
+        ids = {unit: world.unit(unit).body for unit in simulation.scene.units}
+        motions = {body: _unit_motion(simulation, unit) for unit, body in ids.items()}
+        ids |= world.obstacles
+        poses = simulation.poses()
+        shown = [name for name in self._tags if name in poses]
+        count = [len(self._tags[name]) for name in shown]
+        planar = [(np.cos(poses[n].yaw), np.sin(poses[n].yaw), poses[n].x, poses[n].y) for n in shown]
+        cos, sin, x0, y0 = np.array(planar).reshape(-1, 4).repeat(count, axis=0).T[..., np.newaxis]
+        tags = np.concatenate([np.empty((0, 4, 3)), *(self._tags[name] for name in shown)])
+        x, y, z = tags[..., 0], tags[..., 1], tags[..., 2]
         return CameraMotion(
             bodies={body: motion for body, motion in motions.items() if not motion.stands},
             carrier=None if self._carrier is None else ids[self._carrier],
-            outlines=outlines,
+            tags=np.stack([cos * x - sin * y + x0, sin * x + cos * y + y0, z], axis=-1),
+            owners=np.array([ids[name] for name in shown], dtype=np.int64).repeat(count),
         )
 
     @cached_property
-    def _boxes(self) -> dict[str, Array]:
-        """Corners of the box about each body, in the body's frame on the floor, shape (8, 3) [m]."""
-        scene = self._simulation.scene
-        boxes = {}
-        for unit in scene.units:
-            outline = scene.geometry(unit).footprint
-            boxes[unit] = _box(outline.min(axis=0), outline.max(axis=0), _UNIT_HEIGHT_M)
-        for name, spec in scene.obstacles.items():
-            reach = np.full(2, spec.radius_m)
-            if isinstance(spec, BoxSpec):
-                reach = 0.5 * np.array([spec.length_m, spec.width_m])
-            boxes[name] = _box(-reach, reach, spec.height_m)
-        return boxes
-
-
-def _box(low: Array, high: Array, height: float) -> Array:
-    """Return the corners of an upright box on the floor, shape (8, 3), from two corners of its base (2,)."""
-    corners = np.meshgrid((low[0], high[0]), (low[1], high[1]), (0.0, height))
-    return np.stack(corners, axis=-1).reshape(8, 3)
+    def _tags(self) -> dict[str, Array]:
+        """Corners of the tags of each body but the carrier, in the body's frame, shape (K, 4, 3) [m]."""
+        scene, built = self._simulation.scene, self._simulation.built
+        tags = {}
+        for name in scene.units:
+            unit = built.units[name]
+            if name != self._carrier:
+                tags[name] = [
+                    unit.geometry.frame(slot).act(tag_corners(unit.print_scale * scene.tag_size(name, slot)))
+                    for slot in unit.geometry.tag_slots
+                ]
+        for name, tag in built.obstacle_tags.items():
+            spec = scene.obstacles[name]
+            X_BT = obstacle_tag_pose(spec.height_m, tag)
+            tags[name] = [X_BT.act(tag_corners(tag.print_scale * spec.tag_m))]
+        return {name: np.array(corners).reshape(-1, 4, 3) for name, corners in tags.items()}
 
 
 def _unit_motion(simulation: Simulation, unit: str) -> BodyMotion:
