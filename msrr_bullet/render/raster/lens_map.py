@@ -33,14 +33,19 @@ class LensMap:
         """
         self.camera = camera
         self.distortion = distortion
+        self._latest: tuple[Window, LensView] | None = None
         self._cover(camera.frame.padded(_MARGIN))
 
     def view(self, window: Window) -> LensView:
         """Return the places of the corners of the pixels of ``window``.
 
+        The latest view is kept, for the next instant of the exposure.
+
         Raises:
             GeometryError: The window reaches beyond the frame to where the lens has no inverse.
         """
+        if self._latest is not None and self._latest[0] == window:
+            return self._latest[1]
         margin = self._covered.width - self.camera.width
         while not self._covered.contains(window):
             margin *= 2
@@ -48,26 +53,24 @@ class LensMap:
         x, y = window.x - self._covered.x, window.y - self._covered.y
         part = self._corners[:, y : y + window.height + 1, x : x + window.width + 1]
         u, v = np.ascontiguousarray(part[0]), np.ascontiguousarray(part[1])
-        middles = self._middles[:, y : y + window.height, x : x + window.width]
-        middle_u, middle_v = np.ascontiguousarray(middles[0]), np.ascontiguousarray(middles[1])
         v_low, v_high = np.empty(len(v)), np.empty(len(v))
         bound_rows(v, v_low, v_high)
         first = window.x // ROLLED_STRIDE - self._first_group
         groups = np.ascontiguousarray(self._groups[:, y : y + window.height, first:])
-        return LensView(
+        view = LensView(
             u=u,
             v=v,
-            middle_u=middle_u,
-            middle_v=middle_v,
             v_low=v_low,
             v_high=v_high,
-            bend=self._bend[y : y + window.height + 1],
             shift=self._shift,
             pitch=self._pitch,
+            slant=self._slant,
             column=window.x,
             group_u=groups[0],
             group_v=groups[1],
         )
+        self._latest = window, view
+        return view
 
     def _cover(self, window: Window) -> None:
         columns = np.arange(window.x, window.x_end + 1, dtype=np.float64) - 0.5
@@ -81,12 +84,9 @@ class LensMap:
         self._covered = window
         self._corners = np.moveaxis(grid, -1, 0) + 0.5  # kernels count from the edges of pixels
         u, v = self._corners
-        self._bend = np.abs(np.diff(v, 2, axis=1)).max(axis=1)
         self._shift = float(np.abs(np.diff(u, axis=0)).max())
-        self._pitch = float(np.diff(u, axis=1).max())
-        upper, lower = self._corners[:, :-1], self._corners[:, 1:]
-        middles = 0.25 * ((upper[..., :-1] + upper[..., 1:]) + (lower[..., :-1] + lower[..., 1:]))
-        self._middles = middles.astype(np.float32)
+        self._pitch = float(np.diff(u, axis=1).min())
+        self._slant = float(np.abs(np.diff(v, axis=1)).max())
         self._first_group = window.x // ROLLED_STRIDE
         middle = ROLLED_STRIDE * (np.arange(self._first_group, window.x_end // ROLLED_STRIDE + 1) + 0.5) - 0.5
         # The lens need not have an inverse beyond the margin, and no middle may depend on what is covered.
@@ -96,7 +96,7 @@ class LensMap:
         self._groups = np.ascontiguousarray(np.moveaxis(ideal, -1, 0) + 0.5)
 
 
-# A map takes 24 bytes a pixel. This is room for the cameras of 16 units, each as it was built, and one above.
+# A map takes 16 bytes a pixel. This is room for the cameras of 16 units, each as it was built, and one above.
 @lru_cache(maxsize=17)
 def lens_map(camera: PinholeCamera, distortion: Distortion) -> LensMap:
     """Return the map of a lens, which takes a third of a second for a frame of 640 x 480 pixels.

@@ -197,6 +197,7 @@ def _workspace(geometry: Geometry, frame_count: int, width: int) -> Workspace:
             texture=np.empty(faces, dtype=np.int64),
             surface=np.empty(faces, dtype=np.int64),
             cells=np.empty((faces, 4), dtype=np.int64),
+            spans=np.empty((faces, 4), dtype=np.int64),
         ),
         corners=Corners(
             depth=np.empty((BAND + 1, width + 1), dtype=np.float32),

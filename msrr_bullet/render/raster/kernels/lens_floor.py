@@ -7,6 +7,7 @@ import numpy as np
 from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
 from msrr_bullet.render.raster.kernels.floor import ROLLED_STRIDE, bilinear_grey, blend_for, floor_texel
 from msrr_bullet.render.raster.kernels.records import FloorTexture, FloorView, LensView, RowBuffers
+from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
 
 
@@ -14,6 +15,12 @@ from msrr_scenes.messages import Pixels
 def group_of(view: LensView, i: int) -> int:
     """Return the number of the group of pixels, in a row of the window, that pixel ``i`` is in."""
     return (view.column + i) // ROLLED_STRIDE - view.column // ROLLED_STRIDE
+
+
+@inlined
+def middle_of(corners: Array, k: int, i: int) -> float:
+    """Return the mean of a coordinate of the four corners of pixel (k, i) of the window."""
+    return 0.25 * ((corners[k, i] + corners[k, i + 1]) + (corners[k + 1, i] + corners[k + 1, i + 1]))
 
 
 @kernel
@@ -29,7 +36,7 @@ def shade_lens_floor(
 ) -> None:
     """Write the floor into pixels ``first`` to ``end`` of ``out``, which is row ``k`` of the window."""
     texels, forms, index, part_x, part_y = texture.texels, seen.forms, buffers.texel, buffers.x, buffers.y
-    middle_u, middle_v = view.middle_u[k], view.middle_v[k]
+    corners_u, corners_v = view.u, view.v
     xu, xv, x0 = np.float32(forms[0, 0]), np.float32(forms[0, 1]), np.float32(forms[0, 2])
     yu, yv, y0 = np.float32(forms[1, 0]), np.float32(forms[1, 1]), np.float32(forms[1, 2])
     tu, tv, t0 = np.float32(forms[2, 0]), np.float32(forms[2, 1]), np.float32(forms[2, 2])
@@ -39,7 +46,7 @@ def shade_lens_floor(
         stop = min(i + ROLLED_STRIDE - (view.column + i) % ROLLED_STRIDE, end)
         start, bits, shrink = blend_for(texture, seen, view.group_u[k, group], view.group_v[k, group])
         for n in range(i, stop):
-            u, v = middle_u[n], middle_v[n]
+            u, v = np.float32(middle_of(corners_u, k, n)), np.float32(middle_of(corners_v, k, n))
             index[n], part_x[n], part_y[n] = floor_texel(
                 xu * u + (xv * v + x0), yu * u + (yv * v + y0), tu * u + (tv * v + t0), start, bits, shrink
             )
@@ -53,7 +60,7 @@ def floor_grey_at(view: LensView, texture: FloorTexture, seen: FloorView, k: int
     """Return the floor's grey level in the middle of pixel (k, i) of the window."""
     forms, group = seen.forms, group_of(view, i)
     start, bits, shrink = blend_for(texture, seen, view.group_u[k, group], view.group_v[k, group])
-    u, v = view.middle_u[k, i], view.middle_v[k, i]
+    u, v = np.float32(middle_of(view.u, k, i)), np.float32(middle_of(view.v, k, i))
     index, ax, ay = floor_texel(
         np.float32(forms[0, 0]) * u + (np.float32(forms[0, 1]) * v + np.float32(forms[0, 2])),
         np.float32(forms[1, 0]) * u + (np.float32(forms[1, 1]) * v + np.float32(forms[1, 2])),

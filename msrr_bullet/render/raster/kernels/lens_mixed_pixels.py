@@ -35,8 +35,6 @@ _LOW = (1 << 32) - 1
 
 @kernel
 def cover_lens_samples(
-    view: LensView,
-    top: int,
     height: int,
     faces: ProjectedFaces,
     count: int,
@@ -46,10 +44,10 @@ def cover_lens_samples(
     maps: Array,
 ) -> None:
     """Draw wall, floor and all faces on the samples of the mixed pixels of a band of rows."""
-    start, key, farthest = samples.start, samples.key, samples.farthest
+    start, column, key, farthest = samples.start, samples.column, samples.key, samples.farthest
     inverse_depth, edge_start, edges, box = faces.inverse_depth, faces.edge_start, faces.edges, faces.box
+    nearest, spans = faces.nearest, faces.spans
     reach = np.empty(SAMPLES, np.float32)  # how far inside all edges each sample is
-    reach_px = view.pitch + view.shift  # from the left upper corner of a pixel to its right
     for p in range(start[height]):
         a, b, c = pulled_back(floor[0], floor[1], floor[2], maps, p)
         farthest[p] = GREATEST_KEY
@@ -60,28 +58,28 @@ def cover_lens_samples(
     for f in range(count):
         first, end = edge_start[f], edge_start[f + 1]
         name = np.int32(f << REGION_BITS)
-        left, right, upper, lower = box[f, 0], box[f, 1], box[f, 2], box[f, 3]
+        left, right, greatest = box[f, 0], box[f, 1], sample_key(np.float32(nearest[f] * 1.000001), name)
         fa, fb, fc = inverse_depth[f, 0], inverse_depth[f, 1], inverse_depth[f, 2]
-        for j in range(height):
-            if start[j] == start[j + 1] or max(view.v_high[top + j], view.v_high[top + j + 1]) < upper:
-                continue
-            if min(view.v_low[top + j], view.v_low[top + j + 1]) > lower:
-                break
+        for j in range(spans[f, 0], spans[f, 1]):
             begin, last = start[j], start[j + 1]
             while begin < last:  # the first pixel that may reach to the face
                 middle = (begin + last) >> 1
-                if maps[middle, 0] < left - reach_px:
+                if column[middle] < spans[f, 2]:
                     begin = middle + 1
                 else:
                     last = middle
             for p in range(begin, start[j + 1]):
+                if column[p] >= spans[f, 3]:
+                    break
+                if greatest <= farthest[p]:  # behind every sample
+                    continue
                 if maps[p, 0] + maps[p, 2] + max(maps[p, 4], 0.0) < left:
                     continue
                 if maps[p, 0] + min(maps[p, 4], 0.0) > right:
-                    break
+                    continue
                 a, b, c = pulled_back(fa, fb, fc, maps, p)
                 bound = np.float32(max((c + max(a, 0.0) + max(b, 0.0)) * 1.000001, 0.0))
-                if sample_key(bound, name) <= farthest[p]:  # behind every sample
+                if sample_key(bound, name) <= farthest[p]:
                     continue
                 crossed, outside = False, False
                 for e in range(first, end):

@@ -86,7 +86,7 @@ def draw_through_lens(
             maps,
             rows,
         )
-        cover_lens_samples(lens, top, height, faces, count, floor, positions, samples, maps)
+        cover_lens_samples(height, faces, count, floor, positions, samples, maps)
         shade_lens_mixed_pixels(
             lens,
             top,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
-from msrr_bullet.render.raster.kernels.lens_floor import shade_lens_floor
+from msrr_bullet.render.raster.kernels.lens_floor import middle_of, shade_lens_floor
 from msrr_bullet.render.raster.kernels.records import (
     CELLS,
     FLOOR,
@@ -195,8 +195,8 @@ def shade_lens_simple_pixels(
                             levels,
                             texels,
                             f,
-                            view.middle_u[k, n],
-                            view.middle_v[k, n],
+                            float(np.float32(middle_of(u, k, n))),
+                            float(np.float32(middle_of(v, k, n))),
                         )
                         out[j, n] = quantised(value)
                     continue
@@ -207,10 +207,8 @@ def shade_lens_simple_pixels(
                 vx = 0.5 * ((v[k, i + 1] - v[k, i]) + (v[k + 1, i + 1] - v[k + 1, i]))
                 uy = 0.5 * ((u[k + 1, i] - u[k, i]) + (u[k + 1, i + 1] - u[k, i + 1]))
                 vy = 0.5 * ((v[k + 1, i] - v[k, i]) + (v[k + 1, i + 1] - v[k, i + 1]))
-                middle_u = 0.25 * ((u[k, i] + u[k, i + 1]) + (u[k + 1, i] + u[k + 1, i + 1]))
-                middle_v = 0.25 * ((v[k, i] + v[k, i + 1]) + (v[k + 1, i] + v[k + 1, i + 1]))
-                maps[count, 0] = middle_u - 0.5 * (ux + uy)
-                maps[count, 1] = middle_v - 0.5 * (vx + vy)
+                maps[count, 0] = middle_of(u, k, i) - 0.5 * (ux + uy)
+                maps[count, 1] = middle_of(v, k, i) - 0.5 * (vx + vy)
                 maps[count, 2], maps[count, 3], maps[count, 4], maps[count, 5] = ux, vx, uy, vy
                 mean, f = -1.0, identity[j, i] >> REGION_BITS
                 if flags[i] == 1 and f >= 0:

@@ -84,13 +84,11 @@ class LensView(NamedTuple):
 
     u: Array  # (height + 1, width + 1) columns, counted from the edge of the frame [px]
     v: Array  # (height + 1, width + 1) rows
-    middle_u: Floats  # (height, width) places of the middles of the pixels
-    middle_v: Floats  # (height, width)
     v_low: Array  # (height + 1,) least v of each row of corners
     v_high: Array  # (height + 1,) greatest
-    bend: Array  # (height + 1,) greatest second difference of v along each row of corners
     shift: float  # most by which u differs from that of the corner below
-    pitch: float  # most by which u differs from that of the corner to the right
+    pitch: float  # least by which u differs from that of the corner to the right
+    slant: float  # most by which v differs from that of the corner to the right
     column: int  # first column of the window in the frame
     group_u: Array  # (height, groups) middles of the groups of pixels that share a blend of the floor
     group_v: Array  # (height, groups)
@@ -142,6 +140,9 @@ class ProjectedFaces(NamedTuple):
     texture: Indices  # (N,)
     surface: Indices  # (N,)
     cells: Indices  # (N, 4)
+    spans: (
+        Indices  # (N, 4) first row and row after the last, columns likewise, of pixels of a band; lens only
+    )
 
 
 class Corners(NamedTuple):

@@ -116,6 +116,23 @@ def mark_edges(
                         edge_depth[k - view.y, i - view.x] = max(edge_depth[k - view.y, i - view.x], bound)
 
 
+@inlined
+def is_hidden(depth: Floats, j0: int, j1: int, i0: int, i1: int, nearest: float) -> bool:
+    """Say whether a face lies behind what is drawn at all corners in rows j0 to j1 and columns i0 to i1.
+
+    They have to be all corners of the pixels that the face may touch. Then no corner would show the face, and
+    no edge of it would make a pixel mixed.
+    """
+    bound = np.float32(nearest * 1.000001)  # not below any 1 / z of the face in single precision
+    for j in range(j0, j1):
+        farther = 0
+        for i in range(i0, i1):
+            farther += depth[j, i] < bound
+        if farther > 0:
+            return False
+    return True
+
+
 @kernel
 def cover_corners(
     view: View, faces: ProjectedFaces, count: int, regions: Indices, corners: Corners, texel: Identities
@@ -136,6 +153,10 @@ def cover_corners(
         name = np.int32(f << REGION_BITS)
         top = int(max(np.floor(box[f, 2]), float(view.y)))
         bottom = int(min(np.floor(box[f, 3]) + 1.0, float(view.y + view.height)))
+        left = int(max(np.floor(box[f, 0]), float(view.x))) - view.x
+        right = int(min(np.floor(box[f, 1]) + 1.0, float(view.x + view.width))) - view.x
+        if is_hidden(depth, top - view.y, bottom - view.y + 1, left, right + 1, nearest[f]):
+            continue
         for k in range(top, bottom + 1):
             j = k - view.y
             if k < bottom:
