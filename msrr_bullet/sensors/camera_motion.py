@@ -92,20 +92,24 @@ class CameraMotion:
         own = self.bodies.get(self.carrier) if self.carrier is not None else None
         fastest = 0.0 if own is None else camera.focal * float(np.linalg.norm(own.w_W @ X_WC.R[:, :2]))
         p_C = (self.tags - X_WC.p) @ X_WC.R
-        # A tag's z axis points into it, away from a camera that it faces.
-        right, up, corner = p_C[:, 1] - p_C[:, 0], p_C[:, 3] - p_C[:, 0], p_C[:, 0]
-        shown = np.linalg.det(np.stack([right, up, corner], axis=1)) < 0.0
-        shown &= (camera.sees(p_C) & (p_C[..., 2] > _NEAREST_M)).any(axis=1)
-        for owner in np.unique(self.owners[shown]):
+        z = np.maximum(p_C[..., 2], _NEAREST_M)
+        x, y = p_C[..., 0] / z, p_C[..., 1] / z
+        inside = np.abs(camera.focal * x + (camera.cx - 0.5 * (camera.width - 1))) < 0.5 * camera.width
+        inside &= np.abs(camera.focal * y + (camera.cy - 0.5 * (camera.height - 1))) < 0.5 * camera.height
+        shown = (inside & (p_C[..., 2] > _NEAREST_M)).any(axis=1)
+        # The corners of a tag that faces the camera go round counter-clockwise.
+        right, up = (x[:, 1] - x[:, 0], y[:, 1] - y[:, 0]), (x[:, 3] - x[:, 0], y[:, 3] - y[:, 0])
+        shown &= right[0] * up[1] < right[1] * up[0]
+        for owner in set(self.owners[shown].tolist()):
             tags = shown & (self.owners == owner)
             v_W = np.zeros(self.tags[tags].shape)
             if owner in self.bodies:
                 v_W += self.bodies[owner].velocity_at(self.tags[tags])
             if own is not None:
                 v_W -= own.velocity_at(self.tags[tags])
-            v_C, z = v_W @ X_WC.R, np.maximum(p_C[tags][..., 2:], _NEAREST_M)
-            flow = (v_C[..., :2] - p_C[tags][..., :2] / z * v_C[..., 2:]) / z
-            fastest = max(fastest, camera.focal * float(np.sqrt((flow * flow).sum(axis=-1)).max()))
+            vx, vy, vz = np.moveaxis(v_W @ X_WC.R, -1, 0)
+            flow = np.hypot(vx - x[tags] * vz, vy - y[tags] * vz) / z[tags]
+            fastest = max(fastest, camera.focal * float(flow.max()))
         return fastest
 
 

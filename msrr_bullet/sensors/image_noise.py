@@ -119,7 +119,9 @@ class ImageNoise:
         read, shot = self._variance
         out = np.empty_like(light)
         for part, noise in self._noise(self._tile, window, frame):
-            out[part] = light[part] + noise * np.sqrt(read + shot * light[part])
+            sigma = np.sqrt(read + shot * light[part]) if shot > 0.0 else np.sqrt(read)
+            np.multiply(noise, sigma, out=out[part])
+            out[part] += light[part]
         return out
 
     def _noise(

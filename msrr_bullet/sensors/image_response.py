@@ -42,8 +42,9 @@ class ImageResponse:
         self._rise_x, self._rise_y = rise * math.cos(direction), rise * math.sin(direction)
         self._middle_x, self._middle_y = 0.5 * (pinhole.width - 1), 0.5 * (pinhole.height - 1)
         self._shades = spec.vignetting > 0.0 or spec.light_gradient > 0.0
-        self._per_grey = np.float32(spec.gain * _CONVERTER_MAX / 255.0)
-        levels = np.arange(_CONVERTER_MAX + 1) / _CONVERTER_MAX
+        self._per_grey = spec.gain * _CONVERTER_MAX / 255.0
+        # For every number of 16 bits, so that nothing has to be clipped before.
+        levels = np.minimum(np.arange(1 << 16), _CONVERTER_MAX) / _CONVERTER_MAX
         self._tone = np.rint(255.0 * levels ** (1.0 / spec.gamma)).astype(np.uint8)
 
     def shaded(self, light: NDArray[np.float32], window: Window) -> NDArray[np.float32]:
@@ -58,8 +59,9 @@ class ImageResponse:
 
     def converted(self, light: NDArray[np.float32]) -> Pixels:
         """Return the pixels for light with noise, both shape (height, width)."""
-        index = np.rint(np.clip(light * self._per_grey, 0.0, _CONVERTER_MAX)).astype(np.uint16)
-        pixels: Pixels = self._tone[index]
+        # This rounds and saturates in the pass that multiplies.
+        numbers = cv2.addWeighted(light, self._per_grey, light, 0.0, 0.0, dtype=cv2.CV_16U)
+        pixels: Pixels = self._tone.take(np.asarray(numbers))
         return pixels
 
 

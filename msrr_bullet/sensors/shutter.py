@@ -62,6 +62,8 @@ class Shutter:
         self._exposure_s = 1e-3 * spec.exposure_ms
         self._readout_s = 1e-3 * spec.rolling_shutter_ms
         self._pinhole = pinhole
+        # The latest exposure, of which several windows may be read, and its speed [px/s].
+        self._measured: tuple[CameraMotion, float] | None = None
 
     @property
     def instantaneous(self) -> bool:
@@ -79,27 +81,31 @@ class Shutter:
             X_WC: Pose of the camera at the time of the stamp.
             motion: Velocities at the time of the stamp.
         """
-        speed = motion.image_speed(self._pinhole, X_WC)
+        if self._measured is None or self._measured[0] is not motion:
+            self._measured = motion, motion.image_speed(self._pinhole, X_WC)
+        speed = self._measured[1]
         rolls = speed * self._readout_s > _LEAST_SHIFT_PX
         count = cells_of_smear(speed * self._exposure_s)
         cell = self._exposure_s / count
         if rolls and cell * speed < _LEAST_CELL_PX:
             count, cell = 1, _LEAST_CELL_PX / speed
-        if not rolls and count == 1:
-            yield PartialExposure(window, Instant(X_WC), np.ones(window.height, np.float32))
+        if not rolls:
+            share = np.full(window.height, 1.0 / count, dtype=np.float32)
+            for k in range(count):
+                yield PartialExposure(
+                    window, instant_after((k + 0.5 - 0.5 * count) * cell, X_WC, motion), share
+                )
             return
         rows = np.arange(window.y, window.y_end)
-        middle = ((rows + 0.5) / self._pinhole.height - 0.5) * (self._readout_s if rolls else 0.0)
-        # In cells, on a grid that makes the exposure of a global shutter cover whole ones.
-        offset = 0.0 if rolls else 0.5 * (count % 2)
-        start = middle / cell - 0.5 * count + offset
+        middle = ((rows + 0.5) / self._pinhole.height - 0.5) * self._readout_s
+        start = middle / cell - 0.5 * count  # in cells
         for k in range(math.floor(start[0]), math.ceil(start[-1] + count)):
             weights = (np.minimum(start + count, k + 1.0) - np.maximum(start, k)) / count
             seen = np.flatnonzero(weights > 1e-9)
             if seen.size:
                 first, end = int(seen[0]), int(seen[-1]) + 1
                 part = Window(window.x, window.y + first, window.width, end - first)
-                instant = instant_after((k + 0.5 - offset) * cell, X_WC, motion)
+                instant = instant_after((k + 0.5) * cell, X_WC, motion)
                 yield PartialExposure(part, instant, weights[first:end].astype(np.float32))
 
 
@@ -115,6 +121,8 @@ def cells_of_smear(smear: float) -> int:
 
 def instant_after(dt: float, X_WC: SE3, motion: CameraMotion) -> Instant:
     """Return the instant ``dt`` seconds after that of ``X_WC`` and ``motion``."""
+    if dt == 0.0:
+        return Instant(X_WC)
     displaced = motion.displaced(dt)
     own = displaced.get(motion.carrier) if motion.carrier is not None else None
     return Instant(X_WC if own is None else own @ X_WC, displaced)

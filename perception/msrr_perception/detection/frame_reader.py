@@ -60,7 +60,7 @@ class FrameReader:
     def _pixels(self, window: Window) -> Pixels:
         self.windows.append(window)
         pixels = self._fetch(window)
-        return pixels if self._to_light is None else self._to_light[pixels]
+        return pixels if self._to_light is None else self._to_light.take(pixels)
 
     def _detect(self, pixels: Pixels, window: Window, detector: Detector) -> None:
         for tag in detector.detect(pixels, window):
