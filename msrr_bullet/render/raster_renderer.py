@@ -12,6 +12,7 @@ from msrr_bullet.render.raster.kept_pictures import KeptPictures
 from msrr_bullet.render.raster.kernels.records import FloorTexture
 from msrr_bullet.render.raster.rasterizer import Rasterizer
 from msrr_bullet.render.renderer import Instant, RenderContext
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
@@ -41,12 +42,7 @@ class RasterRenderer:
         Raises:
             GeometryError: A body was loaded that has a visual shape which cannot be drawn.
         """
-        poses = self._loaded().poses()
-        pixels = self._kept.find(camera, X_WC, window, poses)
-        if pixels is None:
-            pixels = self._rasterizer.draw(camera, X_WC, window, poses, self._floor)
-            self._kept.keep(camera, X_WC, window, poses, pixels)
-        return pixels
+        return self._picture(camera, X_WC, window, self._loaded().poses(), None)
 
     def render_instants(
         self,
@@ -63,16 +59,26 @@ class RasterRenderer:
         bodies = self._loaded()
         poses = bodies.poses()
         return [
-            self._rasterizer.draw(
-                camera,
-                instant.X_WC,
-                window,
-                bodies.displaced(poses, instant.displaced),
-                self._floor,
-                distortion,
+            self._picture(
+                camera, instant.X_WC, window, bodies.displaced(poses, instant.displaced), distortion
             )
             for window, instant in views
         ]
+
+    def _picture(
+        self,
+        camera: PinholeCamera,
+        X_WC: SE3,
+        window: Window,
+        poses: Array,
+        distortion: Distortion | None,
+    ) -> Pixels:
+        """Return the pixels of a window with the moving frames at ``poses``; draw only what may be new."""
+        pixels = self._kept.find(camera, X_WC, window, poses, distortion)
+        if pixels is None:
+            pixels = self._rasterizer.draw(camera, X_WC, window, poses, self._floor, distortion)
+            self._kept.keep(camera, X_WC, window, poses, pixels, distortion)
+        return pixels
 
     def _loaded(self) -> LoadedBodies:
         if self._bodies is None or self._bodies.ids != body_ids(self._client):

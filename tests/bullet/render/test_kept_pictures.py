@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 import pytest
 
-from msrr_bullet.render import RenderContext
+from msrr_bullet.render import Instant, RenderContext
 from msrr_bullet.render.raster.rasterizer import Rasterizer
 from msrr_bullet.render.raster_renderer import RasterRenderer
+from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
@@ -24,7 +25,10 @@ AddBox = Callable[..., int]
 Place = Callable[[int, SE3], None]
 
 
-def test_every_picture_is_that_of_a_new_renderer(client: int, add_box: AddBox, place: Place) -> None:
+@pytest.mark.parametrize("lens", [None, Distortion(k1=-0.08, p1=0.002)], ids=str)
+def test_every_picture_is_that_of_a_new_renderer(
+    client: int, add_box: AddBox, place: Place, lens: Distortion | None
+) -> None:
     """Boxes that jump, creep or stay: into a window, out of it, across its edge, up to the camera."""
     rng = np.random.default_rng(5)
     windows = (WINDOW, Window(-4, 60, 70, 50), Window(250, 170, 70, 70))
@@ -32,6 +36,10 @@ def test_every_picture_is_that_of_a_new_renderer(client: int, add_box: AddBox, p
     poses = [np.array([*rng.uniform(-1.0, 1.0, 2), 0.5, 0.0]) for _ in boxes]
     context = RenderContext(client)
     renderer = RasterRenderer(context)
+
+    def seen_by(renderer: RasterRenderer, window: Window) -> Pixels:
+        return renderer.render_instants(CAMERA, [(window, Instant(X_OVERHEAD))], lens)[0]
+
     for step in range(100):
         k = step % 4
         if k < len(boxes):
@@ -39,8 +47,8 @@ def test_every_picture_is_that_of_a_new_renderer(client: int, add_box: AddBox, p
             x, y, z, yaw = poses[k]
             place(boxes[k], SE3.from_xyz_rpy([x, y, z], [0.0, 0.0, yaw]))
         for window in windows:
-            expected = RasterRenderer(context).render(CAMERA, X_OVERHEAD, window)
-            np.testing.assert_array_equal(renderer.render(CAMERA, X_OVERHEAD, window), expected)
+            expected = seen_by(RasterRenderer(context), window)
+            np.testing.assert_array_equal(seen_by(renderer, window), expected)
 
 
 def test_only_what_changes_in_the_window_is_drawn_again(
@@ -57,18 +65,29 @@ def test_only_what_changes_in_the_window_is_drawn_again(
     near, far = (add_box([0.2, 0.2, 0.1], SE3(p=np.array([x, 0.0, 0.1]))) for x in (0.0, 1.0))
     renderer = RasterRenderer(RenderContext(client))
 
-    def is_drawn(camera: PinholeCamera = CAMERA, X_WC: SE3 = X_OVERHEAD, window: Window = WINDOW) -> bool:
+    def is_drawn(
+        camera: PinholeCamera = CAMERA,
+        X_WC: SE3 = X_OVERHEAD,
+        window: Window = WINDOW,
+        lens: Distortion | None = None,
+        displaced: Mapping[int, SE3] | None = None,
+    ) -> bool:
         drawn.clear()
-        renderer.render(camera, X_WC, window)
+        renderer.render_instants(camera, [(window, Instant(X_WC, displaced or {}))], lens)
         return bool(drawn)
 
     assert is_drawn()
     assert not is_drawn()
     place(far, SE3(p=np.array([1.0, 0.1, 0.1])))
     assert not is_drawn(), "what moves is not in the window"
+    assert not is_drawn(displaced={far: SE3(p=np.array([0.0, 0.1, 0.0]))}), "nor is what is displaced"
+    assert is_drawn(displaced={near: SE3(p=np.array([0.0, 0.1, 0.0]))}), "what is displaced is in the window"
+    assert is_drawn()
+    assert is_drawn(lens=Distortion(k1=-0.1)), "another lens"
+    assert not is_drawn(lens=Distortion(k1=-0.1))
     assert is_drawn(window=Window(130, 90, 60, 61)), "another window"
     assert is_drawn(X_WC=SE3(X_OVERHEAD.R, np.array([0.0, 0.0, 2.1]))), "the camera has moved"
-    assert is_drawn(camera=PinholeCamera(320, 240, CAMERA.focal + 1.0), X_WC=X_OVERHEAD), "another lens"
+    assert is_drawn(camera=PinholeCamera(320, 240, CAMERA.focal + 1.0), X_WC=X_OVERHEAD), "another camera"
     assert is_drawn()
     place(near, SE3(p=np.array([1e-12, 0.0, 0.1])))
     assert is_drawn(), "a body in the window has moved"
