@@ -55,4 +55,4 @@ def test_tables_fit_a_terminal_and_json_holds_the_figures(report: DetectionBench
 
 def test_a_bench_without_a_scene_has_nothing_to_set(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["bench", "detection", "--set", "time_limit_s=1"]) == BAD_INPUT
-    assert "--set applies to scenes only" in capsys.readouterr().err
+    assert "apply to scenes only" in capsys.readouterr().err
