@@ -18,11 +18,11 @@ _UNKNOWN = "-"
 
 
 def _mm(metres: float | None) -> str:
-    return _UNKNOWN if metres is None else f"{1000.0 * metres:.2f} mm"
+    return _UNKNOWN if metres is None else f"{1000.0 * metres:z.2f} mm"
 
 
 def _deg(radians: float | None) -> str:
-    return _UNKNOWN if radians is None else f"{math.degrees(radians):.2f} deg"
+    return _UNKNOWN if radians is None else f"{math.degrees(radians):z.2f} deg"
 
 
 def _yes_no(fact: bool | None) -> str:
@@ -33,11 +33,11 @@ def _pose(pose: PlanarPose | None) -> str:
     if pose is None:
         return _UNKNOWN
     x, y = 1000.0 * pose.x_m, 1000.0 * pose.y_m
-    return f"{x:+.1f} mm, {y:+.1f} mm, {math.degrees(pose.yaw_rad):+.2f} deg"
+    return f"{x:+z.1f} mm, {y:+z.1f} mm, {math.degrees(pose.yaw_rad):+z.2f} deg"
 
 
 def _metres(clearance: float | None) -> str:
-    return _UNKNOWN if clearance is None else f"{clearance:.3f} m"
+    return _UNKNOWN if clearance is None else f"{clearance:z.3f} m"
 
 
 def _title(result: TrialResult) -> str:
@@ -129,7 +129,7 @@ def step_table(result: TrialResult, step: StepResult) -> Table:
 
 
 def _error(value: float | None, factor: float, unit: str) -> str:
-    return _UNKNOWN if value is None else f"off by {factor * value:+.2f} {unit}"
+    return _UNKNOWN if value is None else f"off by {factor * value:+z.2f} {unit}"
 
 
 def sweep_table(summary: SweepSummary) -> Table:
@@ -194,7 +194,7 @@ def _add_steps(table: Table, name: str, step: StepFigures) -> None:
 
 def _quantiles(values: Quantiles, unit: str) -> list[str]:
     return [
-        _UNKNOWN if value is None else f"{value:.{3 if unit == 'm' else 2}f} {unit}".rstrip()
+        _UNKNOWN if value is None else f"{value:z.{3 if unit == 'm' else 2}f} {unit}".rstrip()
         for value in (values.p50, values.p95, values.max)
     ]
 

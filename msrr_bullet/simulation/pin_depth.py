@@ -7,6 +7,7 @@ import math
 import pybullet
 
 from msrr_bullet.plant.lock_actuator import TILT_M
+from msrr_bullet.simulation.unit_body import UnitBody
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.specs.plan import DockStep
@@ -53,7 +54,7 @@ class PinDepths:
     def _pin(self, side: str) -> int:
         pin = f"pin_{side}"
         if pin not in self._unit.links:
-            raise GeometryError(f"{self._step.unit} -> {self._step.to}: the first URDF needs a link {pin!r}")
+            raise self._lacks(self._step.unit, self._unit, f"link {pin!r}", pin)
         return self._unit.link(pin)
 
     def _bottom(self, side: str) -> tuple[_Shape, ...]:
@@ -61,9 +62,7 @@ class PinDepths:
         hole = f"port_{self._step.target_port}_hole_{side}"
         solids = [solid for solid in self._target.geometry.solids if solid.link == hole]
         if not solids or any(solid.kind != "box" for solid in solids):
-            raise GeometryError(
-                f"{self._step.unit} -> {self._step.to}: the second URDF needs a link {hole!r} made of boxes"
-            )
+            raise self._lacks(self._step.target_unit, self._target, f"link {hole!r} made of boxes", hole)
         bottom = []
         for solid in solids:
             shape = pybullet.createCollisionShape(
@@ -74,6 +73,13 @@ class PinDepths:
             X_IG = self._target.X_IU @ solid.X_UG
             bottom.append((shape, (X_IG.p.tolist(), X_IG.quaternion_xyzw().tolist())))
         return tuple(bottom)
+
+    def _lacks(self, name: str, unit: UnitBody, part: str, frame: str) -> GeometryError:
+        """Return the error for a part of a unit that the step cannot do without."""
+        return GeometryError(
+            f"units.{name}: {unit.geometry.urdf.name} has no {part}, and {self._step} by contact needs it. A "
+            f"link of another name is mapped by units.{name}.frames: {{{frame}: <link>}}"
+        )
 
     def _distance(self, pin: int, bottom: tuple[_Shape, ...]) -> float:
         client = self._world.client

@@ -178,7 +178,7 @@ class SweepSummary(BaseModel):
         ]
         parts += [("all docking steps", self.mission.docks)] if self.mission is not None else []
         rows = [
-            (f"{name}: {what}", *(f"{v:.2f}" if v is not None else "" for v in (q.p50, q.p95, q.max)))
+            (f"{name}: {what}", *(f"{v:z.2f}" if v is not None else "" for v in (q.p50, q.p95, q.max)))
             for name, step in parts
             for what, q in (
                 ("lateral error at first contact [mm]", step.contact_lateral_mm),

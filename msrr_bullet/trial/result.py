@@ -114,7 +114,7 @@ class TrialResult(Record):
                 f"{step.unit} {'from' if step.undocks else 'to'} {step.target}",
                 step.belief.replace("_", " "),
                 step.outcome.value,
-                f"{1e3 * step.contact.lateral_m:.2f} mm" if step.contact else "",
+                f"{1e3 * step.contact.lateral_m:z.2f} mm" if step.contact else "",
                 f"{step.ended_s:.2f} s",
             )
             for step in self.steps

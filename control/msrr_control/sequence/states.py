@@ -244,7 +244,8 @@ def _after_retreat(c: DockingContext) -> Transition:
     if c.undocking:
         return Transition(Phase.DONE, f"undocked, {c.gap:.3f} m away")
     if c.attempt >= c.spec.attempts:
-        reason = f"gave up after {c.attempt} attempts: {c.belief.reason}"
+        attempts = f"{c.attempt} attempt{'' if c.attempt == 1 else 's'}"
+        reason = f"gave up after {attempts}: {c.belief.reason}"
         return Transition(Phase.FAILED, reason, c.belief.setback)
     c.attempt += 1
     reason = f"attempt {c.attempt} from {c.gap:.3f} m: {c.belief.reason}"

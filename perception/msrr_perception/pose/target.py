@@ -221,11 +221,14 @@ def _los_edges(corners_D: Mapping[int, Array], los: LosSpec, port: str) -> tuple
             key=lambda found: found[0],
         )
         if distance > _EDGE_TOLERANCE_M:
-            x, y = corners_D[edge.tag_id][list(edge.corners), :2].mean(axis=0)
+            ends = corners_D[edge.tag_id][list(edge.corners), :2]
+            (x, y), slant = ends.mean(axis=0), 0.5 * float(np.linalg.norm(ends[0] - ends[1]))
+            oblique = f"; it is not upright, its ends are {1e3 * slant:.1f} mm off that"
             raise SceneError(
                 f"los: no tag edge of {port} at setback_m {los.setback_m}, half_width_m {los.half_width_m}; "
                 f"the nearest is {1e3 * distance:.1f} mm away, "
                 f"at setback_m {x:.4f}, half_width_m {abs(y):.4f}"
+                f"{oblique if slant > _EDGE_TOLERANCE_M else ''}"
             )
         found.append(edge)
     return found[0], found[1]

@@ -132,6 +132,12 @@ class UnitGeometry:
         """Ports that carry a marker, in the order of the URDF."""
         return tuple(p for p in self.ports if self.marker_slots(p))
 
+    @cached_property
+    def active_ports(self) -> tuple[str, ...]:
+        """Ports that have neither a marker nor holes."""
+        passive = {name.split("_")[1] for name in self.frames if re.match("port_[^_]+_(marker|hole)_", name)}
+        return tuple(p for p in self.ports if p not in passive)
+
     def port(self, name: str) -> SE2:
         """Return ``X_UP`` of a port: the origin is on the face, x points out of the unit."""
         return self.frame(f"port_{name}").to_se2()
@@ -211,17 +217,15 @@ def read_unit(path: Path, frame_map: FrameMap = ()) -> UnitGeometry:
 
 
 def _check_markers(path: Path, links: Collection[str]) -> None:
-    """Refuse a port with holes and no tag, or with a tag whose name is nearly that of a usual one."""
+    """Refuse a tag whose name is nearly that of a usual one which its port does not have."""
     for port in (name.removeprefix("port_") for name in links if re.fullmatch("port_[^_]+", name)):
         missing = [name for name in marker_links(port) if name not in links]
-        tags = [name for name in links if name.startswith(f"port_{port}_marker_")]
-        others = [name for name in tags if name not in marker_links(port)]
+        others = [name for name in links if name.startswith(f"port_{port}_marker_")]
+        others = [name for name in others if name not in marker_links(port)]
         mistaken = [name for name in missing if difflib.get_close_matches(name, others, n=1, cutoff=0.95)]
-        if mistaken or (not tags and any(name.startswith(f"port_{port}_hole_") for name in links)):
-            near = nearest(missing[0], links)
+        if mistaken:
             raise GeometryError(
-                f"{path}: port {port!r} is passive and lacks the link(s) "
-                f"{', '.join(mistaken or missing)}{near}"
+                f"{path}: port {port!r} lacks the link(s) {', '.join(mistaken)}{nearest(mistaken[0], others)}"
             )
 
 

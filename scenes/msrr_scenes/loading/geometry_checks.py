@@ -128,10 +128,14 @@ def _too_wide(scene: Scene) -> Iterator[Problem]:
         reach = geometry.control_offset(step.port) - float(geometry.frame("camera").p[0])
         if los.angle_at_contact(reach) >= los.inner:
             widest = (reach + los.setback_m) * math.tan(los.inner)
+            nearest_m = los.half_width_m / math.tan(los.inner)
             text = (
                 f"the target of plan step {i} ({step.unit} to {step.to}) is too wide for the cone: "
                 f"at contact its edges are at {math.degrees(los.angle_at_contact(reach)):.1f} deg, the "
-                f"inner bound is {los.inner_deg:g}; lower half_width_m below {widest:.4f}, or raise inner_deg"
+                f"inner bound is {los.inner_deg:g}. half_width_m and setback_m say where the edges are, so "
+                f"move the tags: nearer together, their outer edges less than {widest:.4f} m off the middle; "
+                f"or the marker or the camera further back, until the edges are more than {nearest_m:.4f} m "
+                f"ahead of the camera at contact, now {reach + los.setback_m:.4f} m; or raise inner_deg"
             )
             yield Problem(("los", "half_width_m"), text)
 

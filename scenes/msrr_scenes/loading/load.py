@@ -22,9 +22,16 @@ from msrr_scenes.loading.marker_checks import marker_problems, unit_problem
 from msrr_scenes.loading.plan_checks import fault_problems, mission_problems, plan_problems
 from msrr_scenes.loading.problems import KeyPath, Problem, dotted
 from msrr_scenes.loading.reference_checks import port_problems, reference_problems, value_problems
+from msrr_scenes.loading.robot_checks import robot_problems
 from msrr_scenes.loading.tag_map_file import read_tag_map
 from msrr_scenes.loading.validation_errors import explain
-from msrr_scenes.loading.yaml_document import YamlDocument, apply_overrides, parse_document, read_text
+from msrr_scenes.loading.yaml_document import (
+    YamlDocument,
+    apply_overrides,
+    override_text,
+    parse_document,
+    read_text,
+)
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Spec
 
@@ -37,7 +44,7 @@ LIBRARY = Path(__file__).resolve().parents[1] / "library"
 #: What a file says that a scene names.
 _File = TypeVar("_File", bound=Spec)
 
-_NONE: Mapping[str, str] = MappingProxyType({})
+_NONE: Mapping[str, object] = MappingProxyType({})
 
 
 def shipped_scenes() -> tuple[str, ...]:
@@ -64,13 +71,14 @@ def find_scene(name_or_path: str) -> Path:
     return shipped
 
 
-def load_scene(name_or_path: str | Path, overrides: Mapping[str, str] = _NONE) -> Scene:
+def load_scene(name_or_path: str | Path, overrides: Mapping[str, object] = _NONE) -> Scene:
     """Read and check a scene.
 
     Args:
         name_or_path: Name of a shipped scene, or path of a scene file.
-        overrides: Dotted keys and their values as YAML text, ``{"cameras.onboard.noise_grey": "8"}``; list
-            items by index (``plan.0.to``). They replace the file's values before these are checked.
+        overrides: Dotted keys and their values, as YAML text or as values of Python:
+            ``{"cameras.onboard.noise_grey": 8, "as_built": "careful"}``; list items by index
+            (``plan.0.to``). They replace the file's values before these are checked.
 
     Raises:
         SceneError: The scene is unusable; one message lists every problem with file, line and column, key,
@@ -79,7 +87,8 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, str] = _NONE) -
     """
     path = find_scene(str(name_or_path))
     document = read_document(path)
-    apply_overrides(document, overrides)
+    texts = {key: override_text(key, value) for key, value in overrides.items()}
+    apply_overrides(document, texts)
     if "source" in document.data:
         raise SceneError(f"{document.origin(('source',))}: source: unknown key; it is set by the program")
     document.data.setdefault("name", plain_name(path.stem))
@@ -234,7 +243,9 @@ def _contradictions(scene: Scene) -> list[Problem]:
                 problems.append(Problem(("units", unit, "urdf"), text))
         except (GeometryError, SceneError) as error:
             problems.append(unit_problem(unit, error))
-    return problems or [*port_problems(scene), *plan_problems(scene)] or geometry_problems(scene)
+    problems = problems or [*port_problems(scene), *plan_problems(scene)]
+    problems = problems or [problem for unit in scene.units for problem in robot_problems(scene, unit)]
+    return problems or geometry_problems(scene)
 
 
 def refuse(document: YamlDocument, problems: list[Problem]) -> None:

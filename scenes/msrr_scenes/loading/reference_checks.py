@@ -147,15 +147,22 @@ def port_problems(scene: Scene) -> list[Problem]:
         return port in ports
 
     def passive(path: KeyPath, unit: str, port: str) -> None:
-        valid = scene.geometry(unit).passive_ports
-        if has(path, unit, port) and port not in valid:
-            text = f"port {port!r} of {unit!r} has no holes to dock to; passive ports: {', '.join(valid)}"
-            problems.append(Problem(path, text))
+        geometry = scene.geometry(unit)
+        if has(path, unit, port) and port not in geometry.passive_ports:
+            text = f"port {port!r} of {unit!r} has no tags and no holes to dock to"
+            if port not in geometry.active_ports:
+                usual = f"port_{port}_marker_left"
+                near = nearest(usual, [name for name in geometry.frames if "_mark" in name])
+                text = (
+                    f"port {port!r} of {unit!r} has no tag{near} Nobody finds a port without one, so give it "
+                    f"a link or frame port_{port}_marker_<tag>, or `markers`"
+                )
+            problems.append(Problem(path, f"{text}; passive ports: {', '.join(geometry.passive_ports)}"))
 
     def active(path: KeyPath, unit: str, port: str) -> None:
         geometry = scene.geometry(unit)
-        if has(path, unit, port) and port in geometry.passive_ports:
-            valid = [p for p in geometry.ports if p not in geometry.passive_ports]
+        if has(path, unit, port) and port not in geometry.active_ports:
+            valid = geometry.active_ports
             text = f"port {port!r} of {unit!r} has no pins; active ports: {', '.join(valid)}"
             problems.append(Problem(path, text))
 

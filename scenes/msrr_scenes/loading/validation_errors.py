@@ -13,6 +13,7 @@ from pydantic_core import ErrorDetails
 from msrr_scenes.errors import nearest
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.loading.yaml_document import YamlDocument
+from msrr_scenes.specs.plan import DockStep, MoveStep, UndockStep
 from msrr_scenes.specs.scene import Scene
 
 _PATTERNS = {
@@ -21,6 +22,8 @@ _PATTERNS = {
     "name": "a plain name of letters, digits, '.', '_' and '-', which is no path and has at most 64 of them",
 }
 _NAME = "a name of at most 32 lower-case letters, digits and underscores that starts with a letter"
+#: Tags of the models of a union that is told apart by a function.
+_TAGS: Mapping[type[BaseModel], str] = {DockStep: "dock", UndockStep: "undock", MoveStep: "move"}
 _NOT_KEYS = {"source"}  # fields that the program fills in
 
 
@@ -38,7 +41,8 @@ def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel] =
     context = error.get("ctx", {})
     if kind == "extra_forbidden":
         keys = _keys_at(root, loc[:-1])
-        return Problem(path, f"unknown key{nearest(loc[-1], keys)} Keys here: {', '.join(keys)}")
+        here = f" Keys here: {', '.join(keys)}" if keys else ""
+        return Problem(path, f"unknown key{nearest(loc[-1], keys)}{here}")
     if kind == "missing":
         return Problem((*path, str(loc[-1])), "required, and missing", rank=1)
     if kind == "flag":
@@ -134,7 +138,7 @@ def _step(annotation: Any, part: int | str) -> Any:
     """Follow one component of a pydantic location through the types; None if it leads nowhere."""
     members = _members(annotation)
     if len(members) > 1:
-        return next((m for m in members if _is_model(m) and part in _literals(m)), None)
+        return next((m for m in members if _is_model(m) and part in (*_literals(m), _TAGS.get(m))), None)
     only, args = members[0], typing.get_args(members[0])
     if _is_model(only):
         field = only.model_fields.get(str(part))

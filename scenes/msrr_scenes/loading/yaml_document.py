@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from msrr_scenes.errors import SceneError
@@ -83,6 +84,25 @@ def parse_document(text: str, source: str) -> YamlDocument:
     reader = _Reader(source)
     data = reader.value(node, (), 0)
     return YamlDocument(data, reader.origins)
+
+
+def override_text(key: str, value: object) -> str:
+    """Return the value of an override as YAML text: a text as it is, a value of Python as YAML writes it.
+
+    Raises:
+        SceneError: It is an object that YAML has no text for.
+    """
+    if isinstance(value, str):
+        return value
+    plain = value.item() if isinstance(value, np.generic) else value
+    try:
+        text = yaml.safe_dump(plain, default_flow_style=True, width=MAX_CHARACTERS, allow_unicode=True)
+    except yaml.YAMLError:
+        raise SceneError(
+            f"{key}: expected a text, a number, true, false or null, or a list or a dict of these, found an "
+            f"object of type {type(value).__name__}"
+        ) from None
+    return text.removesuffix("...\n").strip()
 
 
 def apply_overrides(document: YamlDocument, overrides: Mapping[str, str]) -> None:
@@ -210,7 +230,10 @@ class _Reader:
                 raise SceneError(f"{origin}: a key of more than {MAX_KEY} characters is refused")
             key_path = (*path, key)
             if key == "<<":
-                raise SceneError(f"{origin}: {dotted(path) or 'scene'}: merge keys are not supported here")
+                raise SceneError(
+                    f"{origin}: {dotted(path) or 'scene'}: merge keys are not read; write the keys out, or "
+                    "take all of a mapping by an alias, as in `frames: *frames`"
+                )
             if key in mapping:
                 given = self.origins[key_path]
                 raise SceneError(

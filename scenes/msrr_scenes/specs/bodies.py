@@ -134,7 +134,12 @@ class UnitSpec(Spec):
     """One unit."""
 
     number: int = Field(ge=0, le=49)
-    """Number n of the unit: tag 10 n is on top, tags 10 n + 1 .. 10 n + 9 are on the ports."""
+    """Number n of the unit: its tags have the ids from 10 n on, that on top first, then those of the ports.
+
+    Of the shipped unit, tag 10 n is on top, 10 n + 1 .. 10 n + 3 are the left, the middle and the right tag
+    of the port ``rear``, 10 n + 4 .. 10 n + 6 those of ``left`` and 10 n + 7 .. 10 n + 9 those of ``right``.
+    Other robots have their ports in the order of their frames; one without ``tag_top`` begins with a port.
+    """
     urdf: FileName = "unit.urdf"
     """File name of the URDF: beside the scene file, in the working folder, or a shipped one."""
     frames: dict[LinkName, FrameSpec] = Field(default_factory=dict, max_length=MOST_FRAMES)

@@ -26,7 +26,7 @@ class TargetUnitSpec(Spec):
     """A unit as scenes describe it, to which the robot docks."""
 
     number: int = Field(ge=0, lt=MAX_UNITS)
-    """Number n of the unit: tag 10 n is on top, tags 10 n + 1 .. 10 n + 9 are on the ports."""
+    """Number n of the unit: its tags have the ids from 10 n on, as those of a unit of a scene."""
     urdf: FileName = "unit.urdf"
     """File name of the URDF: beside this file, in the working folder, or a shipped one."""
     tag_ids: dict[Annotated[str, Field(max_length=255)], TagId] = Field(

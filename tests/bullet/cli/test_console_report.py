@@ -70,6 +70,17 @@ def test_a_step_shows_belief_beside_truth(false_dock: TrialResult) -> None:
     assert "attempts, time 2 12.50 s" in shown
 
 
+def test_what_rounds_to_nothing_has_no_sign(false_dock: TrialResult) -> None:
+    """Gaps of seated faces are some micrometres on either side of zero."""
+    (step,) = false_dock.steps
+    seated = Seating(axial_gap_m=-2e-6, lateral_m=0.0, yaw_rad=0.0, seated=True)
+    result = false_dock.model_copy(update={"steps": (step.model_copy(update={"seating": seated}),)})
+    assert "gap between the faces 0.00 mm" in text(step_table(result, result.steps[0]))
+    summary = summarise(load_scene("close_range"), "00ff", "code", [result], [])
+    assert "gap between seated faces 0.00 mm 0.00 mm 0.00 mm" in text(sweep_table(summary))
+    assert "-0.00" not in summary._repr_html_()
+
+
 def test_a_trial_has_a_row_for_every_step(false_dock: TrialResult) -> None:
     (failed,) = false_dock.steps
     docked = failed.model_copy(

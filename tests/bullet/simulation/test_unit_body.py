@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 from msrr_bullet.simulation.unit_body import ROOT, load_unit
 from msrr_scenes.errors import GeometryError, UnknownNameError
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.unit_geometry import UnitGeometry
+from msrr_scenes.geometry.unit_geometry import UnitGeometry, read_unit
 
 
 @pytest.fixture
@@ -51,6 +52,26 @@ def test_links_are_found_by_name(client: int, geometry: UnitGeometry) -> None:
     assert set(geometry.pins) <= set(unit.links)
     with pytest.raises(UnknownNameError, match="unknown link 'pin_lft'; did you mean 'pin_left'"):
         unit.link("pin_lft")
+
+
+def test_a_welded_link_adds_its_mass_or_none_and_one_apart_would_get_a_kilogram(
+    client: int, geometry: UnitGeometry, tmp_path: Path
+) -> None:
+    """The reason why a scene is refused whose robot has shapes without inertial data."""
+    masses = []
+    for name, link in (("as_drawn", None), ("welded", "mast"), ("apart", "caster_rear")):
+        path = tmp_path / f"{name}.urdf"
+        drawn = geometry.urdf.read_text()
+        path.write_text(
+            re.sub(rf'(<link name="{link}">\s*)<inertial>.*?</inertial>', r"\1", drawn, flags=re.S)
+        )
+        unit = load_unit(client, read_unit(path))
+        links = (ROOT, unit.link("caster_rear"))
+        masses.append([pybullet.getDynamicsInfo(unit.body, i, physicsClientId=client)[0] for i in links])
+    drawn_mass, without_mast, apart = masses
+    assert without_mast[0] < drawn_mass[0]
+    assert without_mast[1] == drawn_mass[1]
+    assert apart == [drawn_mass[0], 1.0]
 
 
 def test_a_file_that_is_no_urdf_is_refused(client: int, geometry: UnitGeometry, tmp_path: Path) -> None:

@@ -169,8 +169,13 @@ URDF = (urdf_folder() / "unit.urdf").read_text()
             "port_rear_marker_lefty",
             "lacks the link(s) port_rear_marker_left; did you mean",
         ),
-        ("port_rear_marker_", "port_rear_marked_", "port 'rear' is passive and lacks the link(s)"),
-        ('"pin_left"', '"pn_left"', "pin_left"),
+        ("port_rear_marker_", "port_rear_marked_", "no tag; did you mean 'port_rear_marked_left'?"),
+        (
+            '"pin_left"',
+            '"pn_left"',
+            "units.a: odd.urdf has no link 'pin_left', and a.front to b.rear by contact needs it. A link of "
+            "another name is mapped by units.a.frames: {pin_left: <link>}",
+        ),
     ],
 )
 def test_a_renamed_link_is_named(tmp_path: Path, old: str, new: str, says: str) -> None:

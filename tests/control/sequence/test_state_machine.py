@@ -77,12 +77,13 @@ def test_a_blocked_port_is_tried_again_from_further_away(toy) -> None:
     assert not any(a.lock for a in robot.log if a.phase in (Phase.DOCK, Phase.RETREAT))
 
 
-def test_after_the_last_attempt_it_gives_up_at_a_distance(toy) -> None:
-    robot = toy(blocked_until=99, spec=DockingSpec(attempts=2))
+@pytest.mark.parametrize(("attempts", "says"), [(1, "after 1 attempt:"), (2, "after 2 attempts:")])
+def test_after_the_last_attempt_it_gives_up_at_a_distance(toy, attempts: int, says: str) -> None:
+    robot = toy(blocked_until=99, spec=DockingSpec(attempts=attempts))
     last = robot.run()
     belief = robot.machine.belief
     assert (belief.conviction, belief.setback) == (Conviction.GAVE_UP, FailureReason.STALLED)
-    assert "gave up after 2 attempts" in belief.reason
+    assert f"gave up {says}" in belief.reason
     assert robot.gap == pytest.approx(DockingSpec().retreat_m, abs=0.02)
     assert (last.phase, last.lock, last.twist) == (Phase.FAILED, False, Twist())
 

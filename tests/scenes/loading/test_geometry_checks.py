@@ -1,5 +1,6 @@
 """Checks of the start poses: each contradiction is found, placed and mended, and nothing else is."""
 
+import re
 import time
 from collections.abc import Mapping
 
@@ -28,7 +29,7 @@ from msrr_scenes.errors import SceneError
         ({"obstacles.post.height_m": "3"}, "obstacles.post.height_m", "raise cameras.overhead.height_m"),
         ({"obstacles.post.pose.x_m": "1e15"}, "obstacles.post.pose.x_m", "less than or equal to 100"),
         ({"units.c.pose.x_m": "-99"}, "units.c.pose", "outside the arena"),
-        ({"los.half_width_m": "0.08"}, "los.half_width_m", "lower half_width_m below 0.05"),
+        ({"los.half_width_m": "0.08"}, "los.half_width_m", "move the tags: nearer together"),
     ],
 )
 def test_starts_that_contradict_each_other(overrides: Mapping[str, str], place: str, mend: str) -> None:
@@ -49,6 +50,24 @@ def test_starts_that_contradict_each_other(overrides: Mapping[str, str], place: 
 )
 def test_what_is_allowed(overrides: Mapping[str, str]) -> None:
     load_scene("bystander", overrides)
+
+
+def test_each_way_out_of_a_target_that_is_too_wide_is_wide_enough() -> None:
+    wide = {"los.half_width_m": 0.08}
+    with pytest.raises(SceneError, match="too wide for the cone") as caught:
+        load_scene("bystander", wide)
+    widest, ahead, now = map(float, re.findall(r"(\d\.\d{4}) m", str(caught.value)))
+    setback = load_scene("bystander").los.setback_m
+    for factor, fits in ((1.01, True), (0.99, False)):
+        for way in (
+            {"los.half_width_m": widest / factor},
+            {**wide, "los.setback_m": setback + factor * ahead - now},
+        ):
+            if fits:
+                load_scene("bystander", way)
+            else:
+                with pytest.raises(SceneError, match="too wide for the cone"):
+                    load_scene("bystander", way)
 
 
 def test_a_start_that_hardly_ever_sees_its_target_is_refused() -> None:

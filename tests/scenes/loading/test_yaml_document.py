@@ -1,6 +1,11 @@
 """YAML documents: plain values with the place of each, and overrides that replace values and places."""
 
-from msrr_scenes.loading.yaml_document import apply_overrides, parse_document
+import numpy as np
+import pytest
+
+from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.loading.yaml_document import apply_overrides, override_text, parse_document
 
 TEXT = """\
 a: 1
@@ -29,3 +34,42 @@ def test_overrides_replace_values_and_their_lines() -> None:
     assert document.origin(("b", "d", "e")) == "--set b.d=3"
     assert document.origin(("g",)) == "--set g.h=true"
     assert document.origin(("b", "c", 1)) == "file:3:10"
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        150,
+        -2,
+        1e-5,
+        1e20,
+        float("inf"),
+        True,
+        None,
+        [1, [2.5, "a"]],
+        {"a": {"b": [None, "1"]}, "c": "true"},
+        [],
+    ],
+    ids=str,
+)
+def test_a_value_of_python_comes_back_from_its_text(value: object) -> None:
+    document = parse_document("{}", "file")
+    apply_overrides(document, {"key": override_text("key", value)})
+    assert document.data == {"key": value}
+    assert type(document.data["key"]) is type(value)
+
+
+def test_a_scene_takes_values_of_python_and_of_numpy_as_it_takes_texts() -> None:
+    """An integer was answered with an AttributeError."""
+    texts = {"link.latency_ms": "150", "los": "{inner_deg: 18.5}", "as_built": "perfect"}
+    values = {"link.latency_ms": 150, "los": {"inner_deg": np.float64(18.5).item()}, "as_built": "perfect"}
+    scene = load_scene("close_range_hard", texts)
+    for other in (values, {**values, "link.latency_ms": np.int64(150)}):
+        assert load_scene("close_range_hard", other).model_dump() == scene.model_dump()
+    with pytest.raises(SceneError, match=r"link\.latency_ms: expected a text, a number, .* of type object"):
+        load_scene("close_range_hard", {"link.latency_ms": object()})
+
+
+def test_merge_keys_are_refused_with_the_way_without_them() -> None:
+    with pytest.raises(SceneError, match=r"file:2:5: b: merge keys are not read; .* `frames: \*frames`"):
+        parse_document("a: &a {x: 1}\nb: {<<: *a}\n", "file")

@@ -1,0 +1,120 @@
+"""Checks of how a robot is drawn: each mistake is placed and named, and what is not one is accepted."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import find_urdf
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.specs.mount import MountSpec
+
+FRAMES = "units.a.frames"
+ROUND = find_urdf("round.urdf")
+
+
+def without_inertial(folder: Path, *links: str) -> Mapping[str, str]:
+    """Give unit a a copy of the round robot in which these links have no inertial data."""
+    text = ROUND.read_text()
+    for link in links:
+        text, found = re.subn(rf'(<link name="{link}">\s*)<inertial>.*?</inertial>', r"\1", text, flags=re.S)
+        assert found == 1, link
+    (folder / "light.urdf").write_text(text)
+    return {"units.a.urdf": str(folder / "light.urdf")}
+
+
+@pytest.mark.parametrize(
+    ("overrides", "place", "says"),
+    [
+        (
+            {"port_rear_hole_left": "socket_bottom_right", "port_rear_hole_right": "socket_bottom_left"},
+            "port_rear_hole_left",
+            "at y = -0.0400 m and port_rear_hole_right at 0.0400 m in the dock frame of the port",
+        ),
+        (
+            {"pin_left": "latch_pin_right", "pin_right": "latch_pin_left"},
+            "pin_left",
+            "pin_left is at y = -0.0400 m of port_front",
+        ),
+        (
+            {"port_front.x_m": "0.148"},
+            "port_front",
+            "pin_left does not stand out of the face: it ends 0.0 mm behind port_front",
+        ),
+        (
+            {"port_rear_marker_upper": "{link: base_footprint, x_m: -0.07, z_m: 0.19}"},
+            "port_rear_marker_upper",
+            "tag port_rear_marker_upper does not face out of the port, but down; x of port_rear points back",
+        ),
+        (
+            {"port_rear_marker_left.roll_deg": "180", "port_rear_marker_right.pitch_deg": "180"},
+            "port_rear_marker_left",
+            "tags port_rear_marker_left, port_rear_marker_right do not face out of the port, but forward",
+        ),
+        (
+            {"port_rear": "{link: base_footprint, x_m: -0.13}"},
+            "port_rear_marker_left",
+            "but backward; x of port_rear points forward",
+        ),
+        (
+            {"camera": "{link: camera_link, roll_deg: -90, yaw_deg: -90}"},
+            "camera",
+            "the camera looks to the right, and port_front, by which this robot docks, faces forward. Is it",
+        ),
+        ({"tag_top.roll_deg": "0"}, "tag_top", "does not face up, but down"),
+    ],
+)
+def test_a_frame_that_is_turned_or_swapped_is_named(
+    overrides: Mapping[str, str], place: str, says: str
+) -> None:
+    changes = {f"{FRAMES}.{key}": value for key, value in overrides.items()}
+    with pytest.raises(SceneError) as caught:
+        load_scene("round_robots", {**changes, "cameras.overhead": "{}"})
+    assert f"{FRAMES}.{place}: round.urdf: " in str(caught.value)
+    assert says in str(caught.value)
+
+
+def test_the_rotations_that_messages_advise_are_those_of_the_drawing() -> None:
+    """Of a tag in a link with x forward, of one in its port, and of a camera in an optical frame."""
+    board = load_scene("round_robots").geometry("a").frame("port_rear_marker_left").R
+    port = load_scene("round_robots").geometry("a").frame("port_rear").R
+    np.testing.assert_allclose(MountSpec(roll_deg=-90, yaw_deg=-90).X.R, board, atol=1e-8)
+    np.testing.assert_allclose(port @ MountSpec(roll_deg=-90, yaw_deg=90).X.R, board, atol=1e-8)
+    optical = SE3.from_xyz_rpy(
+        [0.0, 0.0, 0.0], [-0.5 * np.pi, 0.0, -0.5 * np.pi]
+    )  # as ROS has it in camera_link
+    camera = optical @ MountSpec(pitch_deg=-90, yaw_deg=90).X
+    np.testing.assert_allclose(camera.R, np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize("link", ["base_link", "left_wheel_link", "caster_rear", "latch_pin_right", "socket"])
+def test_a_body_without_a_mass_is_named_as_its_urdf_does(link: str, tmp_path: Path) -> None:
+    light = without_inertial(tmp_path, link)
+    with pytest.raises(SceneError, match=rf"units\.a\.urdf: light\.urdf: no <inertial> .* above 0: {link}\."):
+        load_scene("round_robots", light)
+    load_scene("round_robots", {**light, "plant": "unicycle", "perception": "parametric"})  # not weighed
+
+
+def test_parts_without_collision_shapes_need_no_mass(tmp_path: Path) -> None:
+    load_scene("round_robots", without_inertial(tmp_path, "board_link", "camera_link"))
+
+
+def test_a_robot_to_which_nobody_docks_needs_no_tags_at_its_port() -> None:
+    """It has the socket with its holes; to dock to it, one tag of any name is enough."""
+    named = load_scene("round_robots").units["a"].frames
+    bare = {name: frame.model_dump() for name, frame in named.items() if "_marker_" not in name}
+    no_tags = {"units.a.frames": bare, "units.a.tag_sizes_m": {}}
+    load_scene("round_robots", no_tags)
+    no_tags = {"units.b.frames": bare, "units.b.tag_sizes_m": {}}
+    with pytest.raises(SceneError) as caught:
+        load_scene("round_robots", no_tags)
+    assert "plan.0.to: port 'rear' of 'b' has no tag" in str(caught.value)
+    assert "a link or frame port_rear_marker_<tag>" in str(caught.value)
+    one = {**bare, "port_rear_marker_any": {"link": "board_link"}}
+    load_scene("round_robots", {**no_tags, "units.b.frames": one})
