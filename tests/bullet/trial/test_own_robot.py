@@ -16,9 +16,7 @@ from msrr_bullet.run import run_trial
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.unit_geometry import find_urdf
 from msrr_scenes.loading.load import LIBRARY, load_scene
-from msrr_scenes.loading.tag_map_file import write_tag_map
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.specs.tag_map import TagMapSpec
 
 SCENE = LIBRARY / "round_robots.yaml"
 
@@ -54,15 +52,6 @@ def test_every_one_of_twenty_docks() -> None:
     assert sum(outcome is Outcome.DOCKED for outcome in outcomes) >= 19
 
 
-def write_board(path: Path) -> None:
-    """Write a map of the two large tags of the round robot, in the frame of the left one."""
-    upright = (0.0, 0.0, 0.0, 1.0)
-    tags = {40: ((0.0, 0.0, 0.0), upright), 41: ((0.084, 0.0, 0.0), upright)}
-    poses = {tag: {"position_m": p, "quaternion_xyzw": xyzw} for tag, (p, xyzw) in tags.items()}
-    content = {"family": "tag36h11", "tag_size_m": 0.06, "reference": 40, "tags": poses}
-    write_tag_map(path, TagMapSpec.model_validate(content))
-
-
 def merged(base: Any, extra: Any) -> Any:
     """Return a scene with the keys of a fragment."""
     if not isinstance(base, dict) or not isinstance(extra, dict):
@@ -71,10 +60,11 @@ def merged(base: Any, extra: Any) -> Any:
 
 
 def test_the_page_tells_scenes_that_load(tmp_path: Path) -> None:
-    """The first block is a scene; each of the others is put into it."""
+    """The first block is a scene; each of the others is put into it, but for the map of a marker."""
     page = (Path(__file__).resolve().parents[3] / "docs" / "how-to" / "own_robot.md").read_text()
-    first, *others = map(yaml.safe_load, re.findall(r"```yaml[^\n]*\n(.*?)```", page, re.DOTALL))
-    write_board(tmp_path / "board.yaml")
+    found = re.findall(r'```yaml(?: title="(.*?)")?\n(.*?)```', page, re.DOTALL)
+    (tmp_path / "board.yaml").write_text(dict(found)["board.yaml"])
+    first, *others = [yaml.safe_load(text) for title, text in found if title != "board.yaml"]
     for block in ({}, *others):
         data = merged(first, block)
         b = data["units"]["b"]
