@@ -81,15 +81,16 @@ def _without_mass(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
     missing = [
         name
         for name, link in tree.links.items()
-        if (_mass(link) <= 0.0 and (link.find("collision") is not None or name in geometry.pins))
-        or carried.get(name, 1.0) <= 0.0
+        if carried.get(name, 1.0) <= 0.0
+        or ((link.find("collision") is not None or name in geometry.pins) and not _has_inertial(link))
     ]
     if not missing:
         return ()
     own = {frame.name: frame.link for frame in geometry.frame_map}
     text = (
-        f"no <inertial> with a mass above 0: {', '.join(own.get(name, name) for name in missing)}. Every "
-        "link with a collision shape needs one; PyBullet would make up 1 kg for a wheel, a caster or a pin"
+        f"no <inertial> with a mass above 0 and an <inertia>: "
+        f"{', '.join(own.get(name, name) for name in missing)}. Every link with a collision shape needs one; "
+        "PyBullet would make up 1 kg for a wheel, a caster or a pin"
     )
     return (_Mistake(text),)
 
@@ -100,6 +101,10 @@ def _body(tree: LinkTree, name: str) -> str:
         if link not in tree.joints or tree.joints[link].get("type") != "fixed":
             return link
     raise AssertionError("the root link has no joint")
+
+
+def _has_inertial(link: Element) -> bool:
+    return _mass(link) > 0.0 and link.find("inertial/inertia") is not None
 
 
 def _mass(link: Element) -> float:
@@ -128,17 +133,13 @@ def _passive_ports(geometry: UnitGeometry) -> Iterator[_Mistake]:
             )
             continue  # a port that is turned has its holes the wrong way round as well
         left, right = (f"port_{port}_hole_{side}" for side in ("left", "right"))
-        y = _sides(geometry, geometry.frame(f"port_{port}") @ _HALF_TURN, left, right)
+        y = _sides(geometry, SE3.from_se2(geometry.dock_frame(port)), left, right)
         if y is not None and y[0] <= y[1]:
             yield _Mistake(
                 f"{left} is at y = {y[0]:.4f} m and {right} at {y[1]:.4f} m in the dock frame of the port: "
                 "left is the left of the robot that docks, which looks into the port; swap the two",
                 left,
             )
-
-
-#: From the frame P of a port to its dock frame D.
-_HALF_TURN = SE3.from_xyz_rpy([0.0, 0.0, 0.0], [0.0, 0.0, math.pi])
 
 
 def _pins(geometry: UnitGeometry, port: str) -> Iterator[_Mistake]:

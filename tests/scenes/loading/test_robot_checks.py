@@ -96,9 +96,20 @@ def test_the_rotations_that_messages_advise_are_those_of_the_drawing() -> None:
 @pytest.mark.parametrize("link", ["base_link", "left_wheel_link", "caster_rear", "latch_pin_right", "socket"])
 def test_a_body_without_a_mass_is_named_as_its_urdf_does(link: str, tmp_path: Path) -> None:
     light = without_inertial(tmp_path, link)
-    with pytest.raises(SceneError, match=rf"units\.a\.urdf: light\.urdf: no <inertial> .* above 0: {link}\."):
+    with pytest.raises(SceneError, match=rf"units\.a\.urdf: light\.urdf: no <inertial> .*: {link}\."):
         load_scene("round_robots", light)
     load_scene("round_robots", {**light, "plant": "unicycle", "perception": "parametric"})  # not weighed
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("<inertia ", "<inertial "), ('mass value="0.02"', 'mass value="0"'), ("0.02", "heavy")]
+)
+def test_inertial_data_have_a_mass_and_an_inertia(old: str, new: str, tmp_path: Path) -> None:
+    """PyBullet refuses the one with lines of its own on the terminal."""
+    head, caster, rest = ROUND.read_text().partition('<link name="caster_rear">')
+    (tmp_path / "light.urdf").write_text(head + caster + rest.replace(old, new, 1))
+    with pytest.raises(SceneError, match=r"light\.urdf: no <inertial> .*: caster_rear\."):
+        load_scene("round_robots", {"units.a.urdf": str(tmp_path / "light.urdf")})
 
 
 def test_parts_without_collision_shapes_need_no_mass(tmp_path: Path) -> None:
