@@ -223,7 +223,7 @@ def _los_edges(corners_D: Mapping[int, Array], los: LosSpec, port: str) -> tuple
         if distance > _EDGE_TOLERANCE_M:
             ends = corners_D[edge.tag_id][list(edge.corners), :2]
             (x, y), slant = ends.mean(axis=0), 0.5 * float(np.linalg.norm(ends[0] - ends[1]))
-            oblique = f"; it is not upright, its ends are {1e3 * slant:.1f} mm off that"
+            oblique = f"; it is not upright, its ends are {1e3 * slant:.1f} mm off that; let it stand upright"
             raise SceneError(
                 f"los: no tag edge of {port} at setback_m {los.setback_m}, half_width_m {los.half_width_m}; "
                 f"the nearest is {1e3 * distance:.1f} mm away, "

@@ -6,6 +6,7 @@ import pytest
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.plan import DockStep, LosSpec
 from msrr_scenes.specs.scene import Scene
 
@@ -34,6 +35,15 @@ def test_the_los_edges_are_the_outer_black_edges(scene: Scene, target: TargetMod
     for side, point in zip((1.0, -1.0), target.edge_points_D, strict=True):
         np.testing.assert_allclose(point[:2], [scene.los.setback_m, side * scene.los.half_width_m], atol=1e-4)
     assert target.edges[0].tag_id != target.edges[1].tag_id
+
+
+def test_an_edge_that_is_not_upright_is_told_so_where_it_is() -> None:
+    """Its middle is where it is looked for, which alone would contradict that it is not there."""
+    tilted = {"units.b.frames.port_rear_marker_left.roll_deg": 10}
+    with pytest.raises(
+        SceneError, match=r"half_width_m 0\.0720; it is not upright, its ends are 5\.2 mm off"
+    ):
+        TargetModel.from_scene(scene := load_scene("round_robots", tilted), scene.docks[0])
 
 
 @pytest.mark.parametrize("port", ["rear", "left", "right"])
