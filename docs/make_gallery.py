@@ -30,6 +30,7 @@ from msrr_bullet.log import CameraWindow, Log, read_log
 from msrr_bullet.run import run_trial
 from msrr_bullet.timeline.camera_views import read_camera_views
 from msrr_scenes.as_built import as_drawn
+from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.loading.load import load_scene, shipped_scenes
 from msrr_scenes.messages import OVERHEAD, Exposure
 from msrr_scenes.outcome import Outcome
@@ -76,7 +77,7 @@ def choose_exposures(log: Log) -> list[Exposure]:
         read[record.exposure] = read.get(record.exposure, 0) + record.window.area
     by_camera: dict[bool, list[Exposure]] = {True: [], False: []}
     for exposure, area in read.items():
-        if area < 0.3 * log.header.scene.lenses[exposure.camera].camera.frame.area:
+        if area < 0.3 * camera_lenses(log.header.scene)[exposure.camera].camera.frame.area:
             by_camera[exposure.camera == OVERHEAD].append(exposure)
     above, onboard = by_camera[True], by_camera[False]
     if above and onboard:

@@ -25,6 +25,7 @@ from msrr_bullet.timeline.interpolation import SnapshotInterpolator
 from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import NS_PER_S, OVERHEAD, Exposure, onboard_camera
 
 CameraChoice = Literal["overhead", "onboard", "both"]
@@ -73,7 +74,7 @@ class FrameAnnotator:
             stamp_ns: Time of the frame.
         """
         exposure = Exposure(camera, -1, stamp_ns)
-        return self.draw(CameraView(exposure, self.context.scene.lenses[camera]))
+        return self.draw(CameraView(exposure, camera_lenses(self.context.scene)[camera]))
 
     def draw_latest(self, camera: str, latest: CameraView | None, now_ns: int) -> AnnotatedFrame:
         """Annotate the last frame of a camera, or its view without pixels when the next frame is overdue.

@@ -31,6 +31,7 @@ from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid
+from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import (
     AssemblyPath,
     Detections,
@@ -83,7 +84,7 @@ class DisplayMessages:
 
     def __init__(self, scene: Scene) -> None:
         """Set up for the trial of a scene."""
-        self._scene, self._cameras = scene, scene.lenses
+        self._scene, self._cameras = scene, camera_lenses(scene)
         self._waiting: dict[str, SE2] = {}  # obstacles that have not appeared
         self._sight: dict[str, LosObservation] = {}
         self._routes: dict[str, int] = {}

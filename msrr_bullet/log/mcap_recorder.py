@@ -32,6 +32,7 @@ from msrr_bullet.log.header import LIBRARY, METADATA, LogHeader
 from msrr_bullet.log.records import CameraWindow, StepStart
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import NS_PER_S, Exposure, Pixels
 
 #: Gets every message as it is written: topic, what its messages are, time [ns], content.
@@ -239,7 +240,7 @@ class _Writer:
         self._composers: dict[str, FrameComposer] = {}
 
     def start(self, header: LogHeader) -> None:
-        self._cameras = header.scene.lenses
+        self._cameras = camera_lenses(header.scene)
         self._mcap.start(profile="", library=LIBRARY)
         self._mcap.add_metadata(METADATA, header.metadata())
         for name, content in header.files.items():

@@ -15,6 +15,7 @@ from msrr_bullet.log.reader import Log
 from msrr_bullet.log.records import CameraWindow
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import (
     OVERHEAD,
     Action,
@@ -97,7 +98,7 @@ class CameraViewCollector:
 
     def __init__(self, scene: Scene) -> None:
         """Begin before the first message of a trial of a scene."""
-        self._lenses = scene.lenses
+        self._lenses = camera_lenses(scene)
         self._windows: dict[Exposure, list[tuple[Window, Pixels]]] = {}
 
     def add_window(self, exposure: Exposure, window: Window, pixels: Pixels) -> None:
@@ -139,7 +140,7 @@ def read_camera_views(log: Log, exposures: Collection[Exposure]) -> Iterator[Cam
     exposures = frozenset(exposures)
     # Detections are logged later than the pixels, by the latency.
     tags = {found.exposure: found.tags for found in _detections(log) if found.exposure in exposures}
-    lenses = log.header.scene.lenses
+    lenses = camera_lenses(log.header.scene)
     current: Exposure | None = None
     windows: list[tuple[Window, Pixels]] = []
 

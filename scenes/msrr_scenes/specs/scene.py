@@ -11,11 +11,9 @@ from typing import Annotated, Any, TypeVar, cast
 from pydantic import Field, model_validator
 
 from msrr_scenes.errors import SceneError
-from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
 from msrr_scenes.html import html_table
-from msrr_scenes.messages import OVERHEAD, onboard_camera
 from msrr_scenes.specs.as_built import GRADES, AsBuiltSpec, Grade, graded_odometry, graded_optics
 from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
 from msrr_scenes.specs.faults import Fault
@@ -128,14 +126,6 @@ class Scene(Spec):
     def docks(self) -> tuple[DockStep, ...]:
         """The steps of the plan in which a unit docks."""
         return tuple(step for step in self.plan if isinstance(step, DockStep))
-
-    @property
-    def lenses(self) -> dict[str, Lens]:
-        """Calibration, as everybody is told it, of the cameras that there are, by their names in messages."""
-        lenses = {onboard_camera(u): self.cameras.onboard.lens for u in self.units if self.geometry(u).drives}
-        if self.cameras.overhead is not None:
-            lenses[OVERHEAD] = self.cameras.overhead.lens
-        return lenses
 
     @property
     def holders(self) -> Mapping[str, str]:

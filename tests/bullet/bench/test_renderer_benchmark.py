@@ -36,6 +36,7 @@ def test_every_renderer_is_measured(report: RendererBenchmark) -> None:
     assert report.pixels.pixels == 320 * 240
 
 
+@pytest.mark.nightly
 def test_raster_is_several_times_cheaper_than_one_sample_of_tiny(report: RendererBenchmark) -> None:
     """Ten times and more by the bench; half of that here, for machines that do other things, too."""
     near = {row.view: row.ratio for row in report.costs if "0.2 m" in row.view}
@@ -43,6 +44,7 @@ def test_raster_is_several_times_cheaper_than_one_sample_of_tiny(report: Rendere
     assert min(near.values()) > 5.0, near
 
 
+@pytest.mark.nightly
 def test_tables_and_json_hold_the_figures(report: RendererBenchmark) -> None:
     console = Console(record=True, markup=False, width=150)
     for table in renderer_tables(report):

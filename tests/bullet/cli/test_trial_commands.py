@@ -87,7 +87,7 @@ def test_a_sweep_shows_brackets_in_reasons(
         if seed == 1:
             raise ValueError(reason)
         result = one_trial(scene, seed)
-        steps = (result.steps[0].model_copy(update={"belief_reason": reason}),)
+        steps = (result.steps[0].model_copy(update={"belief_reason": reason, "verdict_reason": ""}),)
         return result.model_copy(update={"steps": steps})
 
     def in_this_process(*arguments: Any, **options: Any) -> SweepSummary:

@@ -13,6 +13,7 @@ from msrr_bullet.figures.overhead_frame import draw_overhead
 from msrr_bullet.timeline import palette
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.series import port_in_dock
+from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import NS_PER_S, OVERHEAD, Exposure, Phase
 
 
@@ -38,7 +39,7 @@ def test_a_caption_tells_the_present_and_not_how_the_phase_began(trial, context)
     """The reason of a phase's beginning stood under frames that were taken seconds later."""
     moving = [s for s in trial.snapshots if s.estimate is not None]
     assert moving[-1].stamp_ns - moving[0].stamp_ns > 5 * NS_PER_S
-    lens = context.scene.lenses["a/onboard"]
+    lens = camera_lenses(context.scene)["a/onboard"]
     lines = []
     for snapshot in moving[:: len(moving) // 8]:
         view = CameraView(Exposure("a/onboard", -1, snapshot.stamp_ns), lens)
@@ -57,5 +58,5 @@ def test_a_caption_tells_the_present_and_not_how_the_phase_began(trial, context)
 @pytest.mark.parametrize("phase", [Phase.RETREAT, Phase.FAILED])
 def test_a_caption_gives_the_reason_that_stays_true(phase, trial, context, with_step):
     snapshot = with_step(trial.snapshots[-1], phase=phase, reason="no progress for 2.0 s")
-    view = CameraView(Exposure("a/onboard", -1, snapshot.stamp_ns), context.scene.lenses["a/onboard"])
+    view = CameraView(Exposure("a/onboard", -1, snapshot.stamp_ns), camera_lenses(context.scene)["a/onboard"])
     assert draw_onboard(context, view, snapshot).title[1].endswith("no progress for 2.0 s")

@@ -24,6 +24,7 @@ from msrr_bullet.timeline import palette
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.mission_series import activity_spans
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import OVERHEAD, Exposure
 from msrr_scenes.messages.coordination import UnitState
 
@@ -49,7 +50,7 @@ def drawn():
 
 def overhead(mission_run, snapshot, past=()):
     scene = mission_run.log.header.scene
-    view = CameraView(Exposure(OVERHEAD, -1, snapshot.stamp_ns), scene.lenses[OVERHEAD])
+    view = CameraView(Exposure(OVERHEAD, -1, snapshot.stamp_ns), camera_lenses(scene)[OVERHEAD])
     return draw_overhead(DrawingContext(scene, 1), view, snapshot, past)
 
 

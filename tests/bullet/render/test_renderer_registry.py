@@ -92,6 +92,7 @@ print(json.dumps([ahead, compiled(), result.steps[-1].attempts[-1].believed is n
 """
 
 
+@pytest.mark.nightly
 def test_a_trial_compiles_nothing_more() -> None:
     """Else every worker of a pool would compile the rest for itself, in what looks like the robot's time."""
     done = subprocess.run([sys.executable, "-c", _PROGRAM], capture_output=True, text=True, check=True)

@@ -179,6 +179,7 @@ def test_ctrl_c_on_the_command_line(short_trial: dict[str, str], tmp_path: Path)
     assert sorted(kept) == list(range(done))
 
 
+@pytest.mark.nightly
 def test_workers_end_when_their_parent_is_killed(short_trial: dict[str, str], tmp_path: Path) -> None:
     """They waited for work for ever, each with a simulator in its memory."""
     with running_sweep(short_trial, tmp_path / "trials.sqlite", jobs=2) as process:

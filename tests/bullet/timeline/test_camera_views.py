@@ -17,6 +17,7 @@ from msrr_bullet.timeline.camera_views import (
 from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import OVERHEAD, Exposure
 
@@ -70,7 +71,7 @@ def test_views_are_those_of_the_exposures_asked_for(short_log):
     views = list(read_camera_views(short_log, wanted))
     assert [view.exposure for view in views] == wanted
     assert any(view.tags for view in views)
-    assert all(view.lens == short_log.header.scene.lenses[view.exposure.camera] for view in views)
+    assert all(view.lens == camera_lenses(short_log.header.scene)[view.exposure.camera] for view in views)
 
 
 def test_docking_views_are_onboard_frames_with_tags(short_log):
@@ -87,5 +88,5 @@ def test_evenly_spaced_exposures_include_both_ends():
 
 
 def test_a_scene_has_a_lens_for_every_camera_that_there_is():
-    assert set(load_scene("close_range").lenses) == {"a/onboard", "b/onboard"}
-    assert set(load_scene("two_units").lenses) == {"a/onboard", "b/onboard", OVERHEAD}
+    assert set(camera_lenses(load_scene("close_range"))) == {"a/onboard", "b/onboard"}
+    assert set(camera_lenses(load_scene("two_units"))) == {"a/onboard", "b/onboard", OVERHEAD}

@@ -41,6 +41,7 @@ def test_corners_come_in_the_order_of_the_tag_and_count_from_pixel_centres(plate
     assert np.abs(residuals).max() < 0.4
 
 
+@pytest.mark.nightly
 def test_corners_are_unbiased_over_many_views(target: TargetModel, draw: Draw, project: Callable) -> None:
     """Mean signed residual below 0.05 px, RMS below 0.35 px, as for the rendered cameras."""
     rng = np.random.default_rng(1)
