@@ -41,7 +41,10 @@ def shipped() -> ShippedScene:
 def photographs() -> Path:
     """Folder of photographs: ``mapping`` with its ``tags.txt``, ``rotation``, ``chessboard``."""
     if "MSRR_PHOTOGRAPHS" not in os.environ:
-        pytest.skip("no photographs: MSRR_PHOTOGRAPHS is not set")  # they belong to whoever took them
+        pytest.skip(
+            "photographs belong to whoever took them, so that the project ships none; "
+            "MSRR_PHOTOGRAPHS names a folder of yours"
+        )
     return Path(os.environ["MSRR_PHOTOGRAPHS"])
 
 

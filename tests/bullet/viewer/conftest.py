@@ -190,8 +190,9 @@ class Browser:
 def browser(tmp_path_factory):
     """Chromium without a window. Tests that use it are skipped where there is none."""
     if CHROMIUM is None and not os.environ.get("MSRR_REQUIRE_CHROMIUM"):
-        # `make test` cannot install Chromium, which is no Python package; CI does, and requires it.
-        pytest.skip("no Chromium on this machine to open the page with")
+        pytest.skip(
+            "Chromium is no Python package, so that make test cannot install it; CI does, and requires it"
+        )
     started = Browser(tmp_path_factory.mktemp("chromium"))
     yield started
     started.close()
