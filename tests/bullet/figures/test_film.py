@@ -74,7 +74,7 @@ def test_a_film_that_fails_leaves_no_file(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_what_cannot_be_filmed_is_refused(short_log, blind_run, tmp_path, capsys):
+def test_what_cannot_be_filmed_is_refused(short_log, blind_run, tmp_path, capsys, monkeypatch):
     for path, options, text in (
         ("film.avi", {}, "ends in .mp4, .webm or .gif"),
         ("nowhere/film.mp4", {}, "not a file in an existing folder"),
@@ -88,6 +88,7 @@ def test_what_cannot_be_filmed_is_refused(short_log, blind_run, tmp_path, capsys
             write_film(short_log, tmp_path / path, **options)
     with pytest.raises(FilmError, match="no overhead camera"):
         write_film(read_log(blind_run), tmp_path / "film.mp4", ("overhead",))
+    monkeypatch.chdir(tmp_path)  # the folder of this clone may hold runs
     for arguments, text in (
         (["nowhere"], "cannot read the log"),
         ([], "no run is here"),
