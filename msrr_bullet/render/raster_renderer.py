@@ -10,6 +10,7 @@ from msrr_bullet.render.raster.bodies import LoadedBodies, body_ids
 from msrr_bullet.render.raster.floor_texture import pack_floor
 from msrr_bullet.render.raster.kept_pictures import KeptPictures
 from msrr_bullet.render.raster.kernels.records import FloorTexture
+from msrr_bullet.render.raster.lens_map import LensMap
 from msrr_bullet.render.raster.rasterizer import Rasterizer
 from msrr_bullet.render.renderer import Instant, RenderContext
 from msrr_scenes.arrays import Array
@@ -35,6 +36,7 @@ class RasterRenderer:
         self._client = context.client
         self._floor = _packed(context.floor)
         self._bodies: LoadedBodies | None = None
+        self._lens: LensMap | None = None
 
     def render(self, camera: PinholeCamera, X_WC: SE3, window: Window) -> Pixels:
         """Return the mono8 pixels of ``window``, shape (height, width); see :class:`Renderer`.
@@ -58,10 +60,9 @@ class RasterRenderer:
         """
         bodies = self._loaded()
         poses = bodies.poses()
+        lens = None if distortion is None else self._map_of(camera, distortion)
         return [
-            self._picture(
-                camera, instant.X_WC, window, bodies.displaced(poses, instant.displaced), distortion
-            )
+            self._picture(camera, instant.X_WC, window, bodies.displaced(poses, instant.displaced), lens)
             for window, instant in views
         ]
 
@@ -71,14 +72,21 @@ class RasterRenderer:
         X_WC: SE3,
         window: Window,
         poses: Array,
-        distortion: Distortion | None,
+        lens: LensMap | None,
     ) -> Pixels:
         """Return the pixels of a window with the moving frames at ``poses``; draw only what may be new."""
-        pixels = self._kept.find(camera, X_WC, window, poses, distortion)
+        pixels = self._kept.find(camera, X_WC, window, poses, lens)
         if pixels is None:
-            pixels = self._rasterizer.draw(camera, X_WC, window, poses, self._floor, distortion)
-            self._kept.keep(camera, X_WC, window, poses, pixels, distortion)
+            pixels = self._rasterizer.draw(camera, X_WC, window, poses, self._floor, lens)
+            self._kept.keep(camera, X_WC, window, poses, pixels, lens)
         return pixels
+
+    def _map_of(self, camera: PinholeCamera, distortion: Distortion) -> LensMap:
+        """Return the map of the lens of a camera, and keep it for its next picture."""
+        lens = self._lens
+        if lens is None or lens.camera != camera or lens.distortion != distortion:
+            self._lens = lens = LensMap(camera, distortion)
+        return lens
 
     def _loaded(self) -> LoadedBodies:
         if self._bodies is None or self._bodies.ids != body_ids(self._client):

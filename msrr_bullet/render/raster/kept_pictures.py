@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.render.raster.kernels.records import Geometry
-from msrr_bullet.render.raster.lens_map import bounds_of, lens_map
+from msrr_bullet.render.raster.lens_map import LensMap, bounds_of
 from msrr_scenes.arrays import Array
-from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
@@ -39,7 +38,7 @@ class KeptPictures:
         # Radius of a ball about the origin of each moving frame that holds all its shapes, shape (M,).
         self._radius = np.zeros(frame_count)
         np.maximum.at(self._radius, geometry.shape_frame, np.linalg.norm(balls[:, :3], axis=1) + balls[:, 3])
-        self._seen_from: tuple[PinholeCamera, Distortion | None, SE3] | None = None
+        self._seen_from: tuple[PinholeCamera, LensMap | None, SE3] | None = None
         self._pictures: dict[Window, tuple[Array, Pixels]] = {}  # poses of the moving frames, and the pixels
 
     def find(
@@ -48,7 +47,7 @@ class KeptPictures:
         X_WC: SE3,
         window: Window,
         poses: Array,
-        distortion: Distortion | None = None,
+        lens: LensMap | None = None,
     ) -> Pixels | None:
         """Return the pixels of a window, read-only, if they can be no others than when it was drawn last.
 
@@ -57,9 +56,9 @@ class KeptPictures:
             X_WC: Pose of the camera.
             window: Any rectangle, inside or outside the frame.
             poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
-            distortion: Distortion of the lens; None for an ideal one.
+            lens: Map of the lens of the camera; None for an ideal one.
         """
-        if window not in self._pictures or not self._is_seen_from(camera, distortion, X_WC):
+        if window not in self._pictures or not self._is_seen_from(camera, lens, X_WC):
             return None
         before, pixels = self._pictures[window]
         moved = np.flatnonzero((before != poses).any(axis=1))
@@ -67,7 +66,7 @@ class KeptPictures:
             places = np.concatenate([before[moved, :3], poses[moved, :3]])
             radius = np.tile(self._radius[moved], 2)
             # What the window shows of the image of an ideal lens.
-            part = window if distortion is None else bounds_of(lens_map(camera, distortion).view(window))
+            part = window if lens is None else bounds_of(lens.view(window))
             if _may_show(camera, (places - X_WC.p) @ X_WC.R, radius, part).any():
                 return None
         return pixels
@@ -79,23 +78,23 @@ class KeptPictures:
         window: Window,
         poses: Array,
         pixels: Pixels,
-        distortion: Distortion | None = None,
+        lens: LensMap | None = None,
     ) -> None:
         """Keep the pixels of a window, which become read-only; see :meth:`find`."""
         if window.area > _LARGEST_PX:
             return
-        if not self._is_seen_from(camera, distortion, X_WC):
+        if not self._is_seen_from(camera, lens, X_WC):
             self._pictures.clear()
-            self._seen_from = camera, distortion, X_WC
+            self._seen_from = camera, lens, X_WC
         pixels.setflags(write=False)
         self._pictures.pop(window, None)
         self._pictures[window] = poses, pixels
         if len(self._pictures) > _MOST:
             del self._pictures[next(iter(self._pictures))]
 
-    def _is_seen_from(self, camera: PinholeCamera, distortion: Distortion | None, X_WC: SE3) -> bool:
+    def _is_seen_from(self, camera: PinholeCamera, lens: LensMap | None, X_WC: SE3) -> bool:
         """Return whether the kept pictures are those of this camera at this place."""
-        if self._seen_from is None or self._seen_from[:2] != (camera, distortion):
+        if self._seen_from is None or self._seen_from[:2] != (camera, lens):
             return False
         before = self._seen_from[2]
         return before is X_WC or (np.array_equal(before.p, X_WC.p) and np.array_equal(before.R, X_WC.R))

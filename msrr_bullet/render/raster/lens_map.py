@@ -1,20 +1,23 @@
-"""Where a lens that distorts shows the corners of pixels, computed once for a camera."""
+"""Where a lens that distorts shows the corners of pixels, computed once for a camera, where it is needed."""
 
 from __future__ import annotations
 
-from functools import lru_cache
+from dataclasses import astuple
 
 import numpy as np
 
 from msrr_bullet.render.raster.kernels.floor import ROLLED_STRIDE
-from msrr_bullet.render.raster.kernels.lens_visibility import bound_rows
-from msrr_bullet.render.raster.kernels.records import LensView
+from msrr_bullet.render.raster.kernels.lens_nodes import cut_nodes, node_steps, undistort_nodes
+from msrr_bullet.render.raster.kernels.records import Lens, LensView
 from msrr_scenes.errors import GeometryError
-from msrr_scenes.geometry.distortion import Distortion, ideal_grid
+from msrr_scenes.geometry.distortion import Distortion, has_inverse
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 
-#: Margin about the frame that is computed at first [px]; blur reads a few pixels beyond the frame.
+#: Margin about the frame that is covered at first [px]; blur reads a few pixels beyond the frame.
 _MARGIN = 8
+
+#: Edge of the tiles that are computed when a window first reaches into them [px].
+_TILE = 64
 
 
 class LensMap:
@@ -26,13 +29,16 @@ class LensMap:
     """
 
     def __init__(self, camera: PinholeCamera, distortion: Distortion) -> None:
-        """Compute the map of the frame and a small margin.
+        """Check the lens.
 
         Raises:
-            GeometryError: The polynomial of the lens has no inverse there.
+            GeometryError: The polynomial of the lens has no inverse in the frame and a small margin.
         """
         self.camera = camera
         self.distortion = distortion
+        self._lens = Lens(camera.focal, camera.cx, camera.cy, *astuple(distortion))
+        if not has_inverse(camera, distortion):
+            raise self._error(camera.frame)
         self._latest: tuple[Window, LensView] | None = None
         self._cover(camera.frame.padded(_MARGIN))
 
@@ -51,12 +57,15 @@ class LensMap:
             margin *= 2
             self._cover(self.camera.frame.padded(margin))
         x, y = window.x - self._covered.x, window.y - self._covered.y
-        part = self._corners[:, y : y + window.height + 1, x : x + window.width + 1]
-        u, v = np.ascontiguousarray(part[0]), np.ascontiguousarray(part[1])
-        v_low, v_high = np.empty(len(v)), np.empty(len(v))
-        bound_rows(v, v_low, v_high)
-        first = window.x // ROLLED_STRIDE - self._first_group
-        groups = np.ascontiguousarray(self._groups[:, y : y + window.height, first:])
+        for j in range(y // _TILE, (y + window.height) // _TILE + 1):
+            for i in range(x // _TILE, (x + window.width) // _TILE + 1):
+                if not self._known[j, i]:
+                    self._compute(j, i)
+        shape = window.height + 1, window.width + 1
+        u, v, v_low, v_high = np.empty(shape), np.empty(shape), np.empty(shape[0]), np.empty(shape[0])
+        cut_nodes(self._u, self._v, y, x, u, v, v_low, v_high)
+        first, last = (k // ROLLED_STRIDE - self._first_group for k in (window.x, window.x_end))
+        part = slice(y, y + window.height), slice(first, last + 1)
         view = LensView(
             u=u,
             v=v,
@@ -66,45 +75,61 @@ class LensMap:
             pitch=self._pitch,
             slant=self._slant,
             column=window.x,
-            group_u=groups[0],
-            group_v=groups[1],
+            group_u=np.ascontiguousarray(self._group_u[part]),
+            group_v=np.ascontiguousarray(self._group_v[part]),
         )
         self._latest = window, view
         return view
 
     def _cover(self, window: Window) -> None:
-        columns = np.arange(window.x, window.x_end + 1, dtype=np.float64) - 0.5
-        rows = np.arange(window.y, window.y_end + 1, dtype=np.float64) - 0.5
-        grid = ideal_grid(self.camera, self.distortion, columns, rows)
-        if grid is None:
-            raise GeometryError(
-                f"the polynomial of the lens {self.distortion} has no inverse in {window}: two points of the "
-                "scene appear at one pixel; use smaller coefficients or a smaller field of view"
-            )
+        """Make room for a window; memory that is never written to costs nothing."""
         self._covered = window
-        self._corners = np.moveaxis(grid, -1, 0) + 0.5  # kernels count from the edges of pixels
-        u, v = self._corners
-        self._shift = float(np.abs(np.diff(u, axis=0)).max())
-        self._pitch = float(np.diff(u, axis=1).min())
-        self._slant = float(np.abs(np.diff(v, axis=1)).max())
+        self._columns = np.arange(window.x, window.x_end + 1, dtype=np.float64) - 0.5
+        self._rows = np.arange(window.y, window.y_end + 1, dtype=np.float64) - 0.5
+        shape = len(self._rows), len(self._columns)
+        self._u, self._v = np.empty(shape), np.empty(shape)
+        self._known = np.zeros([(size - 1) // _TILE + 1 for size in shape], dtype=np.bool_)
         self._first_group = window.x // ROLLED_STRIDE
         middle = ROLLED_STRIDE * (np.arange(self._first_group, window.x_end // ROLLED_STRIDE + 1) + 0.5) - 0.5
         # The lens need not have an inverse beyond the margin, and no middle may depend on what is covered.
-        middle = np.clip(middle, -_MARGIN, self.camera.width - 1 + _MARGIN)
-        nodes = np.stack(np.meshgrid(middle, rows[:-1] + 0.5), axis=-1)
-        ideal = self.distortion.ideal_pixels(self.camera, nodes.reshape(-1, 2)).reshape(nodes.shape)
-        self._groups = np.ascontiguousarray(np.moveaxis(ideal, -1, 0) + 0.5)
+        self._middles = np.clip(middle, -_MARGIN, self.camera.width - 1 + _MARGIN)
+        groups = window.height, len(middle)
+        self._group_u, self._group_v = np.empty(groups), np.empty(groups)
+        self._shift, self._pitch, self._slant = 0.0, np.inf, 0.0
 
+    def _compute(self, j: int, i: int) -> None:
+        """Compute the nodes of a tile up to the first ones of the next tiles, and widen the bounds."""
+        rows, columns = len(self._rows), len(self._columns)
+        j0, i0 = j * _TILE, i * _TILE
+        j1, i1 = min(j0 + _TILE + 1, rows), min(i0 + _TILE + 1, columns)
+        x = self._covered.x
+        first, last = ((x + k) // ROLLED_STRIDE - self._first_group for k in (i0, i1 - 1))
+        middles, between = self._middles, self._rows[:-1] + 0.5
+        if not (
+            undistort_nodes(self._lens, self._columns, self._rows, j0, j1, i0, i1, self._u, self._v)
+            and undistort_nodes(
+                self._lens,
+                middles,
+                between,
+                j0,
+                min(j1, rows - 1),
+                first,
+                last + 1,
+                self._group_u,
+                self._group_v,
+            )
+        ):
+            raise self._error(self._covered)
+        shift, pitch, slant = node_steps(self._u, self._v, j0, j1, i0, i1)
+        self._shift, self._slant = max(self._shift, shift), max(self._slant, slant)
+        self._pitch = min(self._pitch, pitch)
+        self._known[j, i] = True
 
-# A map takes 16 bytes a pixel. This is room for the cameras of 16 units, each as it was built, and one above.
-@lru_cache(maxsize=17)
-def lens_map(camera: PinholeCamera, distortion: Distortion) -> LensMap:
-    """Return the map of a lens, which takes a third of a second for a frame of 640 x 480 pixels.
-
-    Raises:
-        GeometryError: The polynomial of the lens has no inverse in the frame.
-    """
-    return LensMap(camera, distortion)
+    def _error(self, window: Window) -> GeometryError:
+        return GeometryError(
+            f"the polynomial of the lens {self.distortion} has no inverse in {window}: two points of the "
+            "scene appear at one pixel; use smaller coefficients or a smaller field of view"
+        )
 
 
 def bounds_of(lens: LensView) -> Window:

@@ -23,7 +23,7 @@ from msrr_bullet.render.raster.kernels.records import (
     Workspace,
 )
 from msrr_bullet.render.raster.kernels.sample_positions import CELL_SAMPLES, SAMPLES, sample_positions
-from msrr_bullet.render.raster.lens_map import bounds_of, lens_map
+from msrr_bullet.render.raster.lens_map import LensMap, bounds_of
 from msrr_bullet.render.raster.mesh import box
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.distortion import Distortion
@@ -70,7 +70,7 @@ class Rasterizer:
         window: Window,
         poses: Array,
         floor: FloorTexture,
-        distortion: Distortion | None = None,
+        lens: LensMap | None = None,
     ) -> Pixels:
         """Return the mono8 pixels of ``window``, shape (height, width).
 
@@ -80,17 +80,17 @@ class Rasterizer:
             window: Any rectangle, inside or outside the frame.
             poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
             floor: Texture of the floor.
-            distortion: Distortion of the lens; None for an ideal one.
+            lens: Map of the lens of the camera; None for an ideal one.
 
         Raises:
-            GeometryError: The polynomial of the lens has no inverse in the window.
+            GeometryError: The window reaches beyond the frame to where the lens has no inverse.
         """
         if window.width > self._width:  # kept from picture to picture: fresh memory costs more than drawing
             self._width = window.width
             self._workspace = _workspace(self.geometry, self._frame_count, window.width)
         out = np.empty((window.height, window.width), dtype=np.uint8)
-        if distortion is not None:
-            self._draw_through_lens(camera, X_WC, window, poses, floor, distortion, out)
+        if lens is not None:
+            self._draw_through_lens(lens, X_WC, window, poses, floor, out)
             return out
         draw(
             _view(camera, window),
@@ -109,21 +109,14 @@ class Rasterizer:
         return out
 
     def _draw_through_lens(
-        self,
-        camera: PinholeCamera,
-        X_WC: SE3,
-        window: Window,
-        poses: Array,
-        floor: FloorTexture,
-        distortion: Distortion,
-        out: Pixels,
+        self, lens: LensMap, X_WC: SE3, window: Window, poses: Array, floor: FloorTexture, out: Pixels
     ) -> None:
-        lens = lens_map(camera, distortion).view(window)
+        view = lens.view(window)
         if len(self._maps) < BAND * window.width + 1:
             self._maps = np.empty((BAND * window.width + 1, 6))
         draw_through_lens(
-            _view(camera, bounds_of(lens)),
-            lens,
+            _view(lens.camera, bounds_of(view)),
+            view,
             poses,
             X_WC.R,
             X_WC.p,
@@ -170,8 +163,8 @@ def compile_kernels(announce: Callable[[str], None], lens: bool = False) -> None
     floor = pack_floor([np.zeros((1, 1), dtype=np.float32)], period=1.0, wall=0.0)
     camera = PinholeCamera(8, 8, 8.0)
     poses = np.array([[0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0]])
-    for distortion in (None, Distortion(k1=0.1)) if lens else (None,):
-        rasterizer.draw(camera, SE3(), camera.frame, poses, floor, distortion)
+    for seen in (None, LensMap(camera, Distortion(k1=0.1))) if lens else (None,):
+        rasterizer.draw(camera, SE3(), camera.frame, poses, floor, seen)
 
 
 def _workspace(geometry: Geometry, frame_count: int, width: int) -> Workspace:

@@ -115,10 +115,10 @@ def has_inverse(camera: PinholeCamera, distortion: Distortion) -> bool:
 def fold_radius(camera: PinholeCamera, distortion: Distortion) -> float | None:
     """Return how far from the principal point the lens has an inverse in every direction [px].
 
-    It is exact to a few pixels; None if the lens has an inverse in the whole frame and a small margin.
+    It is exact to 12 px; None if the lens has an inverse in the whole frame and a small margin.
     """
     columns, rows = _border_nodes(camera.width), _border_nodes(camera.height)
-    _, folded = _ideal_nodes(camera, distortion, columns, rows)
+    folded = _folded_nodes(camera, distortion, columns, rows)
     if not folded.any():
         return None
     distance = np.hypot(columns - camera.cx, (rows - camera.cy)[:, np.newaxis])
@@ -132,11 +132,12 @@ def _border_nodes(size: int) -> Array:
     return np.unique(np.concatenate([np.arange(first, last, _SPACING), first + fine, last - fine]))
 
 
-def ideal_grid(camera: PinholeCamera, distortion: Distortion, columns: Array, rows: Array) -> Array | None:
-    """Return where an ideal lens would show the nodes of a grid of pixels, shape (rows, columns, 2) [px].
+def _folded_nodes(
+    camera: PinholeCamera, distortion: Distortion, columns: Array, rows: Array
+) -> NDArray[np.bool_]:
+    """Return beside which nodes of a grid of pixels the lens folds the image, shape (rows, columns).
 
-    None if the lens has no inverse there: the polynomial folds the image, so that two points of the scene
-    appear at one pixel, or it reaches some pixels from nowhere.
+    Two points of the scene appear at one pixel there, or a pixel shows none.
 
     Args:
         camera: Intrinsics.
@@ -144,14 +145,6 @@ def ideal_grid(camera: PinholeCamera, distortion: Distortion, columns: Array, ro
         columns: Increasing columns of the nodes, shape (C,) [px].
         rows: Increasing rows of the nodes, shape (R,) [px].
     """
-    grid, folded = _ideal_nodes(camera, distortion, columns, rows)
-    return None if folded.any() else grid
-
-
-def _ideal_nodes(
-    camera: PinholeCamera, distortion: Distortion, columns: Array, rows: Array
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the nodes as :func:`ideal_grid` does, and beside which of them the lens folds the image."""
     nodes = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
     grid: Array = distortion.ideal_pixels(camera, nodes).reshape(len(rows), len(columns), 2)
     folded = np.zeros(grid.shape[:2], dtype=np.bool_)
@@ -162,4 +155,4 @@ def _ideal_nodes(
         fold = ~((rise > 0.0) & (rise < _MOST_STRETCH * step))  # comparisons with NaN are false
         first |= fold
         second |= fold
-    return grid, folded
+    return folded

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from msrr_bullet.render import Instant, RenderContext
 from msrr_bullet.render.floor import Floor
+from msrr_bullet.render.raster.lens_map import LensMap
 from msrr_bullet.render.raster_renderer import RasterRenderer
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
@@ -182,3 +183,22 @@ def test_a_lens_that_folds_the_image_is_refused(units: tuple[RasterRenderer, SE3
     camera = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
     with pytest.raises(GeometryError, match="two points of the scene appear at one pixel"):
         through(renderer, Distortion(k1=-0.2), camera, X_WB, Window(300, 200, 20, 20))
+
+
+@pytest.mark.parametrize("lens", [*LENSES, LEANING], ids=str)
+def test_the_map_of_a_lens_is_its_inverse_in_any_window(lens: Distortion) -> None:
+    camera = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
+    rng = np.random.default_rng(3)
+    lens_map = LensMap(camera, lens)
+    for _ in range(20):
+        w, h = (int(a) for a in rng.integers(1, 200, 2))
+        x, y = int(rng.integers(-8, 648 - w)), int(rng.integers(-8, 488 - h))
+        view = lens_map.view(Window(x, y, w, h))
+        corners = np.stack(np.meshgrid(np.arange(x, x + w + 1), np.arange(y, y + h + 1)), axis=-1) - 0.5
+        ideal = lens.ideal_pixels(camera, corners.reshape(-1, 2)).reshape(corners.shape) + 0.5
+        np.testing.assert_allclose(np.stack([view.u, view.v], axis=-1), ideal, atol=1e-9)
+        np.testing.assert_array_equal(view.v_low, view.v.min(axis=1))
+        np.testing.assert_array_equal(view.v_high, view.v.max(axis=1))
+        assert view.pitch <= np.diff(view.u, axis=1).min()
+        assert view.slant >= np.abs(np.diff(view.v, axis=1)).max()
+        assert view.shift >= np.abs(np.diff(view.u, axis=0)).max()

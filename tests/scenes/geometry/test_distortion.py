@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from msrr_scenes.geometry.distortion import COEFFICIENTS, IDEAL_LENS, Distortion, has_inverse, ideal_grid
+from msrr_scenes.geometry.distortion import COEFFICIENTS, IDEAL_LENS, Distortion, fold_radius, has_inverse
 from msrr_scenes.geometry.pinhole import PinholeCamera
 
 CAMERA = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
@@ -58,7 +58,10 @@ def test_a_lens_without_an_inverse_in_the_frame_is_found(k1: float) -> None:
     """k1 < 0 shows nothing beyond 2 / 3 / sqrt(-3 k1) focal lengths; the frame reaches to 0.96."""
     assert 2.0 / 3.0 / math.sqrt(-3.0 * k1) < math.hypot(320, 240) / CAMERA.focal
     assert not has_inverse(CAMERA, Distortion(k1=k1))
-    assert ideal_grid(CAMERA, Distortion(k1=k1), np.arange(300.0, 340.0), np.arange(220.0, 260.0)) is not None
+    radius = fold_radius(CAMERA, Distortion(k1=k1))
+    assert radius is not None
+    diagonal = math.hypot(8.0, 8.0)  # of the nodes that are tested [px]
+    assert abs(radius - CAMERA.focal * 2.0 / 3.0 / math.sqrt(-3.0 * k1)) < diagonal
 
 
 def test_an_ideal_lens_changes_nothing() -> None:

@@ -28,16 +28,6 @@ from msrr_scenes.arrays import Array
 
 
 @kernel
-def bound_rows(v: Array, v_low: Array, v_high: Array) -> None:
-    """Write the least and the greatest of each row of ``v``, each of shape (rows,)."""
-    for k in range(v.shape[0]):
-        low = high = v[k, 0]
-        for i in range(v.shape[1]):
-            low, high = min(low, v[k, i]), max(high, v[k, i])
-        v_low[k], v_high[k] = low, high
-
-
-@kernel
 def clear_lens_corners(view: LensView, top: int, height: int, floor: Array, corners: Corners) -> None:
     """Fill the corners of a band of rows with wall and floor, whose 1 / z has the form ``floor``."""
     depth, identity, edge_depth, u, v = corners.depth, corners.identity, corners.edge_depth, view.u, view.v

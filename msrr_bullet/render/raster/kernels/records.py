@@ -76,6 +76,20 @@ class View(NamedTuple):
     near: float  # [m]
 
 
+class Lens(NamedTuple):
+    """Intrinsics of a camera and the distortion of its lens, by Brown and Conrady."""
+
+    focal: float  # [px]
+    cx: float  # principal point, counted from the middle of the first pixel [px]
+    cy: float
+    k1: float
+    k2: float
+    p1: float
+    p2: float
+    k3: float
+    aspect: float  # fy over fx
+
+
 class LensView(NamedTuple):
     """The corners of the window's pixels behind a lens that distorts: their places in an ideal lens' image.
 
