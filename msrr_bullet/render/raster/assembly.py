@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from msrr_bullet.render.raster.faces import faces_of
+from msrr_bullet.render.raster.kernels.enclosed import turn_enclosed_faces
 from msrr_bullet.render.raster.kernels.records import CELLS, REGION_BITS, SMOOTH, TEXTURED, Geometry, Textures
 from msrr_bullet.render.raster.mesh import Mesh
 from msrr_bullet.render.raster.texture import Texture
@@ -100,7 +101,10 @@ def assemble(shapes: Sequence[VisualShape]) -> tuple[Geometry, Textures]:
         cells=_cells(number[of_face], textures, packed),
     )
     # One layout, whatever led to it: the kernels are compiled for rows that lie one after another.
-    return Geometry._make(np.ascontiguousarray(column) for column in geometry), packed
+    geometry = Geometry._make(np.ascontiguousarray(column) for column in geometry)
+    planes = geometry.planes.copy()
+    turn_enclosed_faces(geometry, planes)
+    return geometry._replace(planes=planes), packed
 
 
 def _joined(parts: Sequence[np.ndarray], row: tuple[int, ...], kind: type = np.float64) -> np.ndarray:

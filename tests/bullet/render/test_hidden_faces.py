@@ -8,6 +8,11 @@ import pytest
 
 from msrr_bullet.render import Instant, RenderContext
 from msrr_bullet.render.floor import Floor
+from msrr_bullet.render.raster.assembly import VisualShape
+from msrr_bullet.render.raster.floor_texture import pack_floor
+from msrr_bullet.render.raster.lens_map import LensMap
+from msrr_bullet.render.raster.mesh import box
+from msrr_bullet.render.raster.rasterizer import Rasterizer
 from msrr_bullet.render.raster_renderer import RasterRenderer
 from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
@@ -63,3 +68,33 @@ def test_what_is_behind_shows_through_a_slit_narrower_than_a_pixel(
     assert white > 50.0
     assert share.mean() == pytest.approx(width_px, abs=1.0 / 16.0)
     assert share.min() > 0.0
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=str)
+def test_what_a_solid_encloses_changes_no_pixel(lens: Distortion | None) -> None:
+    """Boxes that touch, overlap and lie flush: on one frame, and each on a frame of its own in its place."""
+    rng = np.random.default_rng(7)
+    floor = pack_floor([np.zeros((1, 1), dtype=np.float32)], period=1.0, wall=0.0)
+    turned = 0
+    for _ in range(10):
+        size, place = rng.integers(1, 4, (12, 3)), rng.integers(0, 4, (12, 3))
+        grid = [
+            (box(0.05 * s), SE3(np.eye(3), 0.05 * (p + 0.5 * s))) for s, p in zip(size, place, strict=True)
+        ]
+        greys = rng.uniform(0.3, 1.0, 12)
+        X_WM = SE3.from_xyz_rpy(rng.uniform(-0.1, 0.1, 3), rng.uniform(-3.0, 3.0, 3))
+        pose = np.concatenate([X_WM.p, X_WM.quaternion_xyzw()])
+        X_WC = optical_pose(SE3.from_xyz_rpy([-0.5, 0.0, 0.0], [0.0, 0.0, 0.0]))
+        pictures = []
+        for apart in (False, True):
+            shapes = [
+                VisualShape(k if apart else 0, X_MG, mesh, greys[k]) for k, (mesh, X_MG) in enumerate(grid)
+            ]
+            frames = len(shapes) if apart else 1
+            rasterizer = Rasterizer(shapes, frames)
+            lens_map = None if lens is None else LensMap(CAMERA, lens)
+            poses = np.tile(pose, (frames, 1))
+            pictures.append(rasterizer.draw(CAMERA, X_WC, CAMERA.frame, poses, floor, lens_map))
+            turned += 0 if apart else int(np.isinf(rasterizer.geometry.planes[:, 3]).sum())
+        np.testing.assert_array_equal(*pictures)
+    assert turned > 50

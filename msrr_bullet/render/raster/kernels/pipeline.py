@@ -21,7 +21,7 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
 
 #: Rows of a window that are worked on at a time, so that what is written stays in the processor's cache.
-BAND = 64
+BAND = 128
 
 
 @inlined
