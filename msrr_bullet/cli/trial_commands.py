@@ -74,11 +74,11 @@ def dock(
     from msrr_bullet.pybullet_client import load_simulator
 
     load_simulator()
-    from msrr_bullet.render import prepare_renderers
     from msrr_bullet.run import run_trial
+    from msrr_bullet.sensors.preparation import prepare_cameras
 
     console = open_console()
-    prepare_renderers(loaded, console.print)
+    prepare_cameras(loaded, console.print)
     with naming_overrides(given), ExitStack() as stack:
         viewer = stack.enter_context(_live_view(loaded, seed, console)) if view else None
         listener = stack.enter_context(_foxglove_server()).publish if foxglove else None
@@ -188,7 +188,7 @@ def sweep(
     loaded = load_scene(scene, given)
     check_writable(json_file)
     from msrr_bullet.cli.console_report import goal, sweep_table
-    from msrr_bullet.render import prepare_renderers
+    from msrr_bullet.sensors.preparation import prepare_cameras
     from msrr_bullet.sweep.dask_cluster import dask_cluster
     from msrr_bullet.sweep.summary import TrialFailure
     from msrr_bullet.sweep.sweep import sweep as run_sweep
@@ -223,7 +223,7 @@ def sweep(
             wall_limit_s=wall_limit,
         )
         if dask is None:
-            prepare_renderers(loaded, lambda text: bar.console.print(text, highlight=False))
+            prepare_cameras(loaded, lambda text: bar.console.print(text, highlight=False))
             summary = run(jobs)
         else:
             with dask_cluster(dask) as cluster:

@@ -5,7 +5,7 @@ scene names it by its import path.
 """
 
 from msrr_bullet.render.renderer import ExposureRenderer, Instant, RenderContext, Renderer
-from msrr_bullet.render.renderer_registry import RENDERERS, build_renderer, prepare_renderers
+from msrr_bullet.render.renderer_registry import RENDERERS, build_renderer
 
 __all__ = [
     "RENDERERS",
@@ -14,5 +14,4 @@ __all__ = [
     "RenderContext",
     "Renderer",
     "build_renderer",
-    "prepare_renderers",
 ]

@@ -16,6 +16,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from msrr_bullet.sensors.kernels.image_motion import fastest_corner
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
 from msrr_scenes.arrays import Array
@@ -51,11 +52,9 @@ class BodyMotion:
         R = np.asarray(cv2.Rodrigues(self.w_W * dt)[0], dtype=np.float64)
         return SE3(R, self.p_W + self.v_W * dt - R @ self.p_W)
 
-    def velocity_at(self, p_W: Array) -> Array:
-        """Return the velocities of points of the body [m/s], both of shape (..., 3)."""
-        x, y, z = self.w_W.tolist()
-        turning: Array = (p_W - self.p_W) @ np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
-        return turning + self.v_W
+    def packed(self) -> Array:
+        """Return point, velocity and angular velocity as one array, shape (9,)."""
+        return np.concatenate([self.p_W, self.v_W, self.w_W])
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,26 +90,23 @@ class CameraMotion:
         """
         own = self.bodies.get(self.carrier) if self.carrier is not None else None
         fastest = 0.0 if own is None else camera.focal * float(np.linalg.norm(own.w_W @ X_WC.R[:, :2]))
-        p_C = (self.tags - X_WC.p) @ X_WC.R
-        z = np.maximum(p_C[..., 2], _NEAREST_M)
-        x, y = p_C[..., 0] / z, p_C[..., 1] / z
-        inside = np.abs(camera.focal * x + (camera.cx - 0.5 * (camera.width - 1))) < 0.5 * camera.width
-        inside &= np.abs(camera.focal * y + (camera.cy - 0.5 * (camera.height - 1))) < 0.5 * camera.height
-        shown = (inside & (p_C[..., 2] > _NEAREST_M)).any(axis=1)
-        # The corners of a tag that faces the camera go round counter-clockwise.
-        right, up = (x[:, 1] - x[:, 0], y[:, 1] - y[:, 0]), (x[:, 3] - x[:, 0], y[:, 3] - y[:, 0])
-        shown &= right[0] * up[1] < right[1] * up[0]
-        for owner in set(self.owners[shown].tolist()):
-            tags = shown & (self.owners == owner)
-            v_W = np.zeros(self.tags[tags].shape)
-            if owner in self.bodies:
-                v_W += self.bodies[owner].velocity_at(self.tags[tags])
-            if own is not None:
-                v_W -= own.velocity_at(self.tags[tags])
-            vx, vy, vz = np.moveaxis(v_W @ X_WC.R, -1, 0)
-            flow = np.hypot(vx - x[tags] * vz, vy - y[tags] * vz) / z[tags]
-            fastest = max(fastest, camera.focal * float(flow.max()))
-        return fastest
+        motions = np.zeros((len(self.owners), 9))
+        for body, motion in self.bodies.items():
+            motions[self.owners == body] = motion.packed()
+        corner = fastest_corner(
+            self.tags,
+            motions,
+            np.zeros(9) if own is None else own.packed(),
+            X_WC.R,
+            X_WC.p,
+            camera.focal,
+            0.5 * camera.width,
+            0.5 * camera.height,
+            camera.cx - 0.5 * (camera.width - 1),
+            camera.cy - 0.5 * (camera.height - 1),
+            _NEAREST_M,
+        )
+        return max(fastest, corner)
 
 
 class MotionSensor:

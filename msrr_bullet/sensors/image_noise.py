@@ -13,18 +13,15 @@ the periodic tile and one of eight mirror images of the tile.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.sensors.image_response import ImageResponse
+from msrr_bullet.sensors.kernels.readout import TILE, convert_light
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels
-
-#: Edge of the noise tile [px].
-_TILE = 1024
 
 #: Sum of the blur kernel; 255 times the square of this has to stay below 2**24.
 _KERNEL_SUM = 256
@@ -57,18 +54,15 @@ class ImageNoise:
         self._key = key.to_bytes(16, "little")
         self._kernel = blur_kernel(blur_px)
         self._radius = len(self._kernel) // 2
-        self._tile: NDArray[np.int16] | NDArray[np.float32] | None = None
-        self._sigma: NDArray[np.float32] | None = None
-        self._variance = np.float32(noise_grey**2), np.float32(shot_grey**2 / 255.0)
+        self._variance = noise_grey**2, shot_grey**2 / 255.0
         self._response = response
-        if response is not None:
-            self._tile = _unit_tile(key) if noise_grey > 0.0 or shot_grey > 0.0 else None
-        elif shot_grey > 0.0:
-            light = np.arange(256) / 255.0
-            self._sigma = np.sqrt(noise_grey**2 + shot_grey**2 * light).astype(np.float32)
-            self._tile = _unit_tile(key)
-        elif noise_grey > 0.0:
-            self._tile = _noise_tile(key, noise_grey)
+        self._per_grey, self._tone = (
+            (1.0, np.minimum(np.arange(1 << 16), 255).astype(np.uint8))
+            if response is None
+            else (response.per_grey, response.tone)
+        )
+        noisy = noise_grey > 0.0 or shot_grey > 0.0
+        self._tile = _unit_tile(key) if noisy else np.zeros((TILE, TILE), dtype=np.float32)
 
     @property
     def margin(self) -> int:
@@ -89,17 +83,22 @@ class ImageNoise:
         r = self._radius
         if ideal.shape != (window.height + 2 * r, window.width + 2 * r):
             raise ValueError(f"{ideal.shape} pixels given for {window} with a margin of {r}")
+        light = self._blurred(ideal)
         if self._response is not None:
-            light = self._response.shaded(self._blurred(ideal), window)
-            return self._response.converted(self._with_noise(light, window, frame))
-        pixels = np.rint(self._blurred(ideal)).astype(np.uint8) if r else ideal
-        if self._tile is None:
-            return np.ascontiguousarray(pixels)
-        out = np.empty(pixels.shape, dtype=np.uint8)
-        for part, noise in self._noise(self._tile, window, frame):
-            if self._sigma is not None:  # the tile holds standard normal numbers
-                noise = np.rint(noise * self._sigma[pixels[part]])
-            out[part] = np.clip(pixels[part] + noise, 0, 255)
+            light = self._response.shaded(light, window)
+        digest = hashlib.blake2b(frame.to_bytes(8, "little"), key=self._key, digest_size=9).digest()
+        out = np.empty(light.shape, dtype=np.uint8)
+        convert_light(
+            light,
+            self._tile,
+            (int.from_bytes(digest[:4], "little") + window.x) % TILE,
+            (int.from_bytes(digest[4:8], "little") + window.y) % TILE,
+            digest[8] & 7,
+            *self._variance,
+            self._per_grey,
+            self._tone,
+            out,
+        )
         return out
 
     def _blurred(self, ideal: Pixels) -> NDArray[np.float32]:
@@ -112,44 +111,6 @@ class ImageNoise:
             return ideal.astype(np.float32)
         sums = cv2.sepFilter2D(ideal, cv2.CV_32F, self._kernel, self._kernel)[r:-r, r:-r]
         return sums * np.float32(1.0 / _KERNEL_SUM**2)
-
-    def _with_noise(self, light: NDArray[np.float32], window: Window, frame: int) -> NDArray[np.float32]:
-        if self._tile is None:
-            return light
-        read, shot = self._variance
-        out = np.empty_like(light)
-        for part, noise in self._noise(self._tile, window, frame):
-            sigma = np.sqrt(read + shot * light[part]) if shot > 0.0 else np.sqrt(read)
-            np.multiply(noise, sigma, out=out[part])
-            out[part] += light[part]
-        return out
-
-    def _noise(
-        self, tile: NDArray[np.int16] | NDArray[np.float32], window: Window, frame: int
-    ) -> Iterator[tuple[tuple[slice, slice], NDArray[np.int16] | NDArray[np.float32]]]:
-        """Yield the parts of a window, as slices of rows and columns, with their noise from the tile."""
-        digest = hashlib.blake2b(frame.to_bytes(8, "little"), key=self._key, digest_size=9).digest()
-        x = (int.from_bytes(digest[:4], "little") + window.x) % _TILE
-        y = (int.from_bytes(digest[4:8], "little") + window.y) % _TILE
-        variant = digest[8]
-        if variant & 1:
-            tile = tile.T
-        tile = tile[:: -1 if variant & 2 else 1, :: -1 if variant & 4 else 1]
-        for out_y, tile_y, height in _runs(y, window.height):
-            for out_x, tile_x, width in _runs(x, window.width):
-                part = slice(out_y, out_y + height), slice(out_x, out_x + width)
-                yield part, tile[tile_y : tile_y + height, tile_x : tile_x + width]
-
-
-def _runs(start: int, length: int) -> list[tuple[int, int, int]]:
-    """Split ``length`` pixels from ``start`` on the periodic tile: (offset, position on the tile, length)."""
-    runs, offset = [], 0
-    while offset < length:
-        position = (start + offset) % _TILE
-        step = min(length - offset, _TILE - position)
-        runs.append((offset, position, step))
-        offset += step
-    return runs
 
 
 def blur_kernel(sigma: float) -> NDArray[np.float32]:
@@ -171,14 +132,4 @@ def blur_kernel(sigma: float) -> NDArray[np.float32]:
 def _unit_tile(key: int) -> NDArray[np.float32]:
     """Return standard normal numbers, shape (1024, 1024)."""
     rng = np.random.Generator(np.random.PCG64(key))
-    return rng.standard_normal((_TILE, _TILE), dtype=np.float32)
-
-
-def _noise_tile(key: int, sigma: float) -> NDArray[np.int16]:
-    """Return Gaussian noise in whole grey levels, shape (1024, 1024).
-
-    The pixels that it is added to are whole, so that rounding the tile once equals rounding every pixel.
-    """
-    noise = sigma * _unit_tile(key)
-    rounded: NDArray[np.int16] = np.rint(np.clip(noise, -255.0, 255.0)).astype(np.int16)
-    return rounded
+    return rng.standard_normal((TILE, TILE), dtype=np.float32)

@@ -25,7 +25,13 @@ _CONVERTER_MAX = 4095
 
 
 class ImageResponse:
-    """Shading of the image, gain and tone curve of a camera."""
+    """Shading of the image, gain and tone curve of a camera.
+
+    Attributes:
+        per_grey: Numbers of the converter for each grey level of light.
+        tone: Grey level for every number of 16 bits, so that nothing has to be clipped at the converter's
+            largest one before, shape (65536,).
+    """
 
     def __init__(self, spec: CameraSpec, pinhole: PinholeCamera) -> None:
         """Prepare the tone curve.
@@ -42,10 +48,9 @@ class ImageResponse:
         self._rise_x, self._rise_y = rise * math.cos(direction), rise * math.sin(direction)
         self._middle_x, self._middle_y = 0.5 * (pinhole.width - 1), 0.5 * (pinhole.height - 1)
         self._shades = spec.vignetting > 0.0 or spec.light_gradient > 0.0
-        self._per_grey = spec.gain * _CONVERTER_MAX / 255.0
-        # For every number of 16 bits, so that nothing has to be clipped before.
+        self.per_grey = spec.gain * _CONVERTER_MAX / 255.0
         levels = np.minimum(np.arange(1 << 16), _CONVERTER_MAX) / _CONVERTER_MAX
-        self._tone = np.rint(255.0 * levels ** (1.0 / spec.gamma)).astype(np.uint8)
+        self.tone: Pixels = np.rint(255.0 * levels ** (1.0 / spec.gamma)).astype(np.uint8)
 
     def shaded(self, light: NDArray[np.float32], window: Window) -> NDArray[np.float32]:
         """Return the light at the pixels of ``window``, shape (height, width) [grey levels]."""
@@ -56,13 +61,6 @@ class ImageResponse:
         lamp = np.add.outer(self._rise_y * (y - self._middle_y), 1.0 + self._rise_x * (x - self._middle_x))
         shade: NDArray[np.float32] = (np.maximum(1.0 - lost, 0.0) * np.maximum(lamp, 0.0)).astype(np.float32)
         return light * shade
-
-    def converted(self, light: NDArray[np.float32]) -> Pixels:
-        """Return the pixels for light with noise, both shape (height, width)."""
-        # This rounds and saturates in the pass that multiplies.
-        numbers = cv2.addWeighted(light, self._per_grey, light, 0.0, 0.0, dtype=cv2.CV_16U)
-        pixels: Pixels = self._tone.take(np.asarray(numbers))
-        return pixels
 
 
 def image_response(spec: CameraSpec, pinhole: PinholeCamera) -> ImageResponse | None:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 
 from msrr_bullet.pybullet_client import load_simulator
-from msrr_bullet.render import prepare_renderers
+from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.worker_pool import TrialFunction
 from msrr_bullet.trial.result import TrialResult
@@ -52,7 +52,7 @@ def _prepare(code: str, scene: Scene) -> None:
 
         cv2.setNumThreads(1)
         load_simulator()
-        prepare_renderers(scene, _log.info)
+        prepare_cameras(scene, _log.info)
         _prepared().add(code)
 
 

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from msrr_bullet.pybullet_client import load_simulator
-from msrr_bullet.render import prepare_renderers
+from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.remote_trial import remote_trial
 from msrr_bullet.sweep.summary import TrialFailure
@@ -111,7 +111,7 @@ def run_trials(
             if tasks:
                 _check(scene)
             if tasks and executor is None:
-                prepare_renderers(scene, _log.info)  # once, instead of in every worker at the same time
+                prepare_cameras(scene, _log.info)  # once, instead of in every worker at the same time
             missing += tasks
         reused = len(outcomes)
 

@@ -111,7 +111,8 @@ def test_the_program_starts_without_the_simulator() -> None:
 def test_sigterm_unwinds() -> None:
     """The time limit holds from the signal on; how long the program takes to start depends on the machine."""
     code = (
-        "import sys, time, msrr_bullet.cli.app as cli, msrr_bullet.render as render, msrr_bullet.run as r\n"
+        "import sys, time, msrr_bullet.cli.app as cli, msrr_bullet.run as r\n"
+        "import msrr_bullet.sensors.preparation as preparation\n"
         "def trial(*a, **k):\n"
         "    try:\n"
         "        print('the trial runs', flush=True)\n"
@@ -120,7 +121,7 @@ def test_sigterm_unwinds() -> None:
         "    finally:\n"
         "        print('closed', file=sys.stderr)\n"
         "r.run_trial = trial\n"
-        "render.prepare_renderers = lambda *a: None\n"
+        "preparation.prepare_cameras = lambda *a: None\n"
         "sys.argv = ['msrr', 'dock', 'close_range']\n"
         "cli.main()\n"
     )

@@ -64,14 +64,15 @@ _PROGRAM = """
 import importlib, json, pkgutil
 from numba.core.dispatcher import Dispatcher
 import msrr_bullet.render.raster.kernels as raster_kernels
+import msrr_bullet.sensors.kernels as sensor_kernels
 import msrr_perception.kernels as kernels
 from msrr_bullet import load_scene
-from msrr_bullet.render import prepare_renderers
+from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_bullet.trial.trial import Trial
 
 modules = [
     importlib.import_module(module.name)
-    for package in (kernels, raster_kernels)
+    for package in (kernels, raster_kernels, sensor_kernels)
     for module in pkgutil.iter_modules(package.__path__, package.__name__ + ".")
 ]
 
@@ -84,7 +85,7 @@ def compiled():
     }
 
 far, near = (load_scene(name, {"time_limit_s": "3"}) for name in ("two_units", "close_range"))
-prepare_renderers(far, lambda message: None)
+prepare_cameras(far, lambda message: None)
 ahead = compiled()
 Trial(far, 0).run()
 result = Trial(near, 0).run()
