@@ -38,6 +38,7 @@ class SleepingUnits:
 
     Attributes:
         awake: Units that are awake, in the order of the scene.
+        groups: Units that are locked together with a unit, itself included, by the name of each unit.
     """
 
     def __init__(self, world: BulletWorld) -> None:
@@ -49,7 +50,7 @@ class SleepingUnits:
         self._roused = dict.fromkeys(world.units, 0)  # tick at which a unit was last roused
         self._asleep: dict[str, None] = {}
         self.awake = tuple(world.units)
-        self._groups: dict[str, tuple[str, ...]] = {name: (name,) for name in world.units}
+        self.groups: dict[str, tuple[str, ...]] = {name: (name,) for name in world.units}
         self._reach = {
             frozenset((a, b)): world.units[a].geometry.circumradius
             + world.units[b].geometry.circumradius
@@ -63,13 +64,13 @@ class SleepingUnits:
 
     def join(self, pairs: Iterable[tuple[str, str]]) -> None:
         """Take note of all pairs that are locked together now, and rouse the groups that changed."""
-        groups: dict[str, tuple[str, ...]] = {name: (name,) for name in self._groups}
+        groups: dict[str, tuple[str, ...]] = {name: (name,) for name in self.groups}
         for a, b in pairs:
             if groups[a] != groups[b]:
                 joined = groups[a] + groups[b]
                 groups |= dict.fromkeys(joined, joined)
-        changed = [name for name, group in groups.items() if set(group) != set(self._groups[name])]
-        before, self._groups = self._groups, groups
+        changed = [name for name, group in groups.items() if set(group) != set(self.groups[name])]
+        before, self.groups = self.groups, groups
         for name in changed:
             self.rouse(name)
             for other in before[name]:
@@ -77,7 +78,7 @@ class SleepingUnits:
 
     def rouse(self, unit: str) -> None:
         """Wake a unit and all that are locked to it before they are moved; they stay awake for a while."""
-        for name in self._groups[unit]:
+        for name in self.groups[unit]:
             self._roused[name] = self._tick
             if name in self._asleep:
                 del self._asleep[name]
@@ -97,12 +98,12 @@ class SleepingUnits:
         if self._tick % (_WATCH_EVERY * self._period) == 0:
             self.watch()
         # A unit that sleeps is not driven: it would have been roused before.
-        driven = {unit: unit not in self._asleep and is_driven(unit) for unit in self._groups}
+        driven = {unit: unit not in self._asleep and is_driven(unit) for unit in self.groups}
         for unit, moves in driven.items():
             if moves:
                 self.rouse(unit)
         self._wake_the_approached(driven)
-        for group in dict.fromkeys(self._groups.values()):
+        for group in dict.fromkeys(self.groups.values()):
             if group[0] not in self._asleep and all(map(self._may_sleep, group)):
                 for name in group:
                     self._asleep[name] = None
@@ -119,9 +120,9 @@ class SleepingUnits:
                 self._world.hold(unit)
 
     def _wake_the_approached(self, driven: Mapping[str, bool]) -> None:
-        poses = {name: self._world.pose(name) for name in self._groups}
+        poses = {name: self._world.pose(name) for name in self.groups}
         # A unit that is pushed without being driven wakes its neighbours as well.
-        movers = [n for n in self._groups if driven[n] or not (n in self._asleep or self._rests(n))]
+        movers = [n for n in self.groups if driven[n] or not (n in self._asleep or self._rests(n))]
         for mover in movers:
             X = poses[mover]
             for name, other in poses.items():
@@ -130,7 +131,7 @@ class SleepingUnits:
                     self.rouse(name)
 
     def _note_awake(self) -> None:
-        self.awake = tuple(name for name in self._groups if name not in self._asleep)
+        self.awake = tuple(name for name in self.groups if name not in self._asleep)
 
     def _may_sleep(self, unit: str) -> bool:
         return self._tick - self._roused[unit] >= self._awake_ticks and self._rests(unit)

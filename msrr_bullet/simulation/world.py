@@ -30,9 +30,6 @@ from msrr_scenes.specs.scene import Scene
 #: A link higher than this above the floor cannot reach it, because wheels and casters keep the unit from
 #: tipping [m]. A driving unit costs a fifth less when such links are not tested against the floor.
 FLOOR_REACH_M = 0.01
-#: Enough for contacts to converge: with 50 iterations a unit that jams at the mouth is pressed in and the
-#: target creeps away by millimetres; with 400 the median case differs by less than 0.1 mm from 150.
-SOLVER_ITERATIONS = 150
 #: Points of two parts farther apart than this are no contact [m]. PyBullet keeps points where parts have
 #: touched until they are millimetres apart, and the solver takes as long for them as for true contacts.
 CONTACT_DISTANCE_M = 5e-5
@@ -227,7 +224,6 @@ class BulletWorld:
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / self.scene.physics_hz,
             numSubSteps=0,
-            numSolverIterations=SOLVER_ITERATIONS,
             deterministicOverlappingPairs=1,
             physicsClientId=self.client,
         )
