@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import platform
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from pydantic import BaseModel, ValidationError
@@ -12,6 +14,7 @@ from rich.table import Table
 
 from msrr_bullet.bench.trial_speed import BenchError, TrialSpeed, measure_trial_speed
 from msrr_bullet.figures.style import new_figure, save, styled
+from msrr_bullet.sweep.worker_pool import end_with_parent
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
@@ -25,7 +28,7 @@ ALLOWED = 1.4
 
 
 class SpeedComparison(BaseModel, frozen=True):
-    """The speed of variants of a scene, measured one after the other in one process.
+    """The speed of variants of a scene, measured one after the other, each in a process of its own.
 
     Attributes:
         scene: Name of the scene.
@@ -102,11 +105,19 @@ def _line_of(scene: Scene, number: int) -> Scene:
 
 
 def compare_speeds(variants: Mapping[str, Scene], observer: Callable[[str], None]) -> SpeedComparison:
-    """Measure all variants; ``observer`` is called with the name of each before it is measured."""
+    """Measure all variants, each in a process of its own, so that its memory is its own.
+
+    Args:
+        variants: Scenes by their names.
+        observer: Called with the name of each before it is measured.
+    """
     found: dict[str, TrialSpeed] = {}
     for name, scene in variants.items():
         observer(name)
-        found[name] = measure_trial_speed(scene, naive=False)
+        # Spawned, never forked: a child of a process with threads may wait for a lock for ever.
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(1, context, initializer=end_with_parent) as pool:
+            found[name] = pool.submit(measure_trial_speed, scene, naive=False).result()
     return SpeedComparison(
         scene=next(iter(variants.values())).name,
         machine=f"{_processor()}, {os.cpu_count()} cores",
