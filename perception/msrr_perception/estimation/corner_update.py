@@ -15,29 +15,20 @@ from numpy.typing import NDArray
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.estimation.motion import FilterState
 from msrr_perception.kernels.calibrated import EDGE
-from msrr_perception.kernels.corners import (
-    CornerVariances,
-    Seen,
-    derivatives,
-    gate_distances,
-    roots_of_covariance,
-)
-from msrr_perception.pose.corner_errors import BY_OFFSET, BY_SLOPE, surplus
+from msrr_perception.kernels.corners import Seen, derivatives, roots_of_covariance
+from msrr_perception.kernels.section_errors import CornerVariances, DataSheet, variances_of_corners
+from msrr_perception.kernels.update import Rules, update
 from msrr_perception.pose.corner_fit import equally_good, fit_corners
 from msrr_perception.pose.joint_pose import CornerNoise, JointPose, consistent_pose, good_fit
-from msrr_perception.pose.target import TargetModel, pose_vector
+from msrr_perception.pose.target import YAW, TargetModel, pose_vector
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import PoseMeasurement, TagDetection
 
 #: Share of an exposure in the variance of the corners by their residuals, and the largest such variance.
 _NOISE_SHARE, _LARGEST_SCALE = 0.1, 100.0
 
-#: Number of exposures of an approach that share the errors by what lies beyond the borders of tags.
-_LASTING_FRAMES = 60.0
-
-#: Standard deviation of a corner that no model of edges has [px]: of pixels that are not square by their
-#: fill, of plates that are not flat.
-_REST_PX = 0.005
+#: Largest number of linearisations in an update, and the step at which it ends, in standard deviations.
+_ITERATIONS, _TOLERANCE = 6, 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,11 +69,13 @@ class CornerUpdate:
             start_inflation: Factor on the first pose's covariance.
         """
         self._target, self._layout = target, target.filter_layout
-        self._noise, self._sigma_px = noise, corner_sigma_px
+        errors = target.corner_errors
+        self._sheet = DataSheet(errors.noise_grey, errors.blur_px, errors.contrast, corner_sigma_px or 0.0)
+        self._noise = noise
         self._shown = self._layout.size if self._layout.marker is None else self._layout.marker
         edges = self._layout.tags.columns[:, EDGE] - self._layout.first
         self._no_pixels = sorted({int(column) for column in edges if column >= 0})
-        self._tag_gate = chi_squared_quantile(gate_probability, 8)
+        self._rules = Rules(chi_squared_quantile(gate_probability, 8), _ITERATIONS, _TOLERANCE)
         self._pose_gate = chi_squared_quantile(gate_probability, 3)
         self._inflation = start_inflation
 
@@ -134,87 +127,67 @@ class CornerUpdate:
             tags: Tags of the target.
             rates: Velocity of (x, y, yaw) in D, shape (3,) [m/s, rad/s].
         """
-        seen = self._seen(tags, prior.mean, rates, prior.noise_scale)
-        inside = self._gate(prior, seen)
-        if not inside.any():
+        which, corners, sigma_px = self._measured(tags)
+        target, layout, scale = self._target, self._layout, prior.noise_scale
+        mean, covariance, chi2, seen, fell = update(
+            target.optics,
+            layout.tags,
+            which,
+            corners,
+            sigma_px,
+            rates,
+            self._sheet,
+            scale,
+            target.frame_period_s,
+            prior.mean,
+            prior.covariance,
+            self._rules,
+        )
+        if not len(seen.which):
             return None
-        passed = seen._replace(
-            which=seen.which[inside], corners=seen.corners[inside], roots=seen.roots[inside]
-        )
-        information = np.linalg.inv(prior.covariance)
-        fit = fit_corners(
-            self._target,
-            self._layout,
-            passed,
-            prior.mean,
-            prior.mean,
-            0.5 * (information + information.T),
-            max_iterations=6,
-        )
-        found = prior.noise_scale * fit.chi2 / passed.corners.size
-        scale = (1.0 - _NOISE_SHARE) * prior.noise_scale + _NOISE_SHARE * found
+        if not fell:
+            information = np.linalg.inv(prior.covariance)
+            information = 0.5 * (information + information.T)
+            fit = fit_corners(target, layout, seen, prior.mean, prior.mean, information, _ITERATIONS)
+            mean, covariance, chi2 = fit.state, fit.covariance, fit.chi2
+        mean[YAW] = math.remainder(mean[YAW], 2.0 * math.pi)
+        found = scale * chi2 / seen.corners.size
+        scale = (1.0 - _NOISE_SHARE) * scale + _NOISE_SHARE * found
         return replace(
             prior,
-            mean=fit.state,
-            covariance=fit.covariance,
+            mean=mean,
+            covariance=covariance,
             noise_scale=min(max(scale, 1.0), _LARGEST_SCALE),
         )
 
-    def _gate(self, prior: FilterState, seen: Seen) -> NDArray[np.bool_]:
-        """Return for each tag, shape (K,), whether its corners lie inside the gate."""
-        distance: Array = gate_distances(
-            self._target.optics, self._layout.tags, seen, prior.mean, prior.covariance
-        )
-        return distance <= self._tag_gate
-
-    def _seen(
-        self, tags: Sequence[TagDetection], state: Array, rates: Array | None = None, scale: float = 1.0
-    ) -> Seen:
-        """Return measured corners with their covariances; there must be at least one tag."""
-        layout, rates = self._layout, np.zeros(3) if rates is None else rates
-        which = np.array([layout.index[t.tag_id] for t in tags], dtype=np.int64)
+    def _measured(self, tags: Sequence[TagDetection]) -> tuple[NDArray[np.int64], Array, Array]:
+        """Return index, corners and their measured deviations of K tags, shapes (K,), (K, 8) and (K, 4)."""
+        which = np.array([self._layout.index[t.tag_id] for t in tags], dtype=np.int64)
         corners = np.array([t.corners for t in tags], dtype=np.float64).reshape(-1, 8)
-        variances = self._variances(tags, corners, scale)
-        return Seen(which, corners, self._roots(which, corners, state, rates, variances), rates)
+        not_measured = np.zeros(4)
+        sigmas = [not_measured if t.corner_sigma_px is None else t.corner_sigma_px for t in tags]
+        return which, corners, np.array(sigmas, dtype=np.float64)
 
-    def _variances(self, tags: Sequence[TagDetection], corners: Array, scale: float) -> CornerVariances:
-        """Return the variances of the corners of tags, shape (K, 8), with a factor on those by data sheet.
-
-        A corner that scatters more by what the image shows of its edges counts by that.
-        """
-        if self._sigma_px is not None:
-            return _equal(len(corners), scale * self._sigma_px**2)
-        errors, noise, place = self._target.corner_errors, [], []
-        rest = np.full((len(corners), 4), scale * _REST_PX**2)
-        for k, (au, av, bu, bv, cu, cv, du, dv) in enumerate(corners.tolist()):
-            area = 0.5 * abs((cu - au) * (dv - bv) - (cv - av) * (du - bu))
-            edge_px = math.sqrt(max(area, 1.0))
-            by_border = _LASTING_FRAMES * errors.border_px(edge_px) ** 2
-            noise.append(scale * (errors.frame_px(edge_px) ** 2 + by_border))
-            place.append(scale * errors.sampling_px(edge_px) ** 2)
-            rest[k] += surplus(tags[k].corner_sigma_px, scale * errors.corner_variance(edge_px))
-        return CornerVariances(np.array(noise), np.array(place), rest)
+    def _seen(self, tags: Sequence[TagDetection], state: Array) -> Seen:
+        """Return measured corners of a unit that stands with their covariances; there must be a tag."""
+        which, corners, sigma_px = self._measured(tags)
+        variances = variances_of_corners(corners, sigma_px, self._sheet, 1.0)
+        return Seen(which, corners, self._roots(which, corners, state, variances), np.zeros(3))
 
     def _roots(
-        self,
-        which: NDArray[np.int64],
-        corners: Array,
-        state: Array,
-        rates: Array,
-        variances: CornerVariances,
+        self, which: NDArray[np.int64], corners: Array, state: Array, variances: CornerVariances
     ) -> Array:
         """Return the lower triangles of the covariances of corners, shape (K, 8, 8) [px]."""
+        target = self._target
         return roots_of_covariance(
-            self._target.optics,
+            target.optics,
             self._layout.tags,
             which,
             corners,
-            rates,
+            np.zeros(3),
             state,
             variances,
-            BY_OFFSET,
-            BY_SLOPE,
-            self._target.frame_period_s,
+            target.frame_period_s,
         )
 
     def _at(self, pose: Array) -> Array:
@@ -256,7 +229,7 @@ class CornerUpdate:
         used = equally_good(self._layout, tags, self._noise.corner_sigma_px)
         state = self._at(pose_vector(pose.X_DU, pose.pitch, pose.roll))
         variances = _equal(len(tags), self._noise.corner_sigma_px**2)
-        roots = self._roots(used.which, used.corners, state, np.zeros(3), variances)
+        roots = self._roots(used.which, used.corners, state, variances)
         r, J = derivatives(self._target.optics, self._layout.tags, used._replace(roots=roots), state)
         J = J[:, self._layout.first :] * self._layout.prior
         return good_fit(float(r @ np.linalg.solve(np.eye(len(r)) + J @ J.T, r)), len(tags))

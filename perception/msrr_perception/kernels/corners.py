@@ -1,4 +1,4 @@
-"""Measured corners: their covariances, their residuals by these, and the gate before the fit."""
+"""Measured corners: their covariances, and their residuals and derivatives by these."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from msrr_perception.kernels.calibrated import PARAMETERS, TagMap, project_tag
 from msrr_perception.kernels.compiled import inlined, kernel
-from msrr_perception.kernels.linear_algebra import cholesky, solve
+from msrr_perception.kernels.edges import BY_OFFSET, BY_SLOPE
+from msrr_perception.kernels.linear_algebra import cholesky
 from msrr_perception.kernels.project import Optics
+from msrr_perception.kernels.section_errors import CornerVariances
 from msrr_scenes.arrays import Array
 
 #: Way in the image after which an edge lies at another place between the pixels [px], and the largest number
@@ -28,14 +30,6 @@ class Seen(NamedTuple):
     rates: Array  # (3,) velocity of (x, y, yaw) in D at the exposure [m/s, rad/s]
 
 
-class CornerVariances(NamedTuple):
-    """Variances of the corners of K tags [px^2]."""
-
-    noise: Array  # (K,) of a cross section of an edge, drawn anew in every exposure
-    place: Array  # (K,) of a cross section, by where the edge lies between pixels
-    rest: Array  # (K, 4) of each coordinate of a corner, independent of all others
-
-
 @kernel
 def roots_of_covariance(
     optics: Optics,
@@ -45,8 +39,6 @@ def roots_of_covariance(
     rates: Array,
     state: Array,
     variances: CornerVariances,
-    by_offset: float,
-    by_slope: float,
     period: float,
 ) -> Array:
     """Return the lower triangles of the covariances of measured corners, shape (K, 8, 8).
@@ -64,8 +56,6 @@ def roots_of_covariance(
         rates: Velocity of ``(x, y, yaw)`` in D at the exposure, shape (3,).
         state: Predicted state, shape (n,) with n >= 5.
         variances: Variances by noise and by place.
-        by_offset: Offset of a line at its ends for an error of one cross section.
-        by_slope: The same for its slope.
         period: Time between two exposures [s].
     """
     pixels, J, S = np.empty(8), np.empty((8, PARAMETERS)), np.empty((8, 8))
@@ -80,8 +70,8 @@ def roots_of_covariance(
                 S[r, q] = variances.rest[t, r // 2] if r == q else 0.0
         repeated = min(max(_ANOTHER_PLACE_PX / max(moved, 1e-9), 1.0), _MOST_REPEATED)
         section = variances.noise[t] + repeated * variances.place[t]
-        same = section * (by_offset * by_offset + by_slope * by_slope)
-        other = section * (by_offset * by_offset - by_slope * by_slope)
+        same = section * (BY_OFFSET * BY_OFFSET + BY_SLOPE * BY_SLOPE)
+        other = section * (BY_OFFSET * BY_OFFSET - BY_SLOPE * BY_SLOPE)
         for e in range(4):
             a, b = 2 * e, 2 * ((e + 1) % 4)
             du, dv = corners[t, b] - corners[t, a], corners[t, b + 1] - corners[t, a + 1]
@@ -121,52 +111,6 @@ def whitened(optics: Optics, tags: TagMap, seen: Seen, t: int, state: Array, pix
                 for k in range(r):
                     entry -= L[r, k] * J[k, c]
                 J[r, c] = entry / L[r, r]
-
-
-@kernel
-def gate_distances(optics: Optics, tags: TagMap, seen: Seen, state: Array, covariance: Array) -> Array:
-    """Return each tag's squared Mahalanobis distance from the prediction, shape (K,), infinite if undefined.
-
-    Args:
-        optics: Camera and its mounting.
-        tags: The tags of the target.
-        seen: Measured corners.
-        state: Predicted state, shape (n,) with n >= 5.
-        covariance: Covariance of the state, shape (n, n).
-    """
-    count = seen.which.shape[0]
-    out = np.empty(count)
-    pixels, J = np.empty(8), np.empty((8, PARAMETERS))
-    S, L, solved = np.empty((8, 8)), np.zeros((8, 8)), np.empty(8)
-    half = np.empty((8, PARAMETERS))
-    for t in range(count):
-        whitened(optics, tags, seen, t, state, pixels, J)
-        columns = tags.columns[seen.which[t]]
-        for b in range(PARAMETERS):
-            for r in range(8):
-                half[r, b] = 0.0
-            if columns[b] < 0:
-                continue
-            for a in range(PARAMETERS):
-                if columns[a] >= 0:
-                    entry = covariance[columns[a], columns[b]]
-                    for r in range(8):
-                        half[r, b] += J[r, a] * entry
-        for r in range(8):
-            for q in range(8):
-                total = 1.0 if r == q else 0.0
-                for b in range(PARAMETERS):
-                    if columns[b] >= 0:
-                        total += half[r, b] * J[q, b]
-                S[r, q] = total
-        out[t] = np.inf
-        if cholesky(S, L):
-            solve(L, pixels, solved)
-            total = 0.0
-            for r in range(8):
-                total += pixels[r] * solved[r]
-            out[t] = total
-    return out
 
 
 @kernel

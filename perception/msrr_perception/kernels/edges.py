@@ -55,8 +55,10 @@ _STEP = (1.0 - 2.0 * END_SHARE) / (SECTIONS - 1)
 SQUARES = _STEP * _STEP * SECTIONS * (SECTIONS * SECTIONS - 1) / 12.0
 
 
-#: Variance of the place of an edge at either of its ends, by that of a cross section.
-BY_SECTION = 1.0 / SECTIONS + 0.25 / SQUARES
+#: Share of the offset and of the slope of a line in each of its ends, by the error of one cross section, and
+#: the variance of the place of an edge at either of its ends, by that of a cross section.
+BY_OFFSET, BY_SLOPE = 1.0 / math.sqrt(SECTIONS), 0.5 / math.sqrt(SQUARES)
+BY_SECTION = BY_OFFSET * BY_OFFSET + BY_SLOPE * BY_SLOPE
 
 
 class RefinedCorners(NamedTuple):

@@ -9,19 +9,15 @@ import numpy as np
 
 from msrr_perception.kernels.calibrated import PARAMETERS, TagMap
 from msrr_perception.kernels.compiled import compiler
-from msrr_perception.kernels.corners import (
-    CornerVariances,
-    Seen,
-    derivatives,
-    gate_distances,
-    roots_of_covariance,
-)
+from msrr_perception.kernels.corners import Seen, derivatives, roots_of_covariance
 from msrr_perception.kernels.drive import Drive, propagate
 from msrr_perception.kernels.edges import refine_corners
 from msrr_perception.kernels.fit import fit
 from msrr_perception.kernels.lens import NO_LENS, undistort
 from msrr_perception.kernels.project import Optics, predict_tags, tag_extent
+from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
 from msrr_perception.kernels.track import coast, fuse
+from msrr_perception.kernels.update import Rules, update
 
 _log = logging.getLogger(__name__)
 
@@ -41,16 +37,15 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     pose, state = np.zeros(5), np.zeros(8)
     corners, none = square[None], np.zeros((1, PARAMETERS))
     tags = TagMap(corners, np.zeros((1, 3)), np.eye(3)[None], np.zeros(3), none.astype(np.int64), none)
-    which, one, still = np.zeros(1, np.int64), np.ones(1), np.zeros(3)
+    which, still = np.zeros(1, np.int64), np.zeros(3)
     pixels = np.array([[2.0, 6.0], [6.0, 6.0], [6.0, 2.0], [2.0, 2.0]])
     predict_tags(optics, 8, 8, pose, np.eye(3), square[None], 1.0)
     tag_extent(pixels, np.ones((4, 2)), 1.0, 1.0, 0.1, 1.0)
-    variances = CornerVariances(one, one, np.ones((1, 4)))
-    roots = roots_of_covariance(
-        optics, tags, which, pixels.reshape(1, 8), still, state, variances, 1.0, 1.0, 0.1
-    )
-    seen = Seen(which, pixels.reshape(1, 8), roots, still)
-    gate_distances(optics, tags, seen, state, np.eye(8))
+    row, sheet = pixels.reshape(1, 8), DataSheet(1.0, 1.0, 1.0, 0.0)
+    variances = variances_of_corners(row, np.ones((1, 4)), sheet, 1.0)
+    roots = roots_of_covariance(optics, tags, which, row, still, state, variances, 0.1)
+    seen, rules = Seen(which, row, roots, still), Rules(1.0, 1, 1.0)
+    update(optics, tags, which, row, np.ones((1, 4)), still, sheet, 1.0, 0.1, state, np.eye(8), rules)
     derivatives(optics, tags, seen, state)
     fit(optics, tags, seen, state, state, np.eye(8), 2, 1e-3)
     propagate(state, np.eye(8), np.zeros((1, 5)), Drive(*[1.0] * 13))

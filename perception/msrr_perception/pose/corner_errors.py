@@ -12,40 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_perception.kernels.edge_errors import (
-    BORDER_FALL,
-    BORDER_PX,
-    PIXEL_BLUR_PX,
-    SAMPLING_PX,
-    SHORT_PX,
-    SMOOTH_PX,
-)
-from msrr_perception.kernels.edges import (
-    BY_SECTION,
-    GREATEST_REACH_PX,
-    LEAST_REACH_PX,
-    REACH_MODULES,
-    SECTIONS,
-    SQUARES,
-    TAG_MODULES,
-)
+from msrr_perception.kernels.edges import BY_OFFSET, BY_SECTION, BY_SLOPE
+from msrr_perception.kernels.section_errors import SURE, border_px, frame_px, reach_px, sampling_px
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.sensors import CameraSpec
 
 #: Contrast between black and white of tags on top of a unit and of upright ones, which get less light [grey
 #: levels].
 LYING_CONTRAST, UPRIGHT_CONTRAST = 200.0, 150.0
-
-#: Variance of the mean of a cross section per pixel of its length, by that of a pixel: interpolation between
-#: four pixels averages their noise.
-_INTERPOLATION = 0.57
-
-#: Measured variance over the modelled one from which it counts.
-_SURE = 4.0
-
-#: Share of the offset and of the slope of a line in each of its ends, by the error of one cross section.
-BY_OFFSET = 1.0 / math.sqrt(SECTIONS)
-BY_SLOPE = 0.5 / math.sqrt(SQUARES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +51,7 @@ class CornerErrors:
         Args:
             edge_px: Length of the edges of the tag in the image [px].
         """
-        return self.noise_grey * math.sqrt(2.0 * _INTERPOLATION * _reach(edge_px)) / self.contrast
+        return frame_px(self.noise_grey, self.contrast, reach_px(edge_px))
 
     def lasting_px(self, edge_px: float) -> float:
         """Return the standard deviation that stays the same in all frames of a tag that stands still [px].
@@ -95,8 +69,7 @@ class CornerErrors:
         Args:
             edge_px: Length of the edges of the tag in the image [px].
         """
-        short = max(SHORT_PX / _reach(edge_px), 1.0) ** 3
-        return short * SAMPLING_PX / (1.0 + (self.blur_px / SMOOTH_PX) ** 2)
+        return sampling_px(self.blur_px, reach_px(edge_px))
 
     def border_px(self, edge_px: float) -> float:
         """Return the standard deviation of a cross section by what lies beyond the borders of the tag [px].
@@ -106,8 +79,7 @@ class CornerErrors:
         Args:
             edge_px: Length of the edges of the tag in the image [px].
         """
-        blur = math.hypot(self.blur_px, PIXEL_BLUR_PX)
-        return BORDER_PX * math.exp(-BORDER_FALL * _reach(edge_px) / blur)
+        return border_px(self.blur_px, reach_px(edge_px))
 
     def corner_variance(self, edge_px: float) -> float:
         """Return the variance of each coordinate of a corner in one frame [px^2].
@@ -132,12 +104,7 @@ def surplus(sigma_px: Array | None, modelled: float) -> Array:
     if sigma_px is None:
         return np.zeros(4)
     variance = np.square(sigma_px)
-    return np.where(variance > _SURE * modelled, variance - modelled, 0.0)
-
-
-def _reach(edge_px: float) -> float:
-    """Return half the length of a cross section [px]."""
-    return min(max(REACH_MODULES * edge_px / TAG_MODULES, LEAST_REACH_PX), GREATEST_REACH_PX)
+    return np.where(variance > SURE * modelled, variance - modelled, 0.0)
 
 
 def corners_by_sections(corners: Array) -> Array:

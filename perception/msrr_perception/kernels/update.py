@@ -1,0 +1,195 @@
+"""Kernel of the update of a filter by corners: the iterated extended Kalman filter, for sparse derivatives.
+
+The state has more entries than an exposure has corners, and every tag shows a part of them. So the equations
+are those of the corners, and the covariance of the state is never inverted. While the cost falls, the steps
+are those of Gauss-Newton (Bell and Cathey, "The iterated Kalman filter update as a Gauss-Newton method", IEEE
+TAC 38, 1993), which :mod:`msrr_perception.kernels.fit` damps where it rises.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrr_perception.kernels.calibrated import PARAMETERS, TagMap
+from msrr_perception.kernels.compiled import inlined, kernel
+from msrr_perception.kernels.corners import Seen, roots_of_covariance, whitened
+from msrr_perception.kernels.linear_algebra import cholesky, solve
+from msrr_perception.kernels.project import Optics
+from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
+from msrr_scenes.arrays import Array
+
+
+class Rules(NamedTuple):
+    """The rules of an update."""
+
+    gate: float  # squared Mahalanobis distance from which a tag is left out
+    iterations: int  # largest number of linearisations
+    tolerance: float  # step at which the iteration stops, in standard deviations of the solution
+
+
+@inlined
+def relate(tags: TagMap, which: NDArray[np.int64], covariance: Array, J: Array, JP: Array, S: Array) -> None:
+    """Write how the corners of tags depend on the state's covariance.
+
+    Args:
+        tags: The tags of the target.
+        which: Index of each measured tag, shape (K,).
+        covariance: Covariance P of the state, shape (n, n).
+        J: Derivatives of the corners by the parameters of their tag, shape (8 K, PARAMETERS).
+        JP: Output, derivatives by the state times P, shape (8 K, n).
+        S: Output, lower triangle of ``1 + J P J^T``, shape (8 K, 8 K).
+    """
+    n = covariance.shape[0]
+    for row in range(JP.shape[0]):
+        columns = tags.columns[which[row // 8]]
+        JP[row, :] = 0.0
+        for c in range(PARAMETERS):
+            if columns[c] >= 0:
+                factor, entries = J[row, c], covariance[columns[c]]
+                for k in range(n):
+                    JP[row, k] += factor * entries[k]
+    for q in range(JP.shape[0]):
+        columns = tags.columns[which[q // 8]]
+        for row in range(q, JP.shape[0]):
+            total = 1.0 if row == q else 0.0
+            for c in range(PARAMETERS):
+                if columns[c] >= 0:
+                    total += JP[row, columns[c]] * J[q, c]
+            S[row, q] = total
+
+
+@kernel
+def distances(S: Array, r: Array) -> Array:
+    """Return each tag's squared Mahalanobis distance from the prediction, shape (K,), infinite if undefined.
+
+    Args:
+        S: Lower triangle of the covariance of the residuals, shape (8 K, 8 K).
+        r: Residuals, shape (8 K,).
+    """
+    out, L, solved = np.full(r.shape[0] // 8, np.inf), np.zeros((8, 8)), np.empty(8)
+    for t in range(out.shape[0]):
+        of_tag = slice(8 * t, 8 * t + 8)
+        if cholesky(S[of_tag, of_tag], L):
+            solve(L, r[of_tag], solved)
+            out[t] = np.dot(r[of_tag], solved)
+    return out
+
+
+@kernel
+def update(
+    optics: Optics,
+    tags: TagMap,
+    which: NDArray[np.int64],
+    corners: Array,
+    sigma_px: Array,
+    rates: Array,
+    sheet: DataSheet,
+    scale: float,
+    period: float,
+    mean: Array,
+    covariance: Array,
+    rules: Rules,
+) -> tuple[Array, Array, float, Seen, bool]:
+    """Correct a state by the corners of those tags that lie inside the gate.
+
+    Args:
+        optics: Camera and its mounting.
+        tags: The tags of the target, and where the state has what they depend on.
+        which: Index of each measured tag, shape (K,).
+        corners: Measured pixels, shape (K, 8), ordered u0, v0, u1, v1 ...
+        sigma_px: Standard deviation of each corner as the image shows it, shape (K, 4); 0 if it does not.
+        rates: Velocity of ``(x, y, yaw)`` in D at the exposure, shape (3,) [m/s, rad/s].
+        sheet: What the errors of the corners depend on.
+        scale: Factor on the variances by data sheet.
+        period: Time between two exposures [s].
+        mean: Mean of the state before, shape (n,).
+        covariance: Its covariance, shape (n, n).
+        rules: Gate and end of the iteration.
+
+    Returns:
+        State, covariance, squared residuals, the tags inside the gate, and whether the cost fell with every
+        step; if not, or without a tag inside the gate, the state is not to be used.
+    """
+    n, variances = mean.shape[0], variances_of_corners(corners, sigma_px, sheet, scale)
+    roots = roots_of_covariance(optics, tags, which, corners, rates, mean, variances, period)
+    seen = Seen(which, corners, roots, rates)
+    rows = 8 * which.shape[0]
+    r, J, JP, S = np.empty(rows), np.empty((rows, PARAMETERS)), np.empty((rows, n)), np.empty((rows, rows))
+    for t in range(which.shape[0]):
+        whitened(optics, tags, seen, t, mean, r[8 * t : 8 * t + 8], J[8 * t : 8 * t + 8])
+    relate(tags, which, covariance, J, JP, S)
+    inside = distances(S, r) <= rules.gate
+    if not inside.all():
+        seen = Seen(which[inside], corners[inside], roots[inside], rates)
+        rows = 8 * seen.which.shape[0]
+        of_tags = np.repeat(inside, 8)
+        r, J, JP, S = r[of_tags], J[of_tags], JP[of_tags], S[of_tags][:, of_tags].copy()
+    # The deviation from the prior is d = P u throughout, so that d . u is the prior's part of the cost.
+    state, d, u, d_new, u_new = mean.copy(), np.zeros(n), np.zeros(n), np.empty(n), np.empty(n)
+    L, z, w = np.zeros((rows, rows)), np.empty(rows), np.empty(rows)
+    chi2 = np.dot(r, r)
+    cost, fell = chi2, rows > 0
+    for _ in range(rules.iterations):
+        fell = fell and cholesky(S, L)
+        if not fell:
+            break
+        z[:] = r
+        for row in range(rows):
+            columns = tags.columns[seen.which[row // 8]]
+            for c in range(PARAMETERS):
+                if columns[c] >= 0:
+                    z[row] += J[row, c] * d[columns[c]]
+        solve(L, z, w)
+        d_new[:], u_new[:], length = 0.0, 0.0, 0.0
+        for row in range(rows):
+            columns, left = tags.columns[seen.which[row // 8]], r[row] - w[row]
+            length += left * left
+            for k in range(n):
+                d_new[k] += w[row] * JP[row, k]
+            for c in range(PARAMETERS):
+                if columns[c] >= 0:
+                    u_new[columns[c]] += w[row] * J[row, c]
+        for k in range(n):
+            length += (d_new[k] - d[k]) * (u_new[k] - u[k])
+        if length < rules.tolerance * rules.tolerance * n:
+            break
+        d[:], u[:] = d_new, u_new
+        for k in range(n):
+            state[k] = mean[k] + d[k]
+        for t in range(seen.which.shape[0]):
+            whitened(optics, tags, seen, t, state, r[8 * t : 8 * t + 8], J[8 * t : 8 * t + 8])
+        relate(tags, seen.which, covariance, J, JP, S)
+        chi2, before = np.dot(r, r), cost
+        cost = chi2 + np.dot(d, u)
+        fell = cost <= before
+    P = covariance.copy()
+    if fell and cholesky(S, L):
+        reduce(P, L, JP)
+    else:
+        fell = False
+    return state, P, chi2, seen, fell
+
+
+@inlined
+def reduce(P: Array, L: Array, JP: Array) -> None:
+    """Subtract ``(J P)^T S^-1 J P`` from the covariance P, with ``S = L L^T``; JP is overwritten."""
+    n = P.shape[0]
+    for i in range(JP.shape[0]):
+        for k in range(i):
+            factor = L[i, k]
+            for j in range(n):
+                JP[i, j] -= factor * JP[k, j]
+        scale = 1.0 / L[i, i]
+        for j in range(n):
+            JP[i, j] *= scale
+    for row in range(JP.shape[0]):
+        for i in range(n):
+            factor = JP[row, i]
+            for j in range(i + 1):
+                P[i, j] -= factor * JP[row, j]
+    for i in range(n):
+        for j in range(i):
+            P[j, i] = P[i, j]

@@ -1,0 +1,138 @@
+"""The compiled update by corners, against the same equations in plain numpy with the prior's inverse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from msrr_perception.estimation.corner_update import CornerUpdate
+from msrr_perception.estimation.motion import FilterState
+from msrr_perception.kernels.corners import Seen, derivatives, roots_of_covariance
+from msrr_perception.kernels.section_errors import CornerVariances
+from msrr_perception.pose.corner_errors import surplus
+from msrr_perception.pose.joint_pose import CornerNoise
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.messages import TagDetection
+from msrr_scenes.specs.scene import Scene
+
+See = Callable[..., Any]
+GATE = 0.9999
+
+
+def _variances(target: TargetModel, tags: list[TagDetection], scale: float) -> CornerVariances:
+    """Return what the data sheet and the image say of corners; constants as the filter documents them."""
+    errors, noise, place, rest = target.corner_errors, [], [], []
+    for tag in tags:
+        (ax, ay), (bx, by), (cx, cy), (dx, dy) = tag.corners
+        edge = np.sqrt(0.5 * abs((cx - ax) * (dy - by) - (cy - ay) * (dx - bx)))
+        noise.append(scale * (errors.frame_px(edge) ** 2 + 60.0 * errors.border_px(edge) ** 2))
+        place.append(scale * errors.sampling_px(edge) ** 2)
+        modelled = scale * errors.corner_variance(edge)
+        rest.append(scale * 0.005**2 + surplus(tag.corner_sigma_px, modelled))
+    return CornerVariances(np.array(noise), np.array(place), np.array(rest))
+
+
+def _by_numpy(
+    target: TargetModel, prior: FilterState, tags: list[TagDetection], rates: np.ndarray
+) -> tuple[FilterState, bool] | None:
+    """Return the update by Gauss-Newton steps in information form, and whether all of them descended."""
+    layout, m, P = target.filter_layout, prior.mean, prior.covariance
+    which = np.array([layout.index[t.tag_id] for t in tags])
+    corners = np.array([t.corners.reshape(8) for t in tags])
+    variances = _variances(target, tags, prior.noise_scale)
+    roots = roots_of_covariance(
+        target.optics, layout.tags, which, corners, rates, m, variances, target.frame_period_s
+    )
+    inside = []
+    for t in range(len(tags)):
+        one = Seen(which[t : t + 1], corners[t : t + 1], roots[t : t + 1], rates)
+        r, J = derivatives(target.optics, layout.tags, one, m)
+        inside.append(r @ np.linalg.solve(J @ P @ J.T + np.eye(8), r) <= chi2.ppf(GATE, 8))
+    if not any(inside):
+        return None
+    seen = Seen(which[inside], corners[inside], roots[inside], rates)
+    information = np.linalg.inv(P)
+    x, (r, J) = m, derivatives(target.optics, layout.tags, seen, m)
+    cost = chi = r @ r
+    for _ in range(6):
+        H = information + J.T @ J
+        step = np.linalg.solve(H, J.T @ r - information @ (x - m))
+        if step @ H @ step < 1e-6 * len(m):
+            break
+        x = x + step
+        r, J = derivatives(target.optics, layout.tags, seen, x)
+        before, chi = cost, r @ r
+        cost = chi + (x - m) @ information @ (x - m)
+        if cost > before:
+            return prior, False
+    scale = 0.9 * prior.noise_scale + 0.1 * prior.noise_scale * chi / corners[inside].size
+    covariance = np.linalg.inv(information + J.T @ J)
+    return replace(prior, mean=x, covariance=covariance, noise_scale=float(np.clip(scale, 1.0, 100.0))), True
+
+
+def _prior(target: TargetModel, rng: np.random.Generator) -> FilterState:
+    """Return a state as a filter has it: errors of calibration by tolerance, all a little correlated."""
+    layout = target.filter_layout
+    sigmas = np.concatenate([[0.01, 0.01, 0.01, 1e-3, 1e-3, 0.01, 0.01, 0.01], layout.prior]) * rng.uniform(
+        0.3, 1.0, layout.size
+    )
+    A = np.eye(layout.size) + rng.normal(0.0, 0.3 / np.sqrt(layout.size), (layout.size, layout.size))
+    mean = 0.3 * sigmas * rng.normal(size=layout.size)
+    mean[:3] += [rng.uniform(-0.8, -0.15), rng.normal(0.0, 0.02), rng.normal(0.0, 0.03)]
+    P = (A @ A.T) * np.outer(sigmas, sigmas)
+    return FilterState(0, mean, 0.5 * (P + P.T), None, 0, 0, rng.uniform(1.0, 3.0))
+
+
+@pytest.mark.parametrize("grade", ["perfect", "careful"])
+def test_the_update_is_that_of_plain_numpy(scene: Scene, see: See, grade: str) -> None:
+    """One to five tags, with and without measured deviations, one of them far off in a third of the cases."""
+    built = Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": grade})
+    target = TargetModel.from_scene(built.told(), built.docks[0])
+    update = CornerUpdate(target, CornerNoise(), None, GATE, 2.0)
+    rng, compared, gated = np.random.default_rng(5), 0, 0
+    for case in range(40):
+        prior, rates = _prior(target, rng), rng.normal(0.0, [0.1, 0.02, 0.3])
+        pose = rng.multivariate_normal(prior.mean[:5], 0.1 * prior.covariance[:5, :5])
+        ids = rng.permutation(target.tags)[: rng.integers(1, 6)]
+        tags = [t for i in ids for t in see(pose, [i], rng, 0.05)]
+        if case % 2:
+            tags = [replace(t, corner_sigma_px=rng.uniform(0.02, 0.4, 4)) for t in tags]
+        if case % 3 == 0:
+            tags[0] = replace(tags[0], corners=tags[0].corners + 60.0)
+        expected, found = _by_numpy(target, prior, tags, rates), update.by_corners(prior, tags, rates)
+        assert (found is None) == (expected is None)
+        gated += expected is None or case % 3 == 0
+        if found is None or expected is None or not expected[1]:
+            continue
+        compared += 1
+        sigma = np.sqrt(np.diag(expected[0].covariance))
+        np.testing.assert_allclose((found.mean - expected[0].mean) / sigma, 0.0, atol=1e-9)
+        difference = (found.covariance - expected[0].covariance) / np.outer(sigma, sigma)
+        np.testing.assert_allclose(difference, 0.0, atol=1e-9)
+        assert found.noise_scale == pytest.approx(expected[0].noise_scale, rel=1e-9)
+        assert (found.covariance == found.covariance.T).all()
+    assert compared > 20
+    assert gated > 5
+
+
+def test_where_a_step_does_not_descend_the_fit_is_damped(scene: Scene, see: See) -> None:
+    """A unit that hardly knows where it is sees three tags: without damping the steps overshoot."""
+    target = TargetModel.from_scene(scene, scene.docks[0])
+    update = CornerUpdate(target, CornerNoise(), None, GATE, 2.0)
+    layout, X = target.filter_layout, np.array([-0.6, 0.05, 0.05, 0.0, 0.0])
+    mean = np.zeros(layout.size)
+    mean[:3] = X[:3] + np.array([-0.3, 0.1, 0.0])
+    sigmas = np.concatenate([[0.5, 0.3, 0.5, 1e-3, 1e-3, 0.01, 0.01, 0.01], layout.prior])
+    prior = FilterState(0, mean, np.diag(sigmas**2), None, 0)
+    tags = list(see(X, target.port_tags))
+    plain = _by_numpy(target, prior, tags, np.zeros(3))
+    assert plain is not None
+    assert not plain[1]
+    found = update.by_corners(prior, tags, np.zeros(3))
+    assert found is not None
+    np.testing.assert_allclose(found.mean[:3], X[:3], atol=1e-4)
