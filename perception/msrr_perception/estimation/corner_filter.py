@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from msrr_perception.estimation.corner_update import CornerUpdate
-from msrr_perception.estimation.dock_frame import in_seat, pose_in_D
+from msrr_perception.estimation.dock_frame import in_seat
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.motion import DEFAULT_NOISE, DriveMotion, FilterState, MotionNoise
 from msrr_perception.estimation.wheel_history import WheelHistory
@@ -23,7 +23,6 @@ from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
-from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     NS_PER_S,
     Detections,
@@ -138,9 +137,15 @@ class CornerEkf:
 
     def add_odometry(self, reading: WheelOdometry) -> None:
         """Add an encoder reading."""
-        self._predictions.clear()
+        newest_ns = self._wheels.newest_stamp(reading.stamp_ns)
         if not self._wheels.add(reading):
+            self._predictions.clear()
             self._head = None  # a reading from the past changes all later states
+        elif newest_ns is None or not self._entries:
+            self._predictions.clear()
+        else:  # those of exposures up to the reading before stay as they are
+            until_ns = min(newest_ns, self._entries[-1].key[0])
+            self._predictions = {t: pose for t, pose in self._predictions.items() if t <= until_ns}
 
     def add_detections(self, detections: Detections) -> None:
         """Add the tags of one exposure; tags of other units and empty frames change nothing."""
@@ -164,7 +169,7 @@ class CornerEkf:
         newest = self._entries[-1].after
         if state is newest:
             state = self._advance_head(state, stamp_ns)
-        return self._report(self._motion.propagate(state, self._wheels, stamp_ns))
+        return self._motion.predict(state, self._wheels, stamp_ns)
 
     def velocity(self, stamp_ns: int) -> Array:
         """Return the velocity of (x, y, yaw) in D, shape (3,) [m/s, rad/s], by the wheels; 0 when lost."""
@@ -178,16 +183,7 @@ class CornerEkf:
         if self.delay_compensation:
             return self.predict(now_ns)
         state = self._state_before(now_ns)
-        return None if state is None else self._report(state)
-
-    def _report(self, state: FilterState) -> PoseEstimate:
-        """Return the pose in D of a state, whose pose is that against the marker."""
-        if self.target.filter_layout.marker is None:  # J would be ones and zeros
-            X, covariance = SE2(*state.mean[:3].tolist()), state.covariance[:3, :3]
-        else:
-            X, J = pose_in_D(self.target.filter_layout, state)
-            covariance = J @ state.covariance @ J.T
-        return PoseEstimate(state.stamp_ns, X, 0.5 * (covariance + covariance.T), state.last_seen_ns)
+        return None if state is None else self._motion.predict(state, self._wheels, state.stamp_ns)
 
     def drive_errors(self) -> tuple[float, float, float]:
         """Return what is known of the relative errors of the left and right radius and of the track.

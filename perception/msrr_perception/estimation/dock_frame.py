@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from msrr_perception.estimation.motion import FilterState
+from msrr_perception.kernels.dock_frame import pose_by_marker
 from msrr_perception.pose.calibration import StateLayout
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
@@ -28,18 +29,14 @@ def pose_in_D(layout: StateLayout, state: FilterState) -> tuple[SE2, Array]:
         layout: Layout of the state.
         state: The state.
     """
-    x, y, yaw = (float(a) for a in state.mean[:3])
-    J = np.eye(3, len(state.mean))
-    if layout.marker is None:
-        return SE2(x, y, yaw), J
-    px, py, _ = (float(a) for a in layout.tags.pivot)
-    mx, my, turn = (float(a) for a in state.mean[layout.marker :])
-    c, s = math.cos(turn), math.sin(turn)
-    dx, dy = c * (x - px) - s * (y - py), s * (x - px) + c * (y - py)
-    J[0, :2], J[1, :2] = (c, -s), (s, c)
-    J[:, layout.marker :] = np.eye(3)
-    J[0, layout.marker + 2], J[1, layout.marker + 2] = -dy, dx
-    return SE2(px + mx + dx, py + my + dy, math.remainder(yaw + turn, 2.0 * math.pi)), J
+    pose, shares = pose_by_marker(
+        state.mean, -1 if layout.marker is None else layout.marker, layout.tags.pivot
+    )
+    J = np.zeros((3, len(state.mean)))
+    J[:, :3] = shares[:, :3]
+    if layout.marker is not None:
+        J[:, layout.marker :] = shares[:, 3:]
+    return SE2(*pose.tolist()), J
 
 
 def in_seat(target: TargetModel, state: FilterState) -> FilterState:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
+from msrr_perception.kernels.dock_frame import predict
 from msrr_perception.kernels.drive import Drive, propagate
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import seconds
+from msrr_scenes.messages import PoseEstimate, seconds
 from msrr_scenes.specs.sensors import OdometrySpec
 
 #: Smallest standard deviation of a relative radius error, whatever the scene says of its encoders, and of a
@@ -24,6 +24,8 @@ _LEAST_SCALE_SIGMA, _LEAST_TRACK_SIGMA = 0.003, 0.003
 
 #: Time over which the wheels are differenced for the velocity at an instant [ns].
 _VELOCITY_NS = 20_000_000
+
+_NO_STEPS = np.zeros((0, 5))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,6 +112,7 @@ class DriveMotion:
         sigmas = np.concatenate([wheels, layout.prior])
         self.drawn = Knowledge(np.zeros(len(sigmas)), np.diag(sigmas**2), layout.own - POSE_SIZE)
         self._play = 3.0 * target.tolerances.backlash
+        self._marker, self._pivot = -1 if layout.marker is None else layout.marker, layout.tags.pivot
         self._drive = Drive(
             radius=target.wheel_radius,
             track=target.track,
@@ -175,10 +178,32 @@ class DriveMotion:
         """Return the state moved forward to ``stamp_ns`` along the encoder readings."""
         if stamp_ns <= state.stamp_ns:
             return state
+        steps, wheels = self._steps(state, history, stamp_ns)
+        mean, P = propagate(state.mean, state.covariance, steps, self._drive)
+        return FilterState(stamp_ns, mean, P, wheels, state.last_seen_ns, state.rejected, state.noise_scale)
+
+    def predict(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> PoseEstimate:
+        """Return the pose in the dock frame at ``stamp_ns``, or at the time of the state if that is later."""
+        steps = _NO_STEPS
+        if stamp_ns > state.stamp_ns:
+            steps, _ = self._steps(state, history, stamp_ns)
+        pose, covariance = predict(
+            state.mean, state.covariance, steps, self._drive, self._marker, self._pivot
+        )
+        at_ns = max(stamp_ns, state.stamp_ns)
+        return PoseEstimate(at_ns, SE2(*pose.tolist()), covariance, state.last_seen_ns)
+
+    def _steps(
+        self, state: FilterState, history: WheelHistory, stamp_ns: int
+    ) -> tuple[Array, WheelAngles | None]:
+        """Return the steps from a state to a later instant, and the encoder angles at their end.
+
+        Each of the K steps, shape (K, 5), has the angles turned left and right [rad], its duration [s], and 1
+        for each side whose play is being taken up.
+        """
         wheels = state.wheels or history.angles_at(state.stamp_ns)
         if wheels is None:
-            waited = seconds(stamp_ns - state.stamp_ns)
-            return self._moved(state, stamp_ns, [(0.0, 0.0, waited, 0.0, 0.0)], None)
+            return np.array([[0.0, 0.0, seconds(stamp_ns - state.stamp_ns), 0.0, 0.0]]), None
         steps, before_ns = [], state.stamp_ns
         for angles in history.angles_between(state.stamp_ns, stamp_ns):
             dt = seconds(angles.stamp_ns - before_ns)
@@ -187,17 +212,4 @@ class DriveMotion:
             loose_right = float(abs(angles.since_right - abs(right)) < self._play)
             steps.append((left, right, dt, loose_left, loose_right))
             wheels, before_ns = angles, angles.stamp_ns
-        return self._moved(state, stamp_ns, steps, wheels)
-
-    def _moved(
-        self,
-        state: FilterState,
-        stamp_ns: int,
-        steps: Sequence[tuple[float, float, float, float, float]],
-        wheels: WheelAngles | None,
-    ) -> FilterState:
-        """Return the state after ``steps``: angles turned left and right [rad], duration [s], in play."""
-        mean, P = propagate(
-            state.mean, state.covariance, np.array(steps, dtype=np.float64).reshape(-1, 5), self._drive
-        )
-        return FilterState(stamp_ns, mean, P, wheels, state.last_seen_ns, state.rejected, state.noise_scale)
+        return np.array(steps).reshape(-1, 5), wheels

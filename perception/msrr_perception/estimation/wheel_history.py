@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right, insort
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field, replace
 
 from msrr_scenes.messages import NS_PER_S, WheelOdometry
@@ -31,6 +31,7 @@ class WheelHistory:
 
     def __init__(self) -> None:
         self._readings: list[WheelAngles] = []
+        self._stamps: list[int] = []  # of the readings
         self._ways = [0.0, 0.0]  # last angle by which each motor turned between two readings [rad]
 
     def __len__(self) -> int:
@@ -39,13 +40,16 @@ class WheelHistory:
     def add(self, reading: WheelOdometry) -> bool:
         """Store a reading and return whether it is newer than all others. A repeated one is ignored."""
         new = WheelAngles(reading.stamp_ns, reading.left, reading.right)
-        if not self._readings or new.stamp_ns > self._readings[-1].stamp_ns:
+        if not self._stamps or new.stamp_ns > self._stamps[-1]:
             self._readings.append(self._counted(new))
+            self._stamps.append(new.stamp_ns)
             return True
-        i = self._index(new.stamp_ns)
-        if self._readings[i].stamp_ns != new.stamp_ns:
+        i = bisect_left(self._stamps, new.stamp_ns)
+        if self._stamps[i] != new.stamp_ns:
             later = self._readings[i]
-            insort(self._readings, replace(new, since_left=later.since_left, since_right=later.since_right))
+            between = replace(new, since_left=later.since_left, since_right=later.since_right)
+            self._readings.insert(i, between)
+            self._stamps.insert(i, new.stamp_ns)
         return False
 
     def _counted(self, new: WheelAngles) -> WheelAngles:
@@ -63,8 +67,8 @@ class WheelHistory:
 
     def forget_before(self, stamp_ns: int) -> None:
         """Drop readings that are not needed for instants from ``stamp_ns`` on."""
-        keep = max(bisect_right(self._readings, stamp_ns, key=lambda r: r.stamp_ns) - 1, 0)
-        del self._readings[:keep]
+        keep = max(bisect_right(self._stamps, stamp_ns) - 1, 0)
+        del self._readings[:keep], self._stamps[:keep]
 
     def angles_at(self, stamp_ns: int) -> WheelAngles | None:
         """Return the angles at an instant; None before any reading is known.
@@ -75,8 +79,8 @@ class WheelHistory:
         readings = self._readings
         if not readings:
             return None
-        i = self._index(stamp_ns)
-        if i < len(readings) and readings[i].stamp_ns == stamp_ns:
+        i = bisect_left(self._stamps, stamp_ns)
+        if i < len(readings) and self._stamps[i] == stamp_ns:
             return readings[i]
         if i == 0:
             return replace(readings[0], stamp_ns=stamp_ns)
@@ -89,12 +93,13 @@ class WheelHistory:
         end = self.angles_at(until_ns)
         if end is None:
             return []
-        return [*self._readings[self._index(after_ns + 1) : self._index(until_ns)], end]
+        first, last = bisect_right(self._stamps, after_ns), bisect_left(self._stamps, until_ns)
+        return [*self._readings[first:last], end]
 
     def newest_stamp(self, stamp_ns: int) -> int | None:
         """Return the time of the newest reading not after ``stamp_ns``."""
-        i = self._index(stamp_ns + 1)
-        return self._readings[i - 1].stamp_ns if i else None
+        i = bisect_right(self._stamps, stamp_ns)
+        return self._stamps[i - 1] if i else None
 
     def _after_newest(self, stamp_ns: int) -> WheelAngles:
         newest = self._readings[-1]
@@ -102,9 +107,6 @@ class WheelHistory:
             return replace(newest, stamp_ns=stamp_ns)
         until = min(stamp_ns, newest.stamp_ns + _EXTRAPOLATION_NS)
         return _interpolated(self._readings[-2], newest, until, stamp_ns)
-
-    def _index(self, stamp_ns: int) -> int:
-        return bisect_left(self._readings, stamp_ns, key=lambda r: r.stamp_ns)
 
 
 def _interpolated(a: WheelAngles, b: WheelAngles, time_ns: int, stamp_ns: int) -> WheelAngles:

@@ -10,6 +10,7 @@ import numpy as np
 from msrr_perception.kernels.calibrated import PARAMETERS, TagMap
 from msrr_perception.kernels.compiled import compiler
 from msrr_perception.kernels.corners import Seen, derivatives, roots_of_covariance
+from msrr_perception.kernels.dock_frame import pose_by_marker, predict
 from msrr_perception.kernels.drive import Drive, propagate
 from msrr_perception.kernels.edges import refine_corners
 from msrr_perception.kernels.fit import fit
@@ -48,7 +49,10 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     update(optics, tags, which, row, np.ones((1, 4)), still, sheet, 1.0, 0.1, state, np.eye(8), rules)
     derivatives(optics, tags, seen, state)
     fit(optics, tags, seen, state, state, np.eye(8), 2, 1e-3)
-    propagate(state, np.eye(8), np.zeros((1, 5)), Drive(*[1.0] * 13))
+    steps, drive = np.zeros((1, 5)), Drive(*[1.0] * 13)
+    propagate(state, np.eye(8), steps, drive)
+    predict(state, np.eye(8), steps, drive, -1, still)
+    pose_by_marker(state, -1, still)
     undistort(NO_LENS, pixels)
     coast(np.zeros(5), np.eye(5), 0.1, 1.0, 1.0, 1.0)
     fuse(np.zeros(5), np.eye(5), np.zeros(3), np.eye(3))

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from msrr_perception.estimation.dock_frame import pose_in_D
 from msrr_perception.estimation.motion import DEFAULT_NOISE, DriveMotion, FilterState, MotionNoise
 from msrr_perception.estimation.wheel_history import WheelHistory
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import WheelOdometry
+from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import OdometrySpec
 
 TICK_NS = 10_000_000
@@ -125,3 +127,22 @@ def test_wheels_may_spin_at_the_port_only(target: TargetModel, x: float, grows: 
     state = motion.propagate(_start(motion, SE2(x, 0.0, 0.0), history), history, 40 * TICK_NS)
     sigma = math.sqrt(state.covariance[0, 0])
     assert (sigma > 0.0018) == grows
+
+
+@pytest.mark.parametrize("grade", ["perfect", "careful"])
+def test_a_prediction_is_the_state_moved_and_seen_from_the_dock_frame(scene: Scene, grade: str) -> None:
+    """Against dense matrices, at the time of the state, between two readings, and at a reading."""
+    built = Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": grade})
+    target = TargetModel.from_scene(built.told(), built.docks[0])
+    rng, layout = np.random.default_rng(0), target.filter_layout
+    history = _wheels(*np.cumsum(rng.normal(0.05, 0.05, (2, 20)), axis=1))
+    motion = DriveMotion(target, OdometrySpec(), DEFAULT_NOISE)
+    A = rng.normal(0.0, 0.01, (layout.size, layout.size))
+    start = FilterState(2 * TICK_NS, rng.normal(0.0, 0.01, layout.size), A @ A.T, None, TICK_NS)
+    for stamp_ns in (2 * TICK_NS, 75 * TICK_NS // 10, 12 * TICK_NS):
+        moved = motion.propagate(start, history, stamp_ns)
+        X, J = pose_in_D(layout, moved)
+        found = motion.predict(start, history, stamp_ns)
+        assert (found.stamp_ns, found.last_seen_ns) == (stamp_ns, TICK_NS)
+        assert found.X_DU == X
+        np.testing.assert_allclose(found.covariance, J @ moved.covariance @ J.T, rtol=1e-9, atol=1e-15)

@@ -1,0 +1,73 @@
+"""The pose in the dock frame; see :mod:`msrr_perception.estimation.dock_frame`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from msrr_perception.kernels.compiled import kernel
+from msrr_perception.kernels.drive import Drive, propagate
+from msrr_scenes.arrays import Array
+
+#: Entries of a state on which the pose in the dock frame depends: the pose against the marker of the port,
+#: and the place of that marker.
+_SHARES = 6
+
+
+@kernel
+def pose_by_marker(mean: Array, marker: int, pivot: Array) -> tuple[Array, Array]:
+    """Return the pose in the dock frame, shape (3,), and its derivatives, shape (3, 6).
+
+    Args:
+        mean: State, shape (n,), that begins with the pose against the marker.
+        marker: Index of the place (x, y, yaw) of the marker in the state; -1 if it is as drawn.
+        pivot: Middle of the marker, about which it turns, shape (3,) [m].
+
+    Returns:
+        Pose, and derivatives by the pose against the marker and by the place of the marker.
+    """
+    pose, J = mean[:3].copy(), np.zeros((3, _SHARES))
+    for i in range(3):
+        J[i, i] = J[i, i + 3] = 1.0
+    if marker >= 0:
+        turn = mean[marker + 2]
+        c, s, x, y = math.cos(turn), math.sin(turn), mean[0] - pivot[0], mean[1] - pivot[1]
+        dx, dy = c * x - s * y, s * x + c * y
+        pose[0], pose[1] = pivot[0] + mean[marker] + dx, pivot[1] + mean[marker + 1] + dy
+        turned = mean[2] + turn
+        pose[2] = turned - 2.0 * math.pi * np.rint(turned / (2.0 * math.pi))
+        J[0, 0], J[0, 1], J[1, 0], J[1, 1] = c, -s, s, c
+        J[0, 5], J[1, 5] = -dy, dx
+    return pose, J
+
+
+@kernel
+def predict(
+    mean: Array, covariance: Array, steps: Array, drive: Drive, marker: int, pivot: Array
+) -> tuple[Array, Array]:
+    """Return the pose in the dock frame after K steps, shape (3,), and its covariance, shape (3, 3).
+
+    Args:
+        mean: State, shape (n,).
+        covariance: Covariance of the state, shape (n, n).
+        steps: Steps of :func:`msrr_perception.kernels.drive.propagate`, shape (K, 5).
+        drive: Drive and its noise.
+        marker: See :func:`pose_by_marker`.
+        pivot: See :func:`pose_by_marker`.
+    """
+    if len(steps):
+        mean, covariance = propagate(mean, covariance, steps, drive)
+    pose, J = pose_by_marker(mean, marker, pivot)
+    out = np.zeros((3, 3))
+    shares = _SHARES if marker >= 0 else 3
+    for a in range(shares):
+        for b in range(shares):
+            entry = covariance[a if a < 3 else marker + a - 3, b if b < 3 else marker + b - 3]
+            for i in range(3):
+                for j in range(i + 1):
+                    out[i, j] += J[i, a] * entry * J[j, b]
+    for i in range(3):
+        for j in range(i):
+            out[j, i] = out[i, j]
+    return pose, out
