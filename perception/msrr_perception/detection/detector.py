@@ -31,9 +31,11 @@ __all__ = [
     "scene_detector",
 ]
 
-#: Shortest edge in the image from which a tag is found at half the resolution as well [px]. Of 3500 tags of
-#: 18 px and more with the noise of the design, none was missed there; of 300 smaller ones, 52.
-LARGE_TAG_PX = 26.0
+#: Shortest edge in the image from which a tag is found at half the resolution as well [px]. Of 1815 rendered
+#: tags of 20 to 38 px none was missed there, neither with the noise of the design nor with 8 grey levels and
+#: a blur of 1 px, and the RMS errors of their corners were the same to 0.001 px. Of 540 tags of 16 to 18 px 2
+#: were missed with the noise of the design, and 44 with the other.
+LARGE_TAG_PX = 20.0
 
 #: Contrast of a 4 px tile below which the search skips it [grey levels]. Tags have about 200; a limit near
 #: the noise lets every tile through, and the search takes 50 times longer.

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+import cv2
+import numpy as np
+
 from msrr_perception.detection.detector import Detector
 from msrr_perception.kernels.lens import optic_of, undistort
 from msrr_scenes.arrays import Array
@@ -60,7 +63,9 @@ class FrameReader:
     def _pixels(self, window: Window) -> Pixels:
         self.windows.append(window)
         pixels = self._fetch(window)
-        return pixels if self._to_light is None else self._to_light.take(pixels)
+        if self._to_light is None:
+            return pixels
+        return np.asarray(cv2.LUT(pixels, self._to_light), dtype=np.uint8)
 
     def _detect(self, pixels: Pixels, window: Window, detector: Detector) -> None:
         for tag in detector.detect(pixels, window):
