@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from msrr_perception.detection.detector import LARGE_TAG_PX, Detector, for_large_tags, for_lens
+from msrr_perception.detection.detector import Detector, detectors_by_size, for_lens
 from msrr_perception.detection.frame_reader import FrameReader
 from msrr_perception.detection.windows import (
     DEFAULT_POLICY,
@@ -18,6 +18,7 @@ from msrr_perception.detection.windows import (
 )
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Exposure, Fetch, PoseEstimate
 
 #: Period with which the onboard camera of a robot searches the full frame [frames].
@@ -37,8 +38,10 @@ class OnboardVision:
     3. If the prediction has no tag in view, the full frame every ``search_every`` frames, else nothing.
     4. Otherwise windows around the tags that :func:`msrr_perception.detection.windows.choose_tags` picks. A
        tag that is missing twice while others are found (it may be hidden) is skipped for the next ``rest``
-       frames. Large tags are searched at half the resolution, and at full resolution if one of them is not
-       found. When none is found, larger windows of all expected tags follow, then the full frame.
+       frames. When none is found, larger windows of all expected tags follow, then the full frame.
+
+    Where all tags to be read should be large, the search runs at a half or at a quarter of the resolution,
+    and at full resolution if one of them is not found.
     """
 
     def __init__(
@@ -73,7 +76,7 @@ class OnboardVision:
             raise SceneError("vision: full_every, search_every, rest must be at least 1, retry_widen above 1")
         self.target = target
         self.detector = for_lens(detector, target.lens)
-        self._quick = for_large_tags(self.detector)
+        self._detectors = detectors_by_size(self.detector)
         self.policy = policy.for_family(target.tag_family)
         self._full_every = full_every
         self._search_every = search_every
@@ -102,15 +105,18 @@ class OnboardVision:
         """
         reader = FrameReader(fetch, self.target.lens, self.target.to_light)
         frame = (self.target.camera.frame,)
+        expected: Sequence[ExpectedTag] = ()
         known = prediction is not None and pose_is_known(prediction, self._known_m, self._known_yaw)
-        if prediction is None or not known or exposure.frame % self._full_every == 0:
-            reader.read(frame, self.detector)
-        else:
+        if prediction is not None and known:
             expected = expected_tags(self.target, prediction, self.policy)
-            if expected and not self._blank:
-                self._read_windows(reader, expected, exposure.frame)
-            elif expected or exposure.frame % self._search_every == 0:
-                reader.read(frame, self.detector)
+        if not known:
+            reader.read(frame, self.detector)
+        elif exposure.frame % self._full_every == 0:
+            self._read(reader, frame, self._chosen(expected, exposure.frame))
+        elif expected and not self._blank:
+            self._read_windows(reader, expected, exposure.frame)
+        elif expected or exposure.frame % self._search_every == 0:
+            reader.read(frame, self.detector)
         found = self._target_tags(reader)
         self._blank = bool(reader.windows) and not found
         for tag in found:
@@ -118,14 +124,15 @@ class OnboardVision:
             self._misses.pop(tag, None)
         return reader.detections(exposure)
 
-    def _read_windows(self, reader: FrameReader, expected: Sequence[ExpectedTag], frame: int) -> None:
+    def _chosen(self, expected: Sequence[ExpectedTag], frame: int) -> tuple[ExpectedTag, ...]:
+        """Return those of the expected tags that do not rest and fit into the budget of pixels."""
         awake = [e for e in expected if self._resting.get(e.tag_id, frame) <= frame]
-        chosen = choose_tags(self.target, awake, frame, self.policy)
+        return choose_tags(self.target, awake, frame, self.policy)
+
+    def _read_windows(self, reader: FrameReader, expected: Sequence[ExpectedTag], frame: int) -> None:
+        chosen = self._chosen(expected, frame)
         wanted = {e.tag_id for e in chosen}
-        large = all(e.shortest_edge >= LARGE_TAG_PX for e in chosen)
-        reader.read(plan_windows(self.target, chosen, self.policy), self._quick if large else self.detector)
-        if large and self._quick is not self.detector and not wanted <= reader.found.keys():
-            reader.read_again(self.detector)
+        self._read(reader, plan_windows(self.target, chosen, self.policy), chosen)
         if chosen and not self._target_tags(reader):
             windows = plan_windows(self.target, expected, self.policy, self._retry_widen)
             reader.read(windows, self.detector)
@@ -135,6 +142,14 @@ class OnboardVision:
             self._misses[tag] = self._misses.get(tag, 0) + 1
             if self._misses[tag] >= _MISSES_BEFORE_REST:
                 self._resting[tag] = frame + 1 + self._rest
+
+    def _read(self, reader: FrameReader, windows: Sequence[Window], wanted: Sequence[ExpectedTag]) -> None:
+        """Read windows by the size of the tags wanted, and again at full resolution if one is missing."""
+        shortest = min((e.shortest_edge for e in wanted), default=0.0)
+        detector = next(detector for least, detector in self._detectors if shortest >= least)
+        reader.read(windows, detector)
+        if detector is not self.detector and not reader.found.keys() >= {e.tag_id for e in wanted}:
+            reader.read_again(self.detector)
 
     def _target_tags(self, reader: FrameReader) -> set[int]:
         return reader.found.keys() & self.target.corners_D.keys()

@@ -10,9 +10,9 @@ from pupil_apriltags import bindings
 from msrr_perception.detection import native_apriltag
 from msrr_perception.detection.detector import (
     DETECTORS,
-    LARGE_TAG_PX,
     DetectorError,
     PupilDetector,
+    detectors_by_size,
     for_large_tags,
 )
 from msrr_perception.detection.native_apriltag import EDGE_TO_CENTRE_PX, NativeSettings
@@ -120,7 +120,7 @@ def test_the_wrapper_would_say_the_same(
 
 
 @pytest.mark.parametrize("views", [12, pytest.param(40, marks=pytest.mark.nightly)])
-def test_half_the_resolution_gives_the_same_corners_of_large_tags(
+def test_less_resolution_gives_the_same_corners_of_large_tags(
     target: TargetModel, draw: Draw, views: int
 ) -> None:
     """Views with noise: no tag missed, corners a few hundredths of a pixel apart at most.
@@ -128,22 +128,25 @@ def test_half_the_resolution_gives_the_same_corners_of_large_tags(
     A detector that misses one of ten tags passes 12 views of three large tags each in 2 % of all cases.
     """
     rng, whole = np.random.default_rng(4), PupilDetector()
-    half = for_large_tags(whole)
-    assert half is not whole
+    quarter, half, _ = detectors_by_size(whole)
+    assert half[1] is not whole
+    assert quarter[1] is not half[1]
     for _ in range(views):
         window = target.camera.frame
         pixels = draw(SE2(rng.uniform(-0.5, -0.25), *rng.normal(0.0, [0.02, 0.1])), window)
         noisy = np.clip(pixels + rng.normal(0.0, 2.0, pixels.shape), 0, 255).astype(np.uint8)
-        found = {t.tag_id: t.corners for t in half.detect(noisy, window)}
-        for tag in whole.detect(noisy, window):
-            edges = np.linalg.norm(tag.corners - np.roll(tag.corners, 1, axis=0), axis=1)
-            if edges.min() >= LARGE_TAG_PX:
-                np.testing.assert_allclose(found[tag.tag_id], tag.corners, atol=0.05)
+        tags = whole.detect(noisy, window)
+        for least_px, detector in (quarter, half):
+            found = {t.tag_id: t.corners for t in detector.detect(noisy, window)}
+            for tag in tags:
+                edges = np.linalg.norm(tag.corners - np.roll(tag.corners, 1, axis=0), axis=1)
+                if edges.min() >= least_px:
+                    np.testing.assert_allclose(found[tag.tag_id], tag.corners, atol=0.05)
 
 
-def test_without_refinement_large_tags_are_read_as_all_others() -> None:
-    plain = PupilDetector(refine=False)
-    assert for_large_tags(plain) is plain
+def test_large_tags_are_read_as_all_others_without_refinement_or_at_half_the_resolution() -> None:
+    for plain in (PupilDetector(refine=False), PupilDetector(quad_decimate=2.0)):
+        assert {detector for _, detector in detectors_by_size(plain)} == {plain}
     assert for_large_tags(Blind(1)).detect(np.zeros((9, 9), np.uint8), Window(0, 0, 9, 9)) == ()
 
 
