@@ -68,9 +68,11 @@ class FrameReader:
         return np.asarray(cv2.LUT(pixels, self._to_light), dtype=np.uint8)
 
     def _detect(self, pixels: Pixels, window: Window, detector: Detector) -> None:
-        for tag in detector.detect(pixels, window):
+        tags = detector.detect(pixels, window)
+        if tags and self._optic.distorts:
+            ideal = undistort(self._optic, np.concatenate([tag.corners for tag in tags])).reshape(-1, 4, 2)
+            tags = tuple(replace(tag, corners=corners) for tag, corners in zip(tags, ideal, strict=True))
+        for tag in tags:
             known = self.found.get(tag.tag_id)
             if known is None or tag.decision_margin > known.decision_margin:
-                if self._optic.distorts:
-                    tag = replace(tag, corners=undistort(self._optic, tag.corners))
                 self.found[tag.tag_id] = tag

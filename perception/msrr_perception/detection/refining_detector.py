@@ -106,7 +106,7 @@ class RefiningDetector(ABC):
         shown = np.invert(pixels) if FAMILIES[self.family].white_inside else pixels
         refined = refine_corners(shown, np.stack([t.corners for t in found]), own)
         return tuple(
-            replace(tag, corners=corners + offset, corner_sigma_px=sigma)
+            TagDetection(tag.tag_id, corners + offset, tag.decision_margin, tag.hamming, sigma)
             for tag, corners, measured, sigma in zip(found, *refined, strict=True)
             if measured
         )

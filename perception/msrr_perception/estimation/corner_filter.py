@@ -52,15 +52,14 @@ _RANGES = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Entry:
-    """A measurement and the state after it; None before the filter has started."""
+    """A measurement and the state after it; None before the filter has started.
 
+    The measurements are ordered by ``key``: time of exposure, frame number, camera.
+    """
+
+    key: tuple[int, int, str]
     measurement: _Measurement
     after: FilterState | None
-
-    @property
-    def key(self) -> tuple[int, int, str]:
-        """Order of the measurements: time of exposure, frame number, camera."""
-        return _key(self.measurement)
 
 
 class CornerEkf:
@@ -250,7 +249,7 @@ class CornerEkf:
         self._head = None
         for m in redo:
             before = self._entries[-1].after if self._entries else None
-            self._entries.append(_Entry(m, self._process(before, m)))
+            self._entries.append(_Entry(_key(m), m, self._process(before, m)))
         self._forget()
 
     def _forget(self) -> None:
@@ -269,7 +268,7 @@ class CornerEkf:
             rates = self._motion.rates(prior, self._wheels)
             after = self._update.by_corners(prior, self._of_target(measurement), rates)
         if after is not None:
-            return replace(after, last_seen_ns=measurement.exposure.stamp_ns, rejected=0)
+            return after
         lost = replace(prior, rejected=prior.rejected + 1)
         return (self._start(measurement) or lost) if lost.rejected >= self._reset_after else lost
 

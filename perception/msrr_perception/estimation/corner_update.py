@@ -115,7 +115,7 @@ class CornerUpdate:
         left = np.eye(n) - gain @ H
         # Joseph's form keeps the covariance positive definite whatever the gain's rounding.
         covariance = left @ P @ left.T + gain @ measurement.covariance @ gain.T
-        return replace(prior, mean=mean, covariance=covariance)
+        return replace(prior, mean=mean, covariance=covariance, last_seen_ns=prior.stamp_ns, rejected=0)
 
     def by_corners(
         self, prior: FilterState, tags: Sequence[TagDetection], rates: Array
@@ -157,6 +157,8 @@ class CornerUpdate:
             prior,
             mean=mean,
             covariance=covariance,
+            last_seen_ns=prior.stamp_ns,
+            rejected=0,
             noise_scale=min(max(scale, 1.0), _LARGEST_SCALE),
         )
 

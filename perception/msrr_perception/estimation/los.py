@@ -46,9 +46,11 @@ def measured_bearings(target: TargetModel, detections: Detections) -> tuple[floa
 
     def bearing(side: int) -> float | None:
         edge = target.edges[side]
-        if edge.tag_id not in corners:
+        of_tag = corners.get(edge.tag_id)
+        if of_tag is None:
             return None
-        return float(target.camera.bearing(corners[edge.tag_id][list(edge.corners), 0].mean()))
+        upper, lower = edge.corners
+        return float(target.camera.bearing(0.5 * (of_tag[upper, 0] + of_tag[lower, 0])))
 
     return bearing(0), bearing(1)
 
@@ -108,7 +110,8 @@ class LosEstimator:
         if estimate is None:
             return LosObservation(now_ns, math.nan, math.nan, math.nan, LosStatus.LOST)
         predicted = edge_bearings(self.target, estimate.X_DU)
-        seen = [self._advanced(side, now_ns, estimate.stamp_ns, predicted, estimator) for side in (0, 1)]
+        bearings = {estimate.stamp_ns: predicted}
+        seen = [self._advanced(side, now_ns, estimate.stamp_ns, bearings, estimator) for side in (0, 1)]
         left, right = (p if s is None else s for s, p in zip(seen, predicted, strict=True))
         if now_ns - estimate.last_seen_ns > self._lost_after_ns:
             status = LosStatus.LOST
@@ -119,18 +122,28 @@ class LosEstimator:
         return LosObservation(estimate.stamp_ns, left, right, margin, status)
 
     def _advanced(
-        self, side: int, now_ns: int, stamp_ns: int, predicted: tuple[float, float], estimator: Estimator
+        self,
+        side: int,
+        now_ns: int,
+        stamp_ns: int,
+        bearings: dict[int, tuple[float, float]],
+        estimator: Estimator,
     ) -> float | None:
-        """Return an edge's last bearing advanced to ``stamp_ns``; None when it was not measured recently."""
+        """Return an edge's last bearing advanced to ``stamp_ns``; None when it was not measured recently.
+
+        ``bearings`` has the bearings by pose at ``stamp_ns``; those at other instants are added.
+        """
         last = self._measured[side]
         if last is None or now_ns - last.stamp_ns > self._max_age_ns:
             return None
         if last.stamp_ns == stamp_ns:
             return last.bearing
-        then = estimator.predict(last.stamp_ns)
-        if then is None:
-            return None
-        turned = predicted[side] - edge_bearings(self.target, then.X_DU)[side]
+        if last.stamp_ns not in bearings:  # both edges were often measured in the same exposure
+            then = estimator.predict(last.stamp_ns)
+            if then is None:
+                return None
+            bearings[last.stamp_ns] = edge_bearings(self.target, then.X_DU)
+        turned = bearings[stamp_ns][side] - bearings[last.stamp_ns][side]
         return last.bearing + math.remainder(turned, 2.0 * math.pi)
 
     def _add(self, stamp_ns: int, edges: tuple[float | None, float | None]) -> None:

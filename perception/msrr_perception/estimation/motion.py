@@ -169,9 +169,11 @@ class DriveMotion:
         before = history.angles_at(state.stamp_ns - _VELOCITY_NS)
         if after is None or before is None:
             return np.zeros(3)
-        ways = np.array([after.left - before.left, after.right - before.right]) * self._drive.radius
-        left, right = ways * (1.0 + state.mean[5:7]) / seconds(_VELOCITY_NS)
-        v, w, yaw = 0.5 * (left + right), (right - left) / self._drive.track, state.mean[2]
+        yaw, _, _, by_left, by_right = state.mean[2:7].tolist()
+        per_angle = self._drive.radius / seconds(_VELOCITY_NS)
+        left = (after.left - before.left) * per_angle * (1.0 + by_left)
+        right = (after.right - before.right) * per_angle * (1.0 + by_right)
+        v, w = 0.5 * (left + right), (right - left) / self._drive.track
         return np.array([v * math.cos(yaw), v * math.sin(yaw), w])
 
     def propagate(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
