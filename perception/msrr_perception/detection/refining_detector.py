@@ -104,9 +104,10 @@ class RefiningDetector(ABC):
             return tuple(replace(t, corners=t.corners + offset) for t in found)
         own = self._optic._replace(cx=self._optic.cx - window.x, cy=self._optic.cy - window.y)
         shown = np.invert(pixels) if FAMILIES[self.family].white_inside else pixels
-        refined = refine_corners(shown, np.stack([t.corners for t in found]), own)
+        refined = refine_corners(shown, np.array([t.corners for t in found]), own)
+        moved = zip(found, refined.corners + offset, refined.measured, refined.sigma_px, strict=True)
         return tuple(
-            TagDetection(tag.tag_id, corners + offset, tag.decision_margin, tag.hamming, sigma)
-            for tag, corners, measured, sigma in zip(found, *refined, strict=True)
+            TagDetection(tag.tag_id, corners, tag.decision_margin, tag.hamming, sigma)
+            for tag, corners, measured, sigma in moved
             if measured
         )

@@ -206,12 +206,12 @@ class DriveMotion:
         wheels = state.wheels or history.angles_at(state.stamp_ns)
         if wheels is None:
             return np.array([[0.0, 0.0, seconds(stamp_ns - state.stamp_ns), 0.0, 0.0]]), None
-        steps, before_ns = [], state.stamp_ns
+        steps, before_ns, play = list[float](), state.stamp_ns, self._play
         for angles in history.angles_between(state.stamp_ns, stamp_ns):
             dt = seconds(angles.stamp_ns - before_ns)
             left, right = angles.left - wheels.left, angles.right - wheels.right
-            loose_left = float(abs(angles.since_left - abs(left)) < self._play)
-            loose_right = float(abs(angles.since_right - abs(right)) < self._play)
-            steps.append((left, right, dt, loose_left, loose_right))
+            loose_left = abs(angles.since_left - abs(left)) < play
+            loose_right = abs(angles.since_right - abs(right)) < play
+            steps += left, right, dt, loose_left, loose_right
             wheels, before_ns = angles, angles.stamp_ns
-        return np.array(steps).reshape(-1, 5), wheels
+        return np.array(steps, dtype=np.float64).reshape(-1, 5), wheels
