@@ -60,7 +60,7 @@ class BaseStation:
         model = OverheadModel.from_scene(scene, units)
         detector = scene_detector(scene)
         self._vision = OverheadVision(
-            model, units, detector, standing_every=_STANDING_EVERY, half_resolution=True
+            model, units, detector, standing_every=_STANDING_EVERY
         )
         assert scene.cameras.overhead is not None, "the model of its camera was built"
         period_s = 2.0 * _STANDING_EVERY / scene.cameras.overhead.rate_hz

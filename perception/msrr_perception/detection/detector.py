@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from typing import Protocol
@@ -26,21 +27,23 @@ __all__ = [
     "DetectorError",
     "PupilDetector",
     "default_search_detector",
+    "detector_for",
     "detectors_by_size",
     "for_large_tags",
     "for_lens",
     "scene_detector",
 ]
 
-#: Shortest edge in the image from which a tag is found at half the resolution as well [px]. Of 1815 rendered
-#: tags of 20 to 38 px none was missed there, neither with the noise of the design nor with 8 grey levels and
-#: a blur of 1 px, and the RMS errors of their corners were the same to 0.001 px. Of 540 tags of 16 to 18 px 2
-#: were missed with the noise of the design, and 44 with the other.
+#: Shortest edge of an upright tag in the image from which it is found at half the resolution as well [px]; at
+#: a third of it from one and a half times this on, and at a quarter from twice this on. Turned tags need more
+#: (:attr:`msrr_perception.detection.windows.ExpectedTag.upright_edge`). With the noise of the design and with
+#: 8 grey levels and a blur of 1 px, of 1815 rendered tags that are as large none was missed at half the
+#: resolution, of 1441 none at a third, of 900 none at a quarter, and the RMS errors of their refined corners
+#: were the same to 0.001 px. Of 1800 drawn tags at all angles that just are as large none was missed.
 LARGE_TAG_PX = 20.0
 
-#: Largest decimation of the search. Of 900 rendered tags of 40 px and more none was missed with it at the
-#: same levels of noise and blur, and the RMS errors of their corners were the same to 0.001 px again.
-_MOST_DECIMATION = 4.0
+#: Largest decimation of the search.
+_MOST_DECIMATION = 4
 
 #: Contrast of a 4 px tile below which the search skips it [grey levels]. Tags have about 200; a limit near
 #: the noise lets every tile through, and the search takes 50 times longer.
@@ -69,12 +72,20 @@ def for_large_tags(detector: Detector) -> Detector:
 
 
 def detectors_by_size(detector: Detector) -> tuple[tuple[float, Detector], ...]:
-    """Return detectors, each with the shortest edge in the image from which to use it [px], largest first.
+    """Return detectors, each with the edge of an upright tag from which to use it [px], largest first.
 
-    For tags twice as large as :data:`LARGE_TAG_PX` the detector for large tags is asked for another one.
+    The detector for large tags is asked for one for tags that are larger by half of :data:`LARGE_TAG_PX`, and
+    that one for the next.
     """
-    half = for_large_tags(detector)
-    return (2.0 * LARGE_TAG_PX, for_large_tags(half)), (LARGE_TAG_PX, half), (0.0, detector)
+    found = [(0.0, detector)]
+    for k in range(2, _MOST_DECIMATION + 1):
+        found.append((0.5 * k * LARGE_TAG_PX, for_large_tags(found[-1][1])))
+    return tuple(reversed(found))
+
+
+def detector_for(detectors: Sequence[tuple[float, Detector]], upright_px: float) -> Detector:
+    """Return which of :func:`detectors_by_size` to use, by the shortest edge of an upright tag [px]."""
+    return next(detector for least_px, detector in detectors if upright_px >= least_px)
 
 
 def for_lens(detector: Detector, lens: Lens) -> Detector:
@@ -122,7 +133,7 @@ class PupilDetector(RefiningDetector):
         self._decimate_for_large = 2.0
 
     def for_large_tags(self) -> PupilDetector:
-        """Return a detector that searches at half the resolution; the one that it returns, at a quarter.
+        """Return a detector that searches at half the resolution; that one returns one for a third of it.
 
         Its corners are as good because they are refined in the full image; without refinement the detector
         itself is returned.
@@ -132,7 +143,7 @@ class PupilDetector(RefiningDetector):
             return self
         quick = copy(self)
         quick.settings = replace(self.settings, quad_decimate=decimate)
-        quick._decimate_for_large = _MOST_DECIMATION
+        quick._decimate_for_large = min(decimate + 1.0, _MOST_DECIMATION)
         return quick
 
     def find(self, pixels: Pixels) -> list[TagDetection]:

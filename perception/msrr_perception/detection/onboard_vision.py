@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from msrr_perception.detection.detector import Detector, detectors_by_size, for_lens
+from msrr_perception.detection.detector import Detector, detector_for, detectors_by_size, for_lens
 from msrr_perception.detection.frame_reader import FrameReader
 from msrr_perception.detection.windows import (
     DEFAULT_POLICY,
@@ -40,8 +40,8 @@ class OnboardVision:
        tag that is missing twice while others are found (it may be hidden) is skipped for the next ``rest``
        frames. When none is found, larger windows of all expected tags follow, then the full frame.
 
-    Where all tags to be read should be large, the search runs at a half or at a quarter of the resolution,
-    and at full resolution if one of them is not found.
+    Where all tags to be read should be large, the search runs at down to a quarter of the resolution, and
+    at full resolution if one of them is not found.
     """
 
     def __init__(
@@ -145,8 +145,8 @@ class OnboardVision:
 
     def _read(self, reader: FrameReader, windows: Sequence[Window], wanted: Sequence[ExpectedTag]) -> None:
         """Read windows by the size of the tags wanted, and again at full resolution if one is missing."""
-        shortest = min((e.shortest_edge for e in wanted), default=0.0)
-        detector = next(detector for least, detector in self._detectors if shortest >= least)
+        upright_px = min((e.upright_edge for e in wanted), default=0.0)
+        detector = detector_for(self._detectors, upright_px)
         reader.read(windows, detector)
         if detector is not self.detector and not reader.found.keys() >= {e.tag_id for e in wanted}:
             reader.read_again(self.detector)

@@ -7,10 +7,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 import numpy as np
 
 from msrr_perception.detection.detector import (
-    LARGE_TAG_PX,
     Detector,
     default_search_detector,
-    for_large_tags,
+    detector_for,
+    detectors_by_size,
     for_lens,
 )
 from msrr_perception.detection.frame_reader import FrameReader
@@ -79,7 +79,6 @@ class OverheadVision:
         retry_widen: float = 2.5,
         widest_px: int = 320,
         stray_px: float = 24.0,
-        half_resolution: bool = False,
     ) -> None:
         """Create a front end that has seen nothing yet.
 
@@ -99,9 +98,6 @@ class OverheadVision:
             retry_widen: Factor on a window's margins when it is read a second time.
             widest_px: Largest edge of a window [px]; a body known less well is left to the search.
             stray_px: Largest motion of an unexpected tag from one exposure to the next [px].
-            half_resolution: Whether expected tags that appear larger than
-                :data:`~msrr_perception.detection.detector.LARGE_TAG_PX` are detected at half the resolution.
-                One that is not found is read for once more at the full resolution.
 
         Raises:
             SceneError: A parameter is out of its range.
@@ -116,7 +112,7 @@ class OverheadVision:
         self.model = model
         self._localizer = model.localizer()
         self._detector = for_lens(detector, model.lens)
-        self._quick = for_large_tags(self._detector) if half_resolution else self._detector
+        self._detectors = detectors_by_size(self._detector)
         self._search_detector = search_detector or default_search_detector(model.tag_family.name)
         self._policy = policy.for_family(model.tag_family)
         self._parts = search_windows(model, search_parts)
@@ -171,8 +167,9 @@ class OverheadVision:
         due = self._expected(predictions, wanted)
         sigma = np.full((4, 2), self._stray_px / self._policy.sigmas)
         strays = [ExpectedTag(i, self.model.lens.distorted(at), sigma) for i, at in self._strays.items()]
-        large = all(e.shortest_edge >= LARGE_TAG_PX for e in due.values())
-        self._read(reader, self._quick if large else self._detector, [*due.values(), *strays])
+        tags = [*due.values(), *strays]
+        upright_px = min((e.upright_edge for e in tags), default=0.0)
+        self._read(reader, detector_for(self._detectors, upright_px), tags)
         missed = [e for i, e in due.items() if i not in reader.found]
         self._read(reader, self._detector, missed, self._retry_widen)
         if len(due) < len(wanted) or not self._knows_all():

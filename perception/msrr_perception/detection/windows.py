@@ -79,10 +79,16 @@ class ExpectedTag:
         return Window(x, y, x_end - x, y_end - y)
 
     @property
-    def shortest_edge(self) -> float:
-        """Length of the shortest edge in the image [px]."""
-        corners = self.pixels.tolist()
-        return min(math.dist(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True))
+    def upright_edge(self) -> float:
+        """Shortest edge that an upright tag would have which is as hard to read in fewer pixels [px].
+
+        A tag that is turned by an angle needs more pixels, in proportion to ``|cos| + |sin|`` of it.
+        """
+        corners, shortest = self.pixels.tolist(), math.inf
+        for (au, av), (bu, bv) in zip(corners, corners[1:] + corners[:1], strict=True):
+            du, dv = abs(bu - au), abs(bv - av)
+            shortest = min(shortest, (du * du + dv * dv) / max(du + dv, 1e-9))
+        return shortest
 
 
 def expected_tags(

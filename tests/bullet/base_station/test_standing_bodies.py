@@ -123,7 +123,7 @@ class _Blind:
         return ()
 
 
-def test_large_tags_are_detected_at_half_the_resolution(
+def test_large_tags_are_detected_at_less_resolution(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One that is missed there is read once more at the full resolution."""
@@ -139,7 +139,8 @@ def test_large_tags_are_detected_at_half_the_resolution(
     watch.look(10, driving="a")
     used.clear()
     watch.look(20, driving="a")
-    assert set(used) == {2.0}
+    assert used
+    assert min(used) >= 2.0
     monkeypatch.setattr(PupilDetector, "for_large_tags", lambda _: _Blind())
     watch = Watch(simulation)
     watch.look(10, driving="a")
