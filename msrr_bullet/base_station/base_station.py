@@ -59,9 +59,7 @@ class BaseStation:
         units = tuple(scene.units)
         model = OverheadModel.from_scene(scene, units)
         detector = scene_detector(scene)
-        self._vision = OverheadVision(
-            model, units, detector, standing_every=_STANDING_EVERY
-        )
+        self._vision = OverheadVision(model, units, detector, standing_every=_STANDING_EVERY)
         assert scene.cameras.overhead is not None, "the model of its camera was built"
         period_s = 2.0 * _STANDING_EVERY / scene.cameras.overhead.rate_hz
         self._way_m = scene.limits.v_max_mps * period_s  # of a unit until remote bodies are read again
