@@ -7,12 +7,11 @@ from typing import Any, NamedTuple
 
 from pydantic import Field
 
-from msrr_control.docking.edge_barrier import EdgeBarrier, Sighting
+from msrr_control.docking.edge_barrier import Arc, EdgeBarrier, Sighting
 from msrr_control.docking.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
 from msrr_control.docking.law import DockSetup, LawInputs
 from msrr_control.kinematics.controlled_point import offset_point, position_error, rotate_components
-from msrr_control.kinematics.drive_limits import limit_twist
-from msrr_control.kinematics.elementwise import Number, cos, hypot, join, limit, number, sin, split, where
+from msrr_control.kinematics.elementwise import cos, hypot, join, limit, number, sin, split, where
 from msrr_control.kinematics.motion_history import MotionHistory, coast, under_way
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import NonNegative, Positive, Spec
@@ -43,12 +42,12 @@ class BarrierState(NamedTuple):
     Attributes:
         guidance: Reference on the docking axis.
         motion: Motion since the line of sight was measured.
-        sent: Commands under way to the drive, the last one first, each of shape (..., 2).
+        sent: Commands (v, w) under way to the drive, the last one first, floats or of shape (...).
     """
 
     guidance: GuidanceState
     motion: MotionHistory
-    sent: tuple[Array, ...]
+    sent: tuple[tuple[Any, Any], ...]
 
 
 class BarrierLaw:
@@ -93,11 +92,15 @@ class BarrierLaw:
         motion = state.motion.advanced(self._possible(inputs.twist), dt, inputs.age)
         v, w = self.kept_in_view((v, w), motion, state.sent, inputs)
         v = limit(v, -limits.v_close_mps, limits.v_close_mps)
-        command = join(v, limit(w, -limits.w_max_radps, limits.w_max_radps))
-        return command, BarrierState(guidance, motion, (command, *state.sent)[: len(state.sent)])
+        w = limit(w, -limits.w_max_radps, limits.w_max_radps)
+        return join(v, w), BarrierState(guidance, motion, ((v, w), *state.sent)[: len(state.sent)])
 
     def kept_in_view(
-        self, wanted: tuple[Any, Any], motion: MotionHistory, sent: tuple[Array, ...], inputs: LawInputs
+        self,
+        wanted: tuple[Any, Any],
+        motion: MotionHistory,
+        sent: tuple[tuple[Any, Any], ...],
+        inputs: LawInputs,
     ) -> tuple[Any, Any]:
         """Return the command (v, w) nearest to the wanted one that keeps the target in view.
 
@@ -106,7 +109,7 @@ class BarrierLaw:
         Args:
             wanted: (v, w) that is wanted, floats or of shape (...) [m/s, rad/s].
             motion: Motion since the line of sight was measured.
-            sent: Commands under way to the drive, the last one first.
+            sent: Commands (v, w) under way to the drive, the last one first.
             inputs: What the law is given.
         """
         v, w = wanted
@@ -116,8 +119,8 @@ class BarrierLaw:
         return where(known, v_in_view, v), where(known, w_in_view, w)
 
     def _at_the_drive(
-        self, motion: MotionHistory, sent: tuple[Array, ...], inputs: LawInputs
-    ) -> tuple[list[Any], tuple[Sighting, Sighting]]:
+        self, motion: MotionHistory, sent: tuple[tuple[Any, Any], ...], inputs: LawInputs
+    ) -> tuple[tuple[Any, Any], tuple[Sighting, Sighting]]:
         """Return twist and sightings of both edges at the time when a command of now reaches the drive."""
         setup = self.setup
         length, turn = motion.since(inputs.age)
@@ -127,18 +130,19 @@ class BarrierLaw:
         x, y, yaw = split(inputs.pose)
         camera_x, camera_y = x + setup.camera_offset * cos(yaw), y + setup.camera_offset * sin(yaw)
         left, right = split(inputs.edges)
+        ahead, half_width = setup.los.setback_m - camera_x, setup.los.half_width_m
+        seen_left = Sighting(left, hypot(ahead, half_width - camera_y))
+        seen_right = Sighting(right, hypot(ahead, -half_width - camera_y))
+        arc, l_c = Arc.of(length + further, turn + beyond), setup.camera_offset
+        return twist, (seen_left.after(arc, l_c), seen_right.after(arc, l_c))
 
-        def sighting(angle: Number, b: float) -> Sighting:
-            seen = Sighting(angle, hypot(setup.los.setback_m - camera_x, b - camera_y))
-            return seen.moved(length + further, turn + beyond, setup.camera_offset)
-
-        half_width = setup.los.half_width_m
-        return split(twist), (sighting(left, half_width), sighting(right, -half_width))
-
-    def _possible(self, twist: Array) -> Array:
-        """Return a measured twist within what the drive can do: more is an error of the measurement."""
-        limits = self.setup.limits
-        return limit_twist(twist, limits.v_max_mps, limits.w_max_radps)
+    def _possible(self, twist: Array) -> tuple[Any, Any]:
+        """Return a measured (v, w) within what the drive can do: more is an error of the measurement."""
+        limits, (v, w) = self.setup.limits, split(twist)
+        return (
+            limit(v, -limits.v_max_mps, limits.v_max_mps),
+            limit(w, -limits.w_max_radps, limits.w_max_radps),
+        )
 
     def reference(self, state: BarrierState) -> Array:
         """Return the guidance trajectory's point p_r in D, shape (..., 2) [m]."""

@@ -21,27 +21,42 @@ from msrr_control.kinematics.elementwise import (
 from msrr_scenes.errors import SceneError
 
 
+class Arc(NamedTuple):
+    """A motion along an arc in the frame of the unit before it, floats or of any shape.
+
+    Attributes:
+        ahead: Distance moved ahead [m].
+        left: Distance moved to the left [m].
+        cos: Cosine of the angle turned.
+        sin: Sine of the angle turned.
+    """
+
+    ahead: Any
+    left: Any
+    cos: Any
+    sin: Any
+
+    @classmethod
+    def of(cls, length: Number, turn: Number) -> Arc:
+        """Return the arc of a length [m], negative backwards, and an angle [rad], counter-clockwise positive.
+
+        The chord is taken to be as long as the arc, of which 0.2 rad of turn make 2 parts in 1000.
+        """
+        half = 0.5 * turn
+        return cls(length * cos(half), length * sin(half), cos(turn), sin(turn))
+
+
 class Sighting(NamedTuple):
     """An edge of the target as the camera sees it: bearing [rad] and distance [m], floats or of any shape."""
 
     angle: Any
     distance: Any
 
-    def moved(self, length: Number, turn: Number, camera_offset: float) -> Sighting:
-        """Return the sighting after the unit has moved along an arc.
-
-        The chord is taken to be as long as the arc, of which 0.2 rad of turn make 2 parts in 1000.
-
-        Args:
-            length: Length of the arc, negative backwards [m].
-            turn: Angle of the arc, counter-clockwise positive [rad].
-            camera_offset: l_c, distance of the camera ahead of the axle [m].
-        """
-        half = 0.5 * turn
-        x = camera_offset + self.distance * cos(self.angle) - length * cos(half)
-        y = self.distance * sin(self.angle) - length * sin(half)
-        c, s = cos(turn), sin(turn)
-        ahead, left = c * x + s * y - camera_offset, c * y - s * x
+    def after(self, arc: Arc, camera_offset: float) -> Sighting:
+        """Return the sighting after a motion; the camera is ``camera_offset`` [m] ahead of the axle."""
+        x = camera_offset + self.distance * cos(self.angle) - arc.ahead
+        y = self.distance * sin(self.angle) - arc.left
+        ahead, left = arc.cos * x + arc.sin * y - camera_offset, arc.cos * y - arc.sin * x
         return Sighting(atan2(left, ahead), hypot(ahead, left))
 
 
@@ -102,7 +117,8 @@ class EdgeBarrier:
         # Nearer than this no camera sees both edges; it keeps an absurd estimate from a division by zero.
         self._nearest = setup.los.half_width_m
         # Growth of v / r in a lead for which the envelope leaves some of the drive's acceleration.
-        self._quickening = self.lead_s * (1.0 - braking) * limits.dw_max_radps2 / math.sin(self.bound)
+        self._sin_bound = math.sin(self.bound)
+        self._quickening = self.lead_s * (1.0 - braking) * limits.dw_max_radps2 / self._sin_bound
 
     def limited(
         self, wanted: tuple[Any, Any], twist: tuple[Any, Any], edges: tuple[Sighting, Sighting]
@@ -118,13 +134,14 @@ class EdgeBarrier:
             v is not raised and w lies between the bounds of both edges; where these cross, in their middle.
         """
         (v, w), (v_now, w_now), lead = wanted, twist, self.lead_s
+        arc = Arc.of(lead * v_now, lead * w_now)
         hold, free = [], []
         for edge, side in zip(edges, (1.0, -1.0), strict=True):
-            then = edge.moved(lead * v_now, lead * w_now, self._camera_offset)
+            then = edge.after(arc, self._camera_offset)
             distance = at_least(then.distance, self._nearest)
             outward = side * then.angle
             lever = 1.0 + self._camera_offset * cos(then.angle) / distance
-            hold.append(at_least(sin(outward), math.sin(self.bound)) / (distance * lever))
+            hold.append(at_least(sin(outward), self._sin_bound) / (distance * lever))
             free.append(envelope(outward - self.bound, self.gains) / lever)
             closing = v_now / at_least(edge.distance, self._nearest)
             v = at_most(v, distance * at_least(closing + self._quickening, 0.0))

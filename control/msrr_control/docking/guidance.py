@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,10 +44,10 @@ class GuidanceSpec(Spec):
 
 
 class GuidanceState(NamedTuple):
-    """Place x_r on the docking axis [m] (y_r = 0) and its speed [m/s], each of shape (...)."""
+    """Place x_r on the docking axis [m] (y_r = 0) and its speed [m/s], floats or of shape (...)."""
 
-    x: Array
-    speed: Array
+    x: Any
+    speed: Any
 
     @property
     def point(self) -> Array:
@@ -92,7 +92,7 @@ def guidance_step(
     in_step = _fade(2.0 * (x - tip_x) / spec.lag_m)
     wanted = wanted * (number(visibility) * on_axis * in_step)
     speed = speed + limit(wanted - speed, -a * dt, a * dt)
-    return GuidanceState(np.asarray(at_most(x + dt * speed, spec.overrun_m)), np.asarray(speed))
+    return GuidanceState(at_most(x + dt * speed, spec.overrun_m), speed)
 
 
 def _fade(ratio: Number) -> Number:

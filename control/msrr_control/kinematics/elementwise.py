@@ -6,6 +6,9 @@ puts the results together again (:func:`join`): the components of one robot are 
 are arrays. Where the last bit of Python's own functions differs from numpy's, both use numpy's. Bounds are
 numbers, a lower one not above an upper one, and arguments lie in a function's domain; outside of that the
 results for floats and arrays may differ.
+
+Numpy takes sine, cosine and length from the C library, as Python does, so that for these a float needs no
+numpy; its other functions have code of their own.
 """
 
 from __future__ import annotations
@@ -40,8 +43,17 @@ def _elementwise(ufunc: np.ufunc) -> _Function:
     return apply
 
 
-sin, cos, tan = _elementwise(np.sin), _elementwise(np.cos), _elementwise(np.tan)
-tanh, exp, log1p = _elementwise(np.tanh), _elementwise(np.exp), _elementwise(np.log1p)
+tan, tanh, exp, log1p = map(_elementwise, (np.tan, np.tanh, np.exp, np.log1p))
+
+
+def sin(x: Number) -> Number:
+    """Return the sine of an angle [rad]."""
+    return math.sin(x) if isinstance(x, float) else np.sin(x)
+
+
+def cos(x: Number) -> Number:
+    """Return the cosine of an angle [rad]."""
+    return math.cos(x) if isinstance(x, float) else np.cos(x)
 
 
 def split(vectors: Array) -> list[Any]:
@@ -100,6 +112,11 @@ def sqrt(x: Number) -> Number:
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
 
 
+def copysign(x: Number, sign: Number) -> Number:
+    """Return the magnitude of ``x`` with the sign of ``sign``."""
+    return math.copysign(x, sign) if isinstance(x, float) else np.copysign(x, sign)
+
+
 def sinc(x: Number) -> Number:
     """Return sin(x) / x, which is 1 at 0."""
     if isinstance(x, float):
@@ -109,7 +126,8 @@ def sinc(x: Number) -> Number:
 
 def hypot(x: Number, y: Number) -> Number:
     """Return the length of the vector (x, y)."""
-    return float(np.hypot(x, y)) if isinstance(x, float) else np.hypot(x, y)
+    # The C library's; math.hypot differs from it in the last bit.
+    return abs(complex(x, y)) if isinstance(x, float) else np.hypot(x, y)
 
 
 def atan2(y: Number, x: Number) -> Number:

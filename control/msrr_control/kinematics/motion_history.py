@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msrr_control.kinematics.elementwise import limit, number, split
-from msrr_control.kinematics.unicycle import drive
+from msrr_control.kinematics.elementwise import limit, number
+from msrr_control.kinematics.unicycle import drive_components
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -29,30 +29,29 @@ class MotionHistory(NamedTuple):
     """How a unit has moved since the measurement that is still in use.
 
     Attributes:
-        twist: Measured (v, w) of now, shape (..., 2) [m/s, rad/s].
+        twist: Measured (v, w) of now, floats or of shape (...) [m/s, rad/s].
         past: Intervals between the instants before now, the last one first.
     """
 
-    twist: Array
+    twist: tuple[Any, Any]
     past: tuple[MotionInterval, ...]
 
     @classmethod
-    def starting(cls, twist: Array) -> MotionHistory:
-        """Return the history of a unit that has always moved at ``twist``, shape (..., 2) [m/s, rad/s]."""
-        v, w = split(twist)
-        return cls(twist, (MotionInterval(math.inf, v, w),))
+    def starting(cls, twist: tuple[Any, Any]) -> MotionHistory:
+        """Return the history of a unit that has always moved at (v, w) = ``twist`` [m/s, rad/s]."""
+        return cls(twist, (MotionInterval(math.inf, *twist),))
 
-    def advanced(self, twist: Array, dt: float, age: Array) -> MotionHistory:
+    def advanced(self, twist: tuple[Any, Any], dt: float, age: Array) -> MotionHistory:
         """Return the history ``dt`` [s] later, without what lies before the measurement in use.
 
         Args:
-            twist: Measured (v, w) of the new instant, shape (..., 2) [m/s, rad/s].
+            twist: Measured (v, w) of the new instant, floats or of shape (...) [m/s, rad/s].
             dt: Time since the last instant [s].
             age: Age of the measurement in use, shape (...) [s]; its time of exposure never goes back.
         """
-        v, w = split(0.5 * self.twist + 0.5 * twist)
+        v, w = (0.5 * before + 0.5 * now for before, now in zip(self.twist, twist, strict=True))
         kept: list[MotionInterval] = []
-        missing = float(np.max(age))
+        missing = float(np.max(age)) if np.ndim(age) else float(age)
         for interval in (MotionInterval(dt, v, w), *self.past):
             if missing <= 0.0:
                 break
@@ -72,13 +71,18 @@ class MotionHistory(NamedTuple):
 
 
 def coast(
-    twist: Array, sent: Sequence[Array], latency: float, limits: LimitsSpec, period: float
-) -> tuple[Array, Any, Any]:
+    twist: tuple[Any, Any],
+    sent: Sequence[tuple[Any, Any]],
+    latency: float,
+    limits: LimitsSpec,
+    period: float,
+) -> tuple[tuple[Any, Any], Any, Any]:
     """Predict the motion until a command that is sent now reaches the drive.
 
     Args:
-        twist: (v, w) of now, shape (..., 2) [m/s, rad/s].
-        sent: Commands of the instants before now, the last one first, as many as :func:`under_way` says.
+        twist: (v, w) of now, floats or of shape (...) [m/s, rad/s].
+        sent: Commands (v, w) of the instants before now, the last one first, as many as :func:`under_way`
+            says.
         latency: Time that a command takes to the drive [s].
         limits: What the drive can do.
         period: Time between two commands [s].
@@ -86,15 +90,15 @@ def coast(
     Returns:
         The twist then, and the length [m] and the angle [rad] moved until then.
     """
+    v, w = twist
     length = turn = 0.0
     for k in reversed(range(under_way(latency, period))):
         duration = min(period, latency - k * period)
-        twist, mean = drive(twist, sent[k], limits, duration)
-        v, w = split(mean)
-        length, turn = length + duration * v, turn + duration * w
-    return twist, length, turn
+        (v, mean_v), (w, mean_w) = drive_components((v, w), sent[k], limits, duration)
+        length, turn = length + duration * mean_v, turn + duration * mean_w
+    return (v, w), length, turn
 
 
 def under_way(latency: float, period: float) -> int:
     """Return how many commands are in force between now and the arrival of one that is sent now."""
-    return int(np.ceil((latency - _ROUNDING_S) / period)) if latency > 0.0 else 0
+    return math.ceil((latency - _ROUNDING_S) / period) if latency > 0.0 else 0

@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from typing import Any
 
-from msrr_control.kinematics.elementwise import cos, join, number, sin, sinc, split
+from msrr_control.kinematics.elementwise import (
+    Number,
+    copysign,
+    cos,
+    exp,
+    join,
+    limit,
+    number,
+    sin,
+    sinc,
+    split,
+)
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -28,22 +40,33 @@ def drive(twist: Array, command: Array, limits: LimitsSpec, dt: float) -> tuple[
         The speeds at the end of the step, and their means over it, by which a unit moves: with these
         :func:`advance_pose` is right to 2 micrometres at 20 ms and the limits of the shipped unit.
     """
-    after, mean = np.empty(twist.shape), np.empty(twist.shape)
-    kappa = limits.kappa_per_s
-    for axis, most, rate in (
-        (0, limits.v_max_mps, limits.a_max_mps2),
-        (1, limits.w_max_radps, limits.dw_max_radps2),
-    ):
-        goal = np.clip(command[..., axis], -most, most)
-        away = twist[..., axis] - goal
-        distance = np.abs(away)
-        ramp = np.clip((distance - rate / kappa) / rate, 0.0, dt)  # time at the rate limit
-        left = distance - rate * ramp
-        decay = np.exp(-kappa * (dt - ramp))
-        covered = ramp * (distance - 0.5 * rate * ramp) + left * (1.0 - decay) / kappa
-        after[..., axis] = goal + np.copysign(left * decay, away)
-        mean[..., axis] = goal + np.copysign(covered / dt, away)
-    return after, mean
+    (v, mean_v), (w, mean_w) = drive_components(split(twist), split(command), limits, dt)
+    return join(v, w), join(mean_v, mean_w)
+
+
+def drive_components(
+    twist: Sequence[Any], command: Sequence[Any], limits: LimitsSpec, dt: float
+) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+    """Return what :func:`drive` does for v and for w: speed at the end, and mean; floats or of any shape."""
+    (v, w), (v_sent, w_sent), kappa = twist, command, limits.kappa_per_s
+    return (
+        _follow(v, v_sent, limits.v_max_mps, limits.a_max_mps2, kappa, dt),
+        _follow(w, w_sent, limits.w_max_radps, limits.dw_max_radps2, kappa, dt),
+    )
+
+
+def _follow(
+    speed: Number, command: Number, most: float, rate: float, kappa: float, dt: float
+) -> tuple[Number, Number]:
+    """Return the speed at the end of a step, and its mean, on one axis."""
+    goal = limit(command, -most, most)
+    away = speed - goal
+    distance = abs(away)
+    ramp = limit((distance - rate / kappa) / rate, 0.0, dt)  # time at the rate limit
+    left = distance - rate * ramp
+    decay = exp(-kappa * (dt - ramp))
+    covered = ramp * (distance - 0.5 * rate * ramp) + left * (1.0 - decay) / kappa
+    return goal + copysign(left * decay, away), goal + copysign(covered / dt, away)
 
 
 def advance_pose(pose: Array, length: Array, turn: Array) -> Array:

@@ -62,7 +62,7 @@ def test_at_the_barrier_the_edge_is_held(facts: DockSetup) -> None:
         lever = idle - (left(moved(pose, 1.0)) - left(pose)) / h
         held = np.array([v, idle / lever])
         inputs = LawInputs(pose, edge_angles(pose, setup.los, 0.015), np.array(1.0), held)
-        kept_v, kept_w = law.kept_in_view((v, -9.0), MotionHistory.starting(held), (), inputs)
+        kept_v, kept_w = law.kept_in_view((v, -9.0), MotionHistory.starting(tuple(held)), (), inputs)
         assert kept_v == v
         rate = (left(moved(pose, kept_w)) - left(pose)) / h
         assert -0.25 * idle < rate <= 1e-9

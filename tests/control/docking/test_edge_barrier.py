@@ -18,6 +18,7 @@ from msrr_control.docking.edge_barrier import EdgeBarrier, Sighting
 from msrr_control.docking.law import DockSetup, LawInputs
 from msrr_control.feedback.envelope import envelope
 from msrr_control.feedback.visibility_cone import edge_angles
+from msrr_control.kinematics.elementwise import split
 from msrr_control.kinematics.motion_history import MotionHistory
 from msrr_control.kinematics.unicycle import advance_pose, drive
 from msrr_scenes.arrays import Array
@@ -92,7 +93,8 @@ def largest_excess(
     for k in range(lag.age, 0, -1):
         seen.append(advance_pose(pose, -k * DT * twist[:, 0], -k * DT * twist[:, 1]))
     age = np.full(STATES, DT * lag.age if told_age else 0.0)
-    motion, sent = MotionHistory.starting(twist), (twist,) * round(np.ceil(told.link_latency_s / DT))
+    waiting = round(np.ceil(told.link_latency_s / DT))
+    motion, sent = MotionHistory.starting(split(twist)), (split(twist),) * waiting
     on_the_way = deque([twist] * round(lag.link_s / DT))
     side = rng.choice(SIDES, STATES)
     wish = np.column_stack([np.full(STATES, limits.v_close_mps), 9.0 * side])
@@ -115,11 +117,11 @@ def largest_excess(
                 np.clip(w, -limits.w_max_radps, limits.w_max_radps),
             ]
         )
-        sent = (command, *sent)[: len(sent)]
+        sent = (split(command), *sent)[: len(sent)]
         on_the_way.append(command)
         twist, mean = drive(twist, on_the_way.popleft(), limits, DT)
         pose = advance_pose(pose, DT * mean[:, 0], DT * mean[:, 1])
-        motion = motion.advanced(twist, DT, age)
+        motion = motion.advanced(split(twist), DT, age)
     return float(np.degrees(worst.max()))
 
 

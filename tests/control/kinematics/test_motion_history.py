@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from msrr_control.kinematics.elementwise import join, split
 from msrr_control.kinematics.motion_history import MotionHistory, coast, under_way
 from msrr_control.kinematics.unicycle import drive
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -19,7 +20,7 @@ def test_the_motion_since_an_exposure_is_that_of_the_drive() -> None:
     rng = np.random.default_rng(3)
     twist = np.zeros((300, 2))
     age = rng.uniform(0.0, 0.2, 300)
-    history = MotionHistory.starting(twist)
+    history = MotionHistory.starting(split(twist))
     command = twist
     start, means = np.zeros(2), []
     for step in range(120):
@@ -27,7 +28,7 @@ def test_the_motion_since_an_exposure_is_that_of_the_drive() -> None:
             command = rng.uniform([-0.3, -1.0], [0.3, 1.0], (300, 2))
         twist, mean = drive(twist, command, TIGHT, DT)
         means.append(mean)
-        history = history.advanced(twist, DT, age)
+        history = history.advanced(split(twist), DT, age)
         whole = np.minimum((age / DT).astype(int), step + 1)
         expected = np.array([sum((means[-k - 1][i] for k in range(n)), start) for i, n in enumerate(whole)])
         rest = age - DT * whole
@@ -39,15 +40,15 @@ def test_the_motion_since_an_exposure_is_that_of_the_drive() -> None:
 
 
 def test_before_the_first_instant_a_unit_moved_as_it_did_then() -> None:
-    history = MotionHistory.starting(np.array([0.2, 0.5]))
+    history = MotionHistory.starting((0.2, 0.5))
     age = np.array(0.1)
     assert history.since(age) == pytest.approx((0.02, 0.05))
-    history = history.advanced(np.array([0.1, 0.5]), DT, age)
+    history = history.advanced((0.1, 0.5), DT, age)
     assert history.since(age) == pytest.approx((DT * 0.15 + 0.08 * 0.2, 0.05))
 
 
 def test_an_estimate_of_now_needs_no_history() -> None:
-    history = MotionHistory.starting(np.zeros(2)).advanced(np.ones(2), DT, np.array(0.0))
+    history = MotionHistory.starting((0.0, 0.0)).advanced((1.0, 1.0), DT, np.array(0.0))
     assert history.past == ()
     assert history.since(np.array(0.0)) == (0.0, 0.0)
 
@@ -64,8 +65,8 @@ def test_coasting_is_what_the_drive_does_until_the_command_arrives(latency: floa
         force = min(k for k in range(1, len(sent) + 1) if 1e3 * (latency - k * DT) <= ms + 1e-9)
         twist, mean = drive(twist, sent[force - 1], TIGHT, 1e-3)
         moved = moved + 1e-3 * mean
-    then, length, turn = coast(start, sent, latency, TIGHT, DT)
-    np.testing.assert_allclose(then, twist, atol=1e-12)
+    then, length, turn = coast(split(start), [split(command) for command in sent], latency, TIGHT, DT)
+    np.testing.assert_allclose(join(*then), twist, atol=1e-12)
     np.testing.assert_allclose(np.broadcast_to(length, 50), moved[:, 0], atol=1e-12)
     np.testing.assert_allclose(np.broadcast_to(turn, 50), moved[:, 1], atol=1e-12)
 
