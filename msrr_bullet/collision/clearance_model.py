@@ -135,14 +135,25 @@ class ClearanceModel:
         """Return the smallest clearance of all pairs, cheaper than :meth:`query`; None without a pair."""
         return self._smallest(self._pairs(poses, exempt))
 
-    def nearest(self, name: str, X_WB: SE2, others: Mapping[str, SE2]) -> Clearance | None:
-        """Return the smallest clearance of one body at ``X_WB`` from others; None if there are none.
+    def nearest(
+        self, name: str, X_WB: SE2, others: Mapping[str, SE2], below: float = math.inf
+    ) -> Clearance | None:
+        """Return the smallest clearance of one body at ``X_WB`` from others.
+
+        Args:
+            name: Name of the body.
+            X_WB: Its pose.
+            others: Poses of the other bodies, by name.
+            below: Clearance that matters [m]: from here on a lower bound is enough, and nothing is measured.
+
+        Returns:
+            The clearance; None if no other body is nearer than ``below``.
 
         Raises:
             UnknownNameError: A name is not that of a body of the model.
         """
         own = self._placed(name, X_WB)
-        return self._smallest(self._pair(own, self._placed(other, X)) for other, X in others.items())
+        return self._smallest((self._pair(own, self._placed(other, X)) for other, X in others.items()), below)
 
     def _placed(self, name: str, X_WB: SE2) -> _Body:
         body = self._bodies.get(name)
@@ -173,15 +184,17 @@ class ClearanceModel:
             self._present = names, pairs
         return [pair for pair in self._present[1] if pair.names not in exempt]
 
-    def _smallest(self, pairs: Iterable[_BodyPair]) -> Clearance | None:
-        """Return the smallest clearance; pairs are measured in order of lower bounds, as far as needed."""
+    def _smallest(self, pairs: Iterable[_BodyPair], below: float = math.inf) -> Clearance | None:
+        """Return the smallest clearance below ``below`` [m]; in order of lower bounds, as far as needed."""
         bounded = [(pair.lower_bound(), i, pair) for i, pair in enumerate(pairs)]
-        best = min(bounded)[2].clearance(math.inf) if bounded else None
-        if best is None:
-            return None
+        best = min(bounded)[2].clearance(below) if bounded else None
+        if best is not None:
+            below = best.distance
         # Most pairs are farther than this one is, and need not be put in order.
-        for bound, _, pair in sorted(each for each in bounded if each[0] < best.distance):
-            if bound >= best.distance:
+        for bound, _, pair in sorted(each for each in bounded if each[0] < below):
+            if bound >= below:
                 break
-            best = pair.clearance(best.distance) or best
+            nearer = pair.clearance(below)
+            if nearer is not None:
+                best, below = nearer, nearer.distance
         return best

@@ -37,6 +37,8 @@ SUPPORT_TOLERANCE = 1e-6
 #: larger than the measured distance.
 ROUNDING = 1e-8
 
+_WITH_POINTS = fcl.DistanceRequest(enable_nearest_points=True)
+
 
 def _spindle(core: Array) -> fcl.CollisionGeometry:
     if len(core) == 1:
@@ -62,6 +64,7 @@ class PlacedPart:
         # The centre of an FCL sphere is its origin, so the centre of a disc is part of the transform.
         self._offset = self._core[0] if len(self._core) == 1 else [0.0, 0.0]
         self._object = fcl.CollisionObject(_spindle(part.core), fcl.Transform())
+        self._rotation, self._position = np.eye(3), np.zeros(3)
         self._outdated = False
         self.place(SE2(), 1.0, 0.0)
 
@@ -78,9 +81,10 @@ class PlacedPart:
         if self._outdated:
             X, c, s = self._pose, self._c, self._s
             ox, oy = self._offset
-            rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-            position = np.array([X.x + c * ox - s * oy, X.y + s * ox + c * oy, 0.0])
-            self._object.setTransform(fcl.Transform(rotation, position))
+            R, p = self._rotation, self._position
+            R[0, 0], R[0, 1], R[1, 0], R[1, 1] = c, -s, s, c
+            p[0], p[1] = X.x + c * ox - s * oy, X.y + s * ox + c * oy
+            self._object.setTransform(fcl.Transform(R, p))
             self._outdated = False
         return self._object
 
@@ -143,7 +147,7 @@ class PartPair:
         """Return the distance and the nearest points."""
         a, b = self._a, self._b
         result = fcl.DistanceResult()
-        distance = fcl.distance(a.object, b.object, fcl.DistanceRequest(enable_nearest_points=True), result)
+        distance = fcl.distance(a.object, b.object, _WITH_POINTS, result)
         if distance > TOUCHING:
             (ax, ay, _), (bx, by, _) = (p.tolist() for p in result.nearest_points)
             nx, ny = (bx - ax) / distance, (by - ay) / distance

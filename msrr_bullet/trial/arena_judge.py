@@ -60,11 +60,8 @@ class ArenaJudge:
             said = f"the lock of {opened.unit} holds {opened.to} no longer"
             return Safety(Outcome.LOCK_FAILED, frozenset({opened.unit}), said, None)
         docking = {judge.pair: judge for judge in judges if judge.docking}
-        exempt = set(self._locked.pairs)
+        exempt = self._locked.pairs | {pair for pair, judge in docking.items() if judge.may_be_near()}
         nearest = self._clearance.minimum(poses, exempt)
-        while nearest is not None and _is_authorised(nearest, docking.get(nearest.pair)):
-            exempt.add(nearest.pair)
-            nearest = self._clearance.minimum(poses, exempt)
         if nearest is not None and nearest.distance <= 0.0:
             (x, y), beside = nearest.point_a, " beside its port" if nearest.pair in docking else ""
             one, other = self._in_order(nearest, docking)
@@ -92,13 +89,6 @@ class ArenaJudge:
         judge, units = docking.get(near.pair), self._simulation.scene.units
         first = "" if judge is None else judge.step.unit
         return sorted(near.pair, key=lambda body: (body != first, body not in units, body))
-
-
-def _is_authorised(clearance: Clearance, judge: Judge | None) -> bool:
-    """Return whether a pair may be as near as it is because it docks; ``judge`` is that of its docking."""
-    if judge is None:
-        return False
-    return clearance.distance > 0.0 or (judge.port is not None and judge.port.in_zone)
 
 
 def _neighbour_limits(judges: Iterable[Judge]) -> dict[Pair, float]:

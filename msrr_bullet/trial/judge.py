@@ -34,6 +34,9 @@ ZONE_YAW_RAD = math.radians(20.0)
 #: Smallest clearance of a pair that has parted after docking [m]; the minimum clearance applies as well.
 PARTED_M = 0.005
 
+#: Smallest clearance of a pair that does not touch: any that is not 0 [m].
+_APART_M = math.ulp(0.0)
+
 #: Distance that a unit may move between two control instants beside what its drive allows [m].
 _PUSH_M = 0.01
 
@@ -249,10 +252,19 @@ class Judge:
 
     def parted(self) -> bool:
         """Return whether the pair is clear of each other."""
+        return not self._within(max(self._scene.judge.min_clearance_m, PARTED_M))
+
+    def may_be_near(self) -> bool:
+        """Return whether the pair docks and touches nowhere but at its port, as of the last decision."""
+        if not self.docking:
+            return False
+        return (self.port is not None and self.port.in_zone) or not self._within(_APART_M)
+
+    def _within(self, distance: float) -> bool:
+        """Return whether the clearance of the pair is less than ``distance`` [m]."""
         unit, target = self.step.unit, self.step.target_unit
-        others = {target: self._plant.pose(target)}
-        clearance = self._clearance.nearest(unit, self._plant.pose(unit), others)
-        return clearance is None or clearance.distance >= max(self._scene.judge.min_clearance_m, PARTED_M)
+        X_WU, X_WT = self._plant.pose(unit), self._plant.pose(target)
+        return self._clearance.nearest(unit, X_WU, {target: X_WT}, distance) is not None
 
     def verdict_docked(self, seating: Seating | None, engaged: bool, pull_passed: bool) -> Outcome:
         """Return the outcome for a robot that believes it is docked."""

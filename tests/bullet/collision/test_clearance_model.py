@@ -140,7 +140,7 @@ def test_minimum_is_the_first_of_all_pairs(body, pose):
     rng = stream(9, "test_clearance/minimum")
     bodies = {name: body(rng) for name in "abcdef"}
     model = ClearanceModel(bodies, fixed={"e", "f"})
-    for _ in range(200):
+    for _ in range(100):
         poses = {name: pose(rng, spread=1.5) for name in bodies}
         everything = model.query(poses)
         assert len(everything) == 14  # 15 pairs less the one of two fixed bodies
@@ -150,7 +150,13 @@ def test_minimum_is_the_first_of_all_pairs(body, pose):
         assert exempt.isdisjoint({c.pair for c in model.query(poses, exempt)})
         assert model.minimum(poses, exempt) == everything[1]
         others = {name: X for name, X in poses.items() if name != "a"}
-        assert model.nearest("a", poses["a"], others) == next(c for c in everything if "a" in c.pair)
+        nearest = next(c for c in everything if "a" in c.pair)
+        for bound in (nearest.distance, math.nextafter(nearest.distance, math.inf), rng.uniform(-0.1, 0.5)):
+            # A new model as well, which has measured nothing yet.
+            for either in (model, ClearanceModel(bodies)):
+                found = either.nearest("a", poses["a"], others, bound)
+                assert found == (nearest if nearest.distance < bound else None)
+        assert model.nearest("a", poses["a"], others) == nearest
     assert model.nearest("a", SE2(), {}) is None
 
 
