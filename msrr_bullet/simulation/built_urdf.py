@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from types import MappingProxyType
+from typing import NamedTuple
 from xml.etree.ElementTree import Element, ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msrr_bullet.simulation.urdf_welding import joint_of
 from msrr_scenes.arrays import Array
@@ -35,7 +38,7 @@ def build(
     """Change a URDF, in place, to what was built; one that is as drawn is not touched.
 
     Args:
-        tree: The URDF, not welded yet.
+        tree: The URDF, not welded yet, with or without the plates of tags.
         drawn: Its geometry.
         built: The unit as it was built.
         plate_sizes: Edge of the plate of every tag that can be seen [m], by link.
@@ -45,48 +48,108 @@ def build(
     """
     robot = tree.getroot()
     moved = [slot for slot in drawn.tag_slots if built.geometry.frame(slot) is not drawn.frame(slot)]
+    walls = _Walls(robot, drawn) if moved else None
     for slot in moved:
+        assert walls is not None
         joint = joint_of(robot, slot)
         X_TX = drawn.frame(slot).inverse() @ built.geometry.frame(slot)
         set_origin(joint, urdf_origin(joint.find("origin")) @ X_TX)
-        _give_way(robot, slot, drawn, built.geometry.frame(slot), 0.5 * plate_sizes.get(slot, 0.0))
+        walls.give_way(slot, built.geometry.frame(slot), 0.5 * plate_sizes.get(slot, 0.0))
     if not built.drive.ideal:
         _build_wheels(robot, drawn, built.drive)
     if built.mass_scale != 1.0:
         _scale_masses(robot, built.mass_scale)
 
 
-def _give_way(robot: Element, slot: str, drawn: UnitGeometry, X_UX: SE3, half: float) -> None:
-    """Set visible boxes and cylinders behind a tag back to where the tag is not inside them.
+class _Wall(NamedTuple):
+    """A box or a cylinder that is seen, and points in U that span it, shape (N, 3) [m]."""
 
-    A tag that was put on deeper than drawn is not inside the wall that carries it; the wall is deeper, too. A
-    box is cut; one that is too thin, or a cylinder, moves. The plate in the link of the tag itself moves with
-    the tag.
+    solid: Solid
+    points_U: Array
 
-    Args:
-        robot: Root of the URDF.
-        slot: Link of the tag.
-        drawn: Geometry of the URDF.
-        X_UX: True pose of the tag.
-        half: Half the edge of its plate [m].
+
+class _Walls:
+    """The visible boxes and cylinders of a URDF, which give way to one tag after the other.
+
+    Plates in the links of tags are not among them: they move with their tags.
     """
-    X_TU, X_XU = drawn.frame(slot).inverse(), X_UX.inverse()
+
+    def __init__(self, robot: Element, drawn: UnitGeometry) -> None:
+        """Begin with the shapes as they are drawn."""
+        self._drawn = drawn
+        self._visuals = list(_visuals(robot, drawn))
+        self._changed: set[int] = set()
+
+    def give_way(self, slot: str, X_UX: SE3, half: float) -> None:
+        """Set shapes behind a tag back to where the tag is not inside them.
+
+        A tag that was put on deeper than drawn is not inside the wall that carries it; the wall is deeper,
+        too. A box is cut; one that is too thin, or a cylinder, moves.
+
+        Args:
+            slot: Link of the tag.
+            X_UX: True pose of the tag.
+            half: Half the edge of its plate [m].
+        """
+        X_TU, X_XU = self._drawn.frame(slot).inverse(), X_UX.inverse()
+        behind = _behind(*_extents(self._drawn, slot), half)
+        for i, (link, visual, shape) in enumerate(self._visuals):
+            if i in self._changed:
+                wall = _wall(self._drawn, link, visual)
+                if not _behind(*_extent(X_TU, wall), half):
+                    continue
+            elif behind[i]:
+                wall = _drawn_walls(self._drawn)[i]
+            else:
+                continue
+            missing = _BEHIND_M - float(X_XU.act(wall.points_U)[:, 2].min())
+            if missing > 0.0:
+                moved_G = _set_back(shape, wall.solid, X_UX.R[:, 2], missing)
+                X_LU = self._drawn.frame(link).inverse()
+                set_origin(visual, X_LU @ wall.solid.X_UG @ SE3(np.eye(3), moved_G))
+                self._changed.add(i)
+
+
+def _visuals(robot: Element, drawn: UnitGeometry) -> Iterator[tuple[str, Element, Element]]:
+    """Yield link, element and shape of all visible boxes and cylinders that are no part of a tag."""
     for link in robot.findall("link"):
         name = link.attrib["name"]
         for visual in () if name in drawn.tag_slots else link.findall("visual"):
             shape = visual.find("geometry/*")
-            if shape is None or shape.tag not in ("box", "cylinder"):
-                continue
-            solid = read_solid(name, drawn.frame(name), visual)
-            points_U = solid.points()
-            points_T = X_TU.act(points_U)
-            lowest, highest = points_T.min(axis=0), points_T.max(axis=0)
-            if lowest[2] < 0.0 or (lowest[:2] > half).any() or (highest[:2] < -half).any():
-                continue  # it is not behind the tag as drawn
-            missing = _BEHIND_M - float(X_XU.act(points_U)[:, 2].min())
-            if missing > 0.0:
-                moved_G = _set_back(shape, solid, X_UX.R[:, 2], missing)
-                set_origin(visual, drawn.frame(name).inverse() @ solid.X_UG @ SE3(np.eye(3), moved_G))
+            if shape is not None and shape.tag in ("box", "cylinder"):
+                yield name, visual, shape
+
+
+def _wall(drawn: UnitGeometry, link: str, visual: Element) -> _Wall:
+    solid = read_solid(link, drawn.frame(link), visual)
+    return _Wall(solid, solid.points())
+
+
+# No seed changes what is drawn, and reading it takes far longer than building one unit from it.
+@lru_cache(maxsize=32)
+def _drawn_walls(drawn: UnitGeometry) -> tuple[_Wall, ...]:
+    """Return the visible shapes as they are drawn, in the order of the URDF."""
+    return tuple(_wall(drawn, link, visual) for link, visual, _ in _visuals(drawn.tree().getroot(), drawn))
+
+
+@lru_cache(maxsize=512)
+def _extents(drawn: UnitGeometry, slot: str) -> tuple[Array, Array]:
+    """Return the lowest and highest coordinates of these shapes in the frame of a tag, (V, 3) each [m]."""
+    X_TU = drawn.frame(slot).inverse()
+    extents = np.array([_extent(X_TU, wall) for wall in _drawn_walls(drawn)]).reshape(-1, 2, 3)
+    return extents[:, 0], extents[:, 1]
+
+
+def _extent(X_TU: SE3, wall: _Wall) -> tuple[Array, Array]:
+    points_T = X_TU.act(wall.points_U)
+    return points_T.min(axis=0), points_T.max(axis=0)
+
+
+def _behind(lowest: Array, highest: Array, half: float) -> NDArray[np.bool_]:
+    """Return whether shapes of these extents in T, shape (..., 3) [m], lie behind a plate as drawn."""
+    beside = (lowest[..., :2] > half).any(axis=-1) | (highest[..., :2] < -half).any(axis=-1)
+    behind: NDArray[np.bool_] = (lowest[..., 2] >= 0.0) & ~beside
+    return behind
 
 
 def _set_back(shape: Element, solid: Solid, back_U: Array, missing: float) -> Array:

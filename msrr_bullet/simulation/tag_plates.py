@@ -7,6 +7,7 @@ share a mesh share a texture; so every plate has its own files, in a folder that
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -40,11 +41,17 @@ def write_plate(
         "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 -1\n"
         "f 1/1/1 2/2/1 3/3/1\nf 1/1/1 3/3/1 4/4/1\n"
     )
+    texture.write_bytes(_texture_file(tag_id, family))
+    return mesh, texture
+
+
+@lru_cache(maxsize=1024)
+def _texture_file(tag_id: int | None, family: TagFamily) -> bytes:
+    """Return the texture of a plate as a PNG file; every trial writes those of its tags."""
     # The image is encoded in memory, because imwrite does not report why it fails.
     encoded, data = cv2.imencode(".png", plate_texture(tag_id, family))
     assert encoded
-    texture.write_bytes(data.tobytes())
-    return mesh, texture
+    return data.tobytes()
 
 
 def load_tag_plate(

@@ -52,8 +52,8 @@ class SE3:
     @classmethod
     def from_xyz_rpy(cls, xyz: ArrayLike, rpy: ArrayLike) -> SE3:
         """Build from a translation (3,) [m] and roll, pitch, yaw (3,) [rad] in the URDF convention."""
-        roll, pitch, yaw = (float(a) for a in np.asarray(rpy, dtype=np.float64))
-        return cls(rotation_from_rpy(roll, pitch, yaw), np.asarray(xyz, dtype=np.float64))
+        roll, pitch, yaw = np.asarray(rpy, dtype=np.float64).tolist()
+        return cls._of(rotation_from_rpy(roll, pitch, yaw), np.array(xyz, dtype=np.float64).reshape(3))
 
     @classmethod
     def from_quaternion_xyzw(cls, p: ArrayLike, quaternion_xyzw: Iterable[float]) -> SE3:
