@@ -14,7 +14,9 @@ from msrr_scenes.loading.as_built_checks import without_effect
 from msrr_scenes.loading.load import check_scene
 from msrr_scenes.specs.as_built import CAREFUL, AsBuiltSpec
 from msrr_scenes.specs.deviations import Deviation, FrictionDeviation
+from msrr_scenes.specs.field_descriptions import field_descriptions
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import Spec
 
 #: Largest size of an effect over one standard deviation of the grade ``careful``: four of ``rough``.
 RANGE = 16.0
@@ -141,9 +143,9 @@ def _deviations(scene: Scene) -> Iterator[Effect]:
 
 def _description(group: str, quantity: str) -> str:
     """Return what a quantity is, from the docstrings of the specification."""
-    drawing = getattr(AsBuiltSpec(), group)
-    whole = AsBuiltSpec.model_fields[group].description or ""
-    part = type(drawing).model_fields[quantity].description or ""
+    drawing: Spec = getattr(AsBuiltSpec(), group)
+    whole = field_descriptions(AsBuiltSpec)[group]
+    part = field_descriptions(type(drawing))[quantity]
     said = part[:1].lower() + part[1:].partition("[")[0].rstrip(" .")
     if isinstance(getattr(drawing, quantity), FrictionDeviation):
         said += ", lower by the factor exp(-x / 100)"

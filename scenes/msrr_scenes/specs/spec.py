@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError
 
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.specs.field_descriptions import field_descriptions
 
 
 def between(low: float, high: float) -> Any:
@@ -89,8 +91,18 @@ class Spec(BaseModel):
         allow_inf_nan=False,
         strict=False,
         arbitrary_types_allowed=True,
-        use_attribute_docstrings=True,
     )
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        schema = handler(core_schema)
+        properties = handler.resolve_ref_schema(schema).get("properties", {})
+        for name, description in field_descriptions(cls).items():
+            if name in properties:
+                properties[name].setdefault("description", description)
+        return schema
 
     @model_validator(mode="before")
     @classmethod
