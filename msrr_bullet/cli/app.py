@@ -10,7 +10,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -31,9 +31,9 @@ from msrr_bullet.cli.console import open_console
 from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, report_error
 from msrr_bullet.cli.options import Overrides, naming_overrides, parse_overrides
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.loading.file_schema import KINDS, file_schema
-from msrr_scenes.loading.load import load_scene, scene_hash, shipped_scenes
-from msrr_scenes.specs.scene import Scene
+
+if TYPE_CHECKING:
+    from msrr_scenes.specs.scene import Scene
 
 app = typer.Typer(
     name="msrr",
@@ -92,6 +92,7 @@ app.command()(trial_commands.sweep)
 def scenes() -> None:
     """List the shipped scenes."""
     from msrr_bullet.cli.console_report import scenes_table
+    from msrr_scenes.loading.load import shipped_scenes
 
     open_console().print(scenes_table(shipped_scenes()))
 
@@ -108,6 +109,7 @@ def check(
 
     load_simulator()
     from msrr_bullet.trial.check import check_trial
+    from msrr_scenes.loading.load import load_scene, scene_hash
 
     code, given = 0, parse_overrides(overrides)
     for file in files:
@@ -127,7 +129,9 @@ def check(
 
 @app.command()
 def schema(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help=f"Kind of file: {', '.join(KINDS)}.")] = "scene",
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help="Kind of file: scene, tag_map or target.")
+    ] = "scene",
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="File to write.", show_default="standard output")
     ] = None,
@@ -136,6 +140,8 @@ def schema(
 
     A file names its schema in its first line: # yaml-language-server: $schema=scene.schema.json
     """
+    from msrr_scenes.loading.file_schema import file_schema
+
     text = json.dumps(file_schema(kind), indent=1, ensure_ascii=False) + "\n"
     if out is None:
         typer.echo(text, nl=False)

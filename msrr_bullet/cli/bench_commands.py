@@ -14,7 +14,6 @@ from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import NOT_DOCKED
 from msrr_bullet.cli.options import JsonFile, Overrides, check_writable, parse_overrides, write_json
 from msrr_scenes.errors import SceneError
-from msrr_scenes.loading.load import load_scene
 
 Target = Annotated[
     str,
@@ -139,12 +138,15 @@ def _comparison(
 def _profile(name: str, overrides: dict[str, str], file: Path) -> None:
     """Write where the time of one trial goes."""
     from msrr_bullet.bench.trial_profile import profile_trial
+    from msrr_scenes.loading.load import load_scene
 
     profile_trial(load_scene(name, overrides), file)
     open_console().print(f"profile: {file}")
 
 
 def _scene(name: str, overrides: dict[str, str]) -> _Bench:
+    from msrr_scenes.loading.load import load_scene
+
     scene = load_scene(name, overrides)
 
     def run(on_progress: Callable[[str], None]) -> tuple[_Report, Iterable[Table], Sequence[str]]:

@@ -11,7 +11,6 @@ import typer
 
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_scenes.errors import SceneError
-from msrr_scenes.loading.calibration_file import read_calibration
 
 if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
     from rich.console import Console
@@ -76,6 +75,7 @@ def _lens(calibration: Path) -> Lens:
     Raises:
         SceneError: The file is none, or does not say of which size its pictures were.
     """
+    from msrr_scenes.loading.calibration_file import read_calibration
     from msrr_scenes.specs.sensors import CameraSpec
 
     told = read_calibration(calibration)

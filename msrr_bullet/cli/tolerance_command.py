@@ -22,15 +22,12 @@ from msrr_bullet.cli.options import (
 )
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
 from msrr_scenes.errors import SceneError, UnknownNameError
-from msrr_scenes.loading.load import load_scene
-from msrr_scenes.specs.as_built import GRADES, Grade
 
 if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
     from rich.console import Console
 
     from msrr_bullet.tolerance.model import ToleranceStudy
-
-_ALL_GRADES = ",".join(GRADES)
+    from msrr_scenes.specs.as_built import Grade
 
 #: Number of effects that the table on the console shows.
 _SHOWN = 12
@@ -52,7 +49,9 @@ def tolerance(
             show_default="all that act in the scene",
         ),
     ] = None,
-    grades: Annotated[str, typer.Option(metavar="GRADE,...", help="Grades that are tried.")] = _ALL_GRADES,
+    grades: Annotated[
+        str | None, typer.Option(metavar="GRADE,...", help="Grades that are tried.", show_default="all")
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -65,6 +64,8 @@ def tolerance(
     overrides: Overrides = None,
 ) -> None:
     """Try each deviation from the drawing alone and all by grade; say what to build more precisely first."""
+    from msrr_scenes.loading.load import load_scene
+
     use_one_thread_per_process()
     loaded = load_scene(scene, parse_overrides(overrides))
     folder = out if out is not None else Path("runs") / "tolerance" / loaded.name
@@ -96,12 +97,16 @@ def tolerance(
         raise typer.Exit(report_error("\n".join(study.failures), PROGRAM_ERROR))
 
 
-def _parse_grades(text: str) -> list[Grade]:
-    """Parse a comma-separated list of grades.
+def _parse_grades(text: str | None) -> list[Grade]:
+    """Parse a comma-separated list of grades; None is all of them.
 
     Raises:
         UnknownNameError: A grade does not exist.
     """
+    from msrr_scenes.specs.as_built import GRADES
+
+    if text is None:
+        return list(GRADES)
     for name in text.split(","):
         if name not in GRADES:
             raise UnknownNameError("grade", name, GRADES)

@@ -34,15 +34,14 @@ from msrr_bullet.cli.options import (
 )
 from msrr_bullet.cli.run_commands import FRAMES_NAME, PLOT_NAME, TABLES_NAME
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
-from msrr_scenes.loading.load import load_scene, scene_hash
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.specs.scene import Scene
 
 if TYPE_CHECKING:  # the commands that need these load them, so that msrr --help is quick
     from msrr_bullet.log.foxglove_server import FoxgloveServer
     from msrr_bullet.trial.result import TrialResult
     from msrr_bullet.trial.telemetry import Progress
     from msrr_bullet.viewer.live import LiveViewer
+    from msrr_scenes.specs.scene import Scene
 
 #: Time after which the live view runs the trial even if no browser has connected [s].
 BROWSER_TIMEOUT_S = 20.0
@@ -68,6 +67,8 @@ def dock(
     overrides: Overrides = None,
 ) -> None:
     """Run one trial and compare the robot's belief with the truth."""
+    from msrr_scenes.loading.load import load_scene, scene_hash
+
     given = parse_overrides(overrides)
     loaded = load_scene(scene, given)
     folder = out if out is not None else RUNS / f"{loaded.name}-{seed}-{scene_hash(loaded)[:6]}"
@@ -182,6 +183,8 @@ def sweep(
     overrides: Overrides = None,
 ) -> None:
     """Run many trials and report the success rate with its confidence interval."""
+    from msrr_scenes.loading.load import load_scene
+
     use_one_thread_per_process()
     wanted = parse_seeds(seeds)
     given = parse_overrides(overrides)

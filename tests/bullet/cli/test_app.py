@@ -10,6 +10,7 @@ import pytest
 import typer
 
 from msrr_bullet.cli.app import app, run
+from msrr_scenes.loading.file_schema import KINDS
 from msrr_scenes.loading.load import shipped_scenes
 
 Capture = pytest.CaptureFixture[str]
@@ -54,6 +55,21 @@ def test_schema(capsys: Capture, tmp_path: Path) -> None:
     assert capsys.readouterr().out == (tmp_path / "scene.schema.json").read_text()
     assert run(["schema", "scnee"]) == 2
     assert "did you mean 'scene'?" in capsys.readouterr().err
+
+
+def test_the_help_of_schema_names_every_kind_of_file(capsys: Capture) -> None:
+    assert run(["schema", "--help"]) == 0
+    said = capsys.readouterr().out
+    assert [kind for kind in KINDS if kind not in said] == []
+
+
+def test_help_loads_nothing_that_only_a_trial_needs() -> None:
+    """The models of a scene alone take twice as long as all the rest of the help."""
+    program = "import sys; from msrr_bullet.cli.app import run; run(['--help']); print(*sys.modules)"
+    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    loaded = set(said.splitlines()[-1].split())
+    assert "typer" in loaded
+    assert loaded.isdisjoint({"numpy", "pydantic", "pybullet", "cv2"})
 
 
 def test_check(capsys: Capture, tmp_path: Path) -> None:
