@@ -101,9 +101,13 @@ class Part:
         return np.concatenate(pieces)
 
 
-def _gap_to_union(points: Array, parts: Sequence[Part]) -> Array:
-    gaps: Array = np.min([part.gap(points) for part in parts], axis=0)
-    return gaps
+def _all_near(points: Array, parts: Sequence[Part], distance: float) -> bool:
+    """Return whether no point, shape (N, 2), is farther than ``distance`` [m] from the union of parts."""
+    for part in parts:
+        points = points[part.gap(points) > distance]
+        if not len(points):
+            return True
+    return False
 
 
 def _projection(solid: Solid) -> Part:
@@ -119,7 +123,7 @@ def _common_hull(a: Part, b: Part, body: Sequence[Part]) -> Part | None:
     # The middles of the edges decide nearly every case, at a small fraction of the cost.
     middles = 0.5 * (hull.core + np.roll(hull.core, -1, axis=0))
     for points in (middles, hull.border()):
-        if _gap_to_union(points, body).max() > MERGE_TOLERANCE:
+        if not _all_near(points, body, MERGE_TOLERANCE):
             return None
     return hull
 
@@ -147,7 +151,7 @@ def _without_covered(parts: Sequence[Part], by_one_part: bool) -> list[Part]:
         groups = [others] if others else []
         if by_one_part:
             groups = [[p] for p in others if _in_box(part, p)]
-        if any(_gap_to_union(points, group).max() <= COVER_TOLERANCE for group in groups):
+        if any(_all_near(points, group, COVER_TOLERANCE) for group in groups):
             kept = others
     return kept
 
