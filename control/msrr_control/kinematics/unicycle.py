@@ -77,8 +77,11 @@ def advance_pose(pose: Array, length: Array, turn: Array) -> Array:
         length: Lengths of the arcs, negative backwards, shape (...) [m].
         turn: Angles of the arcs, counter-clockwise positive, same shape [rad].
     """
-    x, y, yaw = split(pose)
-    turn, length = number(turn), number(length)
-    half = 0.5 * turn
+    return join(*advance_components(split(pose), number(length), number(turn)))
+
+
+def advance_components(pose: Sequence[Any], length: Any, turn: Any) -> tuple[Any, Any, Any]:
+    """Return what :func:`advance_pose` does for x, y and yaw, which are all floats or all arrays (...)."""
+    (x, y, yaw), half = pose, 0.5 * turn
     chord, direction = length * sinc(half), yaw + half
-    return join(x + chord * cos(direction), y + chord * sin(direction), yaw + turn)
+    return x + chord * cos(direction), y + chord * sin(direction), yaw + turn

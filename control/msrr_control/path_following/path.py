@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from msrr_control.kinematics.elementwise import at_least, at_most, cos, join, limit, number, sin, split, sqrt
-from msrr_control.kinematics.unicycle import advance_pose
+from msrr_control.kinematics.unicycle import advance_components, advance_pose
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Duration, Length, Spec, Speed
 
@@ -80,11 +81,26 @@ class Path:
         Args:
             s: Any shape for one path; shape (..., *leading shape of the paths) for many.
         """
-        within = np.minimum(np.maximum(np.asarray(s, dtype=np.float64), 0.0), self.length)
+        x, y, heading, curvature = self.components_at(np.asarray(s, dtype=np.float64))
+        return PathPoint(join(x, y), np.asarray(heading), np.asarray(curvature))
+
+    def components_at(self, s: Array) -> tuple[Any, Any, Any, Any]:
+        """Return x, y, heading and curvature of :meth:`at`: floats for one point of one path, else arrays."""
+        if s.ndim == 0 and self.start.ndim == 1:
+            knots, poses, curvatures = self._plain
+            place = limit(s.item(), 0.0, knots[-1])
+            k = bisect_right(knots, place, 1, len(knots) - 1) - 1
+            along = place - knots[k]
+            return (*advance_components(poses[k], along, curvatures[k] * along), curvatures[k])
+        within = np.minimum(np.maximum(s, 0.0), self.length)
         piece = (*self._rows, (within[..., None] >= self._knots[..., 1:-1]).sum(axis=-1))
-        along, curvature = within - self._knots[piece], self.curvature[piece]
-        pose = advance_pose(self._poses[piece], along, curvature * along)
-        return PathPoint(pose[..., :2], pose[..., 2], curvature)
+        distance, curvature = within - self._knots[piece], self.curvature[piece]
+        return (*advance_components(split(self._poses[piece]), distance, curvature * distance), curvature)
+
+    @cached_property
+    def _plain(self) -> tuple[list[float], list[list[float]], list[float]]:
+        """Knots, poses and curvatures of a single path, as plain numbers."""
+        return self._knots.tolist(), self._poses.tolist(), self.curvature.tolist()
 
     @cached_property
     def _rows(self) -> NDArray[np.int_]:
@@ -152,9 +168,8 @@ def pace_step(pace: Pace, path: Path, tip: Array, spec: PaceSpec, dt: float) -> 
         spec: Speeds.
         dt: Step [s].
     """
-    now = path.at(pace.s)
-    (x, y), (tip_x, tip_y) = split(now.point), split(tip)
-    heading, curvature, length = number(now.heading), number(now.curvature), number(path.length)
+    x, y, heading, curvature = path.components_at(np.asarray(pace.s))
+    (tip_x, tip_y), length = split(tip), number(path.length)
     arc_length, speed = number(pace.s), number(pace.speed)
     c, s = cos(heading), sin(heading)
     lag = (x - tip_x) * c + (y - tip_y) * s
@@ -167,4 +182,4 @@ def pace_step(pace: Pace, path: Path, tip: Array, spec: PaceSpec, dt: float) -> 
     tangential, normal = change / dt, curvature * speed * speed
     after = Pace(np.asarray(at_most(arc_length + dt * speed, length)), np.asarray(speed))
     acceleration = join(tangential * c - normal * s, tangential * s + normal * c)
-    return after, DesiredPoint(now.point, join(speed * c, speed * s), acceleration)
+    return after, DesiredPoint(join(x, y), join(speed * c, speed * s), acceleration)

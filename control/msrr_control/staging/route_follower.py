@@ -9,6 +9,7 @@ import numpy as np
 
 from msrr_control.kinematics.controlled_point import offset_point
 from msrr_control.path_following.law import PathFollowingLaw, State
+from msrr_control.path_following.path import Path
 from msrr_control.planning.route import ArenaMap, Route
 from msrr_control.planning.route_monitor import RouteMonitor, as_obstacles
 from msrr_control.planning.route_planner import RoutePlanner
@@ -35,6 +36,7 @@ class RouteFollower(Generic[State]):
         self._state: State | None = None
         self._furthest = (0.0, 0)  # arc length that counts as progress, and the time at which it was reached
         self._avoiding: str | None = None
+        self._cut: tuple[Path, float, Path] | None = None  # a path, a place on it, and the path up to there
 
     def set_route(self, route: Route, arena: ArenaMap) -> None:
         """Take up a route that was planned in ``arena``, without moving along it yet."""
@@ -102,10 +104,16 @@ class RouteFollower(Generic[State]):
         wall, self._avoiding = monitor.wall(arena, offset_point(pose, self._setup.offset), s)
         path, obstacles = monitor.route.path, as_obstacles(arena)
         if limit < float(path.length):
-            path = path.until(max(limit, self.s))
+            path = self._until(path, max(limit, self.s))
         command, self._state = self._law.step(self._state, path, pose, wall, obstacles, dt)
         v, w = command.tolist()
         return Twist(v, w)
+
+    def _until(self, path: Path, s: float) -> Path:
+        """Return a path up to ``s`` [m]: the same one while the unit drives on to the same place."""
+        if self._cut is None or self._cut[:2] != (path, s):
+            self._cut = path, s, path.until(s)
+        return self._cut[2]
 
     def time_without_progress(self, s: float, now_ns: int) -> float:
         """Return the time [s] since the unit, which is at ``s`` [m] now, last made enough progress."""

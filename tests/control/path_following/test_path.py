@@ -30,9 +30,9 @@ def test_a_path_is_smooth_and_as_long_as_it_says(pieces) -> None:
 def test_one_path_and_many_paths_agree(pieces, s: float) -> None:
     one = _path(pieces)
     many = Path(np.stack([one.start] * 3), np.stack([one.curvature] * 3), np.stack([one.lengths] * 3))
-    alone, together = one.at(s), many.at(np.full(3, s))
-    for a, b in zip(alone, together, strict=True):
-        np.testing.assert_array_equal(b[1], a)
+    for place in (s, 0.0, *np.cumsum(one.lengths), np.inf):  # anywhere, and where pieces meet
+        for a, b in zip(one.at(place), many.at(np.full(3, place)), strict=True):
+            np.testing.assert_array_equal(b[1], a)
 
 
 def test_a_quarter_of_a_circle() -> None:
