@@ -14,6 +14,8 @@ STOPPED_RADPS = 3e-3
 
 Sides = tuple[float, float]
 
+_AT_REST: Sides = (0.0, 0.0)
+
 
 class Drivetrain:
     """Two motors with gears and wheels.
@@ -35,14 +37,14 @@ class Drivetrain:
             built: What is not as drawn.
         """
         self._drawn, self._built = drawn, built
-        self._motors: Sides = (0.0, 0.0)
+        self._motors = _AT_REST
         self.ideal = built.ideal
         self.play: Sides = (0.0, 0.0)
 
     @property
     def at_rest(self) -> bool:
         """Whether both motors have stopped."""
-        return self._motors == (0.0, 0.0)
+        return self._motors == _AT_REST
 
     def step(self, velocity: Twist, dt: float) -> Sides:
         """Advance by ``dt`` [s]; return the speeds of the left and the right wheel [rad/s].
@@ -51,17 +53,18 @@ class Drivetrain:
             velocity: Velocity that the drive wants.
             dt: Time [s].
         """
-        wanted = wheel_speeds(velocity, self._drawn)
+        if self.at_rest and not (velocity.v or velocity.w):
+            return _AT_REST  # most units, at most ticks
+        left, right = wheel_speeds(velocity, self._drawn)
         if self.ideal:
-            return wanted
-        self._motors = (
-            self._motor(self._motors[0], wanted[0], dt),
-            self._motor(self._motors[1], wanted[1], dt),
-        )
+            return left, right
+        motor_left, motor_right = self._motors
+        motor_left, motor_right = self._motor(motor_left, left, dt), self._motor(motor_right, right, dt)
         (left, play_left), (right, play_right) = (
-            self._gear(speed, play, dt) for speed, play in zip(self._motors, self.play, strict=True)
+            self._gear(motor_left, self.play[0], dt),
+            self._gear(motor_right, self.play[1], dt),
         )
-        self.play = play_left, play_right
+        self._motors, self.play = (motor_left, motor_right), (play_left, play_right)
         return left, right
 
     def motion(self, speeds: Sides) -> Twist:

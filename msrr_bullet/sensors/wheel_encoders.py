@@ -9,6 +9,9 @@ import numpy as np
 from msrr_scenes.messages import WheelOdometry
 from msrr_scenes.specs.sensors import OdometrySpec
 
+#: Readings whose noise is drawn at once: the same numbers, without a call of the generator for each.
+_DRAWN_AT_ONCE = 64
+
 
 class WheelEncoders:
     """Two incremental encoders with slip, noise and a finite resolution.
@@ -30,8 +33,9 @@ class WheelEncoders:
             rng: Generator of the stream ``unit/<name>/odometry``, used by no other object.
         """
         self._unit = unit
-        self._spec = spec
+        self._tick, self._noise_rad = 2.0 * math.pi / spec.ticks_per_turn, spec.noise_rad
         self._rng = rng
+        self._noise: list[list[float]] = []  # drawn ahead, the next one last
         left, right = rng.standard_normal(2)
         self.scale = (1.0 + spec.scale_error * float(left), 1.0 + spec.scale_error * float(right))
         self._true: tuple[float, float] | None = None
@@ -40,13 +44,15 @@ class WheelEncoders:
     def read(self, angles: tuple[float, float], stamp_ns: int) -> WheelOdometry:
         """Return the reading for true angles of the motors behind gears [rad]; the first one is zero."""
         # The number of draws per reading does not depend on the motion.
-        noise = self._rng.standard_normal(2).tolist()
-        before = self._true or angles
+        if not self._noise:
+            self._noise = self._rng.standard_normal((_DRAWN_AT_ONCE, 2)).tolist()[::-1]
+        noise, before, tick = self._noise.pop(), self._true or angles, self._tick
         for i in range(2):
             turned = angles[i] - before[i]
-            walk = self._spec.noise_rad * math.sqrt(abs(turned)) * noise[i]
+            walk = self._noise_rad * math.sqrt(abs(turned)) * noise[i]
             self._measured[i] += self.scale[i] * turned + walk
         self._true = angles
-        tick = 2.0 * math.pi / self._spec.ticks_per_turn
-        left, right = (tick * math.floor(angle / tick) for angle in self._measured)
-        return WheelOdometry(self._unit, stamp_ns, left, right)
+        left, right = self._measured
+        return WheelOdometry(
+            self._unit, stamp_ns, tick * math.floor(left / tick), tick * math.floor(right / tick)
+        )

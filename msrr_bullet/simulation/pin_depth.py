@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pybullet
 
@@ -49,7 +50,8 @@ class PinDepths:
         X_WU, X_WT = self._world.pose(self._step.unit), self._world.pose(self._step.target_unit)
         if math.hypot(X_WU.x - X_WT.x, X_WU.y - X_WT.y) > self._near_m:
             return (math.inf,) * len(self.pins)
-        return tuple(map(self._distance, self.pins, self._bottoms))
+        X_WI = pybullet.getBasePositionAndOrientation(self._target.body, physicsClientId=self._world.client)
+        return tuple(self._distance(X_WI, *pair) for pair in zip(self.pins, self._bottoms, strict=True))
 
     def _pin(self, side: str) -> int:
         pin = f"pin_{side}"
@@ -81,9 +83,9 @@ class PinDepths:
             f"link of another name is mapped by units.{name}.frames: {{{frame}: <link>}}"
         )
 
-    def _distance(self, pin: int, bottom: tuple[_Shape, ...]) -> float:
+    def _distance(self, X_WI: tuple[Any, Any], pin: int, bottom: tuple[_Shape, ...]) -> float:
+        """Return the distance of a pin from a bottom [m]; ``X_WI`` is the inertial frame of the target."""
         client = self._world.client
-        X_WI = pybullet.getBasePositionAndOrientation(self._target.body, physicsClientId=client)
         distance = math.inf
         for shape, X_IG in bottom:
             position, quaternion = pybullet.multiplyTransforms(*X_WI, *X_IG, physicsClientId=client)

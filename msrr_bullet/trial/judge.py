@@ -113,6 +113,7 @@ class Judge:
         self._X_UP = SE3.from_se2(self._X_UP_plane, geometry.pin_height)
         self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._X_TD = SE3.from_se2(self.X_TD)
+        self._X_WT, self._X_WD = SE2(), self.X_TD  # of the target when it was looked at last
         self.pair: Pair = frozenset({step.unit, step.target_unit})
         self._neighbour_limits: Mapping[Pair, float] = {}
         self._known_locks: list[DockStep] = []
@@ -129,7 +130,10 @@ class Judge:
 
     def X_WD(self) -> SE2:
         """Return the true pose of the dock frame in W."""
-        return self._plant.pose(self.step.target_unit) @ self.X_TD
+        X_WT = self._plant.pose(self.step.target_unit)
+        if X_WT is not self._X_WT:  # a target mostly stands, and its pose is the same object until it moves
+            self._X_WT, self._X_WD = X_WT, X_WT @ self.X_TD
+        return self._X_WD
 
     def X_DU(self) -> SE2:
         """Return the true pose of the docking unit in the dock frame."""
