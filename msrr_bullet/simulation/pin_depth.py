@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pybullet
 
 from msrr_bullet.plant.lock_actuator import TILT_M
@@ -39,19 +40,30 @@ class PinDepths:
         """
         self._world, self._step, self._reach_m = world, step, reach_m
         self._unit, self._target = world.unit(step.unit), world.unit(step.target_unit)
-        # Pins lie inside the circle about their unit, the bottoms of holes inside that about the target.
-        radii = self._unit.geometry.circumradius + self._target.geometry.circumradius
-        self._near_m = radii + reach_m + TILT_M
         self.pins = tuple(self._pin(side) for side in SIDES)
         self._bottoms = tuple(self._bottom(side) for side in SIDES)
+        self._pin_circles = [_circle(self._unit, f"pin_{side}") for side in SIDES]
+        self._bottom_circles = [_circle(self._target, self._hole(side)) for side in SIDES]
 
     def left(self) -> tuple[float, ...]:
         """Return the distance of each pin from the bottom of its hole [m]; infinite beyond the reach."""
-        X_WU, X_WT = self._world.pose(self._step.unit), self._world.pose(self._step.target_unit)
-        if math.hypot(X_WU.x - X_WT.x, X_WU.y - X_WT.y) > self._near_m:
+        if not self._near():
             return (math.inf,) * len(self.pins)
         X_WI = pybullet.getBasePositionAndOrientation(self._target.body, physicsClientId=self._world.client)
         return tuple(self._distance(X_WI, *pair) for pair in zip(self.pins, self._bottoms, strict=True))
+
+    def _near(self) -> bool:
+        """Return whether any pin may be in reach, by circles about pins and bottoms on the floor."""
+        X_WU, X_WT = self._world.pose(self._step.unit), self._world.pose(self._step.target_unit)
+        cu, su, ct, st = math.cos(X_WU.yaw), math.sin(X_WU.yaw), math.cos(X_WT.yaw), math.sin(X_WT.yaw)
+        dx, dy = X_WU.x - X_WT.x, X_WU.y - X_WT.y
+        for (px, py, pin), (bx, by, bottom) in zip(self._pin_circles, self._bottom_circles, strict=True):
+            apart = math.hypot(
+                dx + cu * px - su * py - ct * bx + st * by, dy + su * px + cu * py - st * bx - ct * by
+            )
+            if apart <= pin + bottom + self._reach_m + 2.0 * TILT_M:  # both units may be tilted
+                return True
+        return False
 
     def _pin(self, side: str) -> int:
         pin = f"pin_{side}"
@@ -61,7 +73,7 @@ class PinDepths:
 
     def _bottom(self, side: str) -> tuple[_Shape, ...]:
         """Return the shapes at the bottom of a hole."""
-        hole = f"port_{self._step.target_port}_hole_{side}"
+        hole = self._hole(side)
         solids = [solid for solid in self._target.geometry.solids if solid.link == hole]
         if not solids or any(solid.kind != "box" for solid in solids):
             raise self._lacks(self._step.target_unit, self._target, f"link {hole!r} made of boxes", hole)
@@ -75,6 +87,9 @@ class PinDepths:
             X_IG = self._target.X_IU @ solid.X_UG
             bottom.append((shape, (X_IG.p.tolist(), X_IG.quaternion_xyzw().tolist())))
         return tuple(bottom)
+
+    def _hole(self, side: str) -> str:
+        return f"port_{self._step.target_port}_hole_{side}"
 
     def _lacks(self, name: str, unit: UnitBody, part: str, frame: str) -> GeometryError:
         """Return the error for a part of a unit that the step cannot do without."""
@@ -102,3 +117,13 @@ class PinDepths:
             )
             distance = min([distance, *(float(point[8]) for point in points)])
         return distance
+
+
+def _circle(unit: UnitBody, link: str) -> tuple[float, float, float]:
+    """Return middle x, y and radius [m] of a circle on the floor about the shapes of a link, in U."""
+    outlines = [solid.outline() for solid in unit.geometry.solids if solid.link == link]
+    if not outlines:
+        return 0.0, 0.0, -math.inf  # nothing of it is ever in reach
+    points = np.concatenate(outlines)
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return float(middle[0]), float(middle[1]), float(np.linalg.norm(points - middle, axis=1).max())

@@ -5,10 +5,12 @@ import math
 import pytest
 
 from msrr_bullet.simulation.bullet_plant import BulletPlant
+from msrr_bullet.simulation.pin_depth import PinDepths
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import LockPosition
+from msrr_scenes.random_streams import stream
 
 BEFORE = SE2(-0.025, 0.0, 0.0)
 #: A start pose from which the seated unit leans against the play of the pins.
@@ -35,6 +37,25 @@ def test_one_pin_in_reach_is_not_held(bench, yaw_deg, switches):
         assert b.plant.lock_position("a") is LockPosition.CLOSED
         assert not b.plant.lock_engaged("a")
         assert not b.plant.pull_test("a").holds
+
+
+@pytest.mark.parametrize("port", ["rear", "left"])
+def test_the_bound_on_their_distance_hides_no_pin_in_reach(bench, port, monkeypatch):
+    """400 poses in and about the seat; what tilts make of them is left to the margin of the bound."""
+    rng = stream(0, "test_pin_lock/bound")
+    with bench("bullet", SE2(-0.0018, 0.0, 0.0), port) as b:
+        depths = PinDepths(b.plant.world, b.scene.plan[0], 0.0025)
+        seat, found, near = b.plant.pose("a"), [], []
+        for _ in range(400):
+            off = SE2(*rng.normal(0.0, rng.choice([0.001, 0.03], 3), 3))
+            b.plant.world.place("a", seat @ off, (0.0, 0.0))
+            found.append(depths.left())
+            near.append(depths._near())
+            monkeypatch.setattr(depths, "_near", lambda: True)
+            assert depths.left() == found[-1]
+            monkeypatch.undo()
+    assert any(math.isfinite(d) for left in found for d in left)
+    assert not all(near)
 
 
 def test_pins_that_leave_while_the_lock_closes_are_not_caught(bench):
