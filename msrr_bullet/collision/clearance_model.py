@@ -131,9 +131,14 @@ class ClearanceModel:
         found = [pair.clearance(math.inf) for pair in self._pairs(poses, exempt)]
         return tuple(sorted((c for c in found if c is not None), key=lambda c: c.distance))
 
-    def minimum(self, poses: Mapping[str, SE2], exempt: Collection[Pair] = frozenset()) -> Clearance | None:
-        """Return the smallest clearance of all pairs, cheaper than :meth:`query`; None without a pair."""
-        return self._smallest(self._pairs(poses, exempt))
+    def minimum(
+        self, poses: Mapping[str, SE2], exempt: Collection[Pair] = frozenset(), below: float = math.inf
+    ) -> Clearance | None:
+        """Return the smallest clearance of all pairs, cheaper than :meth:`query`.
+
+        None if no pair is nearer than ``below`` [m]; from there on nothing is measured.
+        """
+        return self._smallest(self._pairs(poses, exempt), below)
 
     def nearest(
         self, name: str, X_WB: SE2, others: Mapping[str, SE2], below: float = math.inf

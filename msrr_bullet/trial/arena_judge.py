@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -13,6 +14,9 @@ from msrr_bullet.trial.judge import Judge
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.outcome import Outcome
 
+#: Margin by which clearances are measured beyond the smallest one that is allowed, which may be 0 [m].
+_ROUNDING_M = 1e-6
+
 
 @dataclass(frozen=True, slots=True)
 class Safety:
@@ -23,7 +27,7 @@ class Safety:
         units: Units whose doing it is; empty without an outcome.
         reason: What happened, in words; empty without an outcome.
         nearest: Smallest clearance of all pairs that are not exempt, which the log holds and every display
-            shows; None without such a pair.
+            shows; None without such a pair, or if it does not matter.
     """
 
     outcome: Outcome | None
@@ -45,7 +49,7 @@ class ArenaJudge:
         """
         self._simulation, self._clearance, self._locked = simulation, clearance, locked
 
-    def check(self, poses: Mapping[str, SE2], judges: Iterable[Judge]) -> Safety:
+    def check(self, poses: Mapping[str, SE2], judges: Iterable[Judge], matters: float = math.inf) -> Safety:
         """Check locks, clearances and the limits of the arena.
 
         Exempt from the clearances are units that are locked together, and a pair that docks, unless it
@@ -54,6 +58,7 @@ class ArenaJudge:
         Args:
             poses: True poses of all bodies at this instant.
             judges: Judges of the steps under way, after the decisions of their robots.
+            matters: Clearance below which somebody wants to know it [m]; the outcome is found in any case.
         """
         opened = self._locked.opened(self._simulation.plant)
         if opened is not None:
@@ -61,21 +66,22 @@ class ArenaJudge:
             return Safety(Outcome.LOCK_FAILED, frozenset({opened.unit}), said, None)
         docking = {judge.pair: judge for judge in judges if judge.docking}
         exempt = self._locked.pairs | {pair for pair, judge in docking.items() if judge.may_be_near()}
-        nearest = self._clearance.minimum(poses, exempt)
+        limit = self._simulation.scene.judge.min_clearance_m
+        below = max(matters, limit + _ROUNDING_M)
+        nearest = self._clearance.minimum(poses, exempt, below)
         if nearest is not None and nearest.distance <= 0.0:
             (x, y), beside = nearest.point_a, " beside its port" if nearest.pair in docking else ""
             one, other = self._in_order(nearest, docking)
             said = f"{one} touched {other}{beside} at ({x:.2f}, {y:.2f}) m"
             return Safety(Outcome.COLLISION, nearest.pair, said, nearest)
-        limit, limits = self._simulation.scene.judge.min_clearance_m, _neighbour_limits(docking.values())
-        tested = nearest
+        limits, tested = _neighbour_limits(docking.values()), nearest
         while tested is not None and tested.distance < limit:
             if tested.distance < limits.get(tested.pair, limit):
                 one, other = self._in_order(tested, docking)
                 said = f"{one} came within {1e3 * tested.distance:.0f} mm of {other}"
                 return Safety(Outcome.CLEARANCE_VIOLATED, tested.pair, said, nearest)
             exempt.add(tested.pair)
-            tested = self._clearance.minimum(poses, exempt)
+            tested = self._clearance.minimum(poses, exempt, below)
         arena = self._simulation.scene.arena
         for unit in self._simulation.scene.units:
             X_WU = poses[unit]

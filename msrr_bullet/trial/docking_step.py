@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from msrr_bullet.log import topics
@@ -49,6 +50,7 @@ class DockingStep:
         judge: Judge of the step.
         robot: The robot of the unit.
         runner: Lets the robot sense and act.
+        min_clearance: Smallest clearance of all bodies that was noted [m]; infinite before one was.
         outcome: Outcome; None while the step is under way.
         verdict_reason: Why the judge ended the step, where the robot did not; else empty.
     """
@@ -89,7 +91,7 @@ class DockingStep:
         self._assembly_instants: list[Instant] = []
         self._deadline_ns = duration_ns(scene.time_limit_s)
         self._failed_ns: int | None = None  # time at which the program of the unit failed
-        self._min_clearance: float | None = None
+        self.min_clearance = math.inf
         self._seating: Seating | None = None
         self._closed = self._engaged = False
         self._pull_test_passed: bool | None = None
@@ -121,8 +123,7 @@ class DockingStep:
 
     def note_clearance(self, distance: float) -> None:
         """Take note of the smallest clearance of all bodies at this instant [m]."""
-        if self._min_clearance is None or distance < self._min_clearance:
-            self._min_clearance = distance
+        self.min_clearance = min(self.min_clearance, distance)
 
     def end_if_over(self, now_ns: int) -> bool:
         """End the step if the robot has finished, its program has failed or the time is up."""
@@ -211,7 +212,7 @@ class DockingStep:
             lock_closed=self._closed,
             lock_engaged=self._engaged,
             pull_test_passed=self._pull_test_passed,
-            min_clearance_m=self._min_clearance,
+            min_clearance_m=self.min_clearance if math.isfinite(self.min_clearance) else None,
             assembly=self._assembly_figures(),
             undocks=self.undocks,
         )

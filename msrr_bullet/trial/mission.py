@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -130,7 +131,8 @@ class Mission(ABC):
             poses = self._environment.simulation.poses()
             self._unparted = [judge for judge in self._unparted if not judge.parted()]
             judges = [*(step.judge for step in self._active), *self._unparted]
-            safety = self._arena.check(poses, judges)
+            matters = max((step.min_clearance for step in self._active), default=0.0)
+            safety = self._arena.check(poses, judges, math.inf if self._telemetry.is_heard else matters)
         for step in self._active:
             if safety.nearest is not None:
                 step.note_clearance(safety.nearest.distance)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.log import topics
-from msrr_bullet.log.recorder import Recorder
+from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.log.records import JUDGE, BuiltErrors, ClearanceRecord, Event, Level, StartPoses, TruePose
 from msrr_bullet.timeline.camera_views import CameraViewCollector, CameraViewer
 from msrr_bullet.timeline.snapshot import Viewer
@@ -52,6 +52,7 @@ class Telemetry:
 
     Attributes:
         recorder: Gets every message.
+        is_heard: Whether the recorder keeps or shows anything of it.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class Telemetry:
         """Report on a trial of a scene to a recorder and, where given, to a viewer and to an observer."""
         self._live = None if viewer is None else _LiveSnapshots(recorder, scene, viewer)
         self.recorder: Recorder = self._live or recorder
+        self.is_heard = not isinstance(self.recorder, NullRecorder)
         self._observer = observer
         self._last_actions: dict[int, Action] = {}  # by the index of the step
 

@@ -49,11 +49,11 @@ class Crowd:
         step = self.simulation.scene.plan[0]
         return Judge(self.simulation, self.clearance, self.locked, step)
 
-    def check(self, judge: Judge, phase: Phase) -> Safety:
+    def check(self, judge: Judge, phase: Phase, matters: float = math.inf) -> Safety:
         """Return what the judge of the arena finds after a decision in this phase."""
         judge.decide(Action(0, phase, 1))
         judges = ArenaJudge(self.simulation, self.clearance, self.locked)
-        return judges.check(self.simulation.poses(), [judge])
+        return judges.check(self.simulation.poses(), [judge], matters)
 
 
 def crowd(scene: Scene, model: ClearanceModel, units: dict[str, SE2], post: SE2) -> Crowd:
@@ -100,6 +100,12 @@ def test_the_outcome_is_that_of_a_check_of_all_pairs(scene: Scene) -> None:
         assert (found.nearest.distance if found.nearest else None) == counted, (
             "what is reported is what counts"
         )
+        # Nobody asks for more than the outcome, or for clearances below a bound.
+        for matters in (0.0, 0.15) if i % 4 == 0 else ():
+            found_less = crowded.check(judge, phase, matters)
+            assert (found_less.outcome, found_less.units) == (found.outcome, found.units)
+            if counted is not None and counted < matters:
+                assert found_less.nearest == found.nearest
         cases.add((found.outcome, judge.port_pose().in_zone))
     assert {v for v, _ in cases} == {None, Outcome.COLLISION, Outcome.CLEARANCE_VIOLATED}
     assert (None, True) in cases  # docking, and no other body near
