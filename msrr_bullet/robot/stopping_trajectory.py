@@ -68,15 +68,17 @@ class LocalMap:
         bodies = [b for b in others if b is not None and b.name in names]
         self._poses = {b.name: b.X_WB for b in bodies}
         self._intended = [(i.unit, SE2(*pose)) for i in intents if i.unit in self._poses for pose in i.poses]
-        own_variance = _variance(arena.own, self.reach)
-        variances = (_variance(b, reaches[b.name]) for b in bodies)
-        near = self.reach + max((reaches[b.name] for b in bodies), default=0.0)
-        strained = (arena.strain * near) ** 2
-        self.sigma = math.sqrt(own_variance + max(variances, default=0.0) + strained)
+        variance = farthest = 0.0
+        for body in bodies:
+            reach = reaches[body.name]
+            variance, farthest = max(variance, _variance(body, reach)), max(farthest, reach)
+        strained = (arena.strain * (self.reach + farthest)) ** 2
+        self.sigma = math.sqrt(_variance(arena.own, self.reach) + variance + strained)
 
     def lower_bound(self, X_WU: SE2) -> float:
         """Return a lower bound of the clearance of the unit at ``X_WU`` [m], from circles about bodies."""
-        distances = (self._centre_distance(X_WU, *body) for body in (*self._poses.items(), *self._intended))
+        x, y, reaches, bodies = X_WU.x, X_WU.y, self._reaches, (*self._poses.items(), *self._intended)
+        distances = [math.hypot(X_WB.x - x, X_WB.y - y) - reaches[name] for name, X_WB in bodies]
         return min(distances, default=math.inf) - self.reach
 
     def _centre_distance(self, X_WU: SE2, name: str, X_WB: SE2) -> float:
