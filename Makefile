@@ -46,7 +46,7 @@ format: $(STAMP)
 	$(BIN)/ruff check --fix .
 
 bench: $(STAMP)
-	$(BIN)/msrr bench close_range
+	$(BIN)/msrr bench close_range --grade perfect --grade careful --against docs/results/speed/close_range.json
 
 clean:
 	rm -rf $(VENV) build dist runs

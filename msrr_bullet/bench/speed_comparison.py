@@ -141,20 +141,37 @@ def comparison_table(found: SpeedComparison, before: SpeedComparison | None = No
     table.add_column("")
     for name in found.variants:
         table.add_column(name, justify="right")
-    speeds = list(found.variants.values())
-    for stage in _stages(found):
-        table.add_row(stage, *(f"{s.stages_ms_per_s.get(stage, 0.0):.1f} ms" for s in speeds))
+    for row in stage_rows(found):
+        table.add_row(*row)
     table.add_section()
-    table.add_row("in all", *(f"{1e3 / s.real_time_factor:.1f} ms" for s in speeds))
-    table.add_row("physics alone", *(f"{s.physics_alone_ms_per_s:.1f} ms" for s in speeds))
-    table.add_row("over physics alone", *(f"{s.times_physics_alone:.2f}" for s in speeds))
+    for row in summary_rows(found, before):
+        table.add_row(*row)
+    return table
+
+
+def stage_rows(found: SpeedComparison) -> list[list[str]]:
+    """Return a row for every stage of the loop: its name, and its time in each variant."""
+    return [
+        [stage, *(f"{speed.stages_ms_per_s.get(stage, 0.0):.1f} ms" for speed in found.variants.values())]
+        for stage in _stages(found)
+    ]
+
+
+def summary_rows(found: SpeedComparison, before: SpeedComparison | None = None) -> list[list[str]]:
+    """Return rows of what all stages together cost in each variant, beside an earlier comparison, if any."""
+    speeds = list(found.variants.values())
+    rows = [
+        ["in all", *(f"{1e3 / s.real_time_factor:.1f} ms" for s in speeds)],
+        ["physics alone", *(f"{s.physics_alone_ms_per_s:.1f} ms" for s in speeds)],
+        ["over physics alone", *(f"{s.times_physics_alone:.2f}" for s in speeds)],
+        ["real time factor", *(f"{s.real_time_factor:.1f}" for s in speeds)],
+        ["units under way, on average", *(f"{s.units_under_way:.1f}" for s in speeds)],
+        ["memory at its peak", *(f"{s.peak_mb:.0f} MB" for s in speeds)],
+    ]
     if before is not None:
         earlier = [before.variants.get(name) for name in found.variants]
-        table.add_row("before", *("-" if e is None else f"{e.times_physics_alone:.2f}" for e in earlier))
-    table.add_row("real time factor", *(f"{s.real_time_factor:.1f}" for s in speeds))
-    table.add_row("units under way, on average", *(f"{s.units_under_way:.1f}" for s in speeds))
-    table.add_row("memory at its peak", *(f"{s.peak_mb:.0f} MB" for s in speeds))
-    return table
+        rows.insert(3, ["before", *("-" if e is None else f"{e.times_physics_alone:.2f}" for e in earlier)])
+    return rows
 
 
 def slower_than(found: SpeedComparison, before: SpeedComparison) -> list[str]:
