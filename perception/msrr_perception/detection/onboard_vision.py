@@ -112,7 +112,7 @@ class OnboardVision:
         if not known:
             reader.read(frame, self.detector)
         elif exposure.frame % self._full_every == 0:
-            self._read(reader, frame, self._chosen(expected, exposure.frame))
+            self._read(reader, frame, expected, self._chosen(expected, exposure.frame))
         elif expected and not self._blank:
             self._read_windows(reader, expected, exposure.frame)
         elif expected or exposure.frame % self._search_every == 0:
@@ -132,7 +132,7 @@ class OnboardVision:
     def _read_windows(self, reader: FrameReader, expected: Sequence[ExpectedTag], frame: int) -> None:
         chosen = self._chosen(expected, frame)
         wanted = {e.tag_id for e in chosen}
-        self._read(reader, plan_windows(self.target, chosen, self.policy), chosen)
+        self._read(reader, plan_windows(self.target, chosen, self.policy), chosen, chosen)
         if chosen and not self._target_tags(reader):
             windows = plan_windows(self.target, expected, self.policy, self._retry_widen)
             reader.read(windows, self.detector)
@@ -143,9 +143,15 @@ class OnboardVision:
             if self._misses[tag] >= _MISSES_BEFORE_REST:
                 self._resting[tag] = frame + 1 + self._rest
 
-    def _read(self, reader: FrameReader, windows: Sequence[Window], wanted: Sequence[ExpectedTag]) -> None:
-        """Read windows by the size of the tags wanted, and again at full resolution if one is missing."""
-        upright_px = min((e.upright_edge for e in wanted), default=0.0)
+    def _read(
+        self,
+        reader: FrameReader,
+        windows: Sequence[Window],
+        shown: Sequence[ExpectedTag],
+        wanted: Sequence[ExpectedTag],
+    ) -> None:
+        """Read windows by the size of the tags shown; again at full resolution if one wanted is missing."""
+        upright_px = min((e.upright_edge for e in shown), default=0.0)
         detector = detector_for(self._detectors, upright_px)
         reader.read(windows, detector)
         if detector is not self.detector and not reader.found.keys() >= {e.tag_id for e in wanted}:
