@@ -83,13 +83,16 @@ class ImageNoise:
         r = self._radius
         if ideal.shape != (window.height + 2 * r, window.width + 2 * r):
             raise ValueError(f"{ideal.shape} pixels given for {window} with a margin of {r}")
-        light = self._blurred(ideal)
-        if self._response is not None:
-            light = self._response.shaded(light, window)
+        light, unit = self._blurred(ideal)
+        if self._response is not None and self._response.shades:
+            light = self._response.shaded(light[r : r + window.height, r : r + window.width], window)
+            r = 0
         digest = hashlib.blake2b(frame.to_bytes(8, "little"), key=self._key, digest_size=9).digest()
-        out = np.empty(light.shape, dtype=np.uint8)
+        out = np.empty((window.height, window.width), dtype=np.uint8)
         convert_light(
             light,
+            r,
+            unit,
             self._tile,
             (int.from_bytes(digest[:4], "little") + window.x) % TILE,
             (int.from_bytes(digest[4:8], "little") + window.y) % TILE,
@@ -101,16 +104,16 @@ class ImageNoise:
         )
         return out
 
-    def _blurred(self, ideal: Pixels) -> NDArray[np.float32]:
-        """Return the light of the pixels within the margin, exactly: its sums are whole numbers below 2**24.
+    def _blurred(self, ideal: Pixels) -> tuple[NDArray[np.float32], float]:
+        """Return the light, with the margin, and the grey levels for each unit of it.
 
-        So rounding does not depend on how OpenCV divides the image.
+        It is exact, as sums of whole numbers below 2**24 are: so rounding does not depend on how OpenCV
+        divides the image.
         """
-        r = self._radius
-        if not r:
-            return ideal.astype(np.float32)
-        sums = cv2.sepFilter2D(ideal, cv2.CV_32F, self._kernel, self._kernel)[r:-r, r:-r]
-        return sums * np.float32(1.0 / _KERNEL_SUM**2)
+        if not self._radius:
+            return np.ascontiguousarray(ideal, dtype=np.float32), 1.0
+        sums = cv2.sepFilter2D(ideal, cv2.CV_32F, self._kernel, self._kernel)
+        return np.asarray(sums, dtype=np.float32), 1.0 / _KERNEL_SUM**2
 
 
 def blur_kernel(sigma: float) -> NDArray[np.float32]:

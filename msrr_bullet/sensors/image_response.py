@@ -28,6 +28,7 @@ class ImageResponse:
     """Shading of the image, gain and tone curve of a camera.
 
     Attributes:
+        shades: Whether less light arrives at some pixels than at others.
         per_grey: Numbers of the converter for each grey level of light.
         tone: Grey level for every number of 16 bits, so that nothing has to be clipped at the converter's
             largest one before, shape (65536,).
@@ -47,15 +48,13 @@ class ImageResponse:
         rise = spec.light_gradient / pinhole.width
         self._rise_x, self._rise_y = rise * math.cos(direction), rise * math.sin(direction)
         self._middle_x, self._middle_y = 0.5 * (pinhole.width - 1), 0.5 * (pinhole.height - 1)
-        self._shades = spec.vignetting > 0.0 or spec.light_gradient > 0.0
+        self.shades = spec.vignetting > 0.0 or spec.light_gradient > 0.0
         self.per_grey = spec.gain * _CONVERTER_MAX / 255.0
         levels = np.minimum(np.arange(1 << 16), _CONVERTER_MAX) / _CONVERTER_MAX
         self.tone: Pixels = np.rint(255.0 * levels ** (1.0 / spec.gamma)).astype(np.uint8)
 
     def shaded(self, light: NDArray[np.float32], window: Window) -> NDArray[np.float32]:
-        """Return the light at the pixels of ``window``, shape (height, width) [grey levels]."""
-        if not self._shades:
-            return light
+        """Return what arrives of the light at the pixels of ``window``, shape (height, width)."""
         x, y = np.arange(window.x, window.x_end), np.arange(window.y, window.y_end)
         lost = np.add.outer(self._loss * (y - self._cy) ** 2, self._loss * (x - self._cx) ** 2)
         lamp = np.add.outer(self._rise_y * (y - self._middle_y), 1.0 + self._rise_x * (x - self._middle_x))

@@ -7,7 +7,7 @@ from dataclasses import astuple
 import numpy as np
 
 from msrr_bullet.render.raster.kernels.floor import ROLLED_STRIDE
-from msrr_bullet.render.raster.kernels.lens_nodes import cut_nodes, node_steps, undistort_nodes
+from msrr_bullet.render.raster.kernels.lens_nodes import node_steps, undistort_nodes
 from msrr_bullet.render.raster.kernels.records import Lens, LensView
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.distortion import Distortion, has_inverse
@@ -61,16 +61,15 @@ class LensMap:
             for i in range(x // _TILE, (x + window.width) // _TILE + 1):
                 if not self._known[j, i]:
                     self._compute(j, i)
-        shape = window.height + 1, window.width + 1
-        u, v, v_low, v_high = np.empty(shape), np.empty(shape), np.empty(shape[0]), np.empty(shape[0])
-        cut_nodes(self._u, self._v, y, x, u, v, v_low, v_high)
+        nodes = slice(y, y + window.height + 1), slice(x, x + window.width + 1)
+        u, v = np.ascontiguousarray(self._u[nodes]), np.ascontiguousarray(self._v[nodes])
         first, last = (k // ROLLED_STRIDE - self._first_group for k in (window.x, window.x_end))
         part = slice(y, y + window.height), slice(first, last + 1)
         view = LensView(
             u=u,
             v=v,
-            v_low=v_low,
-            v_high=v_high,
+            v_low=v.min(axis=1),
+            v_high=v.max(axis=1),
             shift=self._shift,
             pitch=self._pitch,
             slant=self._slant,

@@ -89,21 +89,20 @@ class SE3:
 
     def quaternion_xyzw(self) -> Array:
         """Return the unit quaternion (4,), ordered x, y, z, w, with w >= 0."""
-        R = self.R
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self.R.tolist()
+        trace = xx + yy + zz
+        largest = max(xx, yy, zz, trace)
         # Shepperd's method: divide by the largest of the four candidates, never by a small one.
-        diagonal = np.array([R[0, 0], R[1, 1], R[2, 2], np.trace(R)])
-        i = int(np.argmax(diagonal))
-        if i == 3:
-            q = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1.0 + diagonal[3]])
+        if largest == trace:
+            q = zy - yz, xz - zx, yx - xy, 1.0 + trace
+        elif largest == xx:
+            q = 1.0 + 2.0 * xx - trace, yx + xy, zx + xz, zy - yz
+        elif largest == yy:
+            q = yx + xy, 1.0 + 2.0 * yy - trace, zy + yz, xz - zx
         else:
-            j, k = (i + 1) % 3, (i + 2) % 3
-            q = np.empty(4)
-            q[i] = 1.0 + 2.0 * diagonal[i] - diagonal[3]
-            q[j] = R[j, i] + R[i, j]
-            q[k] = R[k, i] + R[i, k]
-            q[3] = R[k, j] - R[j, k]
-        q /= np.linalg.norm(q)
-        return -q if q[3] < 0.0 else q
+            q = zx + xz, zy + yz, 1.0 + 2.0 * zz - trace, yx - xy
+        length = math.copysign(math.hypot(*q), q[3])
+        return np.array(q) / length
 
     def rpy(self) -> Array:
         """Return roll, pitch, yaw (3,) [rad] in the URDF convention; at a pitch of 90 deg one of many."""

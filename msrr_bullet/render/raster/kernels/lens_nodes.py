@@ -76,17 +76,3 @@ def node_steps(u: Array, v: Array, j0: int, j1: int, i0: int, i1: int) -> tuple[
                 pitch = min(pitch, u[j, i] - u[j, i - 1])
                 slant = max(slant, abs(v[j, i] - v[j, i - 1]))
     return shift, pitch, slant
-
-
-@kernel
-def cut_nodes(
-    u: Array, v: Array, row: int, column: int, u_out: Array, v_out: Array, v_low: Array, v_high: Array
-) -> None:
-    """Copy a part of the nodes that begins at a row and a column, and write the bounds of v in each row."""
-    for j in range(u_out.shape[0]):
-        low = high = v[row + j, column]
-        for i in range(u_out.shape[1]):
-            u_out[j, i], here = u[row + j, column + i], v[row + j, column + i]
-            v_out[j, i] = here
-            low, high = min(low, here), max(high, here)
-        v_low[j], v_high[j] = low, high
