@@ -7,6 +7,7 @@ shipped scenes changes its speed by 4 mm/s in 10 ms, which is 0.02 mm from its p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +17,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from msrr_bullet.sensors.kernels.image_motion import fastest_corner
+from msrr_bullet.sensors.kernels.image_motion import fastest_corner, place_tags
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
 from msrr_scenes.arrays import Array
@@ -121,6 +122,7 @@ class MotionSensor:
         """
         self._simulation = simulation
         self._carrier = carrier
+        self._shown: tuple[str, ...] | None = None  # bodies whose tags there are; obstacles may appear
 
     def __call__(self) -> CameraMotion:
         """Return the motion at this instant."""
@@ -130,17 +132,18 @@ class MotionSensor:
         motions = {body: _unit_motion(simulation, unit) for unit, body in ids.items()}
         ids |= world.obstacles
         poses = simulation.poses()
-        shown = [name for name in self._tags if name in poses]
-        count = [len(self._tags[name]) for name in shown]
-        planar = [(np.cos(poses[n].yaw), np.sin(poses[n].yaw), poses[n].x, poses[n].y) for n in shown]
-        cos, sin, x0, y0 = np.array(planar).reshape(-1, 4).repeat(count, axis=0).T[..., np.newaxis]
-        tags = np.concatenate([np.empty((0, 4, 3)), *(self._tags[name] for name in shown)])
-        x, y, z = tags[..., 0], tags[..., 1], tags[..., 2]
+        shown = tuple(name for name in self._tags if name in poses)
+        if shown != self._shown:
+            count = [len(self._tags[name]) for name in shown]
+            self._shown, self._which = shown, np.arange(len(shown)).repeat(count)
+            self._owners = np.array([ids[name] for name in shown], dtype=np.int64).repeat(count)
+            self._corners = np.concatenate([np.empty((0, 4, 3)), *(self._tags[name] for name in shown)])
+        planar = [(math.cos(X.yaw), math.sin(X.yaw), X.x, X.y) for X in map(poses.__getitem__, shown)]
         return CameraMotion(
             bodies={body: motion for body, motion in motions.items() if not motion.stands},
             carrier=None if self._carrier is None else ids[self._carrier],
-            tags=np.stack([cos * x - sin * y + x0, sin * x + cos * y + y0, z], axis=-1),
-            owners=np.array([ids[name] for name in shown], dtype=np.int64).repeat(count),
+            tags=place_tags(self._corners, self._which, np.array(planar).reshape(-1, 4)),
+            owners=self._owners,
         )
 
     @cached_property

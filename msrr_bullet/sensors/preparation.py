@@ -8,6 +8,7 @@ import numpy as np
 
 from msrr_bullet.sensors.camera_motion import CameraMotion
 from msrr_bullet.sensors.image_noise import ImageNoise
+from msrr_bullet.sensors.kernels.image_motion import place_tags
 from msrr_perception.kernels.warm import warm
 from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
@@ -25,8 +26,9 @@ def prepare_cameras(scene: Scene, announce: Callable[[str], None]) -> None:
     warm(announce)
     if scene.perception != "images":
         return
-    no_tags = np.empty((0, 4, 3)), np.empty(0, dtype=np.int64)
-    CameraMotion({}, None, *no_tags).image_speed(PinholeCamera(8, 8, 8.0), SE3())
+    owners = np.empty(0, dtype=np.int64)
+    tags = place_tags(np.empty((0, 4, 3)), owners, np.empty((0, 4)))
+    CameraMotion({}, None, tags, owners).image_speed(PinholeCamera(8, 8, 8.0), SE3())
     ImageNoise(0, 0.0, 0.0).read_out(np.zeros((1, 1), dtype=np.uint8), Window(0, 0, 1, 1), 0)
     cameras = [scene.cameras.onboard, *([scene.cameras.overhead] if scene.cameras.overhead else [])]
     if any(camera.renderer.name == "raster" for camera in cameras):

@@ -1,11 +1,31 @@
-"""How fast the image of tags moves."""
+"""Where tags are, and how fast their image moves."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msrr_bullet.sensors.kernels.compiler import kernel
 from msrr_scenes.arrays import Array
+
+
+@kernel
+def place_tags(tags_B: Array, which: NDArray[np.int64], planar: Array) -> Array:
+    """Return corners of tags in W, shape (T, 4, 3) [m].
+
+    Args:
+        tags_B: The corners in the frames of their bodies, shape (T, 4, 3) [m].
+        which: Index of the body of each tag, shape (T,).
+        planar: Cosine and sine of the heading of each body, and its place in W [m], shape (B, 4).
+    """
+    out = np.empty_like(tags_B)
+    for t in range(len(tags_B)):
+        cos, sin, x, y = planar[which[t]]
+        for k in range(4):
+            out[t, k, 0] = cos * tags_B[t, k, 0] - sin * tags_B[t, k, 1] + x
+            out[t, k, 1] = sin * tags_B[t, k, 0] + cos * tags_B[t, k, 1] + y
+            out[t, k, 2] = tags_B[t, k, 2]
+    return out
 
 
 @kernel
