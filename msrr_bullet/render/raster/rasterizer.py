@@ -34,6 +34,9 @@ from msrr_scenes.messages import Pixels
 #: Nothing nearer is drawn, so that a camera may sit inside a body [m].
 _NEAR = 0.01
 
+#: Most rows that are drawn at once through a lens, so that a whole frame takes little memory for its corners.
+_STRIP = 2 * BAND
+
 #: The light of the scene, the same as in TinyRenderer.
 _TOWARDS_LIGHT = np.array([-0.45, 0.25, 0.86])
 _LIGHT = Light(_TOWARDS_LIGHT / np.linalg.norm(_TOWARDS_LIGHT), ambient=0.6, diffuse=0.4)
@@ -111,25 +114,27 @@ class Rasterizer:
     def _draw_through_lens(
         self, lens: LensMap, X_WC: SE3, window: Window, poses: Array, floor: FloorTexture, out: Pixels
     ) -> None:
-        view = lens.view(window)
         if len(self._maps) < BAND * window.width + 1:
             self._maps = np.empty((BAND * window.width + 1, 6))
-        draw_through_lens(
-            _view(lens.camera, bounds_of(view)),
-            view,
-            poses,
-            X_WC.R,
-            X_WC.p,
-            _LIGHT,
-            self.geometry,
-            self._textures,
-            floor,
-            self._positions,
-            self._cell_positions,
-            self._workspace,
-            self._maps,
-            out,
-        )
+        for top in range(0, window.height, _STRIP):
+            rows = out[top : top + _STRIP]
+            view = lens.view(Window(window.x, window.y + top, window.width, len(rows)))
+            draw_through_lens(
+                _view(lens.camera, bounds_of(view)),
+                view,
+                poses,
+                X_WC.R,
+                X_WC.p,
+                _LIGHT,
+                self.geometry,
+                self._textures,
+                floor,
+                self._positions,
+                self._cell_positions,
+                self._workspace,
+                self._maps,
+                rows,
+            )
 
 
 def _view(camera: PinholeCamera, window: Window) -> View:

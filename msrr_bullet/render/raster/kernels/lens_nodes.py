@@ -34,30 +34,35 @@ def undistort_nodes(
         v: Rows, likewise.
     """
     k1, k2, k3, p1, p2 = lens.k1, lens.k2, lens.k3, lens.p1, lens.p2
-    invertible = True
+    x_shown, x, y = np.empty(i1 - i0), np.empty(i1 - i0), np.empty(i1 - i0)
+    folded = 0
     for j in range(j0, j1):
         y_shown = (rows[j] - lens.cy) / lens.focal / lens.aspect
-        for i in range(i0, i1):
-            x_shown = (columns[i] - lens.cx) / lens.focal
-            x, y, ex, ey, determinant = x_shown, y_shown, 0.0, 0.0, 1.0
-            for _ in range(_STEPS + 1):
-                r2 = x * x + y * y
+        for i in range(i1 - i0):
+            x_shown[i] = (columns[i0 + i] - lens.cx) / lens.focal
+            x[i], y[i] = x_shown[i], y_shown
+        for step in range(_STEPS + 1):  # the last one is only looked at
+            for i in range(i1 - i0):  # becomes vector code
+                here, there = x[i], y[i]
+                r2 = here * here + there * there
                 radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-                ex = radial * x + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x) - x_shown
-                ey = radial * y + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y - y_shown
+                ex = radial * here + 2.0 * p1 * here * there + p2 * (r2 + 2.0 * here * here) - x_shown[i]
+                ey = radial * there + p1 * (r2 + 2.0 * there * there) + 2.0 * p2 * here * there - y_shown
                 slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))
-                a = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x
-                b = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
-                d = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x
+                a = radial + slope * here * here + 2.0 * p1 * there + 6.0 * p2 * here
+                b = slope * here * there + 2.0 * p1 * here + 2.0 * p2 * there
+                d = radial + slope * there * there + 6.0 * p1 * there + 2.0 * p2 * here
                 determinant = a * d - b * b
-                if abs(ex) + abs(ey) < 1e-15:
-                    break
-                x, y = x - (d * ex - b * ey) / determinant, y - (a * ey - b * ex) / determinant
-            # Where the polynomial folds the plane the determinant changes its sign; NaN fails, too.
-            if not (abs(ex) < _RESIDUAL and abs(ey) < _RESIDUAL and determinant > 0.0):
-                invertible = False
-            u[j, i], v[j, i] = lens.focal * x + lens.cx + 0.5, lens.focal * y + lens.cy + 0.5
-    return invertible
+                if step < _STEPS:
+                    x[i] = here - (d * ex - b * ey) / determinant
+                    y[i] = there - (a * ey - b * ex) / determinant
+                else:
+                    # Where the polynomial folds the plane the determinant changes its sign; NaN fails, too.
+                    found = (abs(ex) < _RESIDUAL) & (abs(ey) < _RESIDUAL) & (determinant > 0.0)
+                    folded += 0 if found else 1
+        for i in range(i1 - i0):
+            u[j, i0 + i], v[j, i0 + i] = lens.focal * x[i] + lens.cx + 0.5, lens.focal * y[i] + lens.cy + 0.5
+    return folded == 0
 
 
 @kernel
