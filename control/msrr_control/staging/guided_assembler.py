@@ -157,11 +157,13 @@ class GuidedAssembler(Generic[State]):
     # The legs: each returns a command, or None at its end.
 
     def _turn(self, observation: Observation, arena: ArenaMap, limit: float) -> Twist | None:
-        """Turn on the spot; the arc length counts the way of the controlled point."""
+        """Turn on the spot as granted; the arc length counts the way of the controlled point."""
         assert self._leg is not None
         leg, begin = self.authority.legs[self._leg], self._start_of(self._leg)
         self._stage = "turn"
-        error = wrap_angle(leg.start[2] + leg.turn - arena.X_WU.yaw)
+        # The heading counts from the middle of the turn: neither way round is the nearer one in a half turn.
+        middle = 0.5 * leg.turn
+        error = middle - wrap_angle(arena.X_WU.yaw - leg.start[2] - middle)
         left = self._setup.offset * abs(error)
         self.covered = max(self.covered, min(leg.end - left, leg.end))
         if abs(error) < _ALIGNED_RAD and abs(observation.twist.w) < _STILL_RADPS:

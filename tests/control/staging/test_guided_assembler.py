@@ -17,10 +17,10 @@ from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_control.staging.parameters import AssemblyParams
 from msrr_control.staging.setup import AssemblySetup
-from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.messages import ArenaEstimate, FailureReason, GlobalPose, Twist
-from msrr_scenes.messages.coordination import Authority, LegKind, MissionState, UnitMode, UnitReport
+from msrr_scenes.messages.coordination import Authority, LegKind, MissionState, RouteLeg, UnitMode, UnitReport
 from msrr_scenes.specs.bodies import ArenaSpec
 from msrr_scenes.specs.mission import ShapeSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -226,6 +226,21 @@ def follow(
         now_ns += DT_NS
         unit.step(now_ns, arena_of(unit, now_ns))
     return now_ns
+
+
+@pytest.mark.parametrize("off", [-0.1, 0.0, 0.1])
+@pytest.mark.parametrize("turn", [-math.pi, math.pi])
+def test_a_half_turn_goes_the_way_round_that_was_granted(turn: float, off: float) -> None:
+    """Others keep out of the poses of the granted turn; the other way round the body passes other poses."""
+    yaw, halfway = -2.4, SE2(0.0, 0.0, -2.4 + 0.5 * turn)
+    unit = Fleet(STARTS, Mission())._unit("a", SE2(0.0, 0.0, yaw + off), ("b", "c", "d"))
+    leg = RouteLeg(LegKind.TURN, (0.0, 0.0, yaw), (), (), turn, 0.1 * math.pi)
+    message = Authority("a", 1, 1, 0, 3_000_000_000, leg.end, (leg,), None, False)
+    now_ns = follow(unit, message, 0.5 * leg.end, 8.0, 0)
+    assert abs((halfway.inverse() @ unit.X_WU).yaw) < 0.1
+    follow(unit, message, leg.end, 8.0, now_ns)
+    assert unit.assembler.finished
+    assert abs(abs(wrap_angle(unit.X_WU.yaw - yaw)) - math.pi) < 0.05
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
