@@ -135,6 +135,9 @@ class UnitRecord:
         self.X_WU, self.seen_ns = body.X_WB, body.stamp_ns
         if self.track is None or not self.under_way:
             return
+        report = self.report
+        if report is not None and report.route == self.route and body.stamp_ns < report.stamp_ns:
+            return  # a look from before a report may show the unit short of the progress that it told of
         seen = self.track.seen_progress(body.X_WB, self.progress, self.limit + SAME_M, _SEEN_OFF_M)
         if seen is not None:
             self._advance(seen - _SEEN_BACK_M, now_ns)

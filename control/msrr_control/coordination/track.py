@@ -75,7 +75,10 @@ class Track:
         return SE2(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), yaw)
 
     def seen_progress(self, X_WU: SE2, low: float, high: float, off: float) -> float | None:
-        """Return the arc length between ``low`` and ``high`` at which the track is nearest to a pose [m].
+        """Return the arc length between ``low`` and ``high`` at which the track first passes a pose [m].
+
+        A track may pass a pose more than once, as where a unit turns, drives off and comes back. Only the
+        first time is sure to lie behind the unit.
 
         Args:
             X_WU: Estimate of the unit's pose.
@@ -84,7 +87,7 @@ class Track:
             off: Distance from the track beyond which the pose does not belong to it [m].
 
         Returns:
-            The arc length; None if the pose is not on that part of the track.
+            Arc length of the nearest sample of that passage; None if that part of the track does not pass.
         """
         inside = np.flatnonzero((self.s >= low) & (self.s <= high))
         if not len(inside):
@@ -92,8 +95,13 @@ class Track:
         delta = self.poses[inside, :2] - X_WU.translation
         turned = np.abs(np.remainder(self.poses[inside, 2] - X_WU.yaw + math.pi, 2.0 * math.pi) - math.pi)
         apart = np.hypot(delta[:, 0], delta[:, 1]) + 0.1 * turned
-        best = int(apart.argmin())
-        return float(self.s[inside[best]]) if apart[best] < off else None
+        near = apart < off
+        if not near.any():
+            return None
+        first = int(near.argmax())
+        passage = np.logical_and.accumulate(near[first:])
+        best = first + int(np.where(passage, apart[first:], math.inf).argmin())
+        return float(self.s[inside[best]])
 
 
 class TrackBuilder:
@@ -125,8 +133,11 @@ class TrackBuilder:
 
     def turn_to(self, yaw: float) -> None:
         """Turn on the spot to the heading ``yaw`` [rad]."""
+        self.turn_by(wrap_angle(yaw - self.pose.yaw))
+
+    def turn_by(self, angle: float) -> None:
+        """Turn on the spot by ``angle`` [rad], to the left where it is positive."""
         start, s = self.pose, self._s[-1]
-        angle = wrap_angle(yaw - start.yaw)
         if abs(angle) < 1e-3:
             return
         count = math.ceil(self._offset * abs(angle) / SPACING_M)
@@ -210,7 +221,7 @@ def track_of(legs: Sequence[RouteLeg], X_WU: SE2, offset: float) -> Track:
         if leg.kind is LegKind.BACK:
             builder.back(leg.end - begin)
         elif leg.kind is LegKind.TURN:
-            builder.turn_to(builder.pose.yaw + leg.turn)
+            builder.turn_by(leg.turn)
         else:
             builder.follow(path_of(leg), leg.kind)
         begin = leg.end

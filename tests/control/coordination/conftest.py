@@ -32,6 +32,7 @@ from msrr_scenes.messages.coordination import (
     MissionStatus,
     UnitMode,
     UnitReport,
+    UnitState,
 )
 from msrr_scenes.specs.mission import RadioSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -277,12 +278,23 @@ class Rig:
             bodies = self._sights.pop(0)[1]
             if self.sight or self.now_ns < 1_000_000_000:
                 self.coordinator.observe(bodies, self.now_ns)
+                self._judge_knowledge()
         for message in self.coordinator.step(self.now_ns):
             key = (message.unit, message.route)
             assert message.limit >= self._granted.get(key, -math.inf), "an authority shrinks"
             self._granted[key] = message.limit
             self.authorities.append(message)
             self._radio.send(message.unit, message, self.now_ns)
+
+    def _judge_knowledge(self) -> None:
+        """Compare what is known with the truth: ground that a unit has still to drive on is not free yet."""
+        for known in self.status.units:
+            unit = self.units[known.unit]
+            if known.state is UnitState.UNDER_WAY:
+                driven = unit.progress if unit.route == known.route else 0.0
+                assert known.progress <= driven + 1e-6, (
+                    f"{unit.name} is {driven:.3f} m along its route, not {known.progress:.3f} m"
+                )
 
     def _judge(self) -> None:
         """Compare all bodies as they are: none may touch, and none may be where it was not allowed."""

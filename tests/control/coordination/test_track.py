@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from msrr_control.coordination.dispatcher import Knowledge
+from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.route_finder import Standing
 from msrr_control.coordination.track import (
     GAP_M,
@@ -22,7 +23,8 @@ from msrr_control.coordination.track import (
 )
 from msrr_control.path_following.path import Path
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
-from msrr_scenes.messages.coordination import LegKind
+from msrr_scenes.messages import GlobalPose
+from msrr_scenes.messages.coordination import LegKind, UnitMode, UnitReport, UnitState
 
 OFFSET = 0.1
 
@@ -131,3 +133,38 @@ def test_a_seen_pose_is_found_on_its_track_and_nowhere_else() -> None:
         assert seen == pytest.approx(s, abs=SPACING_M)
         assert track.seen_progress(track.at(s) @ SE2(0.0, 0.2, 0.0), s - 0.05, s + 0.05, 0.06) is None
     assert standing(SE2(1.0, 2.0, 0.3)).at(5.0) == SE2(1.0, 2.0, 0.3)
+
+
+def _out_and_back() -> Track:
+    """A track that turns round, leads off, turns round and leads back, past where it begins."""
+    builder = TrackBuilder(SE2(0.5, 0.4, -2.4), OFFSET)
+    for way in (0.3, 0.6):
+        builder.turn_by(-math.pi)
+        builder.follow(Path(builder.pose.as_array(), np.zeros(1), np.array([way + OFFSET])))
+    return builder.track()
+
+
+def test_a_unit_that_comes_by_again_is_not_held_for_further_than_it_is() -> None:
+    """Law: what is seen is where the unit is, set back by 6 cm behind it, even where the track passes twice.
+
+    The progress that a unit is seen to have frees ground for others, so that one too large lets them come so
+    near that neither can move.
+    """
+    track, known, rng = _out_and_back(), 0.0, np.random.default_rng(3)
+    np.testing.assert_allclose(track_of(track.legs, track.at(0.0), OFFSET).poses, track.poses, atol=1e-9)
+    for s in np.repeat(np.arange(0.0, track.length, 0.02), 5).tolist():
+        X_WU = track.at(s) @ SE2(*rng.uniform([-0.01, -0.01, -0.05], [0.01, 0.01, 0.05]).tolist())
+        seen = track.seen_progress(X_WU, known, track.length, 0.06)
+        assert seen is not None
+        assert s - 0.06 < seen < s + 0.06
+        known = max(known, seen - 0.06)
+
+
+def test_a_look_from_before_a_report_tells_nothing_of_progress() -> None:
+    """It shows the unit where it was, and the track may pass there again."""
+    track = _out_and_back()
+    unit = UnitRecord("a", state=UnitState.UNDER_WAY, route=1, track=track, limit=track.length)
+    unit.receive(UnitReport("a", 2_000_000_000, 1, 1, 0.2, UnitMode.DRIVING, None), 2_100_000_000)
+    for stamp_ns, s, known in ((1_000_000_000, 0.0, 0.2), (3_000_000_000, 0.5, 0.44)):
+        unit.observe(GlobalPose("a", stamp_ns, track.at(s), 1e-6 * np.eye(3)), stamp_ns + 1_500_000_000)
+        assert unit.progress == pytest.approx(known, abs=SPACING_M)
