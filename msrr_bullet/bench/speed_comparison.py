@@ -206,9 +206,10 @@ def draw_comparison(found: SpeedComparison, path: Path) -> Path:
         figure = new_figure(3.5 + 1.1 * len(found.variants), 5.0)
         axes = figure.subplots()
         names, bottom = list(found.variants), [0.0] * len(found.variants)
-        for stage in _stages(found):
+        for n, stage in enumerate(_stages(found)):
+            colour = f"C{n}" if n < 10 else "lightgrey"  # the cycle has ten
             heights = [speed.stages_ms_per_s.get(stage, 0.0) for speed in found.variants.values()]
-            axes.bar(names, heights, bottom=bottom, label=stage, width=0.6)
+            axes.bar(names, heights, bottom=bottom, label=stage, width=0.6, color=colour)
             bottom = [b + h for b, h in zip(bottom, heights, strict=True)]
         for i, speed in enumerate(found.variants.values()):
             label = "_nolegend_" if i else "physics alone"
