@@ -1,10 +1,12 @@
-"""What tests of several packages share: shipped scenes with one renderer, and a user's photographs."""
+"""What tests of several packages share: shipped scenes with one renderer, programs, a user's photographs."""
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -37,14 +39,22 @@ def shipped() -> ShippedScene:
     return load
 
 
+def load_script(path: Path) -> ModuleType:
+    """Return a program that belongs to no package as a module."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 @pytest.fixture(scope="session")
 def photographs() -> Path:
     """Folder of photographs: ``mapping`` with its ``tags.txt``, ``rotation``, ``chessboard``."""
     if "MSRR_PHOTOGRAPHS" not in os.environ:
-        pytest.skip(
-            "photographs belong to whoever took them, so that the project ships none; "
-            "MSRR_PHOTOGRAPHS names a folder of yours"
-        )
+        # Photographs belong to whoever took them, so that the project ships none.
+        pytest.skip("needs photographs, none of which are shipped: MSRR_PHOTOGRAPHS names a folder of yours")
     return Path(os.environ["MSRR_PHOTOGRAPHS"])
 
 

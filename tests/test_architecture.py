@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import inspect
 import sys
 from collections.abc import Callable
@@ -15,18 +14,14 @@ import pytest
 
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import load_script
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 
 
 @pytest.fixture(scope="module")
 def script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("make_architecture", DOCS / "make_architecture.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_script(DOCS / "make_architecture.py")
 
 
 def test_the_page_is_what_the_script_writes(script: ModuleType) -> None:

@@ -1,18 +1,15 @@
-import importlib.util
 import re
 from pathlib import Path
 
 import pytest
 
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit, urdf_folder
+from tests.conftest import load_script
 
 
 @pytest.fixture(scope="module")
 def draw_unit():
-    spec = importlib.util.spec_from_file_location("draw_unit", urdf_folder() / "draw_unit.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_script(urdf_folder() / "draw_unit.py")
 
 
 def labels(path: Path) -> list[str]:

@@ -92,11 +92,7 @@ class Rasterizer:
             self._width = window.width
             self._workspace = _workspace(self.geometry, self._frame_count, window.width)
         out = np.empty((window.height, window.width), dtype=np.uint8)
-        if lens is not None:
-            self._draw_through_lens(lens, X_WC, window, poses, floor, out)
-            return out
-        draw(
-            _view(camera, window),
+        scene = (
             poses,
             X_WC.R,
             X_WC.p,
@@ -107,34 +103,17 @@ class Rasterizer:
             self._positions,
             self._cell_positions,
             self._workspace,
-            out,
         )
-        return out
-
-    def _draw_through_lens(
-        self, lens: LensMap, X_WC: SE3, window: Window, poses: Array, floor: FloorTexture, out: Pixels
-    ) -> None:
+        if lens is None:
+            draw(_view(camera, window), *scene, out)
+            return out
         if len(self._maps) < BAND * window.width + 1:
             self._maps = np.empty((BAND * window.width + 1, 6))
         for top in range(0, window.height, _STRIP):
             rows = out[top : top + _STRIP]
-            view = lens.view(Window(window.x, window.y + top, window.width, len(rows)))
-            draw_through_lens(
-                _view(lens.camera, bounds_of(view)),
-                view,
-                poses,
-                X_WC.R,
-                X_WC.p,
-                _LIGHT,
-                self.geometry,
-                self._textures,
-                floor,
-                self._positions,
-                self._cell_positions,
-                self._workspace,
-                self._maps,
-                rows,
-            )
+            seen = lens.view(Window(window.x, window.y + top, window.width, len(rows)))
+            draw_through_lens(_view(camera, bounds_of(seen)), seen, *scene, self._maps, rows)
+        return out
 
 
 def _view(camera: PinholeCamera, window: Window) -> View:

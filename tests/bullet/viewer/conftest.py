@@ -190,9 +190,8 @@ class Browser:
 def browser(tmp_path_factory):
     """Chromium without a window. Tests that use it are skipped where there is none."""
     if CHROMIUM is None and not os.environ.get("MSRR_REQUIRE_CHROMIUM"):
-        pytest.skip(
-            "Chromium is no Python package, so that make test cannot install it; CI does, and requires it"
-        )
+        # It is no Python package, so that make test cannot install it. CI installs and requires it.
+        pytest.skip("needs Chromium, which make test cannot install: it is no Python package")
     started = Browser(tmp_path_factory.mktemp("chromium"))
     yield started
     started.close()
