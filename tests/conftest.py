@@ -10,6 +10,7 @@ from types import ModuleType
 
 import pytest
 
+from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
 
@@ -24,6 +25,12 @@ CALIBRATION: Mapping[str, str] = {"as_built": "perfect"}
 BLIND: Mapping[str, str] = {"plant": "unicycle", "perception": "parametric"}
 
 ShippedScene = Callable[..., Scene]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile all kernels once, before several workers would each compile them for themselves."""
+    if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
+        prepare_cameras(load_scene("close_range"), print)
 
 
 @pytest.fixture(scope="session")

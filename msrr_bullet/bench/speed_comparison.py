@@ -26,6 +26,10 @@ _LINE_S = 20.0
 #: comparison: two runs on a busy machine of two cores have differed by up to a fifth.
 ALLOWED = 1.4
 
+#: How often a variant that costs more than that is measured in all. Other programs that use the memory slow
+#: rendering down more than physics, so that even this ratio of a trial has been 1.4 times as large.
+_MEASUREMENTS = 3
+
 
 class SpeedComparison(BaseModel, frozen=True):
     """The speed of variants of a scene, measured one after the other, each in a process of its own.
@@ -104,26 +108,43 @@ def _line_of(scene: Scene, number: int) -> Scene:
     return Scene.model_validate({**dict(scene), **line})
 
 
-def compare_speeds(variants: Mapping[str, Scene], observer: Callable[[str], None]) -> SpeedComparison:
+def compare_speeds(
+    variants: Mapping[str, Scene], observer: Callable[[str], None], before: SpeedComparison | None = None
+) -> SpeedComparison:
     """Measure all variants, each in a process of its own, so that its memory is its own.
 
     Args:
         variants: Scenes by their names.
         observer: Called with the name of each before it is measured.
+        before: Earlier comparison. A variant that costs more than it allows is measured again, up to three
+            times in all, and the time at which it cost least counts.
     """
     found: dict[str, TrialSpeed] = {}
     for name, scene in variants.items():
         observer(name)
-        # Spawned, never forked: a child of a process with threads may wait for a lock for ever.
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(1, context, initializer=end_with_parent) as pool:
-            found[name] = pool.submit(measure_trial_speed, scene, naive=False).result()
+        earlier = None if before is None else before.variants.get(name)
+        speeds = [_measured(scene)]
+        while earlier and _costs_more(speeds[-1], earlier) and len(speeds) < _MEASUREMENTS:
+            observer(f"{name}, again")
+            speeds.append(_measured(scene))
+        found[name] = min(speeds, key=lambda speed: speed.times_physics_alone)
     return SpeedComparison(
         scene=next(iter(variants.values())).name,
         machine=f"{_processor()}, {os.cpu_count()} cores",
         versions=package_versions(),
         variants=found,
     )
+
+
+def _measured(scene: Scene) -> TrialSpeed:
+    # Spawned, never forked: a child of a process with threads may wait for a lock for ever.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, context, initializer=end_with_parent) as pool:
+        return pool.submit(measure_trial_speed, scene, naive=False).result()
+
+
+def _costs_more(now: TrialSpeed, then: TrialSpeed) -> bool:
+    return now.times_physics_alone > ALLOWED * then.times_physics_alone
 
 
 def _processor() -> str:
@@ -189,9 +210,12 @@ def slower_than(found: SpeedComparison, before: SpeedComparison) -> list[str]:
         )
     slower = []
     for name in common:
-        now, then = (each.variants[name].times_physics_alone for each in (found, before))
-        if now > ALLOWED * then:
-            slower.append(f"{found.scene}, {name}: {now:.2f} times physics alone, {then:.2f} before")
+        now, then = (each.variants[name] for each in (found, before))
+        if _costs_more(now, then):
+            costs = (
+                f"{now.times_physics_alone:.2f} times physics alone, {then.times_physics_alone:.2f} before"
+            )
+            slower.append(f"{found.scene}, {name}: {costs}")
     return slower
 
 

@@ -126,7 +126,7 @@ def _comparison(
     before = None if against is None else comparison.read_comparison(against)
 
     def run(on_progress: Callable[[str], None]) -> tuple[_Report, Iterable[Table], Sequence[str]]:
-        report = comparison.compare_speeds(variants, on_progress)
+        report = comparison.compare_speeds(variants, on_progress, before)
         if plot is not None:
             comparison.draw_comparison(report, plot)
         slower = () if before is None else comparison.slower_than(report, before)

@@ -140,8 +140,7 @@ def compile_kernels(announce: Callable[[str], None], lens: bool = False) -> None
     """
     if not compiler.is_compiled():
         announce(
-            "Compiling the raster renderer, once for this version (about ten seconds), into "
-            f"{compiler.folder}"
+            f"Compiling the raster renderer, once for this version (about a minute), into {compiler.folder}"
         )
     rasterizer = Rasterizer([VisualShape(0, SE3(), box(np.ones(3)), grey=1.0)], frame_count=1)
     floor = pack_floor([np.zeros((1, 1), dtype=np.float32)], period=1.0, wall=0.0)

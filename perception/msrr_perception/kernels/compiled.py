@@ -79,8 +79,8 @@ def _user_caches() -> Path:
 
 
 def _digest(sources: Path) -> str:
-    """Return a digest of all that determines the machine code: the sources and the compiler's version."""
-    digest = hashlib.sha256(f"numba {numba.__version__}, python {sys.version_info[:2]}".encode())
+    """Return a digest of the sources, of where they lie (numba keeps that too), and of the versions."""
+    digest = hashlib.sha256(f"numba {numba.__version__}, python {sys.version_info[:2]}, {sources}".encode())
     for source in sorted(sources.glob("*.py")):
         digest.update(source.name.encode())
         digest.update(source.read_bytes())

@@ -32,7 +32,7 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
         announce: Called with a sentence before a compilation begins; not called for a load from disk.
     """
     if not compiler.is_compiled():
-        announce(f"Compiling perception, once for this version (about ten seconds), into {compiler.folder}")
+        announce(f"Compiling perception, once for this version (about a minute), into {compiler.folder}")
     optics = Optics(np.eye(3, order="F"), np.zeros(3), 8.0, 4.0, 4.0)
     square = np.array([[-0.5, 0.5, 2.0], [0.5, 0.5, 2.0], [0.5, -0.5, 2.0], [-0.5, -0.5, 2.0]])
     pose, state = np.zeros(5), np.zeros(8)

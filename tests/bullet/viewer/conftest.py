@@ -110,6 +110,11 @@ class Browser:
         self.call("Page.navigate", url=url)
         self.wait(f"document.readyState === 'complete' && location.href !== 'about:blank' && ({until})")
 
+    def leave(self):
+        """Leave the open page, which would go on drawing."""
+        if self._page is not None:
+            self.call("Page.navigate", url="about:blank")
+
     def resize(self, size):
         metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
         self.call("Emulation.setDeviceMetricsOverride", **metrics)
@@ -187,7 +192,7 @@ class Browser:
 
 
 @pytest.fixture(scope="session")
-def browser(tmp_path_factory):
+def chromium(tmp_path_factory):
     """Chromium without a window. Tests that use it are skipped where there is none."""
     if CHROMIUM is None and not os.environ.get("MSRR_REQUIRE_CHROMIUM"):
         # It is no Python package, so that make test cannot install it. CI installs and requires it.
@@ -195,3 +200,10 @@ def browser(tmp_path_factory):
     started = Browser(tmp_path_factory.mktemp("chromium"))
     yield started
     started.close()
+
+
+@pytest.fixture(scope="module")
+def browser(chromium):
+    """Chromium; the page that the last test of a file opened is left when the file ends."""
+    yield chromium
+    chromium.leave()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -47,15 +48,23 @@ def test_the_folder_of_compiled_code_is_the_users(folder_of: FolderOf, tmp_path:
 
 
 def test_an_edited_kernel_is_compiled_anew(folder_of: FolderOf, tmp_path: Path) -> None:
-    before = folder_of(NUMBA_CACHE_DIR=str(tmp_path))
     copy = tmp_path / "sources"
     copy.mkdir()
     for source in SOURCES.glob("*.py"):
         (copy / source.name).write_bytes(source.read_bytes())
+    before = folder_of(copy, NUMBA_CACHE_DIR=str(tmp_path))
     assert folder_of(copy, NUMBA_CACHE_DIR=str(tmp_path)) == before
     with (copy / "edges.py").open("a") as file:
         file.write("# edited\n")
     assert folder_of(copy, NUMBA_CACHE_DIR=str(tmp_path)) != before
+
+
+def test_a_copy_elsewhere_is_known_not_to_be_compiled(tmp_path: Path) -> None:
+    """numba stores machine code by the place of its source."""
+    copy = tmp_path / "sources"
+    shutil.copytree(SOURCES, copy)
+    assert KernelCompiler(SOURCES).is_compiled()
+    assert not KernelCompiler(copy).is_compiled()
 
 
 def test_ready_code_is_not_announced() -> None:
