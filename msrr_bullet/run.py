@@ -143,16 +143,21 @@ class _RunRecorder:
 
 def _write_derived_files(out: Path, result: TrialResult) -> None:
     """Write what follows from the log; the result comes first, in case a later file cannot be written."""
+    try:
+        (out / RESULT_NAME).write_text(result.to_json())
+        _draw_run(out, result)
+    except OSError as error:
+        raise RunFolderError(f"{error.filename or out}: cannot be written ({error.strerror})") from None
+
+
+def _draw_run(out: Path, result: TrialResult) -> None:
+    """Write the page and the picture of a run."""
     from msrr_bullet.figures.stills import draw_stills
     from msrr_bullet.figures.summary import write_picture
     from msrr_bullet.viewer.replay_page import write_replay
 
-    try:
-        (out / RESULT_NAME).write_text(result.to_json())
-        with unpacked_log(out) as log:
-            snapshots, scene = read_snapshots(log), log.header.scene
-            write_replay(out / REPLAY_NAME, scene, snapshots, draw_stills(log, snapshots), read_events(log))
-            headline = f"{result.outcome.value}, seed {result.seed}"
-            write_picture(out / PICTURE_NAME, scene, snapshots, docking_views(log), headline)
-    except OSError as error:
-        raise RunFolderError(f"{error.filename or out}: cannot be written ({error.strerror})") from None
+    with unpacked_log(out) as log:
+        snapshots, scene = read_snapshots(log), log.header.scene
+        write_replay(out / REPLAY_NAME, scene, snapshots, draw_stills(log, snapshots), read_events(log))
+        headline = f"{result.outcome.value}, seed {result.seed}"
+        write_picture(out / PICTURE_NAME, scene, snapshots, docking_views(log), headline)

@@ -44,6 +44,12 @@ class Drive:
     snapshots: tuple[Snapshot, ...]
 
 
+@pytest.fixture
+def undrawn_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs get no page and no picture: drawing them takes longer than a short trial."""
+    monkeypatch.setattr("msrr_bullet.run._draw_run", lambda out, result: None)
+
+
 @pytest.fixture(scope="session")
 def with_step() -> Callable[..., Snapshot]:
     """Return a snapshot with changes in its first step."""

@@ -199,6 +199,7 @@ def test_guards_change_nothing_in_a_trial(shipped: Load) -> None:
         ("assembler", "NoRoute", "step returned nan; expected a Twist, a GiveUp or None"),
     ],
 )
+@pytest.mark.usefixtures("undrawn_runs")
 def test_a_failure_stops_the_unit_and_ends_the_trial(
     kind: str, name: str, says: str, shipped: Load, tmp_path: Path
 ) -> None:
