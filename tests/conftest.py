@@ -30,7 +30,8 @@ ShippedScene = Callable[..., Scene]
 def pytest_configure(config: pytest.Config) -> None:
     """Compile all kernels once, before several workers would each compile them for themselves."""
     if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
-        prepare_cameras(load_scene("close_range"), print)
+        for grade in ("careful", "perfect"):  # lenses that distort, and ideal ones
+            prepare_cameras(load_scene("close_range", {"as_built": grade}), print)
 
 
 @pytest.fixture(scope="session")

@@ -13,6 +13,7 @@ from msrr_bullet.sensors.camera_motion import CameraMotion
 from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_bullet.sensors.kernels.image_motion import place_tags
 from msrr_perception.kernels.compiled import compiler as perception
+from msrr_perception.kernels.edges import intersect_edges
 from msrr_perception.kernels.warm import warm
 from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
@@ -27,22 +28,28 @@ def prepare_cameras(scene: Scene, announce: Callable[[str], None]) -> None:
         scene: Scene whose cameras name the renderers.
         announce: Called with a message before a compilation begins.
     """
-    cameras = [scene.cameras.onboard, *([scene.cameras.overhead] if scene.cameras.overhead else [])]
     draws = scene.perception == "images"
-    if draws and any(camera.renderer.name == "raster" for camera in cameras):
+    lenses = [distorts for renderer, distorts in _lenses(scene) if renderer == "raster"]
+    if draws and lenses:
         from msrr_bullet.render.raster.rasterizer import compile_kernels
 
-        errors = scene.as_built.onboard, scene.as_built.overhead
-        deviations = [getattr(error, key) for error in errors for key in COEFFICIENTS]
-        distorted = any(camera.lens.distorts for camera in cameras)
-        with nullcontext() if perception.is_compiled() else _perception_compiled_beside():
-            compile_kernels(announce, lens=distorted or any(k.error or k.sigma for k in deviations))
+        with nullcontext() if perception.is_compiled(intersect_edges) else _perception_compiled_beside():
+            compile_kernels(announce, lenses)
     warm(announce)
     if draws:
         owners = np.empty(0, dtype=np.int64)
         tags = place_tags(np.empty((0, 4, 3)), owners, np.empty((0, 4)))
         CameraMotion({}, None, tags, owners).image_speed(PinholeCamera(8, 8, 8.0), SE3())
         ImageNoise(0, 0.0, 0.0).read_out(np.zeros((1, 1), dtype=np.uint8), Window(0, 0, 1, 1), 0)
+
+
+def _lenses(scene: Scene) -> Iterator[tuple[str, bool]]:
+    """Yield each camera's renderer, and whether its lens distorts, as it is or as it was built."""
+    cameras, as_built = scene.cameras, scene.as_built
+    for camera, errors in ((cameras.onboard, as_built.onboard), (cameras.overhead, as_built.overhead)):
+        if camera is not None:
+            deviations = [getattr(errors, key) for key in COEFFICIENTS]
+            yield camera.renderer.name, camera.lens.distorts or any(k.error or k.sigma for k in deviations)
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -129,25 +129,27 @@ def _view(camera: PinholeCamera, window: Window) -> View:
     )
 
 
-def compile_kernels(announce: Callable[[str], None], lens: bool = False) -> None:
+def compile_kernels(announce: Callable[[str], None], lenses: Iterable[bool] = (False,)) -> None:
     """Load the kernels' machine code from disk, or compile it and keep it there.
 
     Call it before a pool of workers starts, or every worker compiles for itself.
 
     Args:
         announce: Called with a message before a compilation begins, but not before a load from disk.
-        lens: Whether a lens that distorts is drawn, which needs kernels of its own.
+        lenses: For each lens to be drawn whether it distorts; both kinds have kernels of their own.
     """
-    if not compiler.is_compiled():
-        announce(
-            f"Compiling the raster renderer, once for this version (about a minute), into {compiler.folder}"
-        )
     rasterizer = Rasterizer([VisualShape(0, SE3(), box(np.ones(3)), grey=1.0)], frame_count=1)
     floor = pack_floor([np.zeros((1, 1), dtype=np.float32)], period=1.0, wall=0.0)
     camera = PinholeCamera(8, 8, 8.0)
     poses = np.array([[0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0]])
-    for seen in (None, LensMap(camera, Distortion(k1=0.1))) if lens else (None,):
-        rasterizer.draw(camera, SE3(), camera.frame, poses, floor, seen)
+    for distorts in set(lenses):
+        if not compiler.is_compiled(draw_through_lens if distorts else draw):
+            announce(
+                "Compiling the raster renderer, once for this version (up to a minute), into "
+                f"{compiler.folder}"
+            )
+        lens = LensMap(camera, Distortion(k1=0.1)) if distorts else None
+        rasterizer.draw(camera, SE3(), camera.frame, poses, floor, lens)
 
 
 def _workspace(geometry: Geometry, frame_count: int, width: int) -> Workspace:

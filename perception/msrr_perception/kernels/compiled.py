@@ -43,9 +43,9 @@ class KernelCompiler:
         """
         return _folder_for(f"kernels-{_digest(self.sources)}")
 
-    def is_compiled(self) -> bool:
-        """Return whether the folder holds machine code already (an index file; numba checks that it fits)."""
-        return any(self.folder.rglob("*.nbi"))
+    def is_compiled(self, kernel: Callable[..., object]) -> bool:
+        """Return whether the folder has machine code of a kernel (its index; numba checks that it fits)."""
+        return any(self.folder.rglob(f"*.{kernel.__name__}-*.nbi"))
 
     def kernel(self, function: F) -> F:
         """Decorate a function for compilation: cached on disk, one thread, IEEE arithmetic as written.
@@ -59,6 +59,15 @@ class KernelCompiler:
             return cast(F, compile_it(function))
         finally:
             _numba_config.CACHE_DIR = before  # the user's own kernels keep their folder
+
+
+def subroutine(function: F) -> F:
+    """Decorate a function that only kernels call: compiled and stored as a part of them.
+
+    Without an entry from Python and machine code of its own, a kernel compiles in less time.
+    """
+    options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return cast(F, numba.njit(fastmath=False, boundscheck=False, error_model="numpy", **options)(function))
 
 
 def inlined(function: F) -> F:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_perception.kernels.calibrated import PARAMETERS, TagMap, project_tag
-from msrr_perception.kernels.compiled import inlined, kernel
+from msrr_perception.kernels.compiled import kernel, subroutine
 from msrr_perception.kernels.edges import BY_OFFSET, BY_SLOPE
 from msrr_perception.kernels.linear_algebra import cholesky
 from msrr_perception.kernels.project import Optics
@@ -94,7 +94,7 @@ def roots_of_covariance(
     return roots
 
 
-@inlined
+@subroutine
 def whitened(optics: Optics, tags: TagMap, seen: Seen, t: int, state: Array, pixels: Array, J: Array) -> None:
     """Write the residual of a tag into ``pixels`` and its derivatives into ``J``, both by its covariance."""
     tag, L = seen.which[t], seen.roots[t]

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_perception.kernels.compiled import inlined, kernel
+from msrr_perception.kernels.compiled import kernel, subroutine
 from msrr_perception.kernels.edge_errors import section_variance
 from msrr_perception.kernels.lens import NO_LENS, Optic, distorted, undistorted
 from msrr_scenes.arrays import Array
@@ -146,7 +146,7 @@ def intersect_edges(pixels: Pixels, corners: Array, optic: Optic) -> tuple[Array
     return out, measured, sigma
 
 
-@inlined
+@subroutine
 def fit_edge(
     pixels: Pixels, square: Array, e: int, optic: Optic, a: Array, b: Array, variances: Array
 ) -> bool:

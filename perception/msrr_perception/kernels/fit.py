@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from msrr_perception.kernels.calibrated import PARAMETERS, TagMap
-from msrr_perception.kernels.compiled import inlined, kernel
+from msrr_perception.kernels.compiled import kernel, subroutine
 from msrr_perception.kernels.corners import Seen, whitened
 from msrr_perception.kernels.linear_algebra import cholesky, inverse, solve
 from msrr_perception.kernels.project import Optics
@@ -17,7 +17,7 @@ _YAW = 2
 _MAX_DAMPING = 1e9
 
 
-@inlined
+@subroutine
 def linearise(
     optics: Optics,
     tags: TagMap,

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from msrr_perception.kernels.compiled import inlined
+from msrr_perception.kernels.compiled import inlined, subroutine
 from msrr_scenes.arrays import Array
 
 
-@inlined
+@subroutine
 def cholesky(A: Array, L: Array) -> bool:
     """Write the lower triangle L with ``L L^T = A``; return whether A is positive definite."""
     n = A.shape[0]
@@ -28,7 +28,7 @@ def cholesky(A: Array, L: Array) -> bool:
     return True
 
 
-@inlined
+@subroutine
 def solve(L: Array, b: Array, out: Array) -> None:
     """Write the solution of ``L L^T out = b``."""
     n = L.shape[0]

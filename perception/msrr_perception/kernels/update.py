@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_perception.kernels.calibrated import PARAMETERS, TagMap
-from msrr_perception.kernels.compiled import inlined, kernel
+from msrr_perception.kernels.compiled import kernel, subroutine
 from msrr_perception.kernels.corners import Seen, roots_of_covariance, whitened
 from msrr_perception.kernels.linear_algebra import cholesky, solve
 from msrr_perception.kernels.project import Optics
@@ -30,7 +30,7 @@ class Rules(NamedTuple):
     tolerance: float  # step at which the iteration stops, in standard deviations of the solution
 
 
-@inlined
+@subroutine
 def relate(tags: TagMap, which: NDArray[np.int64], covariance: Array, J: Array, JP: Array, S: Array) -> None:
     """Write how the corners of tags depend on the state's covariance.
 
@@ -61,7 +61,7 @@ def relate(tags: TagMap, which: NDArray[np.int64], covariance: Array, J: Array, 
             S[row, q] = total
 
 
-@kernel
+@subroutine
 def distances(S: Array, r: Array) -> Array:
     """Return each tag's squared Mahalanobis distance from the prediction, shape (K,), infinite if undefined.
 
@@ -173,7 +173,7 @@ def update(
     return state, P, chi2, seen, fell
 
 
-@inlined
+@subroutine
 def reduce(P: Array, L: Array, JP: Array) -> None:
     """Subtract ``(J P)^T S^-1 J P`` from the covariance P, with ``S = L L^T``; JP is overwritten."""
     n = P.shape[0]

@@ -12,7 +12,7 @@ from msrr_perception.kernels.compiled import compiler
 from msrr_perception.kernels.corners import Seen, derivatives, roots_of_covariance
 from msrr_perception.kernels.dock_frame import pose_by_marker, predict
 from msrr_perception.kernels.drive import Drive, propagate
-from msrr_perception.kernels.edges import refine_corners
+from msrr_perception.kernels.edges import intersect_edges, refine_corners
 from msrr_perception.kernels.fit import fit
 from msrr_perception.kernels.lens import NO_LENS, undistort
 from msrr_perception.kernels.project import Optics, predict_tags, tag_extent
@@ -31,8 +31,8 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     Args:
         announce: Called with a sentence before a compilation begins; not called for a load from disk.
     """
-    if not compiler.is_compiled():
-        announce(f"Compiling perception, once for this version (about a minute), into {compiler.folder}")
+    if not compiler.is_compiled(intersect_edges):  # the last one
+        announce(f"Compiling perception, once for this version (up to a minute), into {compiler.folder}")
     optics = Optics(np.eye(3, order="F"), np.zeros(3), 8.0, 4.0, 4.0)
     square = np.array([[-0.5, 0.5, 2.0], [0.5, 0.5, 2.0], [0.5, -0.5, 2.0], [-0.5, -0.5, 2.0]])
     pose, state = np.zeros(5), np.zeros(8)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from msrr_perception.kernels.compiled import KernelCompiler, inlined
+from msrr_perception.kernels.compiled import KernelCompiler, inlined, subroutine
 
-__all__ = ["compiler", "inlined", "kernel"]
+__all__ = ["compiler", "inlined", "kernel", "subroutine"]
 
 #: A kernel inlines functions of other files, so a change of any file of this package makes all machine code
 #: stale. No result may depend on how a sum is grouped: a window has to equal the crop of its frame.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.compiler import inlined, kernel, subroutine
 from msrr_bullet.render.raster.kernels.records import Geometry
 from msrr_scenes.arrays import Array
 
@@ -47,7 +47,7 @@ def height_above(planes: Array, face: int, p: Array) -> float:
     return planes[face, 0] * p[0] + planes[face, 1] * p[1] + planes[face, 2] * p[2] - planes[face, 3]
 
 
-@kernel
+@subroutine
 def is_convex_solid(geometry: Geometry, s: int) -> bool:
     """Say whether shape s is closed and convex; the area vectors of a closed one sum to nothing."""
     total = np.zeros(3)
@@ -66,7 +66,7 @@ def is_convex_solid(geometry: Geometry, s: int) -> bool:
     return max(abs(total[0]), abs(total[1]), abs(total[2])) < _CLOSED
 
 
-@kernel
+@subroutine
 def encloses(geometry: Geometry, s: int, face: int) -> bool:
     """Say whether a face lies in or on the convex solid s, and not flush with a face that looks its way."""
     planes = geometry.planes

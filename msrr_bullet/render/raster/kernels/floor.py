@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
 from msrr_bullet.render.raster.kernels.records import FloorTexture, FloorView, RowBuffers, View
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
@@ -99,7 +99,7 @@ def bilinear_grey(texel: np.uint32, ax: np.float32, ay: np.float32) -> np.float3
     return upper + ay * (lower - upper)
 
 
-@kernel
+@subroutine
 def shade_floor(
     view: View,
     texture: FloorTexture,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
 from msrr_bullet.render.raster.kernels.floor import ROLLED_STRIDE, bilinear_grey, blend_for, floor_texel
 from msrr_bullet.render.raster.kernels.records import FloorTexture, FloorView, LensView, RowBuffers
 from msrr_scenes.arrays import Array
@@ -23,7 +23,7 @@ def middle_of(corners: Array, k: int, i: int) -> float:
     return 0.25 * ((corners[k, i] + corners[k, i + 1]) + (corners[k + 1, i] + corners[k + 1, i + 1]))
 
 
-@kernel
+@subroutine
 def shade_lens_floor(
     view: LensView,
     texture: FloorTexture,

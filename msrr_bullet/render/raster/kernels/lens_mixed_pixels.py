@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiler import kernel
+from msrr_bullet.render.raster.kernels.compiler import subroutine
 from msrr_bullet.render.raster.kernels.lens_floor import floor_grey_at
 from msrr_bullet.render.raster.kernels.lens_simple_pixels import mean_cells_of_pixel, pulled_back
 from msrr_bullet.render.raster.kernels.mixed_pixels import GREATEST_KEY, LEAST_IDENTITY, sample_key
@@ -33,7 +33,7 @@ from msrr_scenes.messages import Pixels
 _LOW = (1 << 32) - 1
 
 
-@kernel
+@subroutine
 def cover_lens_samples(
     height: int,
     faces: ProjectedFaces,
@@ -105,7 +105,7 @@ def cover_lens_samples(
                 farthest[p] = least
 
 
-@kernel
+@subroutine
 def shade_lens_mixed_pixels(
     view: LensView,
     top: int,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
 from msrr_bullet.render.raster.kernels.lens_floor import middle_of, shade_lens_floor
 from msrr_bullet.render.raster.kernels.records import (
     CELLS,
@@ -127,7 +127,7 @@ def mean_surface_grey_at(
     return max(0.25 * total, -1.0)
 
 
-@kernel
+@subroutine
 def shade_lens_simple_pixels(
     view: LensView,
     top: int,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
 from msrr_bullet.render.raster.kernels.lens_edges import crossing, form_edges, mark_pixels, side_of
 from msrr_bullet.render.raster.kernels.records import (
     CELLS,
@@ -27,7 +27,7 @@ from msrr_bullet.render.raster.kernels.visibility import is_hidden
 from msrr_scenes.arrays import Array
 
 
-@kernel
+@subroutine
 def clear_lens_corners(view: LensView, top: int, height: int, floor: Array, corners: Corners) -> None:
     """Fill the corners of a band of rows with wall and floor, whose 1 / z has the form ``floor``."""
     depth, identity, edge_depth, u, v = corners.depth, corners.identity, corners.edge_depth, view.u, view.v
@@ -57,7 +57,7 @@ def first_row(bounds: Array, v: float) -> int:
     return low
 
 
-@kernel
+@subroutine
 def cover_lens_corners(
     view: LensView,
     top: int,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
 from msrr_bullet.render.raster.kernels.floor import floor_grey
 from msrr_bullet.render.raster.kernels.records import (
     CELLS,
@@ -58,7 +58,7 @@ def sample_key(w: np.float32, identity: np.int32 | int) -> np.int64:
     return (np.int64(np.float32(w).view(np.int32)) << 32) | (np.int64(identity) - LEAST_IDENTITY)
 
 
-@kernel
+@subroutine
 def clear_samples(view: View, floor: Array, positions: Floats, samples: Samples) -> None:
     """Fill the samples of all mixed pixels with wall and floor, whose 1 / z has the form ``floor``."""
     start, column, key, farthest = samples.start, samples.column, samples.key, samples.farthest
@@ -76,7 +76,7 @@ def clear_samples(view: View, floor: Array, positions: Floats, samples: Samples)
             farthest[p] = least
 
 
-@kernel
+@subroutine
 def cover_samples(view: View, faces: ProjectedFaces, count: int, positions: Floats, samples: Samples) -> None:
     """Draw all faces on the samples of the mixed pixels."""
     start, column, key, farthest = samples.start, samples.column, samples.key, samples.farthest
@@ -140,7 +140,7 @@ def cover_samples(view: View, faces: ProjectedFaces, count: int, positions: Floa
                 p += 1
 
 
-@kernel
+@subroutine
 def shade_mixed_pixels(
     view: View,
     faces: ProjectedFaces,

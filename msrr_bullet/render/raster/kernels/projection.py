@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
 from msrr_bullet.render.raster.kernels.records import (
     SMOOTH,
     TEXTURED,
@@ -55,7 +55,7 @@ def in_view(view: View, x: float, y: float, z: float, radius: float) -> bool:
     return bottom * z - y >= -slack * np.sqrt(1.0 + bottom * bottom)
 
 
-@kernel
+@subroutine
 def project(
     view: View,
     light: Light,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
 from msrr_bullet.render.raster.kernels.floor import shade_floor
 from msrr_bullet.render.raster.kernels.records import (
     CELLS,
@@ -41,7 +41,7 @@ def quantised(grey: float) -> np.uint8:
     return np.uint8(min(max(grey, 0.0), 255.0) + 0.5)
 
 
-@kernel
+@subroutine
 def shade_simple_pixels(
     view: View,
     faces: ProjectedFaces,
@@ -157,7 +157,7 @@ def shade_simple_pixels(
     start[view.height] = count
 
 
-@kernel
+@subroutine
 def flag_row(
     depth: Floats, identity: Identities, edge_depth: Floats, j: int, width: int, flags: Pixels
 ) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
 from msrr_bullet.render.raster.kernels.records import Floats, Identities, Indices, View
 from msrr_bullet.render.raster.kernels.sample_positions import CELL_SAMPLES
 from msrr_scenes.arrays import Array
 
 
-@kernel
+@subroutine
 def filtered_reflectance(
     inverse_depth: Array,
     uv: Array,

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
 from msrr_bullet.render.raster.kernels.records import (
     CELLS,
     FLOOR,
@@ -33,7 +33,7 @@ from msrr_bullet.render.raster.kernels.textures import write_cell_indices
 from msrr_scenes.arrays import Array
 
 
-@kernel
+@subroutine
 def clear_corners(view: View, floor: Array, corners: Corners) -> None:
     """Fill the corners with wall and floor; ``floor`` is the form of the floor's 1 / z (zeros: no floor)."""
     depth, identity, edge_depth = corners.depth, corners.identity, corners.edge_depth
@@ -133,7 +133,7 @@ def is_hidden(depth: Floats, j0: int, j1: int, i0: int, i1: int, nearest: float)
     return True
 
 
-@kernel
+@subroutine
 def cover_corners(
     view: View, faces: ProjectedFaces, count: int, regions: Indices, corners: Corners, texel: Identities
 ) -> None:
