@@ -4,6 +4,7 @@ PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+DEV := $(VENV)/.dev
 JOBS ?= 2
 # One process is one core: the pools of BLAS and OpenCV only get in each other's way.
 export OMP_NUM_THREADS := 1
@@ -11,37 +12,42 @@ export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: venv demo test nightly check docs format bench clean
 
-venv: $(STAMP)
+venv: $(DEV)
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable . --group dev
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable .
 	touch $(STAMP)
+
+# What tests and linters need besides.
+$(DEV): $(STAMP)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group dev
+	touch $(DEV)
 
 demo: $(STAMP)
 	$(BIN)/msrr dock two_units --seed 1 --out runs/demo
 	@echo "Open runs/demo/replay.html in a browser: it shows the run."
 
-test: $(STAMP)
+test: $(DEV)
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not nightly"
 
-nightly: $(STAMP)
+nightly: $(DEV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group notebook --editable ".[dask,profile,pyapriltags,rerun]"
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
-check: $(STAMP)
+check: $(DEV)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-docs: $(STAMP)
+docs: $(DEV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[docs]"
 	$(BIN)/python docs/site/make_site.py
 	$(BIN)/zensical build --strict
 
-format: $(STAMP)
+format: $(DEV)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 

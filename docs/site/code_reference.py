@@ -27,7 +27,12 @@ PACKAGES = {
 def load(package: str) -> griffe.Module:
     """Return a package as it is written; nothing of it is run."""
     loaded = griffe.load(
-        package, search_paths=[PACKAGES[package]], docstring_parser="google", allow_inspection=False
+        package,
+        search_paths=[PACKAGES[package]],
+        docstring_parser="google",
+        # A text of several lines is one value.
+        docstring_options={"returns_multiple_items": False, "returns_named_value": False},
+        allow_inspection=False,
     )
     assert isinstance(loaded, griffe.Module)
     return loaded

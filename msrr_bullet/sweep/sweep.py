@@ -34,7 +34,8 @@ def sweep(
         store: SQLite file of results; a trial that it holds for this scene and this code is not run again.
         executor: Runs the trials instead of a pool of ``jobs`` spawned processes. It is left open.
         trial: Runs one trial; importable by name, because it is sent to other processes.
-        observer: Called with each trial as it is done.
+        observer: Called with the result or the failure of each trial as it is done, and with whether it
+            comes from the store.
         wall_limit_s: Time that each trial may take on the wall clock; None sets no limit.
 
     Returns:

@@ -23,7 +23,13 @@ class Record(BaseModel):
 
 
 class PlanarPose(Record):
-    """A pose in the plane, in metres and radians."""
+    """A pose in the plane.
+
+    Attributes:
+        x_m: First coordinate of the position [m].
+        y_m: Second coordinate of the position [m].
+        yaw_rad: Angle from the x axis of the frame, counter-clockwise [rad].
+    """
 
     x_m: float
     y_m: float
