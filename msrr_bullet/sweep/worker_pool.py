@@ -122,7 +122,7 @@ class WorkerPool:
         lost: list[Task] = []
         misuse: MsrrError | None = None
         for future in finished:
-            task = self._running.pop(future)
+            task = self._running[future]
             if future.cancelled():
                 raise MsrrError("the executor has dropped a trial; what is done so far is kept in the store")
             error = future.exception()
@@ -137,6 +137,7 @@ class WorkerPool:
             else:
                 failure = TrialFailure(seed=task.seed, error=f"{type(error).__name__}: {error}")
                 self._collector(task, failure)
+            del self._running[future]  # not before: after Ctrl-C amid the above it is collected again
         if misuse is not None:
             raise misuse  # no seed of this scene would run
         if lost:

@@ -105,6 +105,31 @@ def test_an_interrupted_sweep_keeps_what_it_has(
     assert resumed.trials == 50
 
 
+def test_ctrl_c_while_a_result_is_stored_does_not_lose_it(
+    scene: Scene,
+    inline: SupportsSubmit,
+    made_up: TrialFunction,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It was taken off the list of running trials before it was stored."""
+    put, interrupted = TrialStore.put, [1]
+
+    def interrupted_once(store: TrialStore, result: TrialResult, code: str) -> None:
+        if result.seed in interrupted:
+            interrupted.clear()
+            raise KeyboardInterrupt
+        put(store, result, code)
+
+    monkeypatch.setattr(TrialStore, "put", interrupted_once)
+    store = tmp_path / "trials.sqlite"
+    summary = sweep(scene, range(50), store=store, executor=inline, trial=made_up)
+    assert summary.interrupted
+    assert not interrupted
+    assert 2 <= summary.trials <= 4
+    assert sweep(scene, range(summary.trials), store=store, executor=inline).reused == summary.trials
+
+
 def test_a_failing_trial_is_named_and_tried_again_next_time(
     scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
 ) -> None:
