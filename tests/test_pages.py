@@ -30,9 +30,6 @@ PAGES = sorted(
     if page.name not in WITH_PICTURES
 )
 
-#: Pages that take few seconds; the others are carried out at night.
-QUICK = {"own_controller.md"}
-
 BLOCK = re.compile(
     r'^```(?P<language>\w+)(?: title="(?P<title>[^"]+)")?\n(?P<text>.*?)^```$', re.DOTALL | re.MULTILINE
 )
@@ -62,12 +59,9 @@ def follow(page: Path) -> int:
     return ran
 
 
+@pytest.mark.nightly
 @pytest.mark.timeout(900)  # some pages hold ten trials with images
-@pytest.mark.parametrize(
-    "page",
-    [pytest.param(page, marks=() if page.name in QUICK else pytest.mark.nightly) for page in PAGES],
-    ids=lambda page: page.stem,
-)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_page_does_what_it_says(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])

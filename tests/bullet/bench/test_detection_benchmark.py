@@ -30,6 +30,7 @@ def test_every_case_has_all_settings(report: DetectionBenchmark) -> None:
         assert case.row(OURS).ms > 0.0
 
 
+@pytest.mark.nightly
 def test_from_above_every_body_is_found_and_exact(report: DetectionBenchmark) -> None:
     ours = report.overhead.row(OURS)
     assert ours.recall.rate == 1.0
@@ -39,6 +40,7 @@ def test_from_above_every_body_is_found_and_exact(report: DetectionBenchmark) ->
     assert ours.distance_mm.p95 < 0.5
 
 
+@pytest.mark.nightly
 def test_tables_fit_a_terminal_and_json_holds_the_figures(report: DetectionBenchmark) -> None:
     console = Console(record=True, markup=False, width=80)
     for table in detection_tables(report):
