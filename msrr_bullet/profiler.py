@@ -37,9 +37,10 @@ class StageProfiler:
 
     def __call__(self, stage: str) -> _Stage:
         """Return the context manager that times ``stage``."""
-        if stage not in self._stages:
-            self._stages[stage] = _Stage(self)
-        return self._stages[stage]
+        known = self._stages.get(stage)
+        if known is None:
+            known = self._stages[stage] = _Stage(self)
+        return known
 
     @property
     def spent_ns(self) -> dict[str, int]:

@@ -20,21 +20,26 @@ from msrr_scenes.specs.scene import Scene
 
 
 class _Body:
-    """The parts of a body at its present pose."""
+    """The parts of a body, and its present pose; the parts are moved there only when they are measured."""
 
     def __init__(self, name: str, parts: Sequence[Part]) -> None:
         self.name = name
         self.parts = tuple(PlacedPart(part) for part in parts)
         self.reach = max(math.hypot(*part.centre) + part.circumradius for part in self.parts)
-        self.pose = SE2()
+        self.pose = self._pose_of_parts = SE2()
 
     def place(self, X_WB: SE2) -> None:
-        if self.pose is X_WB or self.pose == X_WB:
+        if self.pose is not X_WB and self.pose != X_WB:
+            self.pose = X_WB
+
+    def place_parts(self) -> None:
+        X_WB = self.pose
+        if self._pose_of_parts is X_WB:
             return
         c, s = math.cos(X_WB.yaw), math.sin(X_WB.yaw)
         for part in self.parts:
             part.place(X_WB, c, s)
-        self.pose = X_WB
+        self._pose_of_parts = X_WB
 
 
 class _BodyPair:
@@ -76,6 +81,8 @@ class _BodyPair:
         return self._measured
 
     def _measure(self, below: float) -> Clearance | None:
+        self._a.place_parts()
+        self._b.place_parts()
         first = self._nearest or min(self._parts, key=PartPair.circle_distance)
         first_gap = None if first.farther_than(below) else first.measure()
         nearest, gap = None, None
@@ -160,6 +167,21 @@ class ClearanceModel:
         own = self._placed(name, X_WB)
         return self._smallest((self._pair(own, self._placed(other, X)) for other, X in others.items()), below)
 
+    def within(self, a: str, X_WA: SE2, b: str, X_WB: SE2, distance: float) -> bool:
+        """Return whether the clearance of two bodies is less than ``distance`` [m].
+
+        Args:
+            a: Name of one body.
+            X_WA: Its pose.
+            b: Name of the other body.
+            X_WB: Its pose.
+            distance: The distance [m].
+
+        Raises:
+            UnknownNameError: A name is not that of a body of the model.
+        """
+        return self._pair(self._placed(a, X_WA), self._placed(b, X_WB)).clearance(distance) is not None
+
     def _placed(self, name: str, X_WB: SE2) -> _Body:
         body = self._bodies.get(name)
         if body is None:
@@ -191,8 +213,12 @@ class ClearanceModel:
 
     def _smallest(self, pairs: Iterable[_BodyPair], below: float = math.inf) -> Clearance | None:
         """Return the smallest clearance below ``below`` [m]; in order of lower bounds, as far as needed."""
-        bounded = [(pair.lower_bound(), i, pair) for i, pair in enumerate(pairs)]
-        best = min(bounded)[2].clearance(below) if bounded else None
+        bounded = [
+            (bound, i, pair) for i, pair in enumerate(pairs) if (bound := pair.lower_bound()) < below
+        ]
+        if not bounded:
+            return None
+        best = min(bounded)[2].clearance(below)
         if best is not None:
             below = best.distance
         # Most pairs are farther than this one is, and need not be put in order.

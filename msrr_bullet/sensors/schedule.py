@@ -47,25 +47,27 @@ class Periodic:
 
 
 class Delayed(Generic[T]):
-    """A queue of messages with times of arrival; messages that arrive together keep the order of sending."""
+    """A queue of messages with times of arrival; messages that arrive together keep the order of sending.
+
+    Attributes:
+        next_ns: Time at which the next message arrives [ns].
+    """
 
     def __init__(self) -> None:
         self._heap: list[tuple[int, int, T]] = []
         self._sent = 0
-
-    @property
-    def next_ns(self) -> float:
-        """Time at which the next message arrives [ns]."""
-        return self._heap[0][0] if self._heap else NEVER_NS
+        self.next_ns = NEVER_NS
 
     def send(self, arrival_ns: int, message: T) -> None:
         """Add a message that arrives at ``arrival_ns``."""
         heapq.heappush(self._heap, (arrival_ns, self._sent, message))
         self._sent += 1
+        self.next_ns = self._heap[0][0]
 
     def arrived(self, now_ns: int) -> list[T]:
         """Remove and return the messages that have arrived by ``now_ns``."""
-        messages = []
-        while self._heap and self._heap[0][0] <= now_ns:
+        messages: list[T] = []
+        while self.next_ns <= now_ns:
             messages.append(heapq.heappop(self._heap)[2])
+            self.next_ns = self._heap[0][0] if self._heap else NEVER_NS
         return messages

@@ -28,7 +28,12 @@ from msrr_scenes.specs.scene import Scene
 
 
 class MountedCamera:
-    """A camera together with its frame timer and its latency queue."""
+    """A camera together with its frame timer and its latency queue.
+
+    Attributes:
+        sensor: The camera.
+        next_ns: Time at which the next frame is due or the next message arrives [ns].
+    """
 
     def __init__(self, sensor: CameraSensor, now_ns: int) -> None:
         """Start now; the first frame is due at once."""
@@ -36,21 +41,21 @@ class MountedCamera:
         self._frames = Periodic(sensor.spec.rate_hz, now_ns)
         self._arrival_ns = 0
         self._queue: Delayed[SensorMessage] = Delayed()
-
-    @property
-    def next_ns(self) -> float:
-        """Time at which the next frame is due or the next message arrives [ns]."""
-        return min(self._frames.next_ns, self._queue.next_ns)
+        self.next_ns: float = now_ns
 
     def tick(self, now_ns: int, reader: CameraReader) -> list[SensorMessage]:
         """Capture a frame if one is due and the reader uses it; return the messages that have arrived."""
+        if now_ns < self.next_ns:
+            return []
         if self._frames.due(now_ns) and reader.uses_camera(self.sensor.name):
             messages = self.sensor.capture(now_ns, reader)
             # Frames are read one after the other: none overtakes the one before.
             self._arrival_ns = max(now_ns + self.sensor.next_latency_ns(), self._arrival_ns)
             for message in messages:
                 self._queue.send(self._arrival_ns, message)
-        return self._queue.arrived(now_ns)
+        arrived = self._queue.arrived(now_ns)
+        self.next_ns = min(self._frames.next_ns, self._queue.next_ns)
+        return arrived
 
 
 class SensorSuite:
@@ -58,6 +63,7 @@ class SensorSuite:
 
     Attributes:
         ever_detected: Whether any measurement of the target has arrived.
+        next_ns: Time at which the next measurement is due or the next message arrives [ns].
     """
 
     def __init__(
@@ -98,14 +104,12 @@ class SensorSuite:
         self._last_switches: tuple[bool, bool] | None = None
         self._last_lock_position: LockPosition | None = None
         self.ever_detected = False
-
-    @property
-    def next_ns(self) -> float:
-        """Time at which the next measurement is due or the next message arrives [ns]."""
-        return min([self._encoder_timer.next_ns, *(camera.next_ns for camera in self._cameras)])
+        self.next_ns: float = now_ns
 
     def tick(self, now_ns: int, robot: Robot) -> None:
         """Make the measurements that are due at this tick and deliver the messages that have arrived."""
+        if now_ns < self.next_ns:
+            return
         if self._encoder_timer.due(now_ns):
             with self._profiler("odometry"):
                 robot.receive(self._encoders.read(self._plant.motor_angles(self._unit), now_ns))
@@ -116,6 +120,7 @@ class SensorSuite:
                 self.ever_detected |= self._shows_target(message)
                 with self._profiler("perception"):
                     robot.receive(message)
+        self.next_ns = min([self._encoder_timer.next_ns, *[camera.next_ns for camera in self._cameras]])
 
     def _shows_target(self, message: SensorMessage) -> bool:
         if isinstance(message, Detections):

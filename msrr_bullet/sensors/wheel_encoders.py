@@ -47,10 +47,11 @@ class WheelEncoders:
         if not self._noise:
             self._noise = self._rng.standard_normal((_DRAWN_AT_ONCE, 2)).tolist()[::-1]
         noise, before, tick = self._noise.pop(), self._true or angles, self._tick
-        for i in range(2):
-            turned = angles[i] - before[i]
-            walk = self._noise_rad * math.sqrt(abs(turned)) * noise[i]
-            self._measured[i] += self.scale[i] * turned + walk
+        if angles != before:  # else nothing is added to a measured angle
+            for i in range(2):
+                turned = angles[i] - before[i]
+                walk = self._noise_rad * math.sqrt(abs(turned)) * noise[i]
+                self._measured[i] += self.scale[i] * turned + walk
         self._true = angles
         left, right = self._measured
         return WheelOdometry(

@@ -55,7 +55,7 @@ class BulletPlant(Plant):
     def command(self, unit: str, twist: Twist) -> None:
         """Command a velocity to the drive of ``unit``, and wake it if it is to move."""
         super().command(unit, twist)
-        if twist != Twist():
+        if twist.v or twist.w:
             self._sleeping.rouse(unit)
 
     def set_lock(self, unit: str, close: bool) -> None:
@@ -135,6 +135,7 @@ class BulletPlant(Plant):
 
     def _is_driven(self, unit: str) -> bool:
         """Return whether the drive of a unit is commanded to move or has not come to rest."""
-        if self._commands[unit] != Twist() or not is_standstill(self._drives[unit].velocity):
+        command = self._commands[unit]
+        if command.v or command.w or not is_standstill(self._drives[unit].velocity):
             return True
         return not self._drivetrains[unit].at_rest

@@ -16,6 +16,9 @@ from msrr_scenes.specs.plan import DockStep
 
 SIDES = ("left", "right")
 
+#: Margin of a bound on a distance [m], far more than rounding.
+_ROUNDING_M = 1e-9
+
 #: A collision shape of PyBullet with position [m] and quaternion xyzw in the inertial frame of a unit's root.
 _Shape = tuple[int, tuple[list[float], list[float]]]
 
@@ -44,6 +47,13 @@ class PinDepths:
         self._bottoms = tuple(self._bottom(side) for side in SIDES)
         self._pin_circles = [_circle(self._unit, f"pin_{side}") for side in SIDES]
         self._bottom_circles = [_circle(self._target, self._hole(side)) for side in SIDES]
+        self._names = step.unit, step.target_unit
+        self._apart_m = reach_m + 2.0 * TILT_M  # of two circles, at most; both units may be tilted
+        # A pair of units farther apart than this has no circles that near, whatever their headings.
+        self._far_m = max(
+            math.hypot(px, py) + math.hypot(bx, by) + pin + bottom + self._apart_m + _ROUNDING_M
+            for (px, py, pin), (bx, by, bottom) in zip(self._pin_circles, self._bottom_circles, strict=True)
+        )
 
     def left(self) -> tuple[float, ...]:
         """Return the distance of each pin from the bottom of its hole [m]; infinite beyond the reach."""
@@ -54,14 +64,16 @@ class PinDepths:
 
     def _near(self) -> bool:
         """Return whether any pin may be in reach, by circles about pins and bottoms on the floor."""
-        X_WU, X_WT = self._world.pose(self._step.unit), self._world.pose(self._step.target_unit)
-        cu, su, ct, st = math.cos(X_WU.yaw), math.sin(X_WU.yaw), math.cos(X_WT.yaw), math.sin(X_WT.yaw)
+        X_WU, X_WT = map(self._world.pose, self._names)
         dx, dy = X_WU.x - X_WT.x, X_WU.y - X_WT.y
+        if math.hypot(dx, dy) > self._far_m:
+            return False
+        cu, su, ct, st = math.cos(X_WU.yaw), math.sin(X_WU.yaw), math.cos(X_WT.yaw), math.sin(X_WT.yaw)
         for (px, py, pin), (bx, by, bottom) in zip(self._pin_circles, self._bottom_circles, strict=True):
             apart = math.hypot(
                 dx + cu * px - su * py - ct * bx + st * by, dy + su * px + cu * py - st * bx - ct * by
             )
-            if apart <= pin + bottom + self._reach_m + 2.0 * TILT_M:  # both units may be tilted
+            if apart <= pin + bottom + self._apart_m:
                 return True
         return False
 

@@ -79,6 +79,14 @@ class PortPose:
         )
 
 
+def _is_near_zone(gap: float, lateral: float, margin: float) -> bool:
+    """Return whether a port is in the zone, or no farther from it than ``margin`` [m]."""
+    return (
+        -ZONE_OVERLAP_M - margin <= gap <= ZONE_DEPTH_M + margin
+        and abs(lateral) <= ZONE_HALF_WIDTH_M + margin
+    )
+
+
 class Judge:
     """Judges one step of the plan by the truth.
 
@@ -113,6 +121,7 @@ class Judge:
         self._X_UP = SE3.from_se2(self._X_UP_plane, geometry.pin_height)
         self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._X_TD = SE3.from_se2(self.X_TD)
+        self._unit, self._target = step.unit, step.target_unit
         self._X_WT, self._X_WD = SE2(), self.X_TD  # of the target when it was looked at last
         self.pair: Pair = frozenset({step.unit, step.target_unit})
         self._neighbour_limits: Mapping[Pair, float] = {}
@@ -130,44 +139,39 @@ class Judge:
 
     def X_WD(self) -> SE2:
         """Return the true pose of the dock frame in W."""
-        X_WT = self._plant.pose(self.step.target_unit)
+        X_WT = self._plant.pose(self._target)
         if X_WT is not self._X_WT:  # a target mostly stands, and its pose is the same object until it moves
             self._X_WT, self._X_WD = X_WT, X_WT @ self.X_TD
         return self._X_WD
 
     def X_DU(self) -> SE2:
         """Return the true pose of the docking unit in the dock frame."""
-        return self.X_WD().inverse() @ self._plant.pose(self.step.unit)
+        return self.X_WD().inverse() @ self._plant.pose(self._unit)
 
     def port_pose(self) -> PortPose:
         """Return the true pose of the docking port in the dock frame.
 
         Near the target it is that at the height of the pins, by pitch and roll; elsewhere that in the plane.
         """
-        far = self._port_in_plane()
-        if far.gap > ZONE_DEPTH_M + self._travel + TILT_M:
-            return far
+        # In floats, because poses would take three times as long.
+        X_WU, X_UP, X_WD = self._plant.pose(self._unit), self._X_UP_plane, self.X_WD()
+        c, s = math.cos(X_WU.yaw), math.sin(X_WU.yaw)
+        dx, dy = X_WU.x + c * X_UP.x - s * X_UP.y - X_WD.x, X_WU.y + s * X_UP.x + c * X_UP.y - X_WD.y
+        c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
+        gap, lateral = -(c * dx + s * dy), c * dy - s * dx
+        if _is_near_zone(gap, lateral, self._travel + TILT_M):
+            return self._port_at_pins()
+        return PortPose(gap, lateral, wrap_angle(X_WU.yaw + X_UP.yaw - X_WD.yaw))
+
+    def _port_at_pins(self) -> PortPose:
         # Of X_DP only a point and a direction are needed, at every tick near a port.
-        (px, py, pz), (ax, ay, az), _ = self._plant.frame(self.step.unit, self._X_UP)
-        (ox, oy, oz), (ux, uy, uz), (vx, vy, vz) = self._plant.frame(self.step.target_unit, self._X_TD)
+        (px, py, pz), (ax, ay, az), _ = self._plant.frame(self._unit, self._X_UP)
+        (ox, oy, oz), (ux, uy, uz), (vx, vy, vz) = self._plant.frame(self._target, self._X_TD)
         px, py, pz = px - ox, py - oy, pz - oz
         return PortPose(
             gap=-(ux * px + uy * py + uz * pz),
             lateral=vx * px + vy * py + vz * pz,
             yaw=math.atan2(vx * ax + vy * ay + vz * az, ux * ax + uy * ay + uz * az),
-        )
-
-    def _port_in_plane(self) -> PortPose:
-        """Return the pose X_DP in the plane, in floats, because poses would take three times as long."""
-        X_WU, X_UP = self._plant.pose(self.step.unit), self._X_UP_plane
-        X_WD = self.X_WD()
-        c, s = math.cos(X_WU.yaw), math.sin(X_WU.yaw)
-        dx, dy = X_WU.x + c * X_UP.x - s * X_UP.y - X_WD.x, X_WU.y + s * X_UP.x + c * X_UP.y - X_WD.y
-        c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
-        return PortPose(
-            gap=-(c * dx + s * dy),
-            lateral=c * dy - s * dx,
-            yaw=wrap_angle(X_WU.yaw + X_UP.yaw - X_WD.yaw),
         )
 
     def seating(self) -> Seating | None:
@@ -191,8 +195,10 @@ class Judge:
 
     def watches(self, attempt: int) -> bool:
         """Return whether a new attempt begins, or the unit may reach the zone before the next decision."""
-        near = self.port is None or self.port.gap <= ZONE_DEPTH_M + self._travel
-        return near or attempt != self._attempt
+        port = self.port
+        if port is None or attempt != self._attempt:
+            return True
+        return _is_near_zone(port.gap, port.lateral, self._travel)
 
     def tick(self, now_ns: int, attempt: int, estimate: Callable[[], PoseEstimate | None]) -> None:
         """Observe pins and seat at one physics tick; not needed at ticks that the judge does not watch.
@@ -266,9 +272,8 @@ class Judge:
 
     def _within(self, distance: float) -> bool:
         """Return whether the clearance of the pair is less than ``distance`` [m]."""
-        unit, target = self.step.unit, self.step.target_unit
-        X_WU, X_WT = self._plant.pose(unit), self._plant.pose(target)
-        return self._clearance.nearest(unit, X_WU, {target: X_WT}, distance) is not None
+        X_WU, X_WT = self._plant.pose(self._unit), self._plant.pose(self._target)
+        return self._clearance.within(self._unit, X_WU, self._target, X_WT, distance)
 
     def verdict_docked(self, seating: Seating | None, engaged: bool, pull_passed: bool) -> Outcome:
         """Return the outcome for a robot that believes it is docked."""

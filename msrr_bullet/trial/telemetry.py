@@ -93,10 +93,11 @@ class Telemetry:
             steps: The steps under way.
             nearest: Smallest true clearance of all pairs that may not touch; None without such a pair.
         """
-        for unit in scene.units:
-            self.recorder.write(topics.true_pose(unit), now_ns, TruePose(unit, now_ns, poses[unit]))
-        if nearest is not None:
-            self.recorder.write(topics.CLEARANCE, now_ns, ClearanceRecord.of(now_ns, nearest))
+        if self.is_heard:
+            for unit in scene.units:
+                self.recorder.write(topics.true_pose(unit), now_ns, TruePose(unit, now_ns, poses[unit]))
+            if nearest is not None:
+                self.recorder.write(topics.CLEARANCE, now_ns, ClearanceRecord.of(now_ns, nearest))
         for step in steps:
             self._report_change(step)
             if self._observer is not None:
