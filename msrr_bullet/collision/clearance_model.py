@@ -213,9 +213,7 @@ class ClearanceModel:
 
     def _smallest(self, pairs: Iterable[_BodyPair], below: float = math.inf) -> Clearance | None:
         """Return the smallest clearance below ``below`` [m]; in order of lower bounds, as far as needed."""
-        bounded = [
-            (bound, i, pair) for i, pair in enumerate(pairs) if (bound := pair.lower_bound()) < below
-        ]
+        bounded = [(bound, i, pair) for i, pair in enumerate(pairs) if (bound := pair.lower_bound()) < below]
         if not bounded:
             return None
         best = min(bounded)[2].clearance(below)

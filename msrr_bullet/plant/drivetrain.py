@@ -58,12 +58,13 @@ class Drivetrain:
         left, right = wheel_speeds(velocity, self._drawn)
         if self.ideal:
             return left, right
+        # The part of the difference that a motor keeps in this time.
+        kept = math.exp(-dt / self._built.lag_s) if self._built.lag_s > 0.0 else 0.0
         motor_left, motor_right = self._motors
-        motor_left, motor_right = self._motor(motor_left, left, dt), self._motor(motor_right, right, dt)
-        (left, play_left), (right, play_right) = (
-            self._gear(motor_left, self.play[0], dt),
-            self._gear(motor_right, self.play[1], dt),
-        )
+        motor_left, motor_right = self._motor(motor_left, left, kept), self._motor(motor_right, right, kept)
+        play_left, play_right = self.play
+        left, play_left = self._gear(motor_left, play_left, dt)
+        right, play_right = self._gear(motor_right, play_right, dt)
         self._motors, self.play = (motor_left, motor_right), (play_left, play_right)
         return left, right
 
@@ -80,17 +81,16 @@ class Drivetrain:
         left, right = wheel_speeds(Twist(motion.v, self._built.track_scale * motion.w), self._drawn)
         return left / self._built.radius_scale[0], right / self._built.radius_scale[1]
 
-    def _motor(self, speed: float, wanted: float, dt: float) -> float:
-        """Return the speed of a motor after ``dt`` [s]."""
+    def _motor(self, speed: float, wanted: float, kept: float) -> float:
+        """Return the speed of a motor that keeps a part of its difference from the speed that is wanted."""
         if abs(wanted) < self._built.dead_zone_radps:
             wanted = 0.0
-        if self._built.lag_s > 0.0:
-            wanted += (speed - wanted) * math.exp(-dt / self._built.lag_s)
+        wanted += (speed - wanted) * kept
         return 0.0 if abs(wanted) < STOPPED_RADPS else wanted
 
     def _gear(self, speed: float, play: float, dt: float) -> tuple[float, float]:
         """Return the speed of a wheel and the play that its motor is ahead afterwards."""
         limit = 0.5 * self._built.backlash_rad
         ahead = play + speed * dt
-        taken = min(max(ahead, -limit), limit)
+        taken = limit if ahead > limit else -limit if ahead < -limit else ahead
         return (ahead - taken) / dt, taken

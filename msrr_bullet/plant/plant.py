@@ -252,7 +252,7 @@ class Plant(ABC):
     def _drive(self, unit: str) -> Twist:
         """Advance the drive of a unit by one tick; return its velocity, which is zero once it has seized."""
         drive = self._drives[unit]
-        if self.tick >= self._seized_tick.get(unit, math.inf):
+        if self._seized_tick and self.tick >= self._seized_tick.get(unit, math.inf):
             drive.velocity = Twist()
             return drive.velocity
         return drive.step(self._commands[unit])

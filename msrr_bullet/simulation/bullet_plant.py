@@ -123,7 +123,9 @@ class BulletPlant(Plant):
     def _advance(self) -> None:
         self.world.step()
         self.tick += 1
-        for lock in (*self._locks.values(), *self._parting):
+        for lock in self._locks.values():
+            lock.step(self._dt)
+        for lock in self._parting:
             lock.step(self._dt)
         engaged = [lock for lock in self._locks.values() if lock.engaged]
         if engaged != self._engaged:

@@ -136,10 +136,8 @@ class PinLock(PortMechanism):
         force = pybullet.getConstraintState(constraint, physicsClientId=self._world.client)
         return force[0], force[1], force[2]
 
-    def _is_overloaded(self) -> bool:
-        if self._constraint is None:
-            return False
-        x, y, z = self._force(self._constraint)
+    def _is_overloaded(self, constraint: int) -> bool:
+        x, y, z = self._force(constraint)
         # No component is larger than the force itself, which nearly always decides without the axis.
         if x * x + y * y + z * z <= self._spec.strength_n**2:
             return False
@@ -147,7 +145,7 @@ class PinLock(PortMechanism):
 
     def step(self, dt: float) -> None:
         """Advance the lock by ``dt`` [s] after the physics has been stepped; an overloaded lock fails."""
-        if self._is_overloaded():
+        if self._constraint is not None and self._is_overloaded(self._constraint):
             self._release()
         if self._actuator.step(dt):
             self._catch()

@@ -76,10 +76,10 @@ class BulletWorld:
         self.obstacles: dict[str, int] = {}
         self._planar: dict[str, SE2] = {}  # of the present tick
         self._held: dict[str, SE2] = {}  # of units that are taken to stay where they are
-        self._fixed: dict[tuple[str, SE3], tuple[list[float], ...]] = {}  # frames, in the frame I of their unit
         # Where the units were when poses and frames of theirs were asked for last, and the answers.
         self._places: dict[str, tuple[_Place, SE2]] = {}
         self._frames: dict[tuple[str, SE3], tuple[_Place, tuple[Vector, Vector, Vector]]] = {}
+        self._frames_in_unit: dict[tuple[str, SE3], tuple[list[float], ...]] = {}  # in the frame I of it
         # The next obstacle to appear is last; obstacles that appear together keep the order of the scene.
         self._waiting = sorted(
             ((spec.appears_at_s, name) for name, spec in reversed(scene.obstacles.items())),
@@ -147,17 +147,17 @@ class BulletWorld:
         return known[1]
 
     def _frame_at(self, place: _Place, name: str, X_UF: SE3) -> tuple[Vector, Vector, Vector]:
-        fixed = self._fixed.get((name, X_UF))
-        if fixed is None:
+        in_unit = self._frames_in_unit.get((name, X_UF))
+        if in_unit is None:
             X_IF = self.unit(name).X_IU @ X_UF
-            fixed = self._fixed[name, X_UF] = (X_IF.p.tolist(), *X_IF.R.T.tolist()[:2])
+            in_unit = self._frames_in_unit[name, X_UF] = (X_IF.p.tolist(), *X_IF.R.T.tolist()[:2])
         (px, py, pz), (x, y, z, w) = place
         r00, r01, r02 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
         r10, r11, r12 = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
         r20, r21, r22 = 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
         (ox, oy, oz), x_axis, y_axis = (
             (r00 * a + r01 * b + r02 * c, r10 * a + r11 * b + r12 * c, r20 * a + r21 * b + r22 * c)
-            for a, b, c in fixed
+            for a, b, c in in_unit
         )
         return (px + ox, py + oy, pz + oz), x_axis, y_axis
 
