@@ -36,6 +36,9 @@ class Safety:
     nearest: Clearance | None
 
 
+_SAFE = Safety(None, frozenset(), "", None)
+
+
 class ArenaJudge:
     """Judges all bodies of a trial at every control instant."""
 
@@ -47,7 +50,9 @@ class ArenaJudge:
             clearance: Clearance model with the shapes of all bodies.
             locked: Pairs that are locked together: they are one body, and their locks have to hold.
         """
-        self._simulation, self._clearance, self._locked = simulation, clearance, locked
+        self._plant, self._clearance, self._locked = simulation.plant, clearance, locked
+        scene = simulation.scene
+        self._units, self._arena, self._limit = tuple(scene.units), scene.arena, scene.judge.min_clearance_m
 
     def check(self, poses: Mapping[str, SE2], judges: Iterable[Judge], matters: float = math.inf) -> Safety:
         """Check locks, clearances and the limits of the arena.
@@ -60,13 +65,13 @@ class ArenaJudge:
             judges: Judges of the steps under way, after the decisions of their robots.
             matters: Clearance below which somebody wants to know it [m]; the outcome is found in any case.
         """
-        opened = self._locked.opened(self._simulation.plant)
+        opened = self._locked.opened(self._plant)
         if opened is not None:
             said = f"the lock of {opened.unit} holds {opened.to} no longer"
             return Safety(Outcome.LOCK_FAILED, frozenset({opened.unit}), said, None)
         docking = {judge.pair: judge for judge in judges if judge.docking}
         exempt = self._locked.pairs | {pair for pair, judge in docking.items() if judge.may_be_near()}
-        limit = self._simulation.scene.judge.min_clearance_m
+        limit = self._limit
         below = max(matters, limit + _ROUNDING_M)
         nearest = self._clearance.minimum(poses, exempt, below)
         if nearest is not None and nearest.distance <= 0.0:
@@ -74,25 +79,26 @@ class ArenaJudge:
             one, other = self._in_order(nearest, docking)
             said = f"{one} touched {other}{beside} at ({x:.2f}, {y:.2f}) m"
             return Safety(Outcome.COLLISION, nearest.pair, said, nearest)
-        limits, tested = _neighbour_limits(docking.values()), nearest
+        tested, limits = nearest, None
         while tested is not None and tested.distance < limit:
+            limits = _neighbour_limits(docking.values()) if limits is None else limits
             if tested.distance < limits.get(tested.pair, limit):
                 one, other = self._in_order(tested, docking)
                 said = f"{one} came within {1e3 * tested.distance:.0f} mm of {other}"
                 return Safety(Outcome.CLEARANCE_VIOLATED, tested.pair, said, nearest)
             exempt.add(tested.pair)
             tested = self._clearance.minimum(poses, exempt, below)
-        arena = self._simulation.scene.arena
-        for unit in self._simulation.scene.units:
+        (x_min, x_max), (y_min, y_max) = self._arena.x_m, self._arena.y_m
+        for unit in self._units:
             X_WU = poses[unit]
-            if not (arena.x_m[0] <= X_WU.x <= arena.x_m[1] and arena.y_m[0] <= X_WU.y <= arena.y_m[1]):
+            if not (x_min <= X_WU.x <= x_max and y_min <= X_WU.y <= y_max):
                 said = f"{unit} left the arena at ({X_WU.x:.2f}, {X_WU.y:.2f}) m"
                 return Safety(Outcome.LEFT_ARENA, frozenset({unit}), said, nearest)
-        return Safety(None, frozenset(), "", nearest)
+        return _SAFE if nearest is None else Safety(None, frozenset(), "", nearest)
 
     def _in_order(self, near: Clearance, docking: Mapping[Pair, Judge]) -> list[str]:
         """Return the two bodies: the unit that docks first, then other units, then obstacles."""
-        judge, units = docking.get(near.pair), self._simulation.scene.units
+        judge, units = docking.get(near.pair), self._units
         first = "" if judge is None else judge.step.unit
         return sorted(near.pair, key=lambda body: (body != first, body not in units, body))
 

@@ -38,7 +38,8 @@ class _Member:
     def __init__(self, environment: Environment, unit: str, telemetry: Telemetry, profiler: Profiler) -> None:
         simulation = environment.simulation
         self.robot = led_robot(simulation.scene.told(), unit, profiler)
-        self.recorded = RecordedLedRobot(self.robot, unit, telemetry.recorder, simulation.plant.now_ns)
+        recorded = RecordedLedRobot(self.robot, unit, telemetry.recorder, simulation.plant.now_ns)
+        self.recorded = recorded if telemetry.is_heard else self.robot
         self.runner = UnitRunner(environment, unit, self.recorded, profiler)
         self.step: DockingStep | None = None
         self.begun: tuple[int, bool] = (0, False)  # route and whether it was leaving a port

@@ -216,7 +216,7 @@ def begin_planned(
     told, step = simulation.scene.told(), simulation.scene.docks[index]
     robot = FailSafeRobot(lambda: Autonomy(told, step, profiler))
     recorded = RecordedRobot(robot, step.unit, recorder, simulation.plant.now_ns)
-    runner = UnitRunner(environment, step.unit, recorded, profiler)
+    runner = UnitRunner(environment, step.unit, recorded if telemetry.is_heard else robot, profiler)
     begun = DockingStep(environment, index, step, robot, runner, recorder)
     runner.start(step, environment.devices.cameras(step, begun.judge.X_DU, profiler))
     return begun
