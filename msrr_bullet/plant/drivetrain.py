@@ -60,11 +60,9 @@ class Drivetrain:
             return left, right
         # The part of the difference that a motor keeps in this time.
         kept = math.exp(-dt / self._built.lag_s) if self._built.lag_s > 0.0 else 0.0
-        motor_left, motor_right = self._motors
-        motor_left, motor_right = self._motor(motor_left, left, kept), self._motor(motor_right, right, kept)
-        play_left, play_right = self.play
-        left, play_left = self._gear(motor_left, play_left, dt)
-        right, play_right = self._gear(motor_right, play_right, dt)
+        (motor_left, motor_right), (play_left, play_right) = self._motors, self.play
+        left, motor_left, play_left = self._wheel(left, motor_left, play_left, kept, dt)
+        right, motor_right, play_right = self._wheel(right, motor_right, play_right, kept, dt)
         self._motors, self.play = (motor_left, motor_right), (play_left, play_right)
         return left, right
 
@@ -81,16 +79,16 @@ class Drivetrain:
         left, right = wheel_speeds(Twist(motion.v, self._built.track_scale * motion.w), self._drawn)
         return left / self._built.radius_scale[0], right / self._built.radius_scale[1]
 
-    def _motor(self, speed: float, wanted: float, kept: float) -> float:
-        """Return the speed of a motor that keeps a part of its difference from the speed that is wanted."""
+    def _wheel(
+        self, wanted: float, motor: float, play: float, kept: float, dt: float
+    ) -> tuple[float, float, float]:
+        """Return the speeds of a wheel and of its motor, and the play that the motor is ahead afterwards."""
         if abs(wanted) < self._built.dead_zone_radps:
             wanted = 0.0
-        wanted += (speed - wanted) * kept
-        return 0.0 if abs(wanted) < STOPPED_RADPS else wanted
-
-    def _gear(self, speed: float, play: float, dt: float) -> tuple[float, float]:
-        """Return the speed of a wheel and the play that its motor is ahead afterwards."""
+        motor = wanted + (motor - wanted) * kept
+        if abs(motor) < STOPPED_RADPS:
+            motor = 0.0
         limit = 0.5 * self._built.backlash_rad
-        ahead = play + speed * dt
-        taken = limit if ahead > limit else -limit if ahead < -limit else ahead
-        return (ahead - taken) / dt, taken
+        ahead = play + motor * dt
+        play = limit if ahead > limit else -limit if ahead < -limit else ahead
+        return (ahead - play) / dt, motor, play
