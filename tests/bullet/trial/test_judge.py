@@ -190,6 +190,30 @@ def test_a_unit_is_seated_only_in_the_seat(
     assert (verdict is Outcome.FALSE_ABORT) is seated
 
 
+@pytest.mark.parametrize(
+    ("x", "y", "watched"),
+    [
+        (0.0, 0.0, True),
+        (-0.05, 0.0, True),  # not in the zone yet, but soon
+        (-0.03, 0.06, True),
+        (-0.1, 0.0, False),
+        (-0.03, 0.2, False),
+        (0.5, 0.0, False),  # behind the target
+    ],
+)
+def test_every_tick_is_watched_only_where_the_unit_may_reach_the_zone(
+    scene: Scene, x: float, y: float, watched: bool
+) -> None:
+    crowded = beside(scene, x, y)
+    crowded.simulation.plant.begin_dock(scene.plan[0])
+    judge = crowded.judge()
+    assert judge.watches(1)  # nothing is known yet
+    judge.tick(0, 1, lambda: None)
+    judge.decide(Action(0, Phase.DOCK, 1))
+    assert judge.watches(1) is watched
+    assert judge.watches(2)  # a new attempt
+
+
 def test_a_new_attempt_resets_the_seat(scene: Scene) -> None:
     crowded = beside(scene, 0.0)
     crowded.simulation.plant.begin_dock(scene.plan[0])
