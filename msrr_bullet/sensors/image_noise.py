@@ -6,25 +6,30 @@ curve (:mod:`msrr_bullet.sensors.image_response`).
 Every pixel is a function of the key of the camera, the number of the frame and the position in the full
 frame; so a window read out alone equals the crop of the full frame, noise included. The normal generators of
 libraries cannot give that (they use a varying number of random words per sample) and take 3 ms per VGA frame.
-Here a tile of noise is drawn once per camera; a hash of the frame number gives the position of the frame on
-the periodic tile and one of eight mirror images of the tile.
+Here all cameras share a periodic tile of noise; a hash of the camera's key and the frame's number gives the
+position of the frame on the tile, and one of four mirror images of the tile: four million different frames.
 """
 
 from __future__ import annotations
 
 import hashlib
+from functools import cache
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.sensors.image_response import ImageResponse
-from msrr_bullet.sensors.kernels.readout import TILE, convert_light
+from msrr_bullet.sensors.kernels.readout import TILE, Shading, convert_light
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels
 
 #: Sum of the blur kernel; 255 times the square of this has to stay below 2**24.
 _KERNEL_SUM = 256
+
+#: Seed of the tile of noise.
+_TILE_SEED = 0
+
+_NO_SHADING = Shading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class ImageNoise:
@@ -55,14 +60,13 @@ class ImageNoise:
         self._kernel = blur_kernel(blur_px)
         self._radius = len(self._kernel) // 2
         self._variance = noise_grey**2, shot_grey**2 / 255.0
-        self._response = response
+        self._shading = None if response is None else response.shading
         self._per_grey, self._tone = (
             (1.0, np.minimum(np.arange(1 << 16), 255).astype(np.uint8))
             if response is None
             else (response.per_grey, response.tone)
         )
-        noisy = noise_grey > 0.0 or shot_grey > 0.0
-        self._tile = _unit_tile(key) if noisy else np.zeros((TILE, TILE), dtype=np.float32)
+        self._tile = _noise_tile()
 
     @property
     def margin(self) -> int:
@@ -83,37 +87,27 @@ class ImageNoise:
         r = self._radius
         if ideal.shape != (window.height + 2 * r, window.width + 2 * r):
             raise ValueError(f"{ideal.shape} pixels given for {window} with a margin of {r}")
-        light, unit = self._blurred(ideal)
-        if self._response is not None and self._response.shades:
-            light = self._response.shaded(light[r : r + window.height, r : r + window.width], window)
-            r = 0
         digest = hashlib.blake2b(frame.to_bytes(8, "little"), key=self._key, digest_size=9).digest()
         out = np.empty((window.height, window.width), dtype=np.uint8)
+        light = np.ascontiguousarray(ideal).view()
+        light.setflags(write=False)  # as kept pictures are: the kernel is compiled for one kind of array
         convert_light(
             light,
-            r,
-            unit,
+            self._kernel,
+            window.x,
+            window.y,
+            self._shading is not None,
+            self._shading or _NO_SHADING,
             self._tile,
             (int.from_bytes(digest[:4], "little") + window.x) % TILE,
             (int.from_bytes(digest[4:8], "little") + window.y) % TILE,
-            digest[8] & 7,
+            digest[8] & 3,
             *self._variance,
             self._per_grey,
             self._tone,
             out,
         )
         return out
-
-    def _blurred(self, ideal: Pixels) -> tuple[NDArray[np.float32], float]:
-        """Return the light, with the margin, and the grey levels for each unit of it.
-
-        It is exact, as sums of whole numbers below 2**24 are: so rounding does not depend on how OpenCV
-        divides the image.
-        """
-        if not self._radius:
-            return np.ascontiguousarray(ideal, dtype=np.float32), 1.0
-        sums = cv2.sepFilter2D(ideal, cv2.CV_32F, self._kernel, self._kernel)
-        return np.asarray(sums, dtype=np.float32), 1.0 / _KERNEL_SUM**2
 
 
 def blur_kernel(sigma: float) -> NDArray[np.float32]:
@@ -132,7 +126,9 @@ def blur_kernel(sigma: float) -> NDArray[np.float32]:
     return np.concatenate([half[radius:0:-1], half[: radius + 1]]).astype(np.float32)
 
 
-def _unit_tile(key: int) -> NDArray[np.float32]:
-    """Return standard normal numbers, shape (1024, 1024)."""
-    rng = np.random.Generator(np.random.PCG64(key))
-    return rng.standard_normal((TILE, TILE), dtype=np.float32)
+@cache
+def _noise_tile() -> NDArray[np.float32]:
+    """Return standard normal numbers, shape (TILE, TILE); the same for all cameras and trials."""
+    tile = np.random.Generator(np.random.PCG64(_TILE_SEED)).standard_normal((TILE, TILE), dtype=np.float32)
+    tile.setflags(write=False)
+    return tile

@@ -10,8 +10,8 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from msrr_bullet.sensors.kernels.readout import Shading
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.messages import Pixels
 from msrr_scenes.specs.sensors import CameraSpec
@@ -28,7 +28,7 @@ class ImageResponse:
     """Shading of the image, gain and tone curve of a camera.
 
     Attributes:
-        shades: Whether less light arrives at some pixels than at others.
+        shading: Where in the frame less light arrives; None if all light arrives everywhere.
         per_grey: Numbers of the converter for each grey level of light.
         tone: Grey level for every number of 16 bits, so that nothing has to be clipped at the converter's
             largest one before, shape (65536,).
@@ -41,25 +41,22 @@ class ImageResponse:
             spec: Data sheet of the camera.
             pinhole: True intrinsics; vignetting is centred on the principal point.
         """
-        corner = math.hypot(0.5 * pinhole.width, 0.5 * pinhole.height)
-        self._loss = spec.vignetting / corner**2
-        self._cx, self._cy = pinhole.cx, pinhole.cy
-        direction = math.radians(spec.light_gradient_deg)
-        rise = spec.light_gradient / pinhole.width
-        self._rise_x, self._rise_y = rise * math.cos(direction), rise * math.sin(direction)
-        self._middle_x, self._middle_y = 0.5 * (pinhole.width - 1), 0.5 * (pinhole.height - 1)
-        self.shades = spec.vignetting > 0.0 or spec.light_gradient > 0.0
+        self.shading = None
+        if spec.vignetting > 0.0 or spec.light_gradient > 0.0:
+            direction = math.radians(spec.light_gradient_deg)
+            rise = spec.light_gradient / pinhole.width
+            self.shading = Shading(
+                loss=spec.vignetting / math.hypot(0.5 * pinhole.width, 0.5 * pinhole.height) ** 2,
+                cx=pinhole.cx,
+                cy=pinhole.cy,
+                rise_x=rise * math.cos(direction),
+                rise_y=rise * math.sin(direction),
+                middle_x=0.5 * (pinhole.width - 1),
+                middle_y=0.5 * (pinhole.height - 1),
+            )
         self.per_grey = spec.gain * _CONVERTER_MAX / 255.0
         levels = np.minimum(np.arange(1 << 16), _CONVERTER_MAX) / _CONVERTER_MAX
         self.tone: Pixels = np.rint(255.0 * levels ** (1.0 / spec.gamma)).astype(np.uint8)
-
-    def shaded(self, light: NDArray[np.float32], window: Window) -> NDArray[np.float32]:
-        """Return what arrives of the light at the pixels of ``window``, shape (height, width)."""
-        x, y = np.arange(window.x, window.x_end), np.arange(window.y, window.y_end)
-        lost = np.add.outer(self._loss * (y - self._cy) ** 2, self._loss * (x - self._cx) ** 2)
-        lamp = np.add.outer(self._rise_y * (y - self._middle_y), 1.0 + self._rise_x * (x - self._middle_x))
-        shade: NDArray[np.float32] = (np.maximum(1.0 - lost, 0.0) * np.maximum(lamp, 0.0)).astype(np.float32)
-        return light * shade
 
 
 def image_response(spec: CameraSpec, pinhole: PinholeCamera) -> ImageResponse | None:

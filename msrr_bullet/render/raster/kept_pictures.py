@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.render.raster.kernels.records import Geometry
-from msrr_bullet.render.raster.lens_map import LensMap, bounds_of
+from msrr_bullet.render.raster.lens_map import LensMap
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
@@ -38,7 +38,7 @@ class KeptPictures:
         # Radius of a ball about the origin of each moving frame that holds all its shapes, shape (M,).
         self._radius = np.zeros(frame_count)
         np.maximum.at(self._radius, geometry.shape_frame, np.linalg.norm(balls[:, :3], axis=1) + balls[:, 3])
-        self._seen_from: tuple[PinholeCamera, LensMap | None, SE3] | None = None
+        self._seen_from: tuple[PinholeCamera, LensMap | None, bytes] | None = None
         self._pictures: dict[Window, tuple[Array, Pixels]] = {}  # poses of the moving frames, and the pixels
 
     def find(
@@ -58,7 +58,7 @@ class KeptPictures:
             poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
             lens: Map of the lens of the camera; None for an ideal one.
         """
-        if window not in self._pictures or not self._is_seen_from(camera, lens, X_WC):
+        if window not in self._pictures or self._seen_from != (camera, lens, _bits(X_WC)):
             return None
         before, pixels = self._pictures[window]
         moved = np.flatnonzero((before != poses).any(axis=1))
@@ -66,7 +66,7 @@ class KeptPictures:
             places = np.concatenate([before[moved, :3], poses[moved, :3]])
             radius = np.tile(self._radius[moved], 2)
             # What the window shows of the image of an ideal lens.
-            part = window if lens is None else bounds_of(lens.view(window))
+            part = window if lens is None else lens.bounds(window)
             if _may_show(camera, (places - X_WC.p) @ X_WC.R, radius, part).any():
                 return None
         return pixels
@@ -83,21 +83,19 @@ class KeptPictures:
         """Keep the pixels of a window, which become read-only; see :meth:`find`."""
         if window.area > _LARGEST_PX:
             return
-        if not self._is_seen_from(camera, lens, X_WC):
+        if self._seen_from != (camera, lens, _bits(X_WC)):
             self._pictures.clear()
-            self._seen_from = camera, lens, X_WC
+            self._seen_from = camera, lens, _bits(X_WC)
         pixels.setflags(write=False)
         self._pictures.pop(window, None)
         self._pictures[window] = poses, pixels
         if len(self._pictures) > _MOST:
             del self._pictures[next(iter(self._pictures))]
 
-    def _is_seen_from(self, camera: PinholeCamera, lens: LensMap | None, X_WC: SE3) -> bool:
-        """Return whether the kept pictures are those of this camera at this place."""
-        if self._seen_from is None or self._seen_from[:2] != (camera, lens):
-            return False
-        before = self._seen_from[2]
-        return before is X_WC or (np.array_equal(before.p, X_WC.p) and np.array_equal(before.R, X_WC.R))
+
+def _bits(X_WC: SE3) -> bytes:
+    """Return the bits of a pose: to compare them takes less time than to compare arrays."""
+    return X_WC.p.tobytes() + X_WC.R.tobytes()
 
 
 def _may_show(camera: PinholeCamera, p_C: Array, radius: Array, window: Window) -> NDArray[np.bool_]:

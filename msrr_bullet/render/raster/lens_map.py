@@ -7,7 +7,7 @@ from dataclasses import astuple
 import numpy as np
 
 from msrr_bullet.render.raster.kernels.floor import ROLLED_STRIDE
-from msrr_bullet.render.raster.kernels.lens_nodes import node_steps, undistort_nodes
+from msrr_bullet.render.raster.kernels.lens_nodes import cut_nodes, node_steps, undistort_nodes
 from msrr_bullet.render.raster.kernels.records import Lens, LensView
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.distortion import Distortion, has_inverse
@@ -40,36 +40,34 @@ class LensMap:
         if not has_inverse(camera, distortion):
             raise self._error(camera.frame)
         self._latest: tuple[Window, LensView] | None = None
+        self._memory = np.empty((2, 0))
         self._cover(camera.frame.padded(_MARGIN))
 
     def view(self, window: Window) -> LensView:
         """Return the places of the corners of the pixels of ``window``.
 
-        The latest view is kept, for the next instant of the exposure.
+        The latest view is kept, for the next instant of the exposure. The view of another window is written
+        over it, for fresh memory costs more than to fill it.
 
         Raises:
             GeometryError: The window reaches beyond the frame to where the lens has no inverse.
         """
         if self._latest is not None and self._latest[0] == window:
             return self._latest[1]
-        margin = self._covered.width - self.camera.width
-        while not self._covered.contains(window):
-            margin *= 2
-            self._cover(self.camera.frame.padded(margin))
-        x, y = window.x - self._covered.x, window.y - self._covered.y
-        for j in range(y // _TILE, (y + window.height) // _TILE + 1):
-            for i in range(x // _TILE, (x + window.width) // _TILE + 1):
-                if not self._known[j, i]:
-                    self._compute(j, i)
-        nodes = slice(y, y + window.height + 1), slice(x, x + window.width + 1)
-        u, v = np.ascontiguousarray(self._u[nodes]), np.ascontiguousarray(self._v[nodes])
+        x, y = self._compute_nodes(window)
+        rows, columns = window.height + 1, window.width + 1
+        if rows * columns > self._memory.shape[1]:
+            self._memory = np.empty((2, rows * columns))
+        u, v = self._memory[:, : rows * columns].reshape(2, rows, columns)
+        v_low, v_high = np.empty((2, rows))
+        cut_nodes(self._u, self._v, y, x, u, v, v_low, v_high)
         first, last = (k // ROLLED_STRIDE - self._first_group for k in (window.x, window.x_end))
         part = slice(y, y + window.height), slice(first, last + 1)
         view = LensView(
             u=u,
             v=v,
-            v_low=v.min(axis=1),
-            v_high=v.max(axis=1),
+            v_low=v_low,
+            v_high=v_high,
             shift=self._shift,
             pitch=self._pitch,
             slant=self._slant,
@@ -79,6 +77,35 @@ class LensMap:
         )
         self._latest = window, view
         return view
+
+    def bounds(self, window: Window) -> Window:
+        """Return the smallest window of the image of an ideal lens that holds all that ``window`` shows.
+
+        Raises:
+            GeometryError: The window reaches beyond the frame to where the lens has no inverse.
+        """
+        x, y = self._compute_nodes(window)
+        x_end, y_end = x + window.width, y + window.height
+        left = int(np.floor(self._u[y : y_end + 1, x].min()))
+        top = int(np.floor(self._v[y, x : x_end + 1].min()))
+        right = int(np.ceil(self._u[y : y_end + 1, x_end].max()))
+        bottom = int(np.ceil(self._v[y_end, x : x_end + 1].max()))
+        return Window(left, top, right - left, bottom - top)
+
+    def _compute_nodes(self, window: Window) -> tuple[int, int]:
+        """Compute the nodes of a window where they are not known; return column and row of the first one."""
+        margin = self._covered.width - self.camera.width
+        while not self._covered.contains(window):
+            margin *= 2
+            self._cover(self.camera.frame.padded(margin))
+        x, y = window.x - self._covered.x, window.y - self._covered.y
+        tiles = (
+            slice(y // _TILE, (y + window.height) // _TILE + 1),
+            slice(x // _TILE, (x + window.width) // _TILE + 1),
+        )
+        for j, i in np.argwhere(~self._known[tiles]):
+            self._compute(int(j) + tiles[0].start, int(i) + tiles[1].start)
+        return x, y
 
     def _cover(self, window: Window) -> None:
         """Make room for a window; memory that is never written to costs nothing."""
@@ -129,9 +156,3 @@ class LensMap:
             f"the polynomial of the lens {self.distortion} has no inverse in {window}: two points of the "
             "scene appear at one pixel; use smaller coefficients or a smaller field of view"
         )
-
-
-def bounds_of(lens: LensView) -> Window:
-    """Return the smallest window of the image of an ideal lens that holds all corners of a view."""
-    x, y = int(np.floor(lens.u[:, 0].min())), int(np.floor(lens.v[0].min()))
-    return Window(x, y, int(np.ceil(lens.u[:, -1].max())) - x, int(np.ceil(lens.v[-1].max())) - y)

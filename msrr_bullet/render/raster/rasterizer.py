@@ -23,7 +23,7 @@ from msrr_bullet.render.raster.kernels.records import (
     Workspace,
 )
 from msrr_bullet.render.raster.kernels.sample_positions import CELL_SAMPLES, SAMPLES, sample_positions
-from msrr_bullet.render.raster.lens_map import LensMap, bounds_of
+from msrr_bullet.render.raster.lens_map import LensMap
 from msrr_bullet.render.raster.mesh import box
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.distortion import Distortion
@@ -33,9 +33,6 @@ from msrr_scenes.messages import Pixels
 
 #: Nothing nearer is drawn, so that a camera may sit inside a body [m].
 _NEAR = 0.01
-
-#: Most rows that are drawn at once through a lens, so that a whole frame takes little memory for its corners.
-_STRIP = 2 * BAND
 
 #: The light of the scene, the same as in TinyRenderer.
 _TOWARDS_LIGHT = np.array([-0.45, 0.25, 0.86])
@@ -109,10 +106,10 @@ class Rasterizer:
             return out
         if len(self._maps) < BAND * window.width + 1:
             self._maps = np.empty((BAND * window.width + 1, 6))
-        for top in range(0, window.height, _STRIP):
-            rows = out[top : top + _STRIP]
-            seen = lens.view(Window(window.x, window.y + top, window.width, len(rows)))
-            draw_through_lens(_view(camera, bounds_of(seen)), seen, *scene, self._maps, rows)
+        for top in range(0, window.height, BAND):  # so that a whole frame takes little memory for its corners
+            rows = out[top : top + BAND]
+            strip = Window(window.x, window.y + top, window.width, len(rows))
+            draw_through_lens(_view(camera, lens.bounds(strip)), lens.view(strip), *scene, self._maps, rows)
         return out
 
 

@@ -81,3 +81,29 @@ def node_steps(u: Array, v: Array, j0: int, j1: int, i0: int, i1: int) -> tuple[
                 pitch = min(pitch, u[j, i] - u[j, i - 1])
                 slant = max(slant, abs(v[j, i] - v[j, i - 1]))
     return shift, pitch, slant
+
+
+@kernel
+def cut_nodes(
+    u: Array, v: Array, top: int, left: int, u_out: Array, v_out: Array, v_low: Array, v_high: Array
+) -> None:
+    """Copy the part of a grid of nodes that begins at (top, left); write least and greatest v of each row.
+
+    Args:
+        u: Columns in the image of the ideal lens, shape (R, C) [px].
+        v: Rows, likewise.
+        top: First row of the part.
+        left: Its first column.
+        u_out: Copy of ``u``, shape (r, c).
+        v_out: Copy of ``v``, likewise.
+        v_low: Least ``v`` of each row of the part, shape (r,).
+        v_high: Greatest, likewise.
+    """
+    for j in range(u_out.shape[0]):
+        low, high = np.inf, -np.inf
+        for i in range(u_out.shape[1]):
+            u_out[j, i] = u[top + j, left + i]
+            place = v[top + j, left + i]
+            v_out[j, i] = place
+            low, high = min(low, place), max(high, place)
+        v_low[j], v_high[j] = low, high
