@@ -8,7 +8,7 @@ from functools import lru_cache
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.raster.bodies import LoadedBodies, body_ids
 from msrr_bullet.render.raster.floor_texture import pack_floor
-from msrr_bullet.render.raster.kept_pictures import KeptPictures
+from msrr_bullet.render.raster.kept_pictures import KeptPictures, frame_radii
 from msrr_bullet.render.raster.kernels.records import FloorTexture
 from msrr_bullet.render.raster.lens_map import LensMap
 from msrr_bullet.render.raster.rasterizer import Rasterizer
@@ -24,7 +24,7 @@ class RasterRenderer:
     """Exact visibility at pixel corners, sixteen samples where they disagree.
 
     The shapes of all bodies are read when a body has been loaded or removed since the last picture. A colour
-    or texture that changes later is not noticed.
+    or texture that changes later is not noticed. Cameras that look at the same bodies can share a renderer.
     """
 
     def __init__(self, context: RenderContext) -> None:
@@ -36,7 +36,7 @@ class RasterRenderer:
         self._client = context.client
         self._floor = _packed(context.floor)
         self._bodies: LoadedBodies | None = None
-        self._lens: LensMap | None = None
+        self._lenses: dict[tuple[PinholeCamera, Distortion], LensMap] = {}
 
     def render(self, camera: PinholeCamera, X_WC: SE3, window: Window) -> Pixels:
         """Return the mono8 pixels of ``window``, shape (height, width); see :class:`Renderer`.
@@ -75,24 +75,27 @@ class RasterRenderer:
         lens: LensMap | None,
     ) -> Pixels:
         """Return the pixels of a window with the moving frames at ``poses``; draw only what may be new."""
-        pixels = self._kept.find(camera, X_WC, window, poses, lens)
+        if (camera, lens) not in self._kept:
+            self._kept[camera, lens] = KeptPictures(camera, lens, self._radii)
+        kept = self._kept[camera, lens]
+        pixels = kept.find(X_WC, window, poses)
         if pixels is None:
             pixels = self._rasterizer.draw(camera, X_WC, window, poses, self._floor, lens)
-            self._kept.keep(camera, X_WC, window, poses, pixels, lens)
+            kept.keep(X_WC, window, poses, pixels)
         return pixels
 
     def _map_of(self, camera: PinholeCamera, distortion: Distortion) -> LensMap:
         """Return the map of the lens of a camera, and keep it for its next picture."""
-        lens = self._lens
-        if lens is None or lens.camera != camera or lens.distortion != distortion:
-            self._lens = lens = LensMap(camera, distortion)
-        return lens
+        if (camera, distortion) not in self._lenses:
+            self._lenses[camera, distortion] = LensMap(camera, distortion)
+        return self._lenses[camera, distortion]
 
     def _loaded(self) -> LoadedBodies:
         if self._bodies is None or self._bodies.ids != body_ids(self._client):
             self._bodies = LoadedBodies(self._client)
             self._rasterizer = Rasterizer(self._bodies.shapes, self._bodies.frame_count)
-            self._kept = KeptPictures(self._rasterizer.geometry, self._bodies.frame_count)
+            self._radii = frame_radii(self._rasterizer.geometry, self._bodies.frame_count)
+            self._kept: dict[tuple[PinholeCamera, LensMap | None], KeptPictures] = {}
         return self._bodies
 
 

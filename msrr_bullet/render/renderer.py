@@ -14,7 +14,7 @@ from msrr_scenes.messages import Pixels
 
 
 class Renderer(Protocol):
-    """Draws the simulated world as it stands when it is called."""
+    """Draws the simulated world as it stands when it is called, for one camera or for several in turns."""
 
     def render(self, camera: PinholeCamera, X_WC: SE3, window: Window) -> Pixels:
         """Return the noise-free mono8 pixels of ``window``, shape (height, width).

@@ -31,6 +31,7 @@ from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.mission import RadioSpec
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.sensors import CameraSpec
+from msrr_scenes.specs.spec import Choice
 
 
 class Devices:
@@ -59,6 +60,7 @@ class Devices:
         spec = scene.radio or RadioSpec()
         self.radio = Radio(spec, tuple(scene.units), seed) if scene.coordinated else None
         self._cameras: dict[str, Camera] = {}
+        self._renderers: list[tuple[Choice, int, Renderer]] = []
         self._dropouts: dict[str, FrameDropout] = {}
         self._timings: dict[str, FrameTiming] = {}
         self._generators: dict[str, np.random.Generator] = {}
@@ -157,7 +159,7 @@ class Devices:
             self._cameras[name] = Camera(
                 name,
                 spec,
-                _renderer(spec, world.client),
+                self._renderer(spec, world.client),
                 pose,
                 self._seed,
                 self._simulation.scene.faults,
@@ -165,6 +167,15 @@ class Devices:
                 MotionSensor(self._simulation, carrier),
             )
         return self._cameras[name]
+
+    def _renderer(self, spec: CameraSpec, client: int) -> Renderer:
+        """Return the renderer of a camera; cameras of one choice share it, for they see the same bodies."""
+        for choice, samples, renderer in self._renderers:
+            if (choice, samples) == (spec.renderer, spec.samples):
+                return renderer
+        renderer = _built_renderer(spec, client)
+        self._renderers.append((spec.renderer, spec.samples, renderer))
+        return renderer
 
     def _errors(self, camera: str) -> np.random.Generator:
         """Return the generator of the errors of a parametric camera; all steps share the sequence."""
@@ -198,7 +209,7 @@ class _FailedRenderer:
         raise self._error
 
 
-def _renderer(spec: CameraSpec, client: int) -> Renderer:
+def _built_renderer(spec: CameraSpec, client: int) -> Renderer:
     try:
         return build_renderer(spec.renderer, RenderContext(client, spec.samples))
     except ProgramFailedError as error:

@@ -25,72 +25,64 @@ _LARGEST_PX = 1 << 15
 
 
 class KeptPictures:
-    """The latest picture of each of the windows that were drawn last, while the camera stays where it is."""
+    """The latest picture of each of the windows of a camera that were drawn last, while it stays in place."""
 
-    def __init__(self, geometry: Geometry, frame_count: int) -> None:
+    def __init__(self, camera: PinholeCamera, lens: LensMap | None, radii: Array) -> None:
         """Begin without a picture.
 
         Args:
-            geometry: All faces, on their moving frames.
-            frame_count: Number of moving frames.
+            camera: Intrinsics.
+            lens: Map of the lens of the camera; None for an ideal one.
+            radii: Radius of a ball about the origin of each moving frame that holds all its shapes, shape
+                (M,) [m]; see :func:`frame_radii`.
         """
-        balls = geometry.shape_ball
-        # Radius of a ball about the origin of each moving frame that holds all its shapes, shape (M,).
-        self._radius = np.zeros(frame_count)
-        np.maximum.at(self._radius, geometry.shape_frame, np.linalg.norm(balls[:, :3], axis=1) + balls[:, 3])
-        self._seen_from: tuple[PinholeCamera, LensMap | None, bytes] | None = None
+        self._camera = camera
+        self._lens = lens
+        self._radii = radii
+        self._seen_from: bytes | None = None
         self._pictures: dict[Window, tuple[Array, Pixels]] = {}  # poses of the moving frames, and the pixels
 
-    def find(
-        self,
-        camera: PinholeCamera,
-        X_WC: SE3,
-        window: Window,
-        poses: Array,
-        lens: LensMap | None = None,
-    ) -> Pixels | None:
+    def find(self, X_WC: SE3, window: Window, poses: Array) -> Pixels | None:
         """Return the pixels of a window, read-only, if they can be no others than when it was drawn last.
 
         Args:
-            camera: Intrinsics.
             X_WC: Pose of the camera.
             window: Any rectangle, inside or outside the frame.
             poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
-            lens: Map of the lens of the camera; None for an ideal one.
         """
-        if window not in self._pictures or self._seen_from != (camera, lens, _bits(X_WC)):
+        if window not in self._pictures or self._seen_from != _bits(X_WC):
             return None
         before, pixels = self._pictures[window]
         moved = np.flatnonzero((before != poses).any(axis=1))
         if moved.size:
             places = np.concatenate([before[moved, :3], poses[moved, :3]])
-            radius = np.tile(self._radius[moved], 2)
+            radii = np.tile(self._radii[moved], 2)
             # What the window shows of the image of an ideal lens.
-            part = window if lens is None else lens.bounds(window)
-            if _may_show(camera, (places - X_WC.p) @ X_WC.R, radius, part).any():
+            part = window if self._lens is None else self._lens.bounds(window)
+            if _may_show(self._camera, (places - X_WC.p) @ X_WC.R, radii, part).any():
                 return None
         return pixels
 
-    def keep(
-        self,
-        camera: PinholeCamera,
-        X_WC: SE3,
-        window: Window,
-        poses: Array,
-        pixels: Pixels,
-        lens: LensMap | None = None,
-    ) -> None:
+    def keep(self, X_WC: SE3, window: Window, poses: Array, pixels: Pixels) -> None:
         """Keep the pixels of a window, which become read-only; see :meth:`find`."""
         if window.area > _LARGEST_PX:
             return
-        if self._seen_from != (camera, lens, _bits(X_WC)):
+        seen_from = _bits(X_WC)
+        if self._seen_from != seen_from:
             self._pictures.clear()
-            self._seen_from = camera, lens, _bits(X_WC)
+            self._seen_from = seen_from
         pixels.setflags(write=False)
         self._pictures.pop(window, None)
         self._pictures[window] = poses, pixels
         if len(self._pictures) > _MOST:
             del self._pictures[next(iter(self._pictures))]
+
+
+def frame_radii(geometry: Geometry, frame_count: int) -> Array:
+    """Return the radius of a ball about the origin of each moving frame that holds all its shapes [m]."""
+    balls, radii = geometry.shape_ball, np.zeros(frame_count)
+    np.maximum.at(radii, geometry.shape_frame, np.linalg.norm(balls[:, :3], axis=1) + balls[:, 3])
+    return radii
 
 
 def _bits(X_WC: SE3) -> bytes:
