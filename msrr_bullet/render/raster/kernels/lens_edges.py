@@ -67,26 +67,19 @@ def raise_edge_depth(
 def form_edges(
     faces: ProjectedFaces, f: int, view: LensView, forms: Array, marks: Pixels, steep: Pixels
 ) -> int:
-    """Copy the edges of face f and, as edges that mark nothing, those of its box; return their number.
+    """Copy the edges of face f and return their number.
 
-    ``steep`` says which of them rise or fall along every row of corners, in spite of its bend.
+    ``marks`` says which of them a pixel may not cross unnoticed, and ``steep`` which of them rise or fall
+    along every row of corners, in spite of its bend.
     """
     first, end = faces.edge_start[f], faces.edge_start[f + 1]
-    box, edges = faces.box, faces.edges
-    forms[0, 0], forms[0, 1], forms[0, 2] = 1.0, 0.0, -box[f, 0]
-    forms[1, 0], forms[1, 1], forms[1, 2] = -1.0, 0.0, box[f, 1]
-    forms[2, 0], forms[2, 1], forms[2, 2] = 0.0, 1.0, -box[f, 2]
-    forms[3, 0], forms[3, 1], forms[3, 2] = 0.0, -1.0, box[f, 3]
-    for n in range(4):
-        marks[n] = 0
-    count = 4 + end - first
-    for n in range(4, count):
-        e = first + n - 4
+    edges = faces.edges
+    for n in range(end - first):
+        e = first + n
         forms[n, 0], forms[n, 1], forms[n, 2] = edges[e, 0], edges[e, 1], edges[e, 2]
         marks[n] = 0 if faces.inner[e] else 1
-    for n in range(count):
         steep[n] = abs(forms[n, 0]) * view.pitch > 2.0 * abs(forms[n, 1]) * view.slant
-    return count
+    return end - first
 
 
 @inlined

@@ -76,9 +76,9 @@ def cover_lens_corners(
     inverse_depth, box, kind, nearest = faces.inverse_depth, faces.box, faces.kind, faces.nearest
     uv, cells, spans, v_low, v_high = faces.uv, faces.cells, faces.spans, view.v_low, view.v_high
     end_column = u.shape[1]
-    most = 4
+    most = 0
     for f in range(count):
-        most = max(most, 4 + faces.edge_start[f + 1] - faces.edge_start[f])
+        most = max(most, faces.edge_start[f + 1] - faces.edge_start[f])
     forms, marks, steep = np.empty((most, 3)), np.empty(most, np.uint8), np.empty(most, np.uint8)
     # Where steep edges cross a row of corners and the one below it.
     here, there = np.zeros(most, np.int64), np.zeros(most, np.int64)
@@ -112,7 +112,7 @@ def cover_lens_corners(
             if v_low[k] > beneath:
                 break
             # Corners from i0 to i1, and pixels from p0 to p1, are inside the steep edges, these in part.
-            i0, i1, p0, p1 = 0, end_column, 0, end_column - 1
+            i0, i1, p0, p1 = left, right, left, right - 1
             for n in range(edges):
                 if steep[n]:
                     here[n] = there[n]
