@@ -22,7 +22,7 @@ from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Exposure, Fetch, PoseEstimate
 
 #: Period with which the onboard camera of a robot searches the full frame [frames].
-FULL_FRAME_PERIOD = 50
+FULL_FRAME_PERIOD = 100
 
 #: Misses in a row after which a tag rests; one alone may come from a wrong prediction or from noise.
 _MISSES_BEFORE_REST = 2
@@ -49,7 +49,7 @@ class OnboardVision:
         target: TargetModel,
         detector: Detector,
         policy: WindowPolicy = DEFAULT_POLICY,
-        full_every: int = 100,
+        full_every: int = FULL_FRAME_PERIOD,
         search_every: int = 5,
         rest: int = 5,
         retry_widen: float = 2.5,
