@@ -24,6 +24,7 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
+from msrr_scenes.messages import Twist
 
 #: Tags that are nearer do not count: a camera could no longer see one as a whole [m].
 _NEAREST_M = 0.05
@@ -42,11 +43,6 @@ class BodyMotion:
     p_W: Array
     v_W: Array
     w_W: Array
-
-    @property
-    def stands(self) -> bool:
-        """Whether the body does not move at all."""
-        return not (self.v_W.any() or self.w_W.any())
 
     def displacement(self, dt: float) -> SE3:
         """Return where points of the body, in W, are ``dt`` seconds later if the velocity is constant."""
@@ -140,7 +136,7 @@ class MotionSensor:
             self._corners = np.concatenate([np.empty((0, 4, 3)), *(self._tags[name] for name in shown)])
         planar = [(math.cos(X.yaw), math.sin(X.yaw), X.x, X.y) for X in map(poses.__getitem__, shown)]
         return CameraMotion(
-            bodies={body: motion for body, motion in motions.items() if not motion.stands},
+            bodies={body: motion for body, motion in motions.items() if motion is not None},
             carrier=None if self._carrier is None else ids[self._carrier],
             tags=place_tags(self._corners, self._which, np.array(planar).reshape(-1, 4)),
             owners=self._owners,
@@ -165,14 +161,22 @@ class MotionSensor:
         return {name: np.array(corners).reshape(-1, 4, 3) for name, corners in tags.items()}
 
 
-def _unit_motion(simulation: Simulation, unit: str) -> BodyMotion:
-    """Return the velocity of a unit: of its body in PyBullet, or of a plant that only places that body."""
+def _unit_motion(simulation: Simulation, unit: str) -> BodyMotion | None:
+    """Return the velocity of a unit: of its body in PyBullet, or of a plant that only places that body.
+
+    None if it does not move at all.
+    """
     world, plant = simulation.world, simulation.plant
     assert world is not None, "a simulation with images has a world"
     if simulation.scene.plant == "bullet":
         body = world.unit(unit).body
-        p_W = pybullet.getBasePositionAndOrientation(body, physicsClientId=world.client)[0]
         v_W, w_W = pybullet.getBaseVelocity(body, physicsClientId=world.client)
+        if not (any(v_W) or any(w_W)):
+            return None
+        p_W = pybullet.getBasePositionAndOrientation(body, physicsClientId=world.client)[0]
         return BodyMotion(np.array(p_W), np.array(v_W), np.array(w_W))
-    X_WU, twist = plant.pose3(unit), plant.twist(unit)
+    twist = plant.twist(unit)
+    if twist == Twist():
+        return None
+    X_WU = plant.pose3(unit)
     return BodyMotion(X_WU.p, twist.v * X_WU.R[:, 0], np.array([0.0, 0.0, twist.w]))
