@@ -104,13 +104,14 @@ def whitened(optics: Optics, tags: TagMap, seen: Seen, t: int, state: Array, pix
         for k in range(r):
             total -= L[r, k] * pixels[k]
         pixels[r] = total / L[r, r]
-    for c in range(PARAMETERS):
-        if tags.columns[tag, c] >= 0:
-            for r in range(8):
-                entry = J[r, c]
-                for k in range(r):
-                    entry -= L[r, k] * J[k, c]
-                J[r, c] = entry / L[r, r]
+    for r in range(8):  # all columns at once, also those that the state does not have: the loop is faster
+        for k in range(r):
+            factor = L[r, k]
+            for c in range(PARAMETERS):
+                J[r, c] -= factor * J[k, c]
+        pivot = L[r, r]
+        for c in range(PARAMETERS):
+            J[r, c] /= pivot
 
 
 @kernel

@@ -48,9 +48,9 @@ def relate(tags: TagMap, which: NDArray[np.int64], covariance: Array, J: Array, 
         JP[row, :] = 0.0
         for c in range(PARAMETERS):
             if columns[c] >= 0:
-                factor, entries = J[row, c], covariance[columns[c]]
-                for k in range(n):
-                    JP[row, k] += factor * entries[k]
+                column, factor = columns[c], J[row, c]
+                for k in range(n):  # a view of the row of P would be counted as a reference to it each time
+                    JP[row, k] += factor * covariance[column, k]
     for q in range(JP.shape[0]):
         columns = tags.columns[which[q // 8]]
         for row in range(q, JP.shape[0]):
