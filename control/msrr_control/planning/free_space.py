@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -61,6 +62,22 @@ class FreeSpace:
         )
         return FreeSpace(box, discs)
 
+    def near_circle(self, x: float, y: float, radius: float) -> FreeSpace | None:
+        """Return this space with no discs but those that a circle may enter; None if all of it is free.
+
+        Args:
+            x: Middle of the circle along x [m].
+            y: Its middle along y [m].
+            radius: Its radius [m].
+        """
+        touch = 0.5 * _SLACK  # a circle may be that of a disc, or touch one, and rounding lets it enter
+        discs = tuple(
+            d for d in self.discs if abs(math.hypot(d.x - x, d.y - y) - radius) < d.radius - touch
+        )
+        x0, x1, y0, y1 = self.box
+        inside = x0 <= x - radius and x + radius <= x1 and y0 <= y - radius and y + radius <= y1
+        return None if inside and not discs else FreeSpace(self.box, discs)
+
     def allows(self, points: Array) -> bool:
         """Return whether all of the points, shape (N, 2) [m], are free."""
         return bool(self._inside(points).all()) and self.deepest_disc(points) is None
@@ -69,7 +86,8 @@ class FreeSpace:
         """Return the disc that the points, shape (N, 2) [m], enter deepest, None if they enter none."""
         if not self.discs:
             return None
-        distance = np.linalg.norm(points[:, None] - self._centres, axis=-1).min(axis=0)
+        dx, dy = points[:, :1] - self._centres[:, 0], points[:, 1:] - self._centres[:, 1]
+        distance = np.sqrt(dx * dx + dy * dy).min(axis=0)
         depth = self._radii - _SLACK - distance
         deepest = int(depth.argmax())
         return self.discs[deepest] if depth[deepest] > 0.0 else None

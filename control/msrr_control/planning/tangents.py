@@ -106,6 +106,8 @@ def _search(
     leaving: dict[int, list[int]] = {}
     for k, line in enumerate(lines):
         leaving.setdefault(line.start, []).append(k)
+    # To the arcs of a circle only the discs matter that it may enter; most circles enter none.
+    near = [space.near_circle(circle.x, circle.y, circle.radius) for circle in circles]
     previous: dict[int, int] = {}
     queue: list[tuple[float, int, int]] = [(lines[k].length, k, -1) for k in leaving.get(0, [])]
     heapq.heapify(queue)
@@ -123,7 +125,7 @@ def _search(
             last_arc = 0.0
             if goal.heading is not None:
                 angle = _arc(circle, line.heading, goal.heading)
-                if angle > _LONGEST_ARC or not _arc_is_free(space, circle, line, angle):
+                if angle > _LONGEST_ARC or not _arc_is_free(near[line.end], circle, line, angle):
                     continue
                 last_arc = circle.radius * angle
             if shortest is None or cost + last_arc < shortest[0]:
@@ -133,7 +135,7 @@ def _search(
             angle = _arc(circle, line.heading, lines[following].heading)
             if following in previous or angle > _LONGEST_ARC:
                 continue
-            if _arc_is_free(space, circle, line, angle):
+            if _arc_is_free(near[line.end], circle, line, angle):
                 total = cost + circle.radius * angle + lines[following].length
                 heapq.heappush(queue, (total, following, k))
     if shortest is None:
@@ -151,12 +153,17 @@ def _arc(circle: _Circle, arrive: float, leave: float) -> float:
     return 0.0 if angle > _TURN - 1e-9 else angle
 
 
-def _arc_is_free(space: FreeSpace, circle: _Circle, line: _Line, angle: float) -> bool:
-    """Return whether an arc of that angle, entered from ``line``, is free."""
+def _arc_is_free(space: FreeSpace | None, circle: _Circle, line: _Line, angle: float) -> bool:
+    """Return whether an arc of that angle, entered from ``line``, is free in the space near its circle."""
+    if space is None:
+        return True
     count = 2 + int(circle.radius * angle / 0.03)
-    headings = line.heading + circle.turn * np.linspace(0.0, angle, count)
+    turned = np.arange(count) * (angle / (count - 1))
+    turned[-1] = angle
+    headings = line.heading + circle.turn * turned
     reach = circle.turn * circle.radius
-    points = np.stack([circle.x + reach * np.sin(headings), circle.y - reach * np.cos(headings)], axis=-1)
+    points = np.empty((count, 2))
+    points[:, 0], points[:, 1] = circle.x + reach * np.sin(headings), circle.y - reach * np.cos(headings)
     return space.allows(points)
 
 
