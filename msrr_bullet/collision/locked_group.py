@@ -37,15 +37,12 @@ def locked_group(scene: Scene, locked: Iterable[DockStep], unit: str) -> dict[st
     while pending:
         known = pending.pop()
         for step in steps:
-            X_TU = seat_pose(scene, step)
-            if step.target_unit == known:
-                other, X = step.unit, X_TU
-            elif step.unit == known:
-                other, X = step.target_unit, X_TU.inverse()
-            else:
+            if known not in (step.unit, step.target_unit):
                 continue
+            other = step.unit if known == step.target_unit else step.target_unit
             if other not in poses:
-                poses[other] = poses[known] @ X
+                X_TU = seat_pose(scene, step)
+                poses[other] = poses[known] @ (X_TU if other == step.unit else X_TU.inverse())
                 pending.append(other)
     return poses
 

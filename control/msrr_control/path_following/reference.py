@@ -124,7 +124,7 @@ def reference_step(
         z1 = position[i] - point[i]
         z2 = velocity[i] - rate[i] + c1 * z1 - bias
         u_r.append(-c2 * z2 + acceleration_d[i] - k * lam[i] - z1 - c1 * (z2 - c1 * z1 + bias))
-    if envelope and bool(np.any(wall.active)):
+    if envelope and bool(wall.active.any()):
         acceleration = _saturate_at_wall(u_r, position, velocity, wall, gains)
     else:
         acceleration = [limit(u, -u_max, u_max) for u in u_r]

@@ -71,9 +71,7 @@ class FreeSpace:
             radius: Its radius [m].
         """
         touch = 0.5 * _SLACK  # a circle may be that of a disc, or touch one, and rounding lets it enter
-        discs = tuple(
-            d for d in self.discs if abs(math.hypot(d.x - x, d.y - y) - radius) < d.radius - touch
-        )
+        discs = tuple(d for d in self.discs if abs(math.hypot(d.x - x, d.y - y) - radius) < d.radius - touch)
         x0, x1, y0, y1 = self.box
         inside = x0 <= x - radius and x + radius <= x1 and y0 <= y - radius and y + radius <= y1
         return None if inside and not discs else FreeSpace(self.box, discs)

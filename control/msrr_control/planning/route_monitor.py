@@ -19,6 +19,8 @@ from msrr_scenes.messages import ObstacleEstimate
 
 NO_WALL = SideWall(np.array(False), np.zeros(2), np.array(0.0))
 
+_NO_OBSTACLES = Obstacles(np.zeros((0, 2)), np.zeros(0, dtype=bool))
+
 
 class _Passage(NamedTuple):
     """How the route passes an obstacle: the obstacle's pose at the time, the encounter, the wall's side."""
@@ -127,5 +129,7 @@ class RouteMonitor:
 
 def as_obstacles(arena: ArenaMap) -> Obstacles:
     """Return the obstacles of a map as arrays for a law."""
-    centre = np.array([(o.X_WB.x, o.X_WB.y) for o in arena.obstacles]).reshape(-1, 2)
+    if not arena.obstacles:
+        return _NO_OBSTACLES
+    centre = np.array([(o.X_WB.x, o.X_WB.y) for o in arena.obstacles])
     return Obstacles(centre, np.ones(len(centre), dtype=bool))

@@ -142,7 +142,7 @@ class PhaseMachine:
         context = self._context
         context.observe(observation)
         twist = states.STILL
-        for _ in Phase:  # a phase with nothing to do is passed in the same instant; none comes twice
+        for _ in STATES:  # a phase with nothing to do is passed in the same instant; none comes twice
             state = STATES[self._phase]
             if not self._entered:
                 self._entered, context.memory = True, StateMemory(observation.now_ns)

@@ -15,7 +15,14 @@ from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import wrap_angle
-from msrr_scenes.messages import AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
+from msrr_scenes.messages import (
+    ArenaEstimate,
+    AssemblyPath,
+    AssemblyProgress,
+    FailureReason,
+    Twist,
+    seconds,
+)
 from msrr_scenes.messages.coordination import Authority, LegKind
 
 #: Speed below which a unit stands still [m/s], [rad/s].
@@ -104,10 +111,11 @@ class GuidedAssembler(Generic[State]):
             self._unseen_ns = None
             if self._follower.started:
                 self._follower.restart(estimate.own.X_WB, observation.twist, now)
-        arena = self._setup.map_of(estimate)
+        # To drive a route only these matter of what is known; all of it when the next leg begins.
+        arena = ArenaMap(estimate.own.X_WB, estimate.own.X_WB, (), estimate.obstacles)
         legs = self.authority.legs
         for _ in range(len(legs) + 1):  # a leg with nothing left is passed in the same instant
-            if self._leg is None and not self._begin_next(arena, now):
+            if self._leg is None and not self._begin_next(estimate, now):
                 return STILL
             assert self._leg is not None
             kind = legs[self._leg].kind
@@ -123,10 +131,10 @@ class GuidedAssembler(Generic[State]):
             if self._leg + 1 == len(legs):
                 self._stage, self._reason, self.finished = "settle", "at the end of the route", True
                 return STILL
-            self._begin(self._leg + 1, arena, now)
+            self._begin(self._leg + 1, estimate, now)
         return STILL
 
-    def _begin_next(self, arena: ArenaMap, now: int) -> bool:
+    def _begin_next(self, estimate: ArenaEstimate, now: int) -> bool:
         """Begin the route if there is one; return whether there is."""
         if not self.authority.legs:
             self._stage, self._reason = "plan", "waits for an authority"
@@ -137,10 +145,10 @@ class GuidedAssembler(Generic[State]):
             self._stage, self._reason, self.finished = "settle", "at the end of the route", True
             return False
         self.covered = self._start_of(first)
-        self._begin(first, arena, now)
+        self._begin(first, estimate, now)
         return True
 
-    def _begin(self, index: int, arena: ArenaMap, now: int) -> None:
+    def _begin(self, index: int, estimate: ArenaEstimate, now: int) -> None:
         self._leg, self._waits = index, None
         self._follower.drop_route()
         leg = self.authority.legs[index]
@@ -148,7 +156,7 @@ class GuidedAssembler(Generic[State]):
         if leg.kind is not LegKind.PATH:
             return
         route = self.authority.route_of(index, 0.0)
-        self._follower.set_route(route, arena)
+        self._follower.set_route(route, self._setup.map_of(estimate))
         _, points = route.path.sample(0.05)
         number = 1 if self.path is None else self.path.number + 1
         sampled = tuple((float(x), float(y)) for x, y in points)

@@ -9,9 +9,8 @@ import cv2
 import numpy as np
 
 from msrr_perception.detection.detector import Detector
-from msrr_perception.kernels.lens import optic_of, undistort
+from msrr_perception.kernels.lens import Optic, undistort
 from msrr_scenes.arrays import Array
-from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, TagDetection
 
@@ -27,17 +26,17 @@ class FrameReader:
         found: Clearest detection of every tag read so far, by tag id.
     """
 
-    def __init__(self, fetch: Fetch, lens: Lens, to_light: Pixels | None = None) -> None:
+    def __init__(self, fetch: Fetch, optic: Optic, to_light: Pixels | None = None) -> None:
         """Begin an exposure of which nothing is read.
 
         Args:
             fetch: Function that returns the pixels of a window.
-            lens: Known calibration of the camera.
+            optic: Known lens of the camera.
             to_light: Grey level of every pixel value on a straight tone curve; None if the camera has one.
         """
         self.windows: list[Window] = []
         self.found: dict[int, TagDetection] = {}
-        self._fetch, self._optic, self._to_light = fetch, optic_of(lens), to_light
+        self._fetch, self._optic, self._to_light = fetch, optic, to_light
         self._read: list[tuple[Pixels, Window]] = []
 
     def read(self, windows: Iterable[Window], detector: Detector) -> None:

@@ -16,6 +16,7 @@ from msrr_perception.detection.windows import (
     plan_windows,
     pose_is_known,
 )
+from msrr_perception.kernels.lens import optic_of
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import Window
@@ -75,6 +76,7 @@ class OnboardVision:
         if min(full_every, search_every, rest) < 1 or retry_widen <= 1.0:
             raise SceneError("vision: full_every, search_every, rest must be at least 1, retry_widen above 1")
         self.target = target
+        self._optic = optic_of(target.lens)
         self.detector = for_lens(detector, target.lens)
         self._detectors = detectors_by_size(self.detector)
         self.policy = policy.for_family(target.tag_family)
@@ -103,7 +105,7 @@ class OnboardVision:
         Returns:
             Every tag found, by ascending id, and the windows in the order in which they were fetched.
         """
-        reader = FrameReader(fetch, self.target.lens, self.target.to_light)
+        reader = FrameReader(fetch, self._optic, self.target.to_light)
         frame = (self.target.camera.frame,)
         expected: Sequence[ExpectedTag] = ()
         known = prediction is not None and pose_is_known(prediction, self._known_m, self._known_yaw)

@@ -22,6 +22,7 @@ from msrr_perception.detection.windows import (
     search_windows,
     tags_in_frame,
 )
+from msrr_perception.kernels.lens import optic_of
 from msrr_perception.pose.global_pose import FlatTag, pose_jacobian
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.arrays import Array
@@ -110,6 +111,7 @@ class OverheadVision:
         if min(search_period_s, missing_period_s) <= 0.0:
             raise SceneError("overhead vision: search_period_s and missing_period_s must be positive")
         self.model = model
+        self._optic = optic_of(model.lens)
         self._localizer = model.localizer()
         self._detector = for_lens(detector, model.lens)
         self._detectors = detectors_by_size(self._detector)
@@ -161,7 +163,7 @@ class OverheadVision:
         Returns:
             Every tag read, by ascending id, and all windows in the order in which they were fetched.
         """
-        reader = FrameReader(fetch, self.model.lens, self.model.to_light)
+        reader = FrameReader(fetch, self._optic, self.model.to_light)
         driving = self._units[:1] if driving is None else driving
         wanted = [i for i in self.model.tags if self._is_due(i, exposure.frame, driving, remote)]
         due = self._expected(predictions, wanted)
@@ -191,7 +193,7 @@ class OverheadVision:
         Returns:
             The tags found, also of the units that matter where they show in the same windows.
         """
-        reader = FrameReader(fetch, self.model.lens, self.model.to_light)
+        reader = FrameReader(fetch, self._optic, self.model.to_light)
         square = self.model.square(middle_W, half_m, self._units[0])
         window = fitting_window(square, self.model.camera.frame)
         if window is not None:

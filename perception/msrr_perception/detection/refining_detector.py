@@ -102,7 +102,9 @@ class RefiningDetector(ABC):
         offset = np.array([window.x, window.y])
         if not self.refine:
             return tuple(replace(t, corners=t.corners + offset) for t in found)
-        own = self._optic._replace(cx=self._optic.cx - window.x, cy=self._optic.cy - window.y)
+        own = self._optic
+        if own.distorts:
+            own = own._replace(cx=own.cx - window.x, cy=own.cy - window.y)
         shown = np.invert(pixels) if FAMILIES[self.family].white_inside else pixels
         refined = refine_corners(shown, np.array([t.corners for t in found]), own)
         moved = zip(found, refined.corners + offset, refined.measured, refined.sigma_px, strict=True)

@@ -99,9 +99,9 @@ def expected_tags(
     Bodies that may hide a tag are not considered; a hidden tag is simply not found.
     """
     # The kernel predicts a part of the ideal image from (0, 0) on: here the part that holds all of the frame.
-    lens, part, optics = target.lens, target.lens.bounds, target.optics
+    lens, part = target.lens, target.lens.bounds
     pixels, sigma, expected = predict_tags(
-        optics._replace(cx=optics.cx - part.x, cy=optics.cy - part.y),
+        target.optics_in_bounds,
         part.width,
         part.height,
         pose_vector(prediction.X_DU),

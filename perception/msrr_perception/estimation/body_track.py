@@ -100,7 +100,7 @@ class SeenPose:
         """
         errors, name = self.errors, self.pose.name
         if slip is not None:
-            covariance = covariance + np.outer(slip, slip)
+            covariance = covariance + slip[:, None] * slip
         if errors is None:
             return GlobalPose(name, stamp_ns, X_WB, covariance)
         return GlobalPose(name, stamp_ns, X_WB, covariance + errors.own + errors.shared, errors.shared)

@@ -34,6 +34,9 @@ from msrr_scenes.messages import (
 from msrr_scenes.registry import out_of_range
 from msrr_scenes.specs.sensors import OdometrySpec
 
+#: End of the errors of the drive in a state.
+_DRIVE_END = POSE_SIZE + DRIVE_SIZE
+
 _Measurement = Detections | PoseMeasurement
 
 #: Ranges of the parameters. Ten pixels are most of a tag's cell, a unit that is tilted by 30 deg has fallen,
@@ -191,9 +194,9 @@ class CornerEkf:
         sheets tell one from the other: by the share of its variance.
         """
         state = self._entries[-1].after if self._entries else None
-        known = self._known.mean[:DRIVE_SIZE] if state is None else state.mean[POSE_SIZE:][:DRIVE_SIZE]
-        left, right, track = (self._motion.in_motion * known).tolist()
-        return left, right, track
+        known = self._known.mean[:DRIVE_SIZE] if state is None else state.mean[POSE_SIZE:_DRIVE_END]
+        (left, right, track), (by_left, by_right, by_track) = known.tolist(), self._motion.in_motion
+        return by_left * left, by_right * right, by_track * track
 
     @property
     def drawn(self) -> Knowledge:

@@ -97,7 +97,7 @@ class DriveMotion:
     Attributes:
         drawn: What the drawing and its tolerances say of everything in a state but the pose.
         in_motion: Share of the errors of both radii and of the track, as the state has them, that act on the
-            motion and not on the readings alone, shape (3,).
+            motion and not on the readings alone.
     """
 
     def __init__(self, target: TargetModel, odometry: OdometrySpec, noise: MotionNoise) -> None:
@@ -107,7 +107,7 @@ class DriveMotion:
             max(math.hypot(odometry.scale_error, right), _LEAST_SCALE_SIGMA),
             max(track, _LEAST_TRACK_SIGMA),
         ]
-        self.in_motion = np.square([left, right, track]) / np.square(wheels)
+        self.in_motion = tuple((np.square([left, right, track]) / np.square(wheels)).tolist())
         layout = target.filter_layout
         sigmas = np.concatenate([wheels, layout.prior])
         self.drawn = Knowledge(np.zeros(len(sigmas)), np.diag(sigmas**2), layout.own - POSE_SIZE)

@@ -39,11 +39,11 @@ class WheelHistory:
 
     def add(self, reading: WheelOdometry) -> bool:
         """Store a reading and return whether it is newer than all others. A repeated one is ignored."""
-        new = WheelAngles(reading.stamp_ns, reading.left, reading.right)
-        if not self._stamps or new.stamp_ns > self._stamps[-1]:
-            self._readings.append(self._counted(new))
-            self._stamps.append(new.stamp_ns)
+        if not self._stamps or reading.stamp_ns > self._stamps[-1]:
+            self._readings.append(self._counted(reading))
+            self._stamps.append(reading.stamp_ns)
             return True
+        new = WheelAngles(reading.stamp_ns, reading.left, reading.right)
         i = bisect_left(self._stamps, new.stamp_ns)
         if self._stamps[i] != new.stamp_ns:
             later = self._readings[i]
@@ -52,10 +52,10 @@ class WheelHistory:
             self._stamps.insert(i, new.stamp_ns)
         return False
 
-    def _counted(self, new: WheelAngles) -> WheelAngles:
+    def _counted(self, new: WheelOdometry) -> WheelAngles:
         """Return the newest reading with the angles since both wheels began to turn the way they do."""
         if not self._readings:
-            return new
+            return WheelAngles(new.stamp_ns, new.left, new.right)
         last = self._readings[-1]
         since = [last.since_left, last.since_right]
         for i, way in enumerate((new.left - last.left, new.right - last.right)):

@@ -176,6 +176,12 @@ class TargetModel:
         return Optics(R_CU, np.array(self.X_UC.p), self.camera.focal, self.camera.cx, self.camera.cy)
 
     @cached_property
+    def optics_in_bounds(self) -> Optics:
+        """The same with pixels that count from the corner of what the frame shows of the ideal image."""
+        optics, part = self.optics, self.lens.bounds
+        return optics._replace(cx=optics.cx - part.x, cy=optics.cy - part.y)
+
+    @cached_property
     def layout(self) -> StateLayout:
         """Layout of a pose with tilt, for fits in which everything is as drawn."""
         return pose_layout(self.corners_D, self.port_tags)
