@@ -164,8 +164,19 @@ class ClearanceModel:
         Raises:
             UnknownNameError: A name is not that of a body of the model.
         """
-        own = self._placed(name, X_WB)
-        return self._smallest((self._pair(own, self._placed(other, X)) for other, X in others.items()), below)
+        own, x, y = self._placed(name, X_WB), X_WB.x, X_WB.y
+        best: Clearance | None = None
+        # Bodies are placed in order of lower bounds, and most of them are too far away to be placed at all.
+        bounded = [
+            (math.hypot(X.x - x, X.y - y) - self._body(other).reach, other) for other, X in others.items()
+        ]
+        for distance, other in sorted(bounded):
+            if distance - own.reach - ROUNDING >= below:
+                break
+            nearer = self._pair(own, self._placed(other, others[other])).clearance(below)
+            if nearer is not None:
+                best, below = nearer, nearer.distance
+        return best
 
     def within(self, a: str, X_WA: SE2, b: str, X_WB: SE2, distance: float) -> bool:
         """Return whether the clearance of two bodies is less than ``distance`` [m].
@@ -182,10 +193,14 @@ class ClearanceModel:
         """
         return self._pair(self._placed(a, X_WA), self._placed(b, X_WB)).clearance(distance) is not None
 
-    def _placed(self, name: str, X_WB: SE2) -> _Body:
+    def _body(self, name: str) -> _Body:
         body = self._bodies.get(name)
         if body is None:
             raise UnknownNameError("body", name, self._bodies)
+        return body
+
+    def _placed(self, name: str, X_WB: SE2) -> _Body:
+        body = self._body(name)
         body.place(X_WB)
         return body
 
