@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from pydantic import Field
 
 from msrr_control.kinematics.elementwise import Number, limit, tanh
@@ -60,7 +62,7 @@ def auxiliary_step(state: Number, excess: Number, gains: AuxiliaryGains, dt: flo
         lambda one step later, same shape, within the clamp.
     """
     k, gamma, clamp = gains.k_mps * dt, gains.gamma_m, gains.clamp
-    bound = gamma * tanh(clamp) + k * clamp
+    bound = gamma * _tanh_of_clamp(clamp) + k * clamp
     goal = limit(gamma * tanh(state) + dt * excess, -bound, bound)
     root = goal / (gamma + k)
     for _ in range(_ITERATIONS):
@@ -69,3 +71,8 @@ def auxiliary_step(state: Number, excess: Number, gains: AuxiliaryGains, dt: flo
         if isinstance(root, float) and root == previous:
             break  # converged: no further step would change it
     return limit(root, -clamp, clamp)
+
+
+@lru_cache(maxsize=16)  # one of a few parameters, and numpy takes its time for a single number
+def _tanh_of_clamp(clamp: float) -> float:
+    return tanh(clamp)

@@ -69,11 +69,13 @@ class RouteFollower(Generic[State]):
     @property
     def position(self) -> tuple[float, float]:
         """Point of the path at the arc length :attr:`s` in W [m]."""
-        return _as_tuple(self.route.path.at(self.s).point)
+        x, y, _, _ = self.route.path.components_at(np.asarray(self.s))
+        return x, y
 
     def tip(self, X_WU: SE2) -> tuple[float, float]:
         """Return the controlled point in W [m]."""
-        return _as_tuple(offset_point(X_WU.as_array(), self._setup.offset))
+        offset = self._setup.offset
+        return X_WU.x + offset * math.cos(X_WU.yaw), X_WU.y + offset * math.sin(X_WU.yaw)
 
     def start(self, X_WU: SE2, twist: Twist, now_ns: int) -> None:
         """Start the law at the beginning of the path, with the controlled point l [m] ahead of the axle."""
