@@ -32,3 +32,21 @@ def test_a_line_is_free_where_all_of_its_points_are() -> None:
     sampled = np.array([space.allows(np.linspace(*ends, 500)) for ends in zip(a, b, strict=True)])
     assert 20 < free.sum() < 280
     assert (free != sampled).sum() <= 2  # grazing lines, between two samples
+
+
+def test_the_space_near_a_circle_allows_of_it_what_all_of_the_space_allows() -> None:
+    rng, box = np.random.default_rng(4), (-2.0, 2.0, -1.5, 1.5)
+    wholly_free = 0
+    for _ in range(300):
+        discs = tuple(
+            Disc(f"d{i}", *rng.uniform(-2.0, 2.0, 2).tolist(), float(rng.uniform(0.1, 0.4))) for i in range(4)
+        )
+        space, anywhere = FreeSpace(box, discs), rng.uniform((-2.0, -1.5, 0.1), (2.0, 1.5, 0.5))
+        x, y, radius = discs[0][1:] if rng.random() < 0.5 else anywhere.tolist()
+        near = space.near_circle(x, y, radius)
+        wholly_free += near is None
+        for begin, turn in rng.uniform(0.0, 6.0, (5, 2)):
+            angles = begin + np.linspace(0.0, turn, 40)
+            points = np.stack([x + radius * np.sin(angles), y - radius * np.cos(angles)], axis=-1)
+            assert (near is None or near.allows(points)) == space.allows(points)
+    assert 20 < wholly_free < 200
