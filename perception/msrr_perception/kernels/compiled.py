@@ -4,6 +4,11 @@ numba compiles a kernel on its first call, which takes seconds, and can store th
 it loads in tenths of a second. By default it stores beside the source, which a read-only install forbids, and
 it detects a stale entry by one file only, although a kernel inlines others. So the folder is chosen here and
 named after the contents of the whole package that the kernels are in.
+
+numba keeps machine code by the path of its source, and by when that was written or what is in it. The folder
+therefore holds a copy of each source too, and numba is told that the kernel is from there: installations of
+one version share their machine code, wherever they lie. Processors do not, for numba tells them apart, and
+users do not, for the folder belongs to one.
 """
 
 from __future__ import annotations
@@ -20,6 +25,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 from numba.core import config as _config
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -54,6 +60,10 @@ class KernelCompiler:
         """
         before = _numba_config.CACHE_DIR
         _numba_config.CACHE_DIR = str(self.folder)
+        if not _numba_config.DISABLE_JIT:  # a debugger that steps through Python needs the true path
+            with suppress(OSError):  # without a copy the machine code is this installation's own
+                copy = _copied(Path(function.__code__.co_filename), self.folder)
+                function.__code__ = function.__code__.replace(co_filename=str(copy))
         try:
             compile_it = numba.njit(cache=True, fastmath=False, boundscheck=False, error_model="numpy")
             return cast(F, compile_it(function))
@@ -88,12 +98,24 @@ def _user_caches() -> Path:
 
 
 def _digest(sources: Path) -> str:
-    """Return a digest of the sources, of where they lie (numba keeps that too), and of the versions."""
-    digest = hashlib.sha256(f"numba {numba.__version__}, python {sys.version_info[:2]}, {sources}".encode())
-    for source in sorted(sources.glob("*.py")):
+    """Return a digest of all that the machine code follows from: sources, options, versions."""
+    versions = f"python {sys.version_info[:2]}, numba {numba.__version__}, numpy {np.__version__}"
+    digest = hashlib.sha256(versions.encode())
+    for source in (Path(__file__), *sorted(sources.glob("*.py"))):  # the options are in this file
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def _copied(source: Path, folder: Path) -> Path:
+    """Return the copy of a file in ``folder``, made if it is not there."""
+    copy = folder / source.name
+    if not copy.exists():
+        with tempfile.NamedTemporaryFile(dir=folder, delete=False) as part:
+            part.write(source.read_bytes())
+        os.utime(part.name, (0, 0))  # older versions of numba ask when a source was written
+        os.replace(part.name, copy)  # another process may read it
+    return copy
 
 
 def _usable(folder: Path) -> bool:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
 import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +19,14 @@ from msrr_perception.kernels.edges import intersect_edges
 
 FolderOf = Callable[..., Path]
 SOURCES = Path(compiled.__file__).parent
+
+#: What kernels import from elsewhere: names of types, and how to compile.
+NO_NUMBERS = (
+    "msrr_scenes.arrays",
+    "msrr_scenes.messages",
+    "msrr_scenes.geometry.lens",
+    "msrr_perception.kernels.compiled",
+)
 
 
 @pytest.fixture
@@ -60,13 +72,77 @@ def test_an_edited_kernel_is_compiled_anew(folder_of: FolderOf, tmp_path: Path) 
     assert folder_of(copy, NUMBA_CACHE_DIR=str(tmp_path)) != before
 
 
-def test_a_copy_elsewhere_is_known_not_to_be_compiled(tmp_path: Path) -> None:
-    """numba stores machine code by the place of its source."""
+def test_a_copy_elsewhere_is_known_to_be_compiled(tmp_path: Path) -> None:
     warm.warm()
     copy = tmp_path / "sources"
     shutil.copytree(SOURCES, copy)
-    assert KernelCompiler(SOURCES).is_compiled(intersect_edges)
+    assert KernelCompiler(copy).is_compiled(intersect_edges)
+    with (copy / "linear_algebra.py").open("a") as file:
+        file.write("# edited\n")
     assert not KernelCompiler(copy).is_compiled(intersect_edges)
+
+
+def test_another_user_has_another_folder(
+    folder_of: FolderOf, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mine = folder_of(NUMBA_CACHE_DIR=str(tmp_path), TMPDIR=str(tmp_path))
+    user = os.getuid()
+    monkeypatch.setattr("os.getuid", lambda: user + 1)
+    other = folder_of(NUMBA_CACHE_DIR=str(tmp_path), TMPDIR=str(tmp_path))
+    assert mine.parent == tmp_path
+    assert other != mine
+
+
+TINY = """
+from pathlib import Path
+
+from msrr_perception.kernels.compiled import KernelCompiler
+
+@KernelCompiler(Path(__file__).parent).kernel
+def twice(number):
+    return 2 * number
+
+twice(21)
+print(sum(twice.stats.cache_hits.values()), sum(twice.stats.cache_misses.values()))
+"""
+
+
+def test_machine_code_is_shared_by_what_was_compiled(tmp_path: Path) -> None:
+    """Where a package lies and when it was written does not count; its contents and the processor do."""
+    packages = [tmp_path / name / "kernels" for name in ("one", "another")]
+    for package in packages:
+        package.mkdir(parents=True)
+        (package / "tiny.py").write_text(TINY)
+
+    def hits_and_misses(package: Path, **environment: str) -> str:
+        given = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), **environment}
+        program = [sys.executable, str(package / "tiny.py")]
+        return subprocess.run(program, env=given, check=True, capture_output=True, text=True).stdout.strip()
+
+    one, another = packages
+    assert hits_and_misses(one) == "0 1"
+    os.utime(one / "tiny.py", (1e9, 1e9))
+    assert hits_and_misses(one) == "1 0"
+    assert hits_and_misses(another) == "1 0"
+    assert hits_and_misses(another, NUMBA_CPU_NAME="generic") == "0 1"
+    assert hits_and_misses(another) == "1 0"
+    (another / "other.py").write_text("HALF = 0.5")
+    assert hits_and_misses(another) == "0 1"
+
+
+def test_no_kernel_follows_from_code_outside_its_package() -> None:
+    """The machine code is found by the contents of the package alone."""
+    for package in (
+        "msrr_perception.kernels",
+        "msrr_bullet.render.raster.kernels",
+        "msrr_bullet.sensors.kernels",
+    ):
+        folder = Path(importlib.import_module(package).__path__[0])
+        inside = (f"{package}.", *NO_NUMBERS)
+        for file in folder.glob("*.py"):
+            for node in ast.walk(ast.parse(file.read_text())):
+                if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("msrr_"):
+                    assert node.module.startswith(inside), f"{file}: {node.module}"
 
 
 def test_ready_code_is_not_announced() -> None:
