@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated, Protocol, TypeAlias
 
 import typer
-from rich.table import Table
 
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import NOT_DOCKED
 from msrr_bullet.cli.options import JsonFile, Overrides, check_writable, parse_overrides, write_json
 from msrr_scenes.errors import SceneError
+
+if TYPE_CHECKING:  # loaded by what makes the tables, so that msrr --help is quick
+    from rich.table import Table
 
 Target = Annotated[
     str,
@@ -29,7 +31,7 @@ class _Report(Protocol):
 
 #: Runs a benchmark, calls its argument with a text before each part, and returns the report, its tables, and
 #: what is worse than it was.
-_Bench = Callable[[Callable[[str], None]], tuple[_Report, Iterable[Table], Sequence[str]]]
+_Bench: TypeAlias = "Callable[[Callable[[str], None]], tuple[_Report, Iterable[Table], Sequence[str]]]"
 
 
 def bench(

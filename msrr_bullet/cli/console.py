@@ -4,20 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.text import Text
+if TYPE_CHECKING:  # loaded by the commands that print with them, so that msrr --help is quick
+    from rich.console import Console
+    from rich.progress import Progress
 
 
 def open_console(*, stderr: bool = False) -> Console:
     """Return a console that reads no markup and no emoji codes in what it prints, tables included."""
+    from rich.console import Console
+
     return Console(stderr=stderr, markup=False, emoji=False)
 
 
 @contextmanager
 def status_line(console: Console, text: str) -> Iterator[Callable[[str], None]]:
     """Show ``text`` beside a spinner; yield the function that replaces it."""
+    from rich.text import Text
+
     # A status made from a plain text reads markup in it, whatever its console does.
     with console.status(Text(text)) as status:
         yield lambda new: status.update(Text(new))
@@ -25,6 +30,8 @@ def status_line(console: Console, text: str) -> Iterator[Callable[[str], None]]:
 
 def progress_bar(console: Console) -> Progress:
     """Return a display of tasks: the name of each, a bar, how much is done, and the time that is left."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     return Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import BAD_INPUT, report_error
@@ -19,6 +18,8 @@ from msrr_bullet.cli.options import JsonFile, check_writable, write_json
 from msrr_scenes.errors import SceneError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from msrr_perception.photographs.reading import PictureReader, PictureTags
     from msrr_perception.photographs.tag_finder import FoundTag
     from msrr_perception.photographs.tag_poses import TagPose
@@ -141,6 +142,8 @@ def _candidates(stem: str) -> Iterator[str]:
 
 
 def _table(pictures: Sequence[PictureTags]) -> Table:
+    from rich.table import Table
+
     table = Table("picture", "size [px]", "tags")
     for picture in pictures:
         ids = ", ".join(_short(found) for found, _ in picture.tags)

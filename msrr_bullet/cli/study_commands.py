@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -40,6 +38,9 @@ def tune(
     The procedure, budget, objective and settings are the same for every controller.
     """
     use_one_thread_per_process()
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
     from msrr_bullet.studies.tuned_controller import tuned_name, tuned_scene
     from msrr_bullet.studies.tuning import tune as run_tuning
     from msrr_bullet.sweep.worker_pool import end_with_parent

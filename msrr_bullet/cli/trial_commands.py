@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from msrr_bullet.cli.console import open_console, progress_bar, status_line
 from msrr_bullet.cli.exit_codes import BAD_INPUT, NOT_DOCKED, PROGRAM_ERROR, report_error
@@ -37,6 +36,8 @@ from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
 from msrr_scenes.outcome import Outcome
 
 if TYPE_CHECKING:  # the commands that need these load them, so that msrr --help is quick
+    from rich.console import Console
+
     from msrr_bullet.log.foxglove_server import FoxgloveServer
     from msrr_bullet.trial.result import TrialResult
     from msrr_bullet.trial.telemetry import Progress

@@ -20,25 +20,21 @@ import sys
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cached_property
+from functools import cached_property, partial, update_wrapper
+from importlib.metadata import version
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
-import numba
-import numpy as np
-from numba.core import config as _config
-
 F = TypeVar("F", bound=Callable[..., object])
-
-#: The configuration of numba, which mypy sees as empty because it is filled at run time.
-_numba_config: Any = _config
 
 
 class KernelCompiler:
     """Compiles the kernels of the package in the folder ``sources``."""
 
     def __init__(self, sources: Path) -> None:
-        self.sources = sources
+        # Read when the kernels are: an edit before the first compilation must not name their machine code.
+        self._contents = _digest(sources)
 
     @cached_property
     def folder(self) -> Path:
@@ -47,7 +43,9 @@ class KernelCompiler:
         ``NUMBA_CACHE_DIR`` if the user set it, else the user's cache folder, else a private folder among the
         temporary files, else a temporary folder of this process alone (which then compiles anew).
         """
-        return _folder_for(f"kernels-{_digest(self.sources)}")
+        versions = [sys.version_info[:2], *(version(name) for name in ("numba", "llvmlite", "numpy"))]
+        digest = hashlib.sha256(f"{versions} {self._contents}".encode())
+        return _folder_for(f"kernels-{digest.hexdigest()[:16]}")
 
     def is_compiled(self, kernel: Callable[..., object]) -> bool:
         """Return whether the folder has machine code of a kernel (its index; numba checks that it fits)."""
@@ -58,17 +56,44 @@ class KernelCompiler:
 
         ``fastmath`` stays off: results must not depend on how the compiler groups a sum.
         """
-        before = _numba_config.CACHE_DIR
-        _numba_config.CACHE_DIR = str(self.folder)
-        if not _numba_config.DISABLE_JIT:  # a debugger that steps through Python needs the true path
+        return cast(F, _Lazy(function, self._compiled))
+
+    def _compiled(self, function: FunctionType) -> Any:
+        from numba.core import config as filled_at_run_time  # mypy sees it as empty
+
+        config: Any = filled_at_run_time
+        if not config.DISABLE_JIT:  # a debugger that steps through Python needs the true path
             with suppress(OSError):  # without a copy the machine code is this installation's own
                 copy = _copied(Path(function.__code__.co_filename), self.folder)
                 function.__code__ = function.__code__.replace(co_filename=str(copy))
+        before = config.CACHE_DIR
+        config.CACHE_DIR = str(self.folder)
         try:
-            compile_it = numba.njit(cache=True, fastmath=False, boundscheck=False, error_model="numpy")
-            return cast(F, compile_it(function))
+            return _compiled(function, cache=True)
         finally:
-            _numba_config.CACHE_DIR = before  # the user's own kernels keep their folder
+            config.CACHE_DIR = before  # the user's own kernels keep their folder
+
+
+class _Lazy:
+    """A function that is given to numba when it is first called, or when a kernel that calls it is compiled.
+
+    To load numba takes as long as all else that a check of a scene does, and a check calls no kernel.
+    """
+
+    def __init__(self, function: Any, compile_it: Callable[[Any], Any]) -> None:
+        update_wrapper(self, function)
+        self._function, self._compile = function, compile_it
+
+    @cached_property
+    def _dispatcher(self) -> Any:
+        return self._compile(self._function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._dispatcher(*arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        # What numba asks a function that a kernel calls: its type, its options, its Python code.
+        return getattr(self._dispatcher, name)
 
 
 def subroutine(function: F) -> F:
@@ -76,8 +101,7 @@ def subroutine(function: F) -> F:
 
     Without an entry from Python and machine code of its own, a kernel compiles in less time.
     """
-    options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return cast(F, numba.njit(fastmath=False, boundscheck=False, error_model="numpy", **options)(function))
+    return cast(F, _Lazy(function, partial(_compiled, no_cpython_wrapper=True, no_cfunc_wrapper=True)))
 
 
 def inlined(function: F) -> F:
@@ -85,7 +109,13 @@ def inlined(function: F) -> F:
 
     A call would count references to every array of every tuple that it passes: more work than the step is.
     """
-    return cast(F, numba.njit(inline="always", fastmath=False, error_model="numpy")(function))
+    return cast(F, _Lazy(function, partial(_compiled, inline="always")))
+
+
+def _compiled(function: FunctionType, **options: Any) -> Any:
+    import numba
+
+    return numba.njit(fastmath=False, boundscheck=False, error_model="numpy", **options)(function)
 
 
 def _user_caches() -> Path:
@@ -98,13 +128,12 @@ def _user_caches() -> Path:
 
 
 def _digest(sources: Path) -> str:
-    """Return a digest of all that the machine code follows from: sources, options, versions."""
-    versions = f"python {sys.version_info[:2]}, numba {numba.__version__}, numpy {np.__version__}"
-    digest = hashlib.sha256(versions.encode())
-    for source in (Path(__file__), *sorted(sources.glob("*.py"))):  # the options are in this file
+    """Return a digest of the sources, and of this file, which has the options of the compilation."""
+    digest = hashlib.sha256()
+    for source in (Path(__file__), *sorted(sources.glob("*.py"))):
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
+    return digest.hexdigest()
 
 
 def _copied(source: Path, folder: Path) -> Path:
