@@ -73,16 +73,23 @@ class Part:
         """Radius of a circle about :attr:`centre` that contains the part [m]."""
         return float(np.linalg.norm(self.core - self.centre, axis=1).max()) + self.radius
 
+    @cached_property
+    def _edges(self) -> tuple[Array, ...]:
+        """Edges of the core: x and y of the start, x and y to the end, squared length; shape (N,) each."""
+        (ax, ay), (bx, by) = self.core.T, np.roll(self.core, -1, axis=0).T
+        ex, ey = bx - ax, by - ay
+        return ax, ay, ex, ey, np.maximum(ex * ex + ey * ey, np.finfo(float).tiny)
+
     def gap(self, points: ArrayLike) -> Array:
         """Return the distances of ``points``, shape (N, 2), from the part [m], shape (N,); 0 inside."""
-        p = np.asarray(points, dtype=np.float64)[:, None]
-        a, b = self.core[None], np.roll(self.core, -1, axis=0)[None]
-        edge, to_p = b - a, p - a
-        length2 = np.maximum((edge**2).sum(axis=-1), np.finfo(float).tiny)
-        t = np.clip((to_p * edge).sum(axis=-1) / length2, 0.0, 1.0)
-        nearest = np.linalg.norm(to_p - t[..., None] * edge, axis=-1).min(axis=1)
+        ax, ay, ex, ey, length2 = self._edges
+        x, y = np.asarray(points, dtype=np.float64).T[..., None]
+        dx, dy = x - ax, y - ay  # one row for each point
+        t = np.minimum(np.maximum((dx * ex + dy * ey) / length2, 0.0), 1.0)
+        u, v = dx - t * ex, dy - t * ey
+        nearest = np.sqrt((u * u + v * v).min(axis=1))
         if len(self.core) > 2:
-            inside = (edge[..., 0] * to_p[..., 1] - edge[..., 1] * to_p[..., 0] >= 0.0).all(axis=1)
+            inside = (ex * dy - ey * dx >= 0.0).all(axis=1)
             nearest = np.where(inside, 0.0, nearest)
         gap: Array = np.maximum(nearest - self.radius, 0.0)
         return gap

@@ -21,7 +21,6 @@ import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cached_property, partial, update_wrapper
-from importlib.metadata import version
 from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
@@ -43,7 +42,10 @@ class KernelCompiler:
         ``NUMBA_CACHE_DIR`` if the user set it, else the user's cache folder, else a private folder among the
         temporary files, else a temporary folder of this process alone (which then compiles anew).
         """
-        versions = [sys.version_info[:2], *(version(name) for name in ("numba", "llvmlite", "numpy"))]
+        import numba
+        import numpy
+
+        versions = sys.version_info[:2], numba.__version__, numpy.__version__
         digest = hashlib.sha256(f"{versions} {self._contents}".encode())
         return _folder_for(f"kernels-{digest.hexdigest()[:16]}")
 
