@@ -65,11 +65,25 @@ def test_the_help_of_schema_names_every_kind_of_file(capsys: Capture) -> None:
 
 def test_help_loads_nothing_that_only_a_trial_needs() -> None:
     """The models of a scene alone take twice as long as all the rest of the help."""
-    program = "import sys; from msrr_bullet.cli.app import run; run(['--help']); print(*sys.modules)"
-    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
-    loaded = set(said.splitlines()[-1].split())
+    loaded = _loaded_by("--help")
     assert "typer" in loaded
-    assert loaded.isdisjoint({"numpy", "pydantic", "pybullet", "cv2"})
+    assert loaded.isdisjoint({"numpy", "pydantic", "pybullet", "cv2", "rich", "multiprocessing"})
+
+
+def test_a_check_loads_nothing_that_only_a_run_needs() -> None:
+    """The compiler of the kernels alone takes half as long as the check does."""
+    loaded = _loaded_by("check", "two_units", "assemble_cross")
+    assert {"pybullet", "msrr_perception.kernels.update", "msrr_bullet.render.raster.rasterizer"} <= loaded
+    needless = {"numba", "llvmlite", "scipy.stats", "scipy.optimize", "matplotlib", "rich", "jinja2"}
+    assert loaded.isdisjoint({*needless, "meshcat", "tornado", "google.protobuf", "multiprocessing"})
+
+
+def _loaded_by(*arguments: str) -> set[str]:
+    """Return the modules that a process has loaded at the end of a command."""
+    program = "import sys; from msrr_bullet.cli.app import run; run(sys.argv[1:]); print(*sys.modules)"
+    command = [sys.executable, "-c", program, *arguments]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    return set(said.splitlines()[-1].split())
 
 
 def test_check(capsys: Capture, tmp_path: Path) -> None:
