@@ -79,7 +79,7 @@ class KernelCompiler:
 class _Lazy:
     """A function that is given to numba when it is first called, or when a kernel that calls it is compiled.
 
-    To load numba takes as long as all else that a check of a scene does, and a check calls no kernel.
+    To load numba takes a third as long as all that a check of a scene does, and a check calls no kernel.
     """
 
     def __init__(self, function: Any, compile_it: Callable[[Any], Any]) -> None:

@@ -71,7 +71,7 @@ def test_help_loads_nothing_that_only_a_trial_needs() -> None:
 
 
 def test_a_check_loads_nothing_that_only_a_run_needs() -> None:
-    """The compiler of the kernels alone takes half as long as the check does."""
+    """The compiler of the kernels alone takes a third as long as the check does."""
     loaded = _loaded_by("check", "two_units", "assemble_cross")
     assert {"pybullet", "msrr_perception.kernels.update", "msrr_bullet.render.raster.rasterizer"} <= loaded
     needless = {"numba", "llvmlite", "scipy.stats", "scipy.optimize", "matplotlib", "rich", "jinja2"}
