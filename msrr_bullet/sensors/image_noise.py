@@ -66,7 +66,6 @@ class ImageNoise:
             if response is None
             else (response.per_grey, response.tone)
         )
-        self._tile = _noise_tile()
 
     @property
     def margin(self) -> int:
@@ -98,7 +97,7 @@ class ImageNoise:
             window.y,
             self._shading is not None,
             self._shading or _NO_SHADING,
-            self._tile,
+            _noise_tile(),
             (int.from_bytes(digest[:4], "little") + window.x) % TILE,
             (int.from_bytes(digest[4:8], "little") + window.y) % TILE,
             digest[8] & 3,
