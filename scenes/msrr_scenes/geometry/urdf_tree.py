@@ -86,7 +86,7 @@ def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
         frames: Frames by links of the URDF, in an order in which a frame follows those that it refers to.
 
     Raises:
-        GeometryError: The file is missing or is no URDF.
+        GeometryError: The file is missing or is no URDF, or a joint names a link that is not in it.
         FrameMapError: A frame is not one of a unit, or its link is not in the URDF.
     """
     try:
@@ -101,6 +101,7 @@ def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
         if element.tag in ("mesh", "texture") and "filename" in element.attrib:
             element.set("filename", str(_resolved(path, element.attrib["filename"])))
     root = tree.getroot()
+    _check_joints(path, root)
     if frames:
         _Mapping(path, root, frames).apply()
     links = LinkTree(path, root)
@@ -121,6 +122,23 @@ def _resolved(urdf: Path, name: str) -> Path:
         f"{urdf}: {name}: the URDF is in no folder {package!r}; put it back there, or write the path from "
         "the URDF to the file"
     )
+
+
+def _check_joints(path: Path, root: Element) -> None:
+    """Refuse a joint between links of which one is missing, before a frame map adds links.
+
+    Raises:
+        GeometryError: There is one.
+    """
+    links = [link.get("name", "") for link in root.findall("link")]
+    for joint in root.findall("joint"):
+        for end in (*joint.findall("parent"), *joint.findall("child")):
+            name = end.get("link", "")
+            if name not in links:
+                raise GeometryError(
+                    f"{path}: joint {joint.get('name')!r} names the link {name!r} as its {end.tag}, which is "
+                    f"not in the file{nearest(name, links)} Links: {', '.join(links)}"
+                )
 
 
 def urdf_origin(element: Element | None) -> SE3:

@@ -116,6 +116,12 @@ def test_a_map_that_does_not_fit_is_refused(frames: list[MappedFrame], frame: st
             "the URDF is in no folder 'elsewhere'",
         ),
         ('<box size="0.2397 0.16 0.037"/>', '<mesh filename="base.stl"/>', "has to be an OBJ file"),
+        # The frame map adds a link of that name for us, but not for others who read the file.
+        (
+            '<parent link="base_link"/><child link="left',
+            '<parent link="port_front"/><child link="left',
+            "names the link 'port_front' as its parent, which is not in the file; did you mean",
+        ),
     ],
 )
 def test_a_robot_that_cannot_drive_or_see_is_refused(tmp_path: Path, old: str, new: str, text: str) -> None:
