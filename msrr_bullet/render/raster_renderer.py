@@ -34,7 +34,7 @@ class RasterRenderer:
             context: Client and floor; its ``samples`` are not used.
         """
         self._client = context.client
-        self._floor = _packed(context.floor)
+        self._floor = context.floor
         self._bodies: LoadedBodies | None = None
         self._lenses: dict[tuple[PinholeCamera, Distortion], LensMap] = {}
 
@@ -80,7 +80,7 @@ class RasterRenderer:
         kept = self._kept[camera, lens]
         pixels = kept.find(X_WC, window, poses)
         if pixels is None:
-            pixels = self._rasterizer.draw(camera, X_WC, window, poses, self._floor, lens)
+            pixels = self._rasterizer.draw(camera, X_WC, window, poses, _packed(self._floor), lens)
             kept.keep(X_WC, window, poses, pixels)
         return pixels
 
