@@ -31,8 +31,8 @@ INTRODUCTION = """\
 # What a simulated second costs
 
 {machine}, of which one is used; Python {python}, PyBullet {pybullet}, NumPy {numpy}. Times are wall clock per
-simulated second of one trial, log and viewer off, each in a process of its own: the faster of two runs after
-a first one. *Physics alone* is the same world with the same commands, and nothing that senses or decides:
+simulated second of one trial, log and viewer off, each in a process of its own: the fastest of three runs
+after a first one. *Physics alone* is the same world with the same commands, and nothing that senses or decides:
 the ratio to it says more about another machine than milliseconds do. `make bench` measures the first table
 again, and fails if a trial costs much more over its physics alone than here. `python docs/make_speed.py`
 makes this page of the files that the commands below write.
