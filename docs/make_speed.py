@@ -32,10 +32,10 @@ INTRODUCTION = """\
 
 {machine}, of which one is used; Python {python}, PyBullet {pybullet}, NumPy {numpy}. Times are wall clock per
 simulated second of one trial, log and viewer off, each in a process of its own: the fastest of three runs
-after a first one. *Physics alone* is the same world with the same commands, and nothing that senses or decides:
-the ratio to it says more about another machine than milliseconds do. `make bench` measures the first table
-again, and fails if a trial costs much more over its physics alone than here. `python docs/make_speed.py`
-makes this page of the files that the commands below write.
+after a first one. *Physics alone* is the same world with the same commands, and nothing that senses or
+decides: the ratio to it says more about another machine than milliseconds do. `make bench` measures the
+first table again, and fails if a trial costs much more over its physics alone than here. `python
+docs/make_speed.py` makes this page of the files that the commands below write.
 
 The camera above sees 1280 x 960 pixels at 10 Hz, and that of a unit that docks 640 x 480 at 25 Hz. Units that
 are built with care (*careful*) have lenses that distort and cameras that expose for 10 ms.
