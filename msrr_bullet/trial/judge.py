@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 from msrr_bullet.collision.clearance import Pair
 from msrr_bullet.collision.clearance_model import ClearanceModel
@@ -12,6 +11,7 @@ from msrr_bullet.collision.locked_group import neighbour_limits
 from msrr_bullet.plant.lock_actuator import TILT_M
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.environment import LockedPairs
+from msrr_bullet.trial.port_pose import PortPose, is_near_zone
 from msrr_bullet.trial.step_result import Contact, PlanarPose, Seating
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.geometry.se3 import SE3
@@ -22,14 +22,6 @@ from msrr_scenes.specs.plan import DockStep
 #: Phases in which the docking pair may come close. After them, for example when the robot gives up, the pair
 #: may stay close until it has parted.
 _DOCKING = frozenset({Phase.CALIBRATE, Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.RETREAT, Phase.DONE})
-
-#: The zone in front of a port in which contact is part of docking; contact outside it is a collision. The
-#: half-width is half the face of the port, the depth twice the length of the pins.
-ZONE_DEPTH_M = 0.036
-#: Largest overlap of the faces in the zone; a larger overlap is inside the target or behind it.
-ZONE_OVERLAP_M = 0.005
-ZONE_HALF_WIDTH_M = 0.05
-ZONE_YAW_RAD = math.radians(20.0)
 
 #: Smallest clearance of a pair that has parted after docking [m]; the minimum clearance applies as well.
 PARTED_M = 0.005
@@ -50,41 +42,6 @@ IN_LINE_YAW_RAD = math.radians(4.0)
 
 #: Time in the seat after which giving up is a false abort [s].
 FALSE_ABORT_TIME_S = 0.3
-
-
-@dataclass(frozen=True, slots=True)
-class PortPose:
-    """True pose of the docking port in the dock frame D of the target, at the height of the pins.
-
-    Pitch and roll of both units are allowed for. At 2 deg of relative pitch the faces of a seated pair are
-    3 mm apart at the floor.
-
-    Attributes:
-        gap: Distance between the two faces along x of D [m], negative when they overlap.
-        lateral: Offset from the axis of D, positive to the left [m].
-        yaw: Angle to the axis of D [rad].
-    """
-
-    gap: float
-    lateral: float
-    yaw: float
-
-    @property
-    def in_zone(self) -> bool:
-        """Whether contact with the target is part of docking at this pose."""
-        return (
-            -ZONE_OVERLAP_M <= self.gap <= ZONE_DEPTH_M
-            and abs(self.lateral) <= ZONE_HALF_WIDTH_M
-            and abs(self.yaw) <= ZONE_YAW_RAD
-        )
-
-
-def _is_near_zone(gap: float, lateral: float, margin: float) -> bool:
-    """Return whether a port is in the zone, or no farther from it than ``margin`` [m]."""
-    return (
-        -ZONE_OVERLAP_M - margin <= gap <= ZONE_DEPTH_M + margin
-        and abs(lateral) <= ZONE_HALF_WIDTH_M + margin
-    )
 
 
 class Judge:
@@ -159,7 +116,7 @@ class Judge:
         dx, dy = X_WU.x + c * X_UP.x - s * X_UP.y - X_WD.x, X_WU.y + s * X_UP.x + c * X_UP.y - X_WD.y
         c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
         gap, lateral = -(c * dx + s * dy), c * dy - s * dx
-        if _is_near_zone(gap, lateral, self._travel + TILT_M):
+        if is_near_zone(gap, lateral, self._travel + TILT_M):
             return self._port_at_pins()
         return PortPose(gap, lateral, wrap_angle(X_WU.yaw + X_UP.yaw - X_WD.yaw))
 
@@ -198,7 +155,7 @@ class Judge:
         port = self.port
         if port is None or attempt != self._attempt:
             return True
-        return _is_near_zone(port.gap, port.lateral, self._travel)
+        return is_near_zone(port.gap, port.lateral, self._travel)
 
     def tick(self, now_ns: int, attempt: int, estimate: Callable[[], PoseEstimate | None]) -> None:
         """Observe pins and seat at one physics tick; not needed at ticks that the judge does not watch.

@@ -158,12 +158,9 @@ def _arc_is_free(space: FreeSpace | None, circle: _Circle, line: _Line, angle: f
     if space is None:
         return True
     count = 2 + int(circle.radius * angle / 0.03)
-    turned = np.arange(count) * (angle / (count - 1))
-    turned[-1] = angle
-    headings = line.heading + circle.turn * turned
+    headings = line.heading + circle.turn * np.linspace(0.0, angle, count)
     reach = circle.turn * circle.radius
-    points = np.empty((count, 2))
-    points[:, 0], points[:, 1] = circle.x + reach * np.sin(headings), circle.y - reach * np.cos(headings)
+    points = np.stack([circle.x + reach * np.sin(headings), circle.y - reach * np.cos(headings)], axis=-1)
     return space.allows(points)
 
 

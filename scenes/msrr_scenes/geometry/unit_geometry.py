@@ -6,7 +6,7 @@ face, x out of the face), ``tag_top`` and, for each passive port, one ``port_<na
 its tags, on the shipped unit ``left``, ``middle`` and ``right`` (tag frames: x right, y down, z into the tag,
 as a viewer in front of the tag sees it). The lock needs the links ``pin_{left,right}`` and, for each passive
 port, ``port_<name>_hole_{left,right}``: the bottoms of the holes. Any URDF with these frames works, under
-other names with a frame map (:mod:`msrr_scenes.geometry.urdf_tree`).
+other names with a frame map (:mod:`msrr_scenes.geometry.frame_map`).
 
 A fixture, ``<robot kind="fixture">``, is docked to and does not drive: it needs the link ``axle`` and its
 ports alone.
@@ -27,10 +27,12 @@ import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError, SceneError, nearest
+from msrr_scenes.geometry.frame_map import FrameMap, check_rigid
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid, convex_hull, read_solid
-from msrr_scenes.geometry.urdf_tree import FrameMap, LinkTree, read_urdf
+from msrr_scenes.geometry.urdf_file import read_urdf
+from msrr_scenes.geometry.urdf_tree import LinkTree
 
 #: Rotation by pi: from a port's frame P (x out of the face) to its dock frame D (x into the unit).
 X_PD = SE2(0.0, 0.0, math.pi)
@@ -271,7 +273,7 @@ def _read_tree(path: Path, frame_map: FrameMap) -> UnitGeometry:
             f"other names are mapped in the scene, as in frames: {{{missing[0]}: <link>}}; the URDF has "
             f"{', '.join(tree.links)}"
         )
-    tree.check_rigid()
+    check_rigid(tree)
     solids = tuple(
         read_solid(name, tree.frames[name], collision)
         for name, link in tree.links.items()

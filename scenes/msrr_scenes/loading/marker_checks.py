@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from msrr_scenes.errors import MsrrError, nearest
-from msrr_scenes.geometry.urdf_tree import FrameMapError
+from msrr_scenes.geometry.frame_map import FrameMapError
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.specs.bodies import MarkerSpec
 from msrr_scenes.specs.scene import Scene

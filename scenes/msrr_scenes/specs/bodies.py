@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.frame_map import FrameMap, MappedFrame
 from msrr_scenes.geometry.pinhole import body_pose
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.urdf_tree import FrameMap, MappedFrame
 from msrr_scenes.specs.mount import FrameSpec, LinkName, MountSpec
 from msrr_scenes.specs.spec import Coordinate, FileName, Name, PoseSpec, Size, Spec, Time
 from msrr_scenes.specs.tag_families import FAMILIES, TAG36H11, FamilyName, TagFamily

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
+from msrr_scenes.geometry.frame_map import MappedFrame
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.urdf_tree import MappedFrame
 from msrr_scenes.specs.spec import Angle, Coordinate, Spec
 
 #: Name of a link of a URDF, or of a frame.

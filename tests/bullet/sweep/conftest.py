@@ -3,10 +3,13 @@
 import math
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 from typing import Any
 
 import pytest
 
+from msrr_bullet.sweep.summary import SweepSummary
+from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import AttemptRecord, Contact, PlanarPose, Seating, StepResult
 from msrr_scenes import load_scene, scene_hash
@@ -88,3 +91,11 @@ def _made_up(scene: Scene, seed: int) -> TrialResult:
 def made_up() -> Callable[[Scene, int], TrialResult]:
     """A trial that docks on the first attempt with even seeds, and is a false dock with every tenth seed."""
     return _made_up
+
+
+@pytest.fixture
+def made_up_sweep(
+    scene: Scene, inline: InlineExecutor, made_up: Callable[[Scene, int], TrialResult]
+) -> Callable[..., SweepSummary]:
+    """A sweep of made-up trials in this process."""
+    return partial(sweep, scene, executor=inline, trial=made_up)

@@ -6,13 +6,13 @@ import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from msrr_bullet.sweep.summary import TrialFailure
+from msrr_bullet.sweep.summary import SweepSummary, TrialFailure
 from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.sweep.trial_store import TrialStore
 from msrr_bullet.sweep.trials import run_trials
@@ -106,11 +106,7 @@ def test_an_interrupted_sweep_keeps_what_it_has(
 
 
 def test_ctrl_c_while_a_result_is_stored_does_not_lose_it(
-    scene: Scene,
-    inline: SupportsSubmit,
-    made_up: TrialFunction,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    made_up_sweep: Callable[..., SweepSummary], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It was taken off the list of running trials before it was stored."""
     put, interrupted = TrialStore.put, [1]
@@ -123,11 +119,11 @@ def test_ctrl_c_while_a_result_is_stored_does_not_lose_it(
 
     monkeypatch.setattr(TrialStore, "put", interrupted_once)
     store = tmp_path / "trials.sqlite"
-    summary = sweep(scene, range(50), store=store, executor=inline, trial=made_up)
+    summary = made_up_sweep(range(50), store=store)
     assert summary.interrupted
     assert not interrupted
     assert 2 <= summary.trials <= 4
-    assert sweep(scene, range(summary.trials), store=store, executor=inline).reused == summary.trials
+    assert made_up_sweep(range(summary.trials), store=store).reused == summary.trials
 
 
 def test_a_failing_trial_is_named_and_tried_again_next_time(

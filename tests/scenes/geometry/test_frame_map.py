@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.frame_map import FrameMapError, MappedFrame
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
-from msrr_scenes.geometry.urdf_tree import FrameMapError, MappedFrame, read_urdf
+from msrr_scenes.geometry.urdf_file import read_urdf
 
 UNIT = read_unit(find_urdf("unit.urdf"))
 ROUND = find_urdf("round.urdf")

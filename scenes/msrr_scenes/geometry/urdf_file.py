@@ -1,0 +1,109 @@
+"""Reading of a URDF: its files, its links by the names that this project uses, the turn of its wheels."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree, ParseError, SubElement, parse
+
+import numpy as np
+
+from msrr_scenes.errors import GeometryError, nearest
+from msrr_scenes.geometry.frame_map import FrameMap, apply_frame_map
+from msrr_scenes.geometry.urdf_tree import LinkTree
+
+_WHEELS = ("wheel_left", "wheel_right")
+
+_PACKAGE_SCHEME = "package://"
+_XACRO = re.compile(r"\{[^}]*xacro[^}]*\}")
+
+#: Largest deviation of the direction of an axis from that of the drawing [rad].
+_ALONG = 1e-3
+
+
+def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
+    """Read a URDF: file names absolute, links by the names of this project, wheels turning forward.
+
+    Args:
+        path: The file.
+        frames: Frames by links of the URDF, in an order in which a frame follows those that it refers to.
+
+    Raises:
+        GeometryError: The file is missing or is no URDF, or a joint names a link that is not in it.
+        FrameMapError: A frame is not one of a unit, or its link is not in the URDF.
+    """
+    try:
+        tree = parse(path)
+    except FileNotFoundError:
+        raise GeometryError(f"{path}: no such URDF file") from None
+    except ParseError as error:
+        raise GeometryError(f"{path}: not well-formed XML: {error}") from None
+    for element in tree.iter():
+        if _XACRO.match(element.tag):
+            raise GeometryError(f"{path}: holds macros; expand them first: xacro {path.name} > robot.urdf")
+        if element.tag in ("mesh", "texture") and "filename" in element.attrib:
+            element.set("filename", str(_resolved(path, element.attrib["filename"])))
+    root = tree.getroot()
+    _check_joints(path, root)
+    if frames:
+        apply_frame_map(path, root, frames)
+    links = LinkTree(path, root)
+    if {"axle", *_WHEELS} <= links.links.keys():
+        _turn_wheels_forward(path, links)
+    return tree
+
+
+def _resolved(urdf: Path, name: str) -> Path:
+    """Return the path of a file that a URDF names, beside itself or as ROS does, by a package."""
+    if not name.startswith(_PACKAGE_SCHEME):
+        return (urdf.parent / name.removeprefix("file://")).resolve()
+    package, _, rest = name.removeprefix(_PACKAGE_SCHEME).partition("/")
+    for folder in urdf.resolve().parents:
+        if folder.name == package:
+            return folder / rest
+    raise GeometryError(
+        f"{urdf}: {name}: the URDF is in no folder {package!r}; put it back there, or write the path from "
+        "the URDF to the file"
+    )
+
+
+def _check_joints(path: Path, root: Element) -> None:
+    """Refuse a joint between links of which one is missing, before a frame map adds links.
+
+    Raises:
+        GeometryError: There is one.
+    """
+    links = [link.get("name", "") for link in root.findall("link")]
+    for joint in root.findall("joint"):
+        for end in (*joint.findall("parent"), *joint.findall("child")):
+            name = end.get("link", "")
+            if name not in links:
+                raise GeometryError(
+                    f"{path}: joint {joint.get('name')!r} names the link {name!r} as its {end.tag}, which is "
+                    f"not in the file{nearest(name, links)} Links: {', '.join(links)}"
+                )
+
+
+def _turn_wheels_forward(path: Path, tree: LinkTree) -> None:
+    """Turn the axes of both wheels to the left, in place, so that a positive speed drives forward.
+
+    Raises:
+        GeometryError: A wheel does not turn, or not about the axle.
+    """
+    for name in _WHEELS:
+        joint = tree.joints.get(name)
+        kind = None if joint is None else joint.get("type")
+        if joint is None or kind not in ("continuous", "revolute"):
+            raise GeometryError(f"{path}: the joint of {name!r} has to be continuous, found {kind}")
+        axis = joint.find("axis")
+        if axis is None:
+            axis = SubElement(joint, "axis", xyz="1 0 0")
+        xyz = np.array([float(a) for a in axis.attrib["xyz"].split()])
+        y = tree.frames[name].R @ (xyz / np.linalg.norm(xyz))
+        if abs(y[1]) < 1.0 - 0.5 * _ALONG**2:
+            raise GeometryError(
+                f"{path}: {name!r} turns about ({', '.join(f'{v:.3f}' for v in y)}) of the frame axle; a "
+                "wheel turns about its y axis. Is the frame axle turned?"
+            )
+        if y[1] < 0.0:
+            axis.set("xyz", " ".join(repr(float(a)) for a in -xyz))
