@@ -12,6 +12,27 @@ from msrr_bullet.export import documented_tables
 
 GALLERY = ROOT / "docs" / "gallery.md"
 
+#: What of a run shows best why it ended so: every outcome but the successes has its sentence.
+_FIRST_LOOK = {
+    "incomplete": "`events.csv` says what the base station gave up and why, `msrr plot` its units.",
+    "stuck": "`lock.csv` says whether the lock opened, and `truth.csv` whether the unit then backed out.",
+    "jammed": "`msrr plot` shows how far off the axis the unit was, in truth and in its own belief.",
+    "not_seated": "`seat_switches.csv` says which side is missing, and `replay.html` shows the last seconds.",
+    "lock_failed": "`lock.csv` says when it gave way; compare `lock.strength_n` with `lock.pull_force_n`.",
+    "target_lost": "`msrr frames` shows whether the marker was covered, out of view or not detected.",
+    "gave_up": "The robot's reason names what was not fulfilled; `msrr plot` shows the errors of that time.",
+    "never_detected": "`exposures.csv` says whether frames arrived, and `msrr frames` what they show.",
+    "blocked": "`replay.html` shows what stands in the way.",
+    "collision": "`clearance.csv` names the bodies; `msrr plot` shows belief beside truth.",
+    "clearance_violated": "`clearance.csv` names the bodies, the distance and the place.",
+    "left_arena": "`decisions.csv` says what was commanded, and `truth.csv` how the unit drove.",
+    "aborted": "`events.csv` says what ended the other step.",
+    "timeout": "`events.csv` says in which phase the time went; `time_limit_s` is the scene's limit.",
+    "program_failed": "The message on the terminal names the class and its error.",
+    "false_dock": "`beliefs.csv` beside `truth.csv`; `seat_switches.csv` says whether a switch was wrong.",
+    "false_abort": "The robot's reason; most often it sees itself farther off than the key `verify` accepts.",
+}
+
 
 def messages_page() -> str:
     """Return the page of all message types."""
@@ -33,9 +54,12 @@ def outcomes_page() -> str:
     for value, meaning in enum_values(outcome).items():
         examples = ", ".join(f"[`{name}`](../gallery.md#{name})" for name in seen.get(value, [])[:3])
         rows.append((f"`{value}`", meaning, examples))
+    successes = {"complete", "docked", "undocked"}
+    looks = [(f"`{value}`", _FIRST_LOOK[value]) for value in enum_values(outcome) if value not in successes]
     return _OUTCOMES.format(
         about=prose(outcome.docstring.value),
         outcomes=table(("outcome", "meaning", "a scene that ended so"), rows),
+        looks=table(("outcome", "look first at"), looks),
         convictions=values_table(scenes["messages.decisions.Conviction"]),
         reasons=values_table(scenes["messages.decisions.FailureReason"]),
         phases=values_table(scenes["messages.decisions.Phase"]),
@@ -78,6 +102,11 @@ _OUTCOMES = """\
 The exit code of `msrr dock` says whether a trial ended `docked` or `complete`;
 [the command line](command_line.md#exit-codes) lists all exit codes.
 
+## Where to look first
+The [tutorial on failures](../tutorials/failure.md) goes this way with one seed. Files named `.csv` come from
+`msrr export RUN --csv`.
+
+{looks}
 ## What the robot believes
 {convictions}
 ## Why an attempt failed, as the robot knows it
