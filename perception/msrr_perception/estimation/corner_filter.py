@@ -145,6 +145,8 @@ class CornerEkf:
             self._head = None  # a reading from the past changes all later states
         elif newest_ns is None or not self._entries:
             self._predictions.clear()
+            # No state begins before what a measurement that still counts can be of.
+            self._wheels.forget_before(reading.stamp_ns - self._horizon_ns)
         else:  # those of exposures up to the reading before stay as they are
             until_ns = min(newest_ns, self._entries[-1].key[0])
             self._predictions = {t: pose for t, pose in self._predictions.items() if t <= until_ns}

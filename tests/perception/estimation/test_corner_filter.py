@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 import time
+import tracemalloc
 from collections.abc import Callable
 from typing import Any
 
@@ -17,7 +18,14 @@ from msrr_perception.estimation.estimator import ESTIMATORS, Estimator
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Detections, Exposure, PoseEstimate, PoseMeasurement, TagDetection
+from msrr_scenes.messages import (
+    Detections,
+    Exposure,
+    PoseEstimate,
+    PoseMeasurement,
+    TagDetection,
+    WheelOdometry,
+)
 from msrr_scenes.registry import build
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Choice
@@ -378,6 +386,21 @@ def test_reset_forgets_the_pose_and_keeps_the_wheels(
     assert ekf.estimate(drive.now_ns) is None
     _follow(drive, ekf, 30)
     assert np.abs(_error(ekf.estimate(drive.now_ns), drive.X_DU)).max() < 0.03
+
+
+def test_a_long_drive_out_of_sight_takes_no_memory(target: TargetModel, scene: Scene) -> None:
+    """An hour of encoder readings without a tag leaves what 20 s of them leave."""
+    ekf = _ekf(target, scene)
+    tracemalloc.start()
+    try:
+        kept = []
+        for first, last in ((0, 1_000), (1_000, 180_000)):
+            for i in range(first, last):
+                ekf.add_odometry(WheelOdometry("a", 20 * MS * i, 0.01 * i, 0.01 * i))
+            kept.append(tracemalloc.get_traced_memory()[0])
+    finally:
+        tracemalloc.stop()
+    assert kept[1] < 1.5 * kept[0]
 
 
 def test_an_update_with_five_tags_takes_less_than_a_millisecond(
