@@ -21,7 +21,7 @@ RESULTS = Path(__file__).resolve().parent / "results"
 
 #: What is compared: the name of the file, a heading and the options of ``msrr bench`` that made it.
 COMPARED = (
-    ("close_range", "Docking from half a metre", "close_range --grade perfect --grade careful"),
+    ("close_range", "Docking from 0.7 m", "close_range --grade perfect --grade careful"),
     ("two_units", "The way around an obstacle, and docking", "two_units --grade perfect --grade careful"),
     ("assemble_cross", "Eight units that build a cross", "assemble_cross --grade perfect --grade careful"),
     ("units", "By the number of units", "sixteen --units 2 --units 4 --units 8 --units 16"),

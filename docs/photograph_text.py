@@ -37,8 +37,8 @@ the marker of a port, `units.b.markers: {{rear: map.yaml}}`; the
   worst where the walk closes its loop. So the first guess tries both poses of every tag in all views,
   and the adjustment begins with a loss that still listens to what is far off.
 - **Distortion beyond the board.** A calibration from boards in the middle of the frame fits these, and
-  guesses where tags are near the border; with k3 it guesses worst. Calibrate with k1 and k2, or refine
-  the lens.
+  guesses where tags are near the border; with k3 it guesses worst. `msrr calibrate` fits no more than
+  the pictures determine; `--refine-lens` fits the rest to the map.
 - **Nothing moved.** The tags on the two doors agree with all others, and so do tags 11 and 13.
 - **Sizes** agree within about 2 %, and explain little.
 - **Shape.** Corners are off the flat square, the same in all pictures: paper on a wall is not flat.

@@ -16,6 +16,10 @@ from msrr_bullet.cli.options import (
     parse_seed_range,
     use_one_thread_per_process,
 )
+from msrr_scenes.errors import SceneError
+
+#: Scene of the whole mission of ``msrr reproduce``.
+_MISSION = "two_units"
 
 
 def tune(
@@ -74,11 +78,19 @@ def reproduce(
     out: Annotated[Path, typer.Option(help="Folder of the report, the figures and the JSON.")] = Path(
         "runs/reproduce"
     ),
-    mission: Annotated[str, typer.Option(help="Scene of the whole mission in the real loop.")] = "two_units",
+    mission: Annotated[
+        str | None,
+        typer.Option(help="Scene of the whole mission in the real loop.", show_default=_MISSION),
+    ] = None,
     jobs: Jobs = DEFAULT_JOBS,
 ) -> None:
     """Reproduce the paper's experiments; write a report, its figures and the JSON that they are made from."""
+    if mission is not None and plant == "unicycle":
+        raise SceneError("--mission is for the real loop; give --plant bullet or --plant both as well")
     use_one_thread_per_process()
+    from msrr_bullet.pybullet_client import load_simulator
+
+    load_simulator()
     from msrr_bullet.reproduce.run import reproduce as run_reproduction
 
     given = parse_seed_range(seeds) if seeds is not None else None
@@ -88,7 +100,7 @@ def reproduce(
             unicycle=(given or range(200)) if plant != "bullet" else None,
             bullet=(given or range(100)) if plant != "unicycle" else None,
             jobs=jobs,
-            mission=mission,
+            mission=mission or _MISSION,
             on_progress=show,
         )
     from msrr_bullet.reproduce.report.findings import requirements

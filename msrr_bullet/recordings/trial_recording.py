@@ -30,7 +30,7 @@ def open_trial(path: Path, topic: str | None, odometry: bool = True) -> Recordin
 
     Raises:
         LogError: The log cannot be read.
-        RecordingError: It holds windows of frames alone, or nothing of such a camera, or several have frames.
+        RecordingError: Its cameras delivered windows of frames, or nothing, or several of them have frames.
     """
     log = read_log(path)
     cameras = {m.camera for _, m in log.messages(Exposure, "/camera/*") if m.camera != OVERHEAD}
@@ -42,14 +42,11 @@ def open_trial(path: Path, topic: str | None, odometry: bool = True) -> Recordin
         raise RecordingError(f"{log.path}: {text}; --topic is one of {', '.join(known) or '(none)'}")
     unit = topics.unit_of(topic)
     camera = onboard_camera(unit)
-    frame = log.header.scene.cameras.onboard.lens.camera.frame
-    for _, first in log.messages(CameraWindow, topics.window(camera)):
-        if first.window != frame:
-            raise RecordingError(
-                f"{log.path}: holds windows of frames alone; run the trial with "
-                "--set cameras.onboard.readout=frames"
-            )
-        break
+    if log.header.scene.cameras.onboard.readout != "frames":
+        raise RecordingError(
+            f"{log.path}: its camera delivered windows of frames; run the trial with "
+            "--set cameras.onboard.readout=frames"
+        )
     return Recording(f"{log.path}, {camera}", partial(_items, log, unit, odometry), None, odometry)
 
 

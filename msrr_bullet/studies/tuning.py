@@ -67,7 +67,7 @@ def tune(
     """
     known = SEARCH_SPACE[part]
     if controller not in known:
-        raise UnknownNameError(f"{part} controller that can be tuned", controller, known, "")
+        raise UnknownNameError(f"{part} controller", controller, known, "Only these can be tuned.")
     if budget < 2 * POPULATION:
         raise ValueError(f"expected a budget of at least {2 * POPULATION} evaluations, found {budget}")
     space = known[controller]

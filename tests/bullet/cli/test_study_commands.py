@@ -52,3 +52,6 @@ def test_reproduce_prints_the_requirements(
     assert run(["reproduce", "--out", str(tmp_path)]) == 0
     assert (arguments["unicycle"], arguments["bullet"]) == (range(200), None)
     assert run(["reproduce", "--seeds", "x"]) == 2
+    assert run(["reproduce", "--plant", "bullet", "--mission", "two_obstacles", "--out", str(tmp_path)]) == 0
+    assert arguments["mission"] == "two_obstacles"
+    assert run(["reproduce", "--mission", "two_obstacles"]) == 2, "unicycles run no scene"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,12 +13,14 @@ import pytest
 import yaml
 
 from msrr_bullet.recordings.perceiver import Instant
+from msrr_bullet.recordings.recording import RecordingError
 from msrr_bullet.recordings.run import Options, perceive
 from msrr_bullet.recordings.wheels import ODOMETRY, WheelReader
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, PoseEstimate
+from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CalibrationSpec
-from tests.bullet.recordings.conftest import Trial
+from tests.bullet.recordings.conftest import Trial, run_trial_quietly
 from tests.bullet.recordings.mcap_files import FOCAL, write_foxglove, write_ros2
 
 
@@ -46,6 +49,15 @@ def _agree(trial: Trial, estimates: dict[int, PoseEstimate], shift_ns: int = 0) 
 def test_the_log_of_a_trial_gives_the_estimates_of_the_trial(trial: Trial) -> None:
     found = _estimates(trial.folder, trial.target)
     assert _agree(trial, found) == len(trial.estimates()) > 10
+
+
+def test_the_log_of_a_trial_whose_camera_delivered_windows_is_refused(
+    trial: Trial, tmp_path: Path, shipped: Callable[..., Scene]
+) -> None:
+    """Its first picture is a whole frame all the same: the robot looks for the marker in it."""
+    run_trial_quietly(shipped("close_range", {"time_limit_s": "0.3"}), tmp_path)
+    with pytest.raises(RecordingError, match="readout=frames"):
+        perceive(tmp_path, trial.target)
 
 
 @pytest.mark.parametrize("kind", ["json", "protobuf", "ros2", "ros2_raw"])
