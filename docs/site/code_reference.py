@@ -122,13 +122,18 @@ def class_text(kind: Any) -> str:
     sections = [s for s in kind.docstring.parsed if s.kind.value == "attributes"] if kind.docstring else []
     said = {item.name: item.description for section in sections for item in section.value}
     rows = [
-        (f"`{m.name}`", f"`{m.annotation or ''}`".replace("|", r"\|"), cell(said.get(m.name) or _summary(m)))
+        (f"`{m.name}`", _type(m.annotation), cell(said.get(m.name) or _summary(m)))
         for m in kind.members.values()
         if m.is_attribute and not m.name.startswith("_") and (m.annotation or m.name in said)
     ]
     if rows:
         text += "\n" + table(("attribute", "type", "meaning"), rows)
     return text + "".join(_function(member, "####") for member in public(kind) if member.is_function)
+
+
+def _type(annotation: Any) -> str:
+    """Return the type of an attribute as a cell; empty if the code does not say it."""
+    return f"`{annotation}`".replace("|", r"\|") if annotation else ""
 
 
 def values_table(kind: Any) -> str:

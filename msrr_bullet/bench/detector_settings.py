@@ -111,10 +111,9 @@ def overhead_candidates(
         detector: Detector | None = None,
         searcher: Detector | None = None,
         policy: WindowPolicy = OVERHEAD_POLICY,
-        period_s: float = 1.0,
     ) -> Candidate[Mapping[str, GlobalPose]]:
         recording = RecordingDetector(detector or PupilDetector())
-        vision = OverheadVision(model, units, recording, searcher, policy, search_period_s=period_s)
+        vision = OverheadVision(model, units, recording, searcher, policy)
         return Candidate(vision, recording)
 
     return {
@@ -123,7 +122,6 @@ def overhead_candidates(
         **{f"... {label}": windows(build()) for label, build in _DETECTORS.items()},
         "... one window": windows(policy=replace(OVERHEAD_POLICY, merge_px=_ANY_AREA)),
         "... fine search": windows(searcher=PupilDetector()),
-        "... constant search": windows(period_s=1e-3),
         "... full frames": full_frames(PupilDetector(), frame),
         "search alone": full_frames(default_search_detector(), frame),
     }
