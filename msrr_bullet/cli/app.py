@@ -104,7 +104,10 @@ def check(
     ],
     overrides: Overrides = None,
 ) -> None:
-    """Check scene files by building all that a trial needs; the exit code is 2 if one cannot be used."""
+    """Check scene files by building all that a trial needs.
+
+    The exit code is 2 if one cannot be used.
+    """
     from msrr_bullet.pybullet_client import load_simulator
 
     load_simulator()
@@ -136,9 +139,10 @@ def schema(
         Path | None, typer.Option(metavar="FILE", help="File to write.", show_default="standard output")
     ] = None,
 ) -> None:
-    """Write the JSON schema of a kind of file, by which editors complete and check such files.
+    """Write the JSON schema of scenes, tag maps or target files.
 
-    A file names its schema in its first line: # yaml-language-server: $schema=scene.schema.json
+    Editors complete and check such files by it. A file names its schema in its first line:
+    # yaml-language-server: $schema=scene.schema.json
     """
     from msrr_scenes.loading.file_schema import file_schema
 

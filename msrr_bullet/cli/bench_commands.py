@@ -72,9 +72,10 @@ def bench(
         typer.Option(metavar="FILE", help="Profile one trial, which is all that is run: an HTML file."),
     ] = None,
 ) -> None:
-    """Measure a trial and the naive loop of the same scene, or the renderers, or the detector's settings.
+    """Measure a trial, the renderers, or the detection of tags.
 
-    With --grade or --units variants of the scene are compared.
+    A trial is compared with the naive loop of its scene, which reads and searches whole frames; with --grade
+    or --units, variants of the scene are compared instead.
     """
     if photographs is not None and target != "detection":
         raise SceneError(f"--photographs: msrr bench {target} reads none, msrr bench detection does")

@@ -81,7 +81,10 @@ def calibrate(
         Path, typer.Option(metavar="FILE", help="Calibration for ROS and for scenes, or a folder for it.")
     ] = Path("runs/calibration/camera.yaml"),
 ) -> None:
-    """Calibrate a camera from pictures of a board; name pictures that show none, or contradict the others."""
+    """Calibrate a camera from pictures of a board.
+
+    Pictures that show none, or contradict the others, are named and left out.
+    """
     from msrr_bullet.figures.coverage import draw_coverage
     from msrr_perception.camera_calibration.fit import MODELS
     from msrr_perception.photographs.picture_files import picture_files

@@ -67,7 +67,10 @@ def detect(
         typer.Option(metavar="DIR", help="Folder of annotated pictures.", show_default="none are drawn"),
     ] = None,
 ) -> None:
-    """Find AprilTags in pictures and films; the exit code is 2 if one of the files cannot be read."""
+    """Find AprilTags in pictures and films.
+
+    The exit code is 2 if one of the files cannot be read.
+    """
     from msrr_perception.photographs.picture_files import picture_files
     from msrr_perception.photographs.reading import PictureReader
     from msrr_scenes.loading.calibration_file import read_calibration

@@ -44,7 +44,10 @@ def map_pictures(
         "runs/map"
     ),
 ) -> None:
-    """Find where tags are, from pictures of them; name what contradicts the rest."""
+    """Find where tags are, from pictures of them.
+
+    What contradicts the rest is named and left out.
+    """
     lens = _lens(calibration)
     from msrr_bullet.tag_mapping.result_files import write_results
     from msrr_perception.detection.detector import PupilDetector, for_lens

@@ -14,7 +14,10 @@ def merge(
         "runs/sweeps.sqlite"
     ),
 ) -> None:
-    """Put the results of several stores of sweeps into one, from which msrr sweep then takes them."""
+    """Put the results of several stores of sweeps into one.
+
+    A sweep with that store then takes them from there.
+    """
     from msrr_bullet.sweep.trial_store import TrialStore
 
     with TrialStore(into) as store:

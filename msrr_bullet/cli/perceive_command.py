@@ -54,7 +54,10 @@ def perceive(
     ] = None,
     out: Annotated[Path, typer.Option(help="Run folder.")] = Path("runs/perceived"),
 ) -> None:
-    """Run perception on a recording, to see where the robot was; exits with 2 if parts cannot be read."""
+    """Run perception on a recording, to see where the robot was.
+
+    The exit code is 2 if parts cannot be read.
+    """
     from msrr_bullet.recordings.run import Options, perceive
     from msrr_scenes.loading.calibration_file import read_calibration
 

@@ -23,7 +23,10 @@ def replay(
         bool, typer.Option("--trust", help="Run the code of classes that the log names by import path.")
     ] = False,
 ) -> None:
-    """Run perception and control again from a log, without the simulator, and compare the commands."""
+    """Run the robots again from a log and compare their commands.
+
+    Perception and control run in a process that cannot import the simulator.
+    """
     run = run_or_last(run)
     from importlib.metadata import version
 
@@ -68,7 +71,7 @@ def frames(
         int, typer.Option(metavar="N", min=1, help="Number of frames of each camera, evenly spread.")
     ] = 8,
 ) -> None:
-    """Write camera frames with the detections and estimates of the robot drawn on them."""
+    """Write camera frames with what was detected and believed in them."""
     run = run_or_last(run)
     load_simulator()
     from msrr_bullet.figures.frame_files import write_frames
@@ -95,7 +98,10 @@ def plot(
         ),
     ] = None,
 ) -> None:
-    """Plot a run over time: a mission as rows of its units, else errors, speeds, clearance, line of sight."""
+    """Plot a run over time.
+
+    A mission is shown as rows of its units, any other run as errors, speeds, clearance and line of sight.
+    """
     run = run_or_last(run)
     load_simulator()
     from msrr_bullet.figures.plot import write_plot

@@ -37,7 +37,7 @@ def tune(
     ] = None,
     jobs: Jobs = DEFAULT_JOBS,
 ) -> None:
-    """Tune a controller's gains on unicycles and write them as a scene file.
+    """Tune a controller's gains on unicycles; write them as a scene.
 
     The procedure, budget, objective and settings are the same for every controller.
     """
@@ -84,7 +84,10 @@ def reproduce(
     ] = None,
     jobs: Jobs = DEFAULT_JOBS,
 ) -> None:
-    """Reproduce the paper's experiments; write a report, its figures and the JSON that they are made from."""
+    """Reproduce the paper's experiments and write a report.
+
+    Its figures, and the JSON that they are made from, are written beside it.
+    """
     if mission is not None and plant == "unicycle":
         raise SceneError("--mission is for the real loop; give --plant bullet or --plant both as well")
     use_one_thread_per_process()

@@ -63,7 +63,10 @@ def tolerance(
     wall_limit: WallLimit = DEFAULT_WALL_LIMIT_S,
     overrides: Overrides = None,
 ) -> None:
-    """Try each deviation from the drawing alone and all by grade; say what to build more precisely first."""
+    """Try each deviation from the drawing alone, and all by grade.
+
+    The report says what to build more precisely first.
+    """
     from msrr_scenes.loading.load import load_scene
 
     use_one_thread_per_process()

@@ -183,7 +183,7 @@ def sweep(
     ] = None,
     overrides: Overrides = None,
 ) -> None:
-    """Run many trials and report the success rate with its confidence interval."""
+    """Run many trials and report the success rate with its interval."""
     from msrr_scenes.loading.load import load_scene
 
     use_one_thread_per_process()
