@@ -71,7 +71,7 @@ def frames(
         int, typer.Option(metavar="N", min=1, help="Number of frames of each camera, evenly spread.")
     ] = 8,
 ) -> None:
-    """Write camera frames with what was detected and believed in them."""
+    """Write camera frames with detections and estimates drawn in."""
     run = run_or_last(run)
     load_simulator()
     from msrr_bullet.figures.frame_files import write_frames
