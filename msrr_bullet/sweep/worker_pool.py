@@ -114,6 +114,13 @@ class WorkerPool:
             context = multiprocessing.get_context("spawn")
             self._other_children = set(multiprocessing.active_children())
             self._pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker)
+            try:  # a process that cannot start is no trial that died, and no seed would start one
+                self._pool.submit(os.getpid).result()
+            except BrokenProcessPool:
+                raise MsrrError(
+                    "no process for trials can start, for the reason above; a program that sweeps has to be "
+                    'a file, and start the sweep below `if __name__ == "__main__":`'
+                ) from None
         return self._pool
 
     def _collect(self) -> list[Task]:

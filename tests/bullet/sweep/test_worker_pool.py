@@ -1,5 +1,7 @@
 """The worker pool: processes that die, and trials that come out as in this process."""
 
+import subprocess
+import sys
 from collections import deque
 from pathlib import Path
 
@@ -40,6 +42,19 @@ def test_a_worker_that_dies_takes_no_other_trial_with_it(
     assert [f.seed for f in summary.failures] == [1]
     assert "died" in summary.failures[0].error
     assert sum(summary.outcomes.values()) == 3
+
+
+def test_a_program_whose_workers_cannot_start_is_told_so() -> None:
+    """Workers import the program's main module, and this one is no file."""
+    program = (
+        "from msrr_bullet.sweep.sweep import sweep\n"
+        "from msrr_scenes import load_scene\n"
+        "sweep(load_scene('close_range'), range(1000), jobs=2)\n"
+    )
+    ran = subprocess.run([sys.executable, "-"], input=program, capture_output=True, text=True, timeout=60)
+    assert ran.returncode != 0
+    assert "no process for trials can start" in ran.stderr
+    assert ran.stderr.count("FileNotFoundError") <= 2, "not one for each seed"
 
 
 def test_real_trials_in_other_processes_come_out_the_same(short_trial: dict[str, str]) -> None:
