@@ -116,10 +116,11 @@ def _read_file(file: Path, reader: PictureReader, out: Path | None, work: _Work)
 
 def _ask_the_library(pixels: Pixels, picture: PictureTags, reader: PictureReader, work: _Work) -> None:
     """Measure what the library takes and finds with its own defaults."""
-    from msrr_perception.detection.native_apriltag import LIBRARY_SETTINGS, detect
+    from msrr_perception.detection.native_apriltag import LIBRARY_BITS, LIBRARY_SETTINGS, detect
 
     start = time.process_time()
-    work.library_tags += sum(len(detect(pixels, family, LIBRARY_SETTINGS)) for family in reader.families)
+    for family in reader.families:
+        work.library_tags += len(detect(pixels, family, LIBRARY_SETTINGS, LIBRARY_BITS))
     work.library_s += time.process_time() - start
 
 

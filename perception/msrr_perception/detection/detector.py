@@ -148,7 +148,7 @@ class PupilDetector(RefiningDetector):
 
     def find(self, pixels: Pixels) -> list[TagDetection]:
         """Return the tags as the library finds them; see :meth:`RefiningDetector.find`."""
-        return native_apriltag.detect(pixels, self.family, self.settings)
+        return native_apriltag.detect(pixels, self.family, self.settings, int(self.max_hamming))
 
 
 def default_search_detector(family: str = "tag36h11") -> Detector:

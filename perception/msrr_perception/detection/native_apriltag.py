@@ -1,8 +1,9 @@
 """The native AprilTag detector of a process, with the settings that its Python wrapper hides.
 
 Creating and destroying native detectors in turn crashes (measured: use after free in the library's tag
-family), so a process creates one per tag family, keeps it until the process ends, and writes the wanted
-settings into it before each call. It must not be shared between threads, and a forked child creates its own.
+family), so a process creates one per tag family and number of corrected bits, keeps it until the process
+ends, and writes the wanted settings into it before each call. It must not be shared between threads, and a
+forked child creates its own.
 
 The library also knows what the tags of its families look like.
 """
@@ -12,7 +13,7 @@ from __future__ import annotations
 import ctypes
 import os
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +27,12 @@ from msrr_scenes.specs.tag_families import FAMILIES
 EDGE_TO_CENTRE_PX = 0.5
 
 
-#: Families with more tags are read with one corrected bit. The wrapper lists all codes with two wrong bits,
-#: which takes 4.5 GB of memory and 13 s for 42,211 tags; with one it takes 0.1 GB and 0.2 s.
+#: Bits that are corrected at most: as many as the library's wrapper corrects. The library lists all codes
+#: with so many wrong bits. For 587 tags this takes 37 MB of memory with two bits and 1 MB with one.
+LIBRARY_BITS = 2
+
+#: Families with more tags are read with one corrected bit at most: for 42,211 tags two take 4.5 GB of memory
+#: and 13 s; one takes 0.1 GB and 0.2 s.
 _MOST_TAGS = 3000
 
 
@@ -141,21 +146,21 @@ _LIBRARY_DEFAULTS = {
 }
 
 
-def _created_detector(family: str) -> tuple[ctypes.CDLL, ctypes.c_void_p]:
-    """Return the library and a detector of ``family`` in it, which lives to the end of the process."""
-    wrapper = bindings.Detector(families=family, nthreads=1)
+def _created_detector() -> tuple[ctypes.CDLL, ctypes.c_void_p]:
+    """Return the library and a detector of no family in it, which lives to the end of the process."""
+    wrapper = bindings.Detector(families="tag16h5", nthreads=1)
     pointer = wrapper.tag_detector_ptr
     # The wrapper's destructor frees the detector that it holds; it shall outlive the wrapper.
     wrapper.tag_detector_ptr = None
+    wrapper.libc["apriltag_detector_clear_families"](pointer)
     return wrapper.libc, ctypes.cast(pointer, ctypes.c_void_p)
 
 
 class _NativeDetector:
     """The native detector, called without the wrapper, which copies every image and every homography."""
 
-    def __init__(self, family: str) -> None:
-        large = FAMILIES[family].ids > _MOST_TAGS
-        library, self._detector = _created_detector("tag16h5" if large else family)
+    def __init__(self, family: str, corrected_bits: int) -> None:
+        library, self._detector = _created_detector()
         self.fields = ctypes.cast(self._detector, ctypes.POINTER(_Detector)).contents
         found = {name: getattr(self.fields, name) for name in _LIBRARY_DEFAULTS}
         if found != _LIBRARY_DEFAULTS:
@@ -163,11 +168,9 @@ class _NativeDetector:
                 f"this build of pupil-apriltags lays its detector out differently: {found}; "
                 "install the version range that the package asks for"
             )
-        if large:
-            library["apriltag_detector_clear_families"](self._detector)
-            add = library["apriltag_detector_add_family_bits"]
-            add.restype = None
-            add(self._detector, _create_family(library, family), ctypes.c_int(1))
+        add = library["apriltag_detector_add_family_bits"]
+        add.restype = None
+        add(self._detector, _create_family(library, family), ctypes.c_int(corrected_bits))
         # Access by index gives a new function object, so that the wrapper's own stays as it is.
         self._detect = library["apriltag_detector_detect"]
         self._detect.argtypes = (ctypes.c_void_p, ctypes.POINTER(_Image))
@@ -193,14 +196,23 @@ def _copied(found: _Detection) -> TagDetection:
     return TagDetection(found.id, corners, found.decision_margin, found.hamming)
 
 
-@lru_cache(maxsize=8)
-def _native_detector(process: int, family: str) -> _NativeDetector:
-    return _NativeDetector(family)
+@cache
+def _native_detector(process: int, family: str, corrected_bits: int) -> _NativeDetector:
+    return _NativeDetector(family, corrected_bits)
 
 
-def detect(pixels: Pixels, family: str, settings: NativeSettings) -> list[TagDetection]:
-    """Return the tags in mono8 ``pixels``, shape (height, width), with corners in pixels of this image."""
-    native = _native_detector(os.getpid(), family)
+def detect(pixels: Pixels, family: str, settings: NativeSettings, corrected_bits: int) -> list[TagDetection]:
+    """Return the tags in mono8 ``pixels``, shape (height, width), with corners in pixels of this image.
+
+    Args:
+        pixels: The image.
+        family: Family of the tags.
+        settings: Settings of the library.
+        corrected_bits: Number of wrong bits up to which a tag is read; no more than :data:`LIBRARY_BITS`
+            are corrected, and one in the largest families. Memory and time of the first call grow with it.
+    """
+    most = 1 if FAMILIES[family].ids > _MOST_TAGS else LIBRARY_BITS
+    native = _native_detector(os.getpid(), family, min(corrected_bits, most))
     fields = native.fields
     fields.quad_decimate = settings.quad_decimate
     fields.quad_sigma = settings.quad_sigma
@@ -245,7 +257,7 @@ def tag_bitmap(family: str, tag_id: int) -> NDArray[np.bool_]:
 @lru_cache(maxsize=len(FAMILIES))
 def _printed_family(family: str) -> _Family:
     # The library draws tags itself, but this version of it puts the white frame of some families elsewhere.
-    library, _ = _created_detector("tag16h5")
+    library, _ = _created_detector()
     return ctypes.cast(_create_family(library, family), ctypes.POINTER(_Family)).contents
 
 

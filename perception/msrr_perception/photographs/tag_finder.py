@@ -102,9 +102,8 @@ class TagFinder:
 
 
 def _search(pixels: Pixels, family: str) -> list[TagDetection]:
-    most = FAMILIES[family].corrected_bits
-    tags = native_apriltag.detect(pixels, family, _SETTINGS)
-    return [t for t in tags if t.hamming <= most and t.decision_margin >= _LEAST_MARGIN]
+    tags = native_apriltag.detect(pixels, family, _SETTINGS, FAMILIES[family].corrected_bits)
+    return [t for t in tags if t.decision_margin >= _LEAST_MARGIN]
 
 
 def _sharpened(pixels: Pixels) -> Pixels:

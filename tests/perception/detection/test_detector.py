@@ -16,7 +16,7 @@ from msrr_perception.detection.detector import (
     detectors_by_size,
     for_large_tags,
 )
-from msrr_perception.detection.native_apriltag import EDGE_TO_CENTRE_PX, NativeSettings
+from msrr_perception.detection.native_apriltag import EDGE_TO_CENTRE_PX, LIBRARY_BITS, NativeSettings
 from msrr_perception.detection.windows import ExpectedTag
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.pinhole import Window
@@ -110,7 +110,7 @@ def test_the_wrapper_would_say_the_same(
     """Bit for bit, on pixels that are left as they were."""
     frame = draw(SE2(-0.5, 0.02, 0.1), target.camera.frame)
     before = frame.copy()
-    ours = native_apriltag.detect(frame, "tag36h11", NativeSettings(decimate, blur, 1.0, 5))
+    ours = native_apriltag.detect(frame, "tag36h11", NativeSettings(decimate, blur, 1.0, 5), LIBRARY_BITS)
     wrapper = bindings.Detector("tag36h11", quad_decimate=decimate, quad_sigma=blur, decode_sharpening=1.0)
     theirs = wrapper.detect(frame)
     wrapper.tag_detector_ptr = None  # never freed, because freeing one detector may crash another
