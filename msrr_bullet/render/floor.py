@@ -131,12 +131,13 @@ def concrete_floor(
         texels: Edge of the texture, a power of two.
     """
     rng = np.random.Generator(np.random.PCG64(0xF100))
-    frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(texels), np.fft.rfftfreq(texels), indexing="ij"))
+    spectrum = np.fft.rfft2(rng.standard_normal((texels, texels)))
     # As on natural surfaces the amplitude falls with the frequency, from patches of decimetres to grains.
-    spectrum = np.fft.rfft2(rng.standard_normal((texels, texels))) / (frequency + 8.0 / texels) ** 1.2
+    spectrum /= (np.hypot.outer(np.fft.fftfreq(texels), np.fft.rfftfreq(texels)) + 8.0 / texels) ** 1.2
     spectrum[0, 0] = 0.0
-    mottle = np.fft.irfft2(spectrum, s=(texels, texels))
-    texture = mean + contrast * mottle / mottle.std()
+    texture = np.fft.irfft2(spectrum, s=(texels, texels))
+    texture *= contrast / texture.std()
+    texture += mean
     joint = np.arange(texels) % (texels // 4) < max(texels // 512, 1)
     texture[joint, :] -= 2.0 * contrast
     texture[:, joint] -= 2.0 * contrast

@@ -83,10 +83,12 @@ def from_line(tip: Array, line: Array) -> Array:
     if moved.any():
         begin, segment = begin[moved], segment[moved]
     squared = np.sum(segment**2, axis=-1)
-    offset = tip[:, None] - begin
-    share = np.sum(offset * segment, axis=-1) / np.where(squared > 0.0, squared, 1.0)
-    foot = begin + np.clip(share, 0.0, 1.0)[..., None] * segment
-    distance: Array = deviation(tip[:, None], foot).min(axis=-1)
+    squared[squared == 0.0] = 1.0
+    distance = np.empty(len(tip))
+    for i, point in enumerate(tip):  # one by one, for points times segments would be many megabytes
+        share = np.sum((point - begin) * segment, axis=-1) / squared
+        foot = begin + np.clip(share, 0.0, 1.0)[:, None] * segment
+        distance[i] = deviation(point, foot).min()
     return distance
 
 

@@ -8,8 +8,7 @@ byte each, so that a lookup is one access to memory.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -18,6 +17,7 @@ from msrr_bullet.render.raster.kernels.floor import STEPS
 from msrr_bullet.render.raster.kernels.records import Floats, FloorTexture, Texels
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
+from msrr_scenes.messages import Pixels
 
 
 def pack_floor(levels: Sequence[Floats], period: float, wall: float) -> FloorTexture:
@@ -39,35 +39,37 @@ def pack_floor(levels: Sequence[Floats], period: float, wall: float) -> FloorTex
         )
     if levels[0].min() < 0.0 or levels[0].max() > 255.0:
         raise SceneError("the floor's texture has grey levels outside 0 to 255")
-    blends: list[Array] = []
+    bits = np.append(np.repeat(np.arange(len(levels) - 1, 0, -1), STEPS), 0)  # of each blend's edge
+    sizes = 1 << 2 * bits
+    start = np.cumsum(sizes) - sizes
+    texels = np.empty(sizes.sum(), dtype=np.uint32)
+    for blend, first in zip(_blends(levels), start, strict=True):
+        texels[first : first + blend.size] = _with_neighbours(blend).reshape(-1)
+    return FloorTexture(texels, start, bits, float(wall), edge / period)
+
+
+def _blends(levels: Sequence[Floats]) -> Iterator[Pixels]:
+    """Yield the blends, finest first, in whole grey levels; one at a time, for they are large."""
     for fine, coarse in pairwise(levels):
         above = _doubled(coarse.astype(np.float64))
-        blends += [fine + (k / STEPS) * (above - fine) for k in range(STEPS)]
-    blends.append(levels[-1].astype(np.float64))
-    sizes = np.array([blend.size for blend in blends], dtype=np.int64)
-    return FloorTexture(
-        texels=np.concatenate([_with_neighbours(blend).reshape(-1) for blend in blends]),
-        start=np.cumsum(sizes) - sizes,
-        bits=np.array([int(math.log2(len(blend))) for blend in blends], dtype=np.int64),
-        wall=float(wall),
-        per_metre=edge / period,
-    )
+        for k in range(STEPS):
+            yield np.rint(fine + (k / STEPS) * (above - fine)).astype(np.uint8)
+    yield np.rint(levels[-1]).astype(np.uint8)
 
 
 def _doubled(level: Array) -> Array:
     """Return a periodic level at twice the resolution, by linear interpolation between texel centres."""
-    out = level
-    for axis in (0, 1):
-        before, after = np.roll(out, 1, axis), np.roll(out, -1, axis)
-        pair = np.stack([0.75 * out + 0.25 * before, 0.75 * out + 0.25 * after], axis=axis + 1)
-        shape = list(out.shape)
-        shape[axis] *= 2
-        out = pair.reshape(shape)
-    return out
+    for _ in range(2):  # down the columns, and after a transposition along the rows
+        out = np.repeat(0.75 * level, 2, axis=0)
+        out[0::2] += 0.25 * np.roll(level, 1, axis=0)
+        out[1::2] += 0.25 * np.roll(level, -1, axis=0)
+        level = out.T
+    return level
 
 
-def _with_neighbours(level: Array) -> Texels:
+def _with_neighbours(level: Pixels) -> Texels:
     """Return each texel with the next in its row, in its column and diagonally, from the lowest byte up."""
-    own = np.rint(level).astype(np.uint32)
-    pair = own | np.roll(own, -1, axis=1) << 8
-    return (pair | np.roll(pair, -1, axis=0) << 16).astype(np.uint32)
+    texels = level.astype(np.uint32)
+    texels |= np.roll(texels, -1, axis=1) << 8
+    texels |= np.roll(texels, -1, axis=0) << 16
+    return texels
