@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from msrr_bullet.log.header import LogHeader
-from msrr_bullet.log.mcap_recorder import Listener, McapRecorder
 from msrr_bullet.log.reader import LOG_NAME, unpacked_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.log.records import StartPoses, StepStart
@@ -34,6 +34,9 @@ from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure, Pixels
 from msrr_scenes.specs.scene import Scene
+
+if TYPE_CHECKING:  # loaded by trials that are logged, for it takes ten megabytes
+    from msrr_bullet.log.mcap_recorder import Listener, McapRecorder
 
 
 def run_trial(
@@ -132,6 +135,8 @@ class _RunRecorder:
 
     def _opened(self) -> McapRecorder:
         if self._log is None:
+            from msrr_bullet.log.mcap_recorder import McapRecorder
+
             make_folder(self._out)
             self._lock.enter_context(locked(self._out))
             delete_run(self._out)

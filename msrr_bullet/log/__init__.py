@@ -3,7 +3,6 @@
 from msrr_bullet.log import topics
 from msrr_bullet.log.codec import LogError
 from msrr_bullet.log.header import LogHeader
-from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.reader import LOG_NAME, Log, LogRecord, read_log, unpacked_log
 from msrr_bullet.log.recorder import MemoryRecorder, NullRecorder, Recorder
 from msrr_bullet.log.records import (
@@ -32,7 +31,6 @@ __all__ = [
     "LogError",
     "LogHeader",
     "LogRecord",
-    "McapRecorder",
     "MemoryRecorder",
     "NullRecorder",
     "Recorder",

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
-from msrr_bullet.log import LOG_NAME, Log, LogHeader, McapRecorder, read_log
+from msrr_bullet.log import LOG_NAME, Log, LogHeader, read_log
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.plant.plant import Plant
 from msrr_bullet.simulation.bullet_plant import BulletPlant

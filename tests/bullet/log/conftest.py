@@ -11,11 +11,11 @@ import pytest
 
 from msrr_bullet.log import (
     LogHeader,
-    McapRecorder,
     MemoryRecorder,
     TruePose,
     topics,
 )
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (

@@ -16,11 +16,11 @@ from msrr_bullet.log import (
     Event,
     Level,
     LogHeader,
-    McapRecorder,
     StepStart,
     topics,
 )
 from msrr_bullet.log.frame_tree import scene_frames, step_frames
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_scenes.loading.load import load_scene
 
 Record = Callable[..., None]

@@ -14,8 +14,9 @@ from mcap.records import Schema
 from mcap_protobuf.decoder import DecoderFactory
 from tornado.websocket import websocket_connect
 
-from msrr_bullet.log import LogHeader, McapRecorder
+from msrr_bullet.log import LogHeader
 from msrr_bullet.log.foxglove_server import HOST, FoxgloveServer
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_scenes.errors import MsrrError
 
 Record = Callable[..., None]

@@ -12,9 +12,9 @@ import pytest
 from msrr_bullet.log import (
     LogError,
     LogHeader,
-    McapRecorder,
     read_log,
 )
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_scenes.specs.scene import Scene
 
 

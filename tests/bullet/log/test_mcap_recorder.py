@@ -15,10 +15,10 @@ from msrr_bullet.log import (
     Event,
     LogError,
     LogHeader,
-    McapRecorder,
     read_log,
     topics,
 )
+from msrr_bullet.log.mcap_recorder import McapRecorder
 
 Record = Callable[..., None]
 

@@ -11,12 +11,12 @@ import pytest
 from msrr_bullet.log import (
     LogError,
     LogHeader,
-    McapRecorder,
     MemoryRecorder,
     read_log,
     topics,
 )
 from msrr_bullet.log.frame_tree import scene_frames
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Exposure,

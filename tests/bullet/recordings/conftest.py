@@ -52,7 +52,8 @@ def trial(tmp_path_factory: pytest.TempPathFactory, shipped: Callable[..., Scene
 
 def run_trial_quietly(scene: Scene, folder: Path) -> None:
     """Run a trial for its log alone: a page and a picture would take longer than the trial."""
-    from msrr_bullet.log import LogHeader, McapRecorder
+    from msrr_bullet.log import LogHeader
+    from msrr_bullet.log.mcap_recorder import McapRecorder
     from msrr_bullet.trial.trial import Trial as SimulatedTrial
 
     with McapRecorder(folder / "trial.mcap", LogHeader.of(scene, 3, {})) as recorder:

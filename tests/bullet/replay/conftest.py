@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.log import LogHeader, McapRecorder, topics
+from msrr_bullet.log import LogHeader, topics
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.records import StepStart, TruePose
 from msrr_bullet.replay.recorded_robot import RecordedRobot
 from msrr_bullet.robot.interface import ObservableRobot

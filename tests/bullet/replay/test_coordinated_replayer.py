@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_bullet.log import Event, Log, LogHeader, McapRecorder, TruePose, read_log
+from msrr_bullet.log import Event, Log, LogHeader, TruePose, read_log
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.records import RadioReceipt
 from msrr_bullet.replay import replay, replay_isolated
 from msrr_bullet.trial.result import TrialResult
@@ -176,7 +177,8 @@ def test_another_process_writes_the_same_logs(line_of_three: Path, pixel_run: Pa
     code = f"""
 import sys
 from pathlib import Path
-from msrr_bullet.log import LogHeader, McapRecorder
+from msrr_bullet.log import LogHeader
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.loading.load import load_scene
 

@@ -15,12 +15,12 @@ from msrr_bullet.log import (
     CameraWindow,
     Log,
     LogHeader,
-    McapRecorder,
     TruePose,
     read_log,
 )
 from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_of
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.replay import replay, replay_isolated
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
@@ -102,7 +102,8 @@ def test_a_replay_without_the_simulator_is_identical(run: Path, log: Log) -> Non
 def test_another_process_writes_the_same_log(run: Path, log: Log, tmp_path: Path) -> None:
     code = (
         "import sys; from pathlib import Path\n"
-        "from msrr_bullet.log import LogHeader, McapRecorder\n"
+        "from msrr_bullet.log import LogHeader\n"
+        "from msrr_bullet.log.mcap_recorder import McapRecorder\n"
         "from msrr_bullet.trial.trial import Trial\n"
         "from msrr_scenes.loading.load import load_scene\n"
         "scene = load_scene('close_range', {'as_built': 'perfect'})\n"

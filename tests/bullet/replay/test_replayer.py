@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from msrr_bullet.log import LogError, LogHeader, McapRecorder, read_log, topics
+from msrr_bullet.log import LogError, LogHeader, read_log, topics
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.replay import replay
 from msrr_bullet.replay.comparison import ReplayError, ReplayReport
 from msrr_scenes.geometry.pinhole import Window

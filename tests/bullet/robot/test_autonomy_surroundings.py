@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_bullet.log import LOG_NAME, LogHeader, McapRecorder
+from msrr_bullet.log import LOG_NAME, LogHeader
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.replay import replay
 from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial

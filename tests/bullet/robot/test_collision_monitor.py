@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
-from msrr_bullet.log import LOG_NAME, LogHeader, McapRecorder, read_log
+from msrr_bullet.log import LOG_NAME, LogHeader, read_log
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.replay import replay
 from msrr_bullet.robot.collision_monitor import CollisionMonitor

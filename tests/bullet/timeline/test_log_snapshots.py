@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from msrr_bullet.log import McapRecorder, TruePose, read_log
+from msrr_bullet.log import TruePose, read_log
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.timeline.log_snapshots import read_snapshots, read_verdict
 from msrr_scenes.messages import Action, ArenaEstimate, Phase
 

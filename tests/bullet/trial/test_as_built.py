@@ -12,7 +12,8 @@ import pytest
 
 import msrr_bullet.trial.coordinated_mission as coordinated_mission
 import msrr_bullet.trial.mission as mission
-from msrr_bullet.log import LogHeader, McapRecorder, MemoryRecorder, NullRecorder, read_log
+from msrr_bullet.log import LogHeader, MemoryRecorder, NullRecorder, read_log
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.records import BuiltErrors
 from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.replay.log_replay import replay

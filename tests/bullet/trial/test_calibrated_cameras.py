@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.log import LogHeader, McapRecorder
+from msrr_bullet.log import LogHeader
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial

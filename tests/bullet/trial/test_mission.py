@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.log import LogHeader, McapRecorder
+from msrr_bullet.log import LogHeader
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.records import StepStart
 from msrr_bullet.plant.plant import Plant
 from msrr_bullet.trial.docking_step import DockingStep

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from msrr_bullet.figures.stills import LiveStills
-from msrr_bullet.log import ClearanceRecord, McapRecorder, MemoryRecorder, StartPoses, TruePose
+from msrr_bullet.log import ClearanceRecord, MemoryRecorder, StartPoses, TruePose
 from msrr_bullet.log.header import LogHeader
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.records import Event
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.series import TrialSeries
