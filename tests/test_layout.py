@@ -137,6 +137,12 @@ def test_control_never_loads_a_library_for_images() -> None:
     assert done.stdout.strip() == "[]", done.stdout + done.stderr
 
 
+def test_a_trial_without_a_log_loads_nothing_that_writes_one() -> None:
+    code = "import sys, msrr_bullet.run; print(sorted({'foxglove', 'mcap.writer'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines()[-1] == "[]", done.stdout + done.stderr
+
+
 @pytest.mark.parametrize("room", ["scenes", "perception", "control", "msrr_bullet", "urdf"])
 def test_every_room_explains_itself(room: str) -> None:
     readme = ROOT / room / "README.md"
