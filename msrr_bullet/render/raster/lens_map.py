@@ -9,6 +9,7 @@ import numpy as np
 from msrr_bullet.render.raster.kernels.floor import ROLLED_STRIDE
 from msrr_bullet.render.raster.kernels.lens_nodes import cut_nodes, node_steps, undistort_nodes
 from msrr_bullet.render.raster.kernels.records import Lens, LensView
+from msrr_bullet.render.raster.memory import untouched
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.distortion import Distortion, has_inverse
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
@@ -18,6 +19,61 @@ _MARGIN = 8
 
 #: Edge of the tiles that are computed when a window first reaches into them [px].
 _TILE = 64
+
+
+class _Grid:
+    """The corners of the pixels of a window, and where an ideal lens would show them.
+
+    Attributes:
+        window: The window.
+        columns: Columns of the corners, shape (width + 1,) [px].
+        rows: Rows, shape (height + 1,) [px].
+        u: Columns in the image of the ideal lens, counted from the edge of the frame,
+            shape (height + 1, width + 1) [px].
+        v: Rows, likewise.
+        first_group: Number of the first group of pixels of a row that share one blend of the floor.
+        group_u: Columns of the middles of the groups in the image of the ideal lens, shape (height, groups).
+        group_v: Rows, likewise.
+        shift: The most that u changes by down a column of what is computed.
+        pitch: The least that u changes by along a row.
+        slant: The most that v changes by along a row.
+    """
+
+    def __init__(self, window: Window, frame_width: int) -> None:
+        """Make room for the corners, and compute none."""
+        self.window = window
+        self.columns = np.arange(window.x, window.x_end + 1, dtype=np.float64) - 0.5
+        self.rows = np.arange(window.y, window.y_end + 1, dtype=np.float64) - 0.5
+        shape = len(self.rows), len(self.columns)
+        self.u, self.v = untouched(shape, np.float64), untouched(shape, np.float64)
+        self.first_group = window.x // ROLLED_STRIDE
+        middle = ROLLED_STRIDE * (np.arange(self.first_group, window.x_end // ROLLED_STRIDE + 1) + 0.5) - 0.5
+        # The lens need not have an inverse beyond the margin, and no middle may depend on what is covered.
+        self._middles = np.clip(middle, -_MARGIN, frame_width - 1 + _MARGIN)
+        groups = window.height, len(middle)
+        self.group_u, self.group_v = np.empty(groups), np.empty(groups)
+        self.shift, self.pitch, self.slant = 0.0, np.inf, 0.0
+
+    def compute(self, lens: Lens, j0: int, j1: int, i0: int, i1: int) -> bool:
+        """Compute the corners in rows j0 to j1 - 1 and columns i0 to i1 - 1, and widen the bounds.
+
+        Returns:
+            Whether the lens has an inverse there.
+        """
+        x = self.window.x
+        first, last = ((x + k) // ROLLED_STRIDE - self.first_group for k in (i0, i1 - 1))
+        end, between = min(j1, len(self.rows) - 1), self.rows[:-1] + 0.5
+        if not (
+            undistort_nodes(lens, self.columns, self.rows, j0, j1, i0, i1, self.u, self.v)
+            and undistort_nodes(
+                lens, self._middles, between, j0, end, first, last + 1, self.group_u, self.group_v
+            )
+        ):
+            return False
+        shift, pitch, slant = node_steps(self.u, self.v, j0, j1, i0, i1)
+        self.shift, self.slant = max(self.shift, shift), max(self.slant, slant)
+        self.pitch = min(self.pitch, pitch)
+        return True
 
 
 class LensMap:
@@ -41,6 +97,7 @@ class LensMap:
             raise self._error(camera.frame)
         self._latest: tuple[Window, LensView] | None = None
         self._memory = np.empty((2, 0))
+        self._searched: set[Window] = set()
         self._cover(camera.frame.padded(_MARGIN))
 
     def view(self, window: Window) -> LensView:
@@ -52,31 +109,9 @@ class LensMap:
         Raises:
             GeometryError: The window reaches beyond the frame to where the lens has no inverse.
         """
-        if self._latest is not None and self._latest[0] == window:
-            return self._latest[1]
-        x, y = self._compute_nodes(window)
-        rows, columns = window.height + 1, window.width + 1
-        if rows * columns > self._memory.shape[1]:
-            self._memory = np.empty((2, rows * columns))
-        u, v = self._memory[:, : rows * columns].reshape(2, rows, columns)
-        v_low, v_high = np.empty((2, rows))
-        cut_nodes(self._u, self._v, y, x, u, v, v_low, v_high)
-        first, last = (k // ROLLED_STRIDE - self._first_group for k in (window.x, window.x_end))
-        part = slice(y, y + window.height), slice(first, last + 1)
-        view = LensView(
-            u=u,
-            v=v,
-            v_low=v_low,
-            v_high=v_high,
-            shift=self._shift,
-            pitch=self._pitch,
-            slant=self._slant,
-            column=window.x,
-            group_u=np.ascontiguousarray(self._group_u[part]),
-            group_v=np.ascontiguousarray(self._group_v[part]),
-        )
-        self._latest = window, view
-        return view
+        if self._latest is None or self._latest[0] != window:
+            self._latest = window, self._searched_view(window) or self._view(window)
+        return self._latest[1]
 
     def bounds(self, window: Window) -> Window:
         """Return the smallest window of the image of an ideal lens that holds all that ``window`` shows.
@@ -84,21 +119,68 @@ class LensMap:
         Raises:
             GeometryError: The window reaches beyond the frame to where the lens has no inverse.
         """
-        x, y = self._compute_nodes(window)
-        x_end, y_end = x + window.width, y + window.height
-        left = int(np.floor(self._u[y : y_end + 1, x].min()))
-        top = int(np.floor(self._v[y, x : x_end + 1].min()))
-        right = int(np.ceil(self._u[y : y_end + 1, x_end].max()))
-        bottom = int(np.ceil(self._v[y_end, x : x_end + 1].max()))
+        view = self.view(window)
+        left, right = int(np.floor(view.u[:, 0].min())), int(np.ceil(view.u[:, -1].max()))
+        top, bottom = int(np.floor(view.v[0].min())), int(np.ceil(view.v[-1].max()))
         return Window(left, top, right - left, bottom - top)
+
+    def _searched_view(self, window: Window) -> LensView | None:
+        """Return the view of a wide window that is asked for the first time, and keep no place in it.
+
+        A frame is often searched once, as a whole, and then read in small windows. To keep all its places
+        would take 20 MB for 1280 x 960 pixels.
+        """
+        if 2 * window.width <= self.camera.width or window in self._searched:
+            return None
+        self._searched.add(window)
+        grid = _Grid(window, self.camera.width)
+        if not grid.compute(self._lens, 0, len(grid.rows), 0, len(grid.columns)):
+            raise self._error(window)
+        return LensView(
+            u=grid.u,
+            v=grid.v,
+            v_low=grid.v.min(axis=1),
+            v_high=grid.v.max(axis=1),
+            shift=grid.shift,
+            pitch=grid.pitch,
+            slant=grid.slant,
+            column=window.x,
+            group_u=grid.group_u,
+            group_v=grid.group_v,
+        )
+
+    def _view(self, window: Window) -> LensView:
+        """Return the view of a window from the map, which is computed where it is not known."""
+        x, y = self._compute_nodes(window)
+        rows, columns = window.height + 1, window.width + 1
+        if rows * columns > self._memory.shape[1]:
+            self._memory = np.empty((2, rows * columns))
+        u, v = self._memory[:, : rows * columns].reshape(2, rows, columns)
+        v_low, v_high = np.empty((2, rows))
+        grid = self._grid
+        cut_nodes(grid.u, grid.v, y, x, u, v, v_low, v_high)
+        first, last = (k // ROLLED_STRIDE - grid.first_group for k in (window.x, window.x_end))
+        part = slice(y, y + window.height), slice(first, last + 1)
+        return LensView(
+            u=u,
+            v=v,
+            v_low=v_low,
+            v_high=v_high,
+            shift=grid.shift,
+            pitch=grid.pitch,
+            slant=grid.slant,
+            column=window.x,
+            group_u=np.ascontiguousarray(grid.group_u[part]),
+            group_v=np.ascontiguousarray(grid.group_v[part]),
+        )
 
     def _compute_nodes(self, window: Window) -> tuple[int, int]:
         """Compute the nodes of a window where they are not known; return column and row of the first one."""
-        margin = self._covered.width - self.camera.width
-        while not self._covered.contains(window):
+        margin = self._grid.window.width - self.camera.width
+        while not self._grid.window.contains(window):
             margin *= 2
             self._cover(self.camera.frame.padded(margin))
-        x, y = window.x - self._covered.x, window.y - self._covered.y
+        x, y = window.x - self._grid.window.x, window.y - self._grid.window.y
         tiles = (
             slice(y // _TILE, (y + window.height) // _TILE + 1),
             slice(x // _TILE, (x + window.width) // _TILE + 1),
@@ -108,47 +190,17 @@ class LensMap:
         return x, y
 
     def _cover(self, window: Window) -> None:
-        """Make room for a window; memory that is never written to costs nothing."""
-        self._covered = window
-        self._columns = np.arange(window.x, window.x_end + 1, dtype=np.float64) - 0.5
-        self._rows = np.arange(window.y, window.y_end + 1, dtype=np.float64) - 0.5
-        shape = len(self._rows), len(self._columns)
-        self._u, self._v = np.empty(shape), np.empty(shape)
-        self._known = np.zeros([(size - 1) // _TILE + 1 for size in shape], dtype=np.bool_)
-        self._first_group = window.x // ROLLED_STRIDE
-        middle = ROLLED_STRIDE * (np.arange(self._first_group, window.x_end // ROLLED_STRIDE + 1) + 0.5) - 0.5
-        # The lens need not have an inverse beyond the margin, and no middle may depend on what is covered.
-        self._middles = np.clip(middle, -_MARGIN, self.camera.width - 1 + _MARGIN)
-        groups = window.height, len(middle)
-        self._group_u, self._group_v = np.empty(groups), np.empty(groups)
-        self._shift, self._pitch, self._slant = 0.0, np.inf, 0.0
+        """Make room for a window."""
+        self._grid = _Grid(window, self.camera.width)
+        rows, columns = self._grid.u.shape
+        self._known = np.zeros(((rows - 1) // _TILE + 1, (columns - 1) // _TILE + 1), dtype=np.bool_)
 
     def _compute(self, j: int, i: int) -> None:
-        """Compute the nodes of a tile up to the first ones of the next tiles, and widen the bounds."""
-        rows, columns = len(self._rows), len(self._columns)
-        j0, i0 = j * _TILE, i * _TILE
-        j1, i1 = min(j0 + _TILE + 1, rows), min(i0 + _TILE + 1, columns)
-        x = self._covered.x
-        first, last = ((x + k) // ROLLED_STRIDE - self._first_group for k in (i0, i1 - 1))
-        middles, between = self._middles, self._rows[:-1] + 0.5
-        if not (
-            undistort_nodes(self._lens, self._columns, self._rows, j0, j1, i0, i1, self._u, self._v)
-            and undistort_nodes(
-                self._lens,
-                middles,
-                between,
-                j0,
-                min(j1, rows - 1),
-                first,
-                last + 1,
-                self._group_u,
-                self._group_v,
-            )
-        ):
-            raise self._error(self._covered)
-        shift, pitch, slant = node_steps(self._u, self._v, j0, j1, i0, i1)
-        self._shift, self._slant = max(self._shift, shift), max(self._slant, slant)
-        self._pitch = min(self._pitch, pitch)
+        """Compute the nodes of a tile up to the first ones of the next tiles."""
+        grid, j0, i0 = self._grid, j * _TILE, i * _TILE
+        j1, i1 = min(j0 + _TILE + 1, len(grid.rows)), min(i0 + _TILE + 1, len(grid.columns))
+        if not grid.compute(self._lens, j0, j1, i0, i1):
+            raise self._error(grid.window)
         self._known[j, i] = True
 
     def _error(self, window: Window) -> GeometryError:

@@ -24,6 +24,7 @@ from msrr_bullet.render.raster.kernels.records import (
 )
 from msrr_bullet.render.raster.kernels.sample_positions import CELL_SAMPLES, SAMPLES, sample_positions
 from msrr_bullet.render.raster.lens_map import LensMap
+from msrr_bullet.render.raster.memory import untouched
 from msrr_bullet.render.raster.mesh import box
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.distortion import Distortion
@@ -105,7 +106,7 @@ class Rasterizer:
             draw(_view(camera, window), *scene, out)
             return out
         if len(self._maps) < BAND * window.width + 1:
-            self._maps = np.empty((BAND * window.width + 1, 6))
+            self._maps = untouched((BAND * window.width + 1, 6), np.float64)
         for top in range(0, window.height, BAND):  # so that a whole frame takes little memory for its corners
             rows = out[top : top + BAND]
             strip = Window(window.x, window.y + top, window.width, len(rows))
@@ -189,8 +190,7 @@ def _workspace(geometry: Geometry, frame_count: int, width: int) -> Workspace:
             start=np.empty(BAND + 1, dtype=np.int64),
             # One more: the column of a pixel is written before it is known to be mixed.
             column=np.empty(pixels + 1, dtype=np.int32),
-            # Pages that are never touched cost nothing: few pixels are mixed.
-            key=np.empty((pixels, SAMPLES), dtype=np.int64),
+            key=untouched((pixels, SAMPLES), np.int64),  # few pixels are mixed
             farthest=np.empty(pixels, dtype=np.int64),
         ),
     )

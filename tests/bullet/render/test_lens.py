@@ -202,3 +202,21 @@ def test_the_map_of_a_lens_is_its_inverse_in_any_window(lens: Distortion) -> Non
         assert view.pitch <= np.diff(view.u, axis=1).min()
         assert view.slant >= np.abs(np.diff(view.v, axis=1)).max()
         assert view.shift >= np.abs(np.diff(view.u, axis=0)).max()
+
+
+@pytest.mark.parametrize("lens", [*LENSES, LEANING], ids=str)
+def test_a_window_as_wide_as_the_frame_shows_the_same_when_it_is_asked_for_again(lens: Distortion) -> None:
+    """Its places are kept from the second time on only."""
+    lens_map = LensMap(PinholeCamera.from_hfov(640, 480, math.radians(75.0)), lens)
+    wide, narrow = Window(-4, 100, 648, 128), Window(300, 90, 60, 60)
+    first, bounds = lens_map.view(wide), lens_map.bounds(wide)
+    lens_map.view(narrow)
+    again = lens_map.view(wide)
+    assert again is not first
+    assert lens_map.bounds(wide) == bounds
+    assert again.column == first.column
+    for name in ("u", "v", "v_low", "v_high", "group_u", "group_v"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(first, name))
+    assert first.pitch == np.diff(first.u, axis=1).min()
+    assert first.slant == np.abs(np.diff(first.v, axis=1)).max()
+    assert first.shift == np.abs(np.diff(first.u, axis=0)).max()
