@@ -13,11 +13,10 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import ConvexHull
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
-from msrr_scenes.geometry.solid import Solid
+from msrr_scenes.geometry.solid import Solid, convex_hull
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.specs.bodies import BoxSpec, CylinderSpec
 
@@ -47,8 +46,7 @@ class Part:
     def polygon(cls, points: ArrayLike) -> Part:
         """Return the convex hull of ``points``, shape (N, 2) [m], not all on one line."""
         p = np.asarray(points, dtype=np.float64).round(DECIMALS)
-        hull: Array = p[ConvexHull(p).vertices]
-        return cls(hull)
+        return cls(convex_hull(p))
 
     @classmethod
     def disc(cls, x: float, y: float, radius: float) -> Part:
@@ -192,4 +190,4 @@ def obstacle_parts(spec: CylinderSpec | BoxSpec) -> tuple[Part, ...]:
     if isinstance(spec, CylinderSpec):
         return (Part.disc(0.0, 0.0, spec.radius_m),)
     x, y = 0.5 * spec.length_m, 0.5 * spec.width_m
-    return (Part.polygon([[-x, -y], [x, -y], [x, y], [-x, y]]),)
+    return (Part(np.array([[-x, -y], [x, -y], [x, y], [-x, y]]).round(DECIMALS)),)

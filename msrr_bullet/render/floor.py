@@ -7,8 +7,9 @@ level is warped only over the rows where it counts.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -28,15 +29,23 @@ class Floor:
     """The plane z = 0 of the world with a periodic texture, and the wall above its horizon.
 
     Attributes:
-        levels: Texture pyramid, finest first, each level half the size of the one before [grey levels]; rows
-            run along world y and columns along world x.
+        paint: Returns the texture, a square whose edge is a power of two [grey levels]; rows run along world
+            y and columns along world x.
         period: Edge of the square that the texture covers before it repeats [m].
         wall: Grey level above the horizon.
     """
 
-    levels: tuple[Image, ...]
+    paint: Callable[[], Image]
     period: float
     wall: float
+
+    @cached_property
+    def levels(self) -> tuple[Image, ...]:
+        """Texture pyramid, finest first, each level half the size of the one before [grey levels].
+
+        It is made when the floor is first drawn: a check of a scene draws none.
+        """
+        return _pyramid(self.paint())
 
     def image(self, camera: PinholeCamera, X_WC: SE3, window: Window) -> Image:
         """Return the background of ``window``, shape (height, width) [grey levels].
@@ -108,7 +117,7 @@ class Floor:
         return out
 
 
-def texture_pyramid(texture: Image) -> tuple[Image, ...]:
+def _pyramid(texture: Image) -> tuple[Image, ...]:
     """Return a square texture, whose edge is a power of two, and its box-filtered halves to one texel."""
     levels = [texture.astype(np.float32)]
     while levels[-1].shape[0] > 1:
@@ -130,6 +139,11 @@ def concrete_floor(
         period: Distance after which the texture repeats [m]; joints run every quarter of it.
         texels: Edge of the texture, a power of two.
     """
+    return Floor(lambda: _concrete(mean, contrast, texels), period, wall)
+
+
+def _concrete(mean: float, contrast: float, texels: int) -> Image:
+    """Return the texture of :func:`concrete_floor`, shape (texels, texels) [grey levels]."""
     rng = np.random.Generator(np.random.PCG64(0xF100))
     spectrum = np.fft.rfft2(rng.standard_normal((texels, texels)))
     # As on natural surfaces the amplitude falls with the frequency, from patches of decimetres to grains.
@@ -141,4 +155,4 @@ def concrete_floor(
     joint = np.arange(texels) % (texels // 4) < max(texels // 512, 1)
     texture[joint, :] -= 2.0 * contrast
     texture[:, joint] -= 2.0 * contrast
-    return Floor(texture_pyramid(texture.astype(np.float32)), period, wall)
+    return texture.astype(np.float32)

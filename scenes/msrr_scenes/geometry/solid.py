@@ -14,6 +14,10 @@ from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.urdf_tree import urdf_origin
 
+#: Three points are on one line when they span at most this parallelogram [m^2]. Corners on a grid of
+#: micrometres span at least ten times as much; a rounding of a position in a room spans a tenth.
+_FLAT_M2 = 1e-13
+
 
 @dataclass(frozen=True, eq=False)
 class Solid:
@@ -98,11 +102,32 @@ def read_solid(link: str, X_UL: SE3, collision: Element) -> Solid:
 
 
 def convex_hull(points: Array) -> Array:
-    """Return the convex hull of ``points``, shape (N, 2) [m], as its vertices counter-clockwise."""
-    from scipy.spatial import ConvexHull  # slow to import, and few need it
+    """Return the convex hull of ``points``, shape (N, 2) [m], as its vertices counter-clockwise.
 
-    hull: Array = points[ConvexHull(points).vertices]
+    Andrew's monotone chain. The first vertex is the leftmost, the upper one of two. To import SciPy's hull
+    takes longer than all that a check of a scene computes.
+
+    Raises:
+        GeometryError: All points are on one line.
+    """
+    rightwards = points[np.lexsort((-points[:, 1], points[:, 0]))].tolist()
+    hull = np.array(_lower_chain(rightwards)[:-1] + _lower_chain(rightwards[::-1])[:-1])
+    if len(hull) < 3:
+        raise GeometryError(f"the convex hull of {len(points)} points on one line has no area")
     return hull
+
+
+def _lower_chain(points: list[list[float]]) -> list[list[float]]:
+    """Return those of the points, ordered along an axis, at which a hull turns left from first to last."""
+    chain: list[list[float]] = []
+    for x, y in points:
+        while len(chain) > 1:
+            (ax, ay), (bx, by) = chain[-2:]
+            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > _FLAT_M2:
+                break
+            chain.pop()
+        chain.append([x, y])
+    return chain
 
 
 def obj_vertices(path: Path) -> Array:

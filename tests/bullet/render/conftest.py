@@ -50,4 +50,4 @@ def add_box(place: Callable[[int, SE3], None]) -> Callable[..., int]:
 @pytest.fixture(scope="session")
 def plain_floor() -> Callable[[float], Floor]:
     """Return a floor and a wall of one grey level."""
-    return lambda grey: Floor((np.full((1, 1), grey, dtype=np.float32),), 1.0, grey)
+    return lambda grey: Floor(lambda: np.full((1, 1), grey, dtype=np.float32), 1.0, grey)

@@ -41,7 +41,7 @@ def picture(lens: Distortion | None, slit_m: float, behind: bool) -> Pixels:
     if behind:
         for k in range(5):
             add([0.05, 1.0, 1.0], [2.0 + 0.3 * k, 0.1 * k, 0.0], 1.0)
-    black = Floor((np.zeros((1, 1), dtype=np.float32),), 1.0, 0.0)
+    black = Floor(lambda: np.zeros((1, 1), dtype=np.float32), 1.0, 0.0)
     renderer = RasterRenderer(RenderContext(client, floor=black))
     views = [(CAMERA.frame, Instant(optical_pose(SE3())))]
     (pixels,) = renderer.render_instants(CAMERA, views, lens)

@@ -52,7 +52,7 @@ def plate() -> Iterator[tuple[int, int]]:
 
 
 def renderer_of(client: int) -> RasterRenderer:
-    floor = Floor((np.full((1, 1), BEHIND, dtype=np.float32),), 1.0, BEHIND)
+    floor = Floor(lambda: np.full((1, 1), BEHIND, dtype=np.float32), 1.0, BEHIND)
     return RasterRenderer(RenderContext(client, floor=floor))
 
 

@@ -27,7 +27,7 @@ from msrr_scenes.specs.tag_families import FAMILIES, TAG36H11
 KNOWN_CODES = {0: 0xD5D628584, 1: 0xD97F18B49, 2: 0xDD280910E, 3: 0xE479E9C98, 4: 0xEBCBCA822}
 
 CAMERA = PinholeCamera(320, 240, 300.0)
-GREY = Floor((np.full((1, 1), 100.0, dtype=np.float32),), 1.0, 100.0)
+GREY = Floor(lambda: np.full((1, 1), 100.0, dtype=np.float32), 1.0, 100.0)
 
 
 @pytest.fixture

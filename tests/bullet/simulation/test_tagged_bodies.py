@@ -26,7 +26,7 @@ from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
 
 CAMERA = PinholeCamera(320, 240, 300.0)
-GREY = Floor((np.full((1, 1), 100.0, dtype=np.float32),), 1.0, 100.0)
+GREY = Floor(lambda: np.full((1, 1), 100.0, dtype=np.float32), 1.0, 100.0)
 
 
 @pytest.fixture
