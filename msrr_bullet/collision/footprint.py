@@ -109,9 +109,15 @@ class Part:
 def _all_near(points: Array, parts: Sequence[Part], distance: float) -> bool:
     """Return whether no point, shape (N, 2), is farther than ``distance`` [m] from the union of parts."""
     for part in parts:
-        points = points[part.gap(points) > distance]
-        if not len(points):
-            return True
+        x0, y0, x1, y1 = part.box
+        near = ((points >= [x0 - distance, y0 - distance]) & (points <= [x1 + distance, y1 + distance])).all(
+            1
+        )
+        if near.any():  # most parts are not
+            near[near] = part.gap(points[near]) <= distance
+            points = points[~near]
+            if not len(points):
+                return True
     return False
 
 
@@ -167,7 +173,9 @@ def simplify(parts: Sequence[Part]) -> tuple[Part, ...]:
     Polygons are merged while the border of their common hull stays on the body; covered parts are removed.
     A hole that the parts enclose may be filled, because its rim is never nearest to another body.
     """
-    body = kept = _without_covered(parts, by_one_part=True)
+    kept = _without_covered(parts, by_one_part=True)
+    # The largest part answers for most points, and then no other part is asked for them.
+    body = sorted(kept, key=lambda part: -part.circumradius)
     while (fewer := _merge_one_pair(kept, body)) is not None:
         kept = _without_covered(fewer, by_one_part=True)
     return tuple(_without_covered(kept, by_one_part=False))
