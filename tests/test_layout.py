@@ -121,7 +121,7 @@ def test_the_robot_runs_where_there_is_no_simulator() -> None:
         "import sys; sys.modules['pybullet'] = None\n"
         "import msrr_perception.detection, msrr_perception.estimation, msrr_control.sequence\n"
         "import msrr_bullet.robot, msrr_bullet.plant, msrr_bullet.collision\n"
-        "import msrr_bullet.replay, msrr_bullet.recordings.run, msrr_scenes\n"
+        "import msrr_bullet.replay.log_replay, msrr_bullet.recordings.run, msrr_scenes\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -30,7 +30,7 @@ def replay(
     run = run_or_last(run)
     from importlib.metadata import version
 
-    from msrr_bullet.replay import replay_isolated
+    from msrr_bullet.replay.isolation import replay_isolated
 
     report = replay_isolated(run, trust=trust)
     for mismatch in report.mismatches:

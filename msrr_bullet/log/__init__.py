@@ -1,9 +1,16 @@
-"""Log of a trial: one MCAP file with every message, from which everything else in a run folder is derived."""
+"""Log of a trial: one MCAP file with every message, from which everything else in a run folder is derived.
+
+What reads and writes the file is loaded when it is first asked for: a check of a scene and the trials of a
+sweep write none.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 from msrr_bullet.log import topics
 from msrr_bullet.log.codec import LogError
 from msrr_bullet.log.header import LogHeader
-from msrr_bullet.log.reader import LOG_NAME, Log, LogRecord, read_log, unpacked_log
 from msrr_bullet.log.recorder import MemoryRecorder, NullRecorder, Recorder
 from msrr_bullet.log.records import (
     BuiltErrors,
@@ -17,6 +24,9 @@ from msrr_bullet.log.records import (
     StepStart,
     TruePose,
 )
+
+if TYPE_CHECKING:
+    from msrr_bullet.log.reader import LOG_NAME, Log, LogRecord, read_log, unpacked_log
 
 __all__ = [
     "LOG_NAME",
@@ -41,3 +51,13 @@ __all__ = [
     "topics",
     "unpacked_log",
 ]
+
+_OF_READER = {"LOG_NAME", "Log", "LogRecord", "read_log", "unpacked_log"}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _OF_READER:
+        from msrr_bullet.log import reader
+
+        return getattr(reader, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

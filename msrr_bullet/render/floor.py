@@ -149,7 +149,7 @@ def _concrete(mean: float, contrast: float, texels: int) -> Image:
     # As on natural surfaces the amplitude falls with the frequency, from patches of decimetres to grains.
     spectrum /= (np.hypot.outer(np.fft.fftfreq(texels), np.fft.rfftfreq(texels)) + 8.0 / texels) ** 1.2
     spectrum[0, 0] = 0.0
-    texture = np.fft.irfft2(spectrum, s=(texels, texels))
+    texture: Array = np.fft.irfft2(spectrum, s=(texels, texels))
     texture *= contrast / texture.std()
     texture += mean
     joint = np.arange(texels) % (texels // 4) < max(texels // 512, 1)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_bullet.log.reader import Log
 from msrr_bullet.log.records import CameraWindow
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
@@ -27,6 +26,9 @@ from msrr_scenes.messages import (
     TagDetection,
 )
 from msrr_scenes.specs.scene import Scene
+
+if TYPE_CHECKING:  # a running trial collects views without reading a log
+    from msrr_bullet.log.reader import Log
 
 #: Grey level of pixels that perception did not read.
 UNREAD = 200

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from msrr_bullet.log import topics
-from msrr_bullet.log.reader import Log
 from msrr_bullet.log.records import JUDGE, Event
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.timeline.snapshot_builder import SnapshotBuilder
 from msrr_scenes.outcome import Outcome
+
+if TYPE_CHECKING:  # a running trial makes snapshots without reading a log
+    from msrr_bullet.log.reader import Log
 
 #: Topics of the messages of which snapshots are made.
 _TOPICS = ("/truth/*", "/control/*", "/perception/*", "/coordination/*", "/radio/*", topics.STEPS)

@@ -74,8 +74,14 @@ def test_a_check_loads_nothing_that_only_a_run_needs() -> None:
     """The compiler of the kernels alone takes a third as long as the check does."""
     loaded = _loaded_by("check", "two_units", "assemble_cross")
     assert {"pybullet", "msrr_perception.kernels.update", "msrr_bullet.render.raster.rasterizer"} <= loaded
-    needless = {"numba", "llvmlite", "scipy.stats", "scipy.optimize", "matplotlib", "rich", "jinja2"}
+    needless = {"numba", "llvmlite", "matplotlib", "rich", "jinja2", "mcap", "foxglove", "zstandard"}
     assert loaded.isdisjoint({*needless, "meshcat", "tornado", "google.protobuf", "multiprocessing"})
+
+
+def test_a_check_of_two_units_loads_no_scipy() -> None:
+    """Its packages take as long as all else that the check imports; a mission assigns places with it."""
+    loaded = _loaded_by("check", "two_units", "close_range")
+    assert [module for module in loaded if module.partition(".")[0] == "scipy"] == []
 
 
 def _loaded_by(*arguments: str) -> set[str]:

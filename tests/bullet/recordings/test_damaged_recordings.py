@@ -20,7 +20,8 @@ from msrr_bullet.log import read_log
 from msrr_bullet.log.records import Event, TruePose
 from msrr_bullet.recordings.recording import RecordingError
 from msrr_bullet.recordings.run import Options, perceive
-from msrr_bullet.replay import ReplayError, replay
+from msrr_bullet.replay.comparison import ReplayError
+from msrr_bullet.replay.log_replay import replay
 from msrr_perception.photographs.picture_files import PictureError
 from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.messages import PoseEstimate

@@ -17,7 +17,8 @@ import pytest
 from msrr_bullet.log import Event, Log, LogHeader, TruePose, read_log
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.records import RadioReceipt
-from msrr_bullet.replay import replay, replay_isolated
+from msrr_bullet.replay.isolation import replay_isolated
+from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
 from msrr_control.coordination.coordinator import Coordinator

@@ -9,9 +9,8 @@ from types import ModuleType
 
 import pytest
 
-from msrr_bullet.replay import replay_isolated
 from msrr_bullet.replay.comparison import ReplayError
-from msrr_bullet.replay.isolation import SimulatorBarrier
+from msrr_bullet.replay.isolation import SimulatorBarrier, replay_isolated
 
 
 def test_the_simulator_cannot_be_imported_by_any_module(tmp_path: Path) -> None:

@@ -21,7 +21,8 @@ from msrr_bullet.log import (
 from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_of
 from msrr_bullet.log.mcap_recorder import McapRecorder
-from msrr_bullet.replay import replay, replay_isolated
+from msrr_bullet.replay.isolation import replay_isolated
+from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.messages import Action, Detections, Phase, PoseEstimate

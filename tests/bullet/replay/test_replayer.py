@@ -12,8 +12,8 @@ from mcap.reader import make_reader
 
 from msrr_bullet.log import LogError, LogHeader, read_log, topics
 from msrr_bullet.log.mcap_recorder import McapRecorder
-from msrr_bullet.replay import replay
 from msrr_bullet.replay.comparison import ReplayError, ReplayReport
+from msrr_bullet.replay.log_replay import replay
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import (
     Action,

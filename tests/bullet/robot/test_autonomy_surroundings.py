@@ -10,7 +10,7 @@ import pytest
 
 from msrr_bullet.log import LOG_NAME, LogHeader
 from msrr_bullet.log.mcap_recorder import McapRecorder
-from msrr_bullet.replay import replay
+from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial
 from msrr_perception.detection.overhead_vision import OverheadVision

@@ -15,7 +15,7 @@ from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.log import LOG_NAME, LogHeader, read_log
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
-from msrr_bullet.replay import replay
+from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.geometry.se2 import SE2

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from msrr_bullet.replay import replay
+from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.run import run_trial
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.unit_geometry import find_urdf

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.log import TruePose, read_log
-from msrr_bullet.replay import replay
 from msrr_bullet.replay.comparison import ReplayError
+from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.run import run_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial

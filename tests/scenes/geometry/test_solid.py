@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
@@ -43,3 +44,21 @@ def test_a_mesh_is_read_and_scaled(tmp_path: Path) -> None:
     path.write_text("f 1 2 3\n")
     with pytest.raises(GeometryError, match="no vertices"):
         obj_vertices(path)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_hull_is_that_of_scipy(seed: int) -> None:
+    """On a grid of micrometres many corners coincide and many lie on one line."""
+    rng = np.random.default_rng(seed)
+    points = rng.integers(-5, 6, size=(int(rng.integers(8, 200)), 2)) * 1e-6 * 10.0 ** int(rng.integers(0, 6))
+    hull, corners = convex_hull(points), points[ConvexHull(points).vertices]
+    assert {tuple(p) for p in hull} == {tuple(p) for p in corners}
+    step = np.roll(hull, -1, axis=0) - hull
+    ahead = np.roll(step, -1, axis=0)
+    assert (step[:, 0] * ahead[:, 1] - step[:, 1] * ahead[:, 0] > 0.0).all()  # left turns all the way round
+    assert hull[0, 0] == points[:, 0].min()
+
+
+def test_points_on_one_line_have_no_hull() -> None:
+    with pytest.raises(GeometryError, match="3 points on one line"):
+        convex_hull(np.array([[0.0, 0.0], [0.1, 0.2], [0.3, 0.6]]))
