@@ -110,12 +110,10 @@ def _all_near(points: Array, parts: Sequence[Part], distance: float) -> bool:
     """Return whether no point, shape (N, 2), is farther than ``distance`` [m] from the union of parts."""
     for part in parts:
         x0, y0, x1, y1 = part.box
-        near = ((points >= [x0 - distance, y0 - distance]) & (points <= [x1 + distance, y1 + distance])).all(
-            1
-        )
-        if near.any():  # most parts are not
-            near[near] = part.gap(points[near]) <= distance
-            points = points[~near]
+        low, high = [x0 - distance, y0 - distance], [x1 + distance, y1 + distance]
+        near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+        if near.size:  # of most parts no point is
+            points = np.delete(points, near[part.gap(points[near]) <= distance], axis=0)
             if not len(points):
                 return True
     return False
