@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -174,6 +175,7 @@ def _start_worker() -> None:
     """Ignore Ctrl-C, so that the parent can let running trials finish, and use one core."""
     import cv2
 
+    gc.set_threshold(50_000)  # as in msrr_bullet.cli.app.main: what is imported is no garbage
     end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(1)

@@ -99,8 +99,9 @@ def _compute_faces(mesh: Mesh) -> MeshFaces:
     smooth = np.abs(normals - normal[:, None]).max(axis=(1, 2)) > _FLAT
     offset = np.einsum("ta,ta->t", normal, p[:, 0])
 
+    pairs = _neighbours(triangles)
     groups = _coplanar_groups(
-        triangles, normal, offset, np.concatenate([maps, _maps(normals, weights)], axis=1), extent
+        pairs, normal, offset, np.concatenate([maps, _maps(normals, weights)], axis=1), extent
     )
     polygons: list[tuple[int, list[int]]] = []
     for group in groups:
@@ -111,7 +112,7 @@ def _compute_faces(mesh: Mesh) -> MeshFaces:
             polygons.append((group[0], outline))
     of = np.array([t for t, _ in polygons], dtype=np.int64)
     start = np.cumsum([0, *(len(corners) for _, corners in polygons)])
-    surface = _surfaces(triangles, normals, smooth)[of]
+    surface = _surfaces(pairs, normals, smooth)[of]
     return MeshFaces(
         vertices,
         start.astype(np.int64),
@@ -147,10 +148,10 @@ def _maps(values: Array, weights: Array) -> Array:
 
 
 def _coplanar_groups(
-    triangles: Indices, normal: Array, offset: Array, maps: Array, extent: float
+    pairs: Indices, normal: Array, offset: Array, maps: Array, extent: float
 ) -> list[list[int]]:
-    """Return sets of triangles joined by edges that lie in one plane and have the same affine maps."""
-    t, other = _neighbours(triangles)[:, :, 0].T
+    """Return sets of triangles that lie in one plane and have the same affine maps, joined by ``pairs``."""
+    t, other = pairs[:, :, 0].T
     joined = (
         (np.abs(normal[t] - normal[other]).max(axis=1) < _COPLANAR)
         & (np.abs(offset[t] - offset[other]) < _COPLANAR * extent)
@@ -159,20 +160,19 @@ def _coplanar_groups(
             < _COPLANAR * (1.0 + np.abs(maps[t]).max(axis=(1, 2)))
         )
     )
-    labels = _components(len(triangles), t[joined], other[joined])
+    labels = _components(len(normal), t[joined], other[joined])
     order = np.argsort(labels, kind="stable")
     return [g.tolist() for g in np.split(order, np.flatnonzero(np.diff(labels[order])) + 1) if len(g)]
 
 
-def _surfaces(triangles: Indices, normals: Array, smooth: NDArray[np.bool_]) -> Indices:
+def _surfaces(pairs: Indices, normals: Array, smooth: NDArray[np.bool_]) -> Indices:
     """Return the round surface of each triangle, or -1. In it, neighbours' normals agree along their edge."""
-    pairs = _neighbours(triangles)
     (t, i), (other, j) = pairs[:, 0].T, pairs[:, 1].T
     # An edge runs from corner i to i + 1 of one triangle and from j to j + 1 of the other, backwards.
     start = np.abs(normals[t, i] - normals[other, (j + 1) % 3]).max(axis=1)
     end = np.abs(normals[t, (i + 1) % 3] - normals[other, j]).max(axis=1)
     joined = (np.maximum(start, end) < _FLAT) & smooth[t] & smooth[other]
-    return np.where(smooth, _components(len(triangles), t[joined], other[joined]), -1)
+    return np.where(smooth, _components(len(normals), t[joined], other[joined]), -1)
 
 
 def _across(polygons: list[list[int]], surface: Indices) -> Indices:
