@@ -1,7 +1,7 @@
 """Log of a trial: one MCAP file with every message, from which everything else in a run folder is derived.
 
-What reads and writes the file is loaded when it is first asked for: a check of a scene and the trials of a
-sweep write none.
+What reads the file is loaded when it is first asked for, for a check of a scene and a trial read none. What
+writes it is :mod:`msrr_bullet.log.mcap_recorder`.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from msrr_bullet.studies.measures import PhaseName
@@ -72,7 +73,7 @@ class Setting:
         """The drive's limits."""
         return self.scene.limits
 
-    @property
+    @cached_property
     def scene(self) -> Scene:
         """The shipped unit in front of a port, under these limits."""
         overrides = {"limits.setting": self.limits}
