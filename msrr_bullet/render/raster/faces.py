@@ -204,17 +204,12 @@ def _neighbours(triangles: Indices) -> Indices:
 
 
 def _components(count: int, a: Indices, b: Indices) -> Indices:
-    """Return the number of the connected component that each of ``count`` triangles belongs to.
+    """Return the number of the connected component that each of ``count`` triangles belongs to."""
+    from scipy.sparse import coo_array  # slow to import, and a check of a scene draws nothing
+    from scipy.sparse.csgraph import connected_components
 
-    Components are numbered in the order of their first triangles.
-    """
-    first = np.arange(count)  # a triangle of the component that comes before or is the triangle itself
-    while (apart := first[a] != first[b]).any():
-        low, high = np.sort(np.stack([first[a[apart]], first[b[apart]]]), axis=0)
-        np.minimum.at(first, high, low)
-        while (nearer := first[first] != first).any():
-            first[nearer] = first[first[nearer]]
-    return np.unique(first, return_inverse=True)[1].astype(np.int64)
+    graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def _cross(a: Array, b: Array) -> Array:

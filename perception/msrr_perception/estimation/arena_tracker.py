@@ -9,7 +9,6 @@ from functools import lru_cache
 import numpy as np
 
 from msrr_perception.estimation.body_track import BodyTrack, Motion, SeenPose, Sightings, TrackNoise
-from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
@@ -21,9 +20,9 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 
 
 @lru_cache(maxsize=64)
-def _noise(limits: LimitsSpec, gate: float, restart_after: int, clock_s: float) -> TrackNoise:
+def _noise(limits: LimitsSpec, gate_probability: float, restart_after: int, clock_s: float) -> TrackNoise:
     """Return the same object for the same values."""
-    return TrackNoise(limits, gate=gate, restart_after=restart_after, clock_s=clock_s)
+    return TrackNoise(limits, gate_probability, restart_after=restart_after, clock_s=clock_s)
 
 
 @lru_cache(maxsize=256)
@@ -69,8 +68,7 @@ class ArenaTracker:
         if restart_after < 1:
             raise SceneError("arena tracker: restart_after must be at least 1")
         self.model = model
-        gate = chi_squared_quantile(gate_probability, 3)
-        self.noise = _noise(model.limits, gate, restart_after, model.errors.clock_s)
+        self.noise = _noise(model.limits, gate_probability, restart_after, model.errors.clock_s)
         self._standing_period_ns = round(standing_period_s * NS_PER_S)
         self._localizer = model.localizer()
         self._tracks: dict[str, BodyTrack] = {}

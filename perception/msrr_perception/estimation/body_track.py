@@ -20,8 +20,8 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, seconds
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-#: Squared Mahalanobis distance (3 degrees of freedom) up to which two measurements show a body that stands.
-_SAME_PLACE = chi_squared_quantile(0.99, 3)
+#: Share of pairs of measurements of a body that stands which are seen to be of one place.
+_SAME_PLACE = 0.99
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +30,7 @@ class TrackNoise:
 
     Attributes:
         limits: Limits of the drive of a unit, by data sheet.
-        gate: Squared Mahalanobis distance (3 degrees of freedom) beyond which a measurement is rejected.
+        gate_probability: Share of good measurements that pass the gate; others are rejected.
         usual: Usual accelerations as a share of the limits.
         lasts_s: Time for which an acceleration lasts [s].
         sideways: Motion across the wheels [m per square root of a metre driven].
@@ -48,7 +48,7 @@ class TrackNoise:
     """
 
     limits: LimitsSpec
-    gate: float = 21.1
+    gate_probability: float = 0.9999
     usual: float = 0.2
     lasts_s: float = 0.1
     sideways: float = 2e-4
@@ -110,7 +110,7 @@ class SeenPose:
         apart = self.pose.X_WB.as_array() - other.pose.X_WB.as_array()
         apart[2] = math.remainder(apart[2], 2.0 * math.pi)
         S = self.pose.covariance + other.pose.covariance
-        return float(apart @ np.linalg.solve(S, apart)) <= _SAME_PLACE
+        return float(apart @ np.linalg.solve(S, apart)) <= chi_squared_quantile(_SAME_PLACE, 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,7 +148,7 @@ class Place:
         The less is known of where it is, the longer it takes until one that creeps would have left the place.
         """
         waited = seconds(last.pose.stamp_ns - self.first.pose.stamp_ns)
-        sigma = np.sqrt(2.0 * _SAME_PLACE * np.diag(last.pose.covariance))
+        sigma = np.sqrt(2.0 * chi_squared_quantile(_SAME_PLACE, 3) * np.diag(last.pose.covariance))
         left = waited * np.array([noise.creep, noise.creep, noise.turn_creep]) >= sigma
         return self.times >= noise.stands_after and bool(left.all())
 
@@ -242,7 +242,7 @@ class BodyTrack:
         """Return the track after a measurement that fits a motion; None if it does not."""
         mean, P = self._predicted(seen.pose.stamp_ns, noise, motion)
         mean, P, distance = fuse(mean, P, seen.pose.X_WB.as_array(), seen.pose.covariance)
-        if distance > noise.gate:
+        if distance > chi_squared_quantile(noise.gate_probability, 3):
             return None
         stands = motion is Motion.STANDS
         place = self.place if stands else self.place.after(seen)

@@ -75,8 +75,7 @@ class CornerUpdate:
         self._shown = self._layout.size if self._layout.marker is None else self._layout.marker
         edges = self._layout.tags.columns[:, EDGE] - self._layout.first
         self._no_pixels = sorted({int(column) for column in edges if column >= 0})
-        self._rules = Rules(chi_squared_quantile(gate_probability, 8), _ITERATIONS, _TOLERANCE)
-        self._pose_gate = chi_squared_quantile(gate_probability, 3)
+        self._gate_probability = gate_probability
         self._inflation = start_inflation
 
     def start(self, measurement: PoseMeasurement | Sequence[TagDetection]) -> StartingPose | None:
@@ -107,7 +106,9 @@ class CornerUpdate:
         innovation = measurement.X_DU.as_array() - H @ prior.mean
         innovation[2] = math.remainder(innovation[2], 2.0 * math.pi)
         S = H @ P @ H.T + measurement.covariance
-        if float(innovation @ np.linalg.solve(S, innovation)) > self._pose_gate:
+        if float(innovation @ np.linalg.solve(S, innovation)) > chi_squared_quantile(
+            self._gate_probability, 3
+        ):
             return None
         gain = np.linalg.solve(S, H @ P).T
         mean = prior.mean + gain @ innovation
@@ -141,7 +142,7 @@ class CornerUpdate:
             target.frame_period_s,
             prior.mean,
             prior.covariance,
-            self._rules,
+            Rules(chi_squared_quantile(self._gate_probability, 8), _ITERATIONS, _TOLERANCE),
         )
         if not len(seen.which):
             return None
