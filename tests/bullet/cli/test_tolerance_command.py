@@ -34,17 +34,17 @@ def test_a_study_with_contact_and_pixels_from_the_command_line(
 ) -> None:
     out = tmp_path / "study"
     command = ["tolerance", "close_range", "--seeds", "0:2", "--grade-seeds", "0:1", "--grades", "careful"]
-    command += ["--effects", "onboard.yaw_deg,drive.track_percent", "--jobs", "1", "--out", str(out)]
+    command += ["--effects", "bracket.yaw_deg,drive.track_percent", "--jobs", "1", "--out", str(out)]
     assert run(command) == 0
     printed = capsys.readouterr().out
-    assert "onboard.yaw_deg" in printed
+    assert "bracket.yaw_deg" in printed
     assert str(out / "tolerance.html") in printed.replace("\n", "")
     study = ToleranceStudy.model_validate_json((out / "tolerance.json").read_text())
     yaw, track = study.effects
-    # 1 deg of camera yaw is 2.7 mm and 2 deg do not dock; the track of the wheels changes little.
+    # Nobody sees how the plate of the tags is turned to the port; how the track of the wheels is off is learned.
     assert yaw.fails is not None
     assert yaw.lateral is not None
-    assert yaw.lateral.rms == pytest.approx(2.7, rel=0.15)
+    assert yaw.lateral.rms == pytest.approx(0.93, rel=0.15)
     assert track.lateral is not None
     assert track.lateral.rms < 0.1
     (out / "progress.txt").unlink()

@@ -62,7 +62,6 @@ def test_the_raster_renderer_is_chosen_by_name_and_takes_no_unknown_parameter(cl
 
 _PROGRAM = """
 import importlib, json, pkgutil
-from numba.core.dispatcher import Dispatcher
 import msrr_bullet.render.raster.kernels as raster_kernels
 import msrr_bullet.sensors.kernels as sensor_kernels
 import msrr_perception.kernels as kernels
@@ -81,7 +80,7 @@ def compiled():
         f"{kernel.__module__}.{kernel.__name__}": [str(s) for s in kernel.signatures]
         for module in modules
         for kernel in vars(module).values()
-        if isinstance(kernel, Dispatcher)
+        if hasattr(kernel, "signatures")
     }
 
 far, near = (load_scene(name, {"time_limit_s": "3"}) for name in ("two_units", "close_range"))
