@@ -83,6 +83,19 @@ class GuidedUnit:
         self.docked_to = docked_to
         self.dock_step: DockStep | None = None
 
+    def check_programs(self, port: str) -> None:
+        """Build what the unit drives with along a route, and docks with at ``port``, and keep none of it.
+
+        Raises:
+            UnknownNameError: The scene names something unknown.
+            SceneError: Parameters are wrong, or the port shows no tags.
+        """
+        setup = AssemblySetup.without_target(self._scene, self._unit, ACTIVE_PORT)
+        RouteProgram(self._scene, self._unit, ACTIVE_PORT, self._build_guided(setup), self._profiler)
+        step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=port)
+        guided = self._build_guided(AssemblySetup.of(self._scene, step))
+        Autonomy(self._scene, step, self._profiler, guided=guided, memory=self._memory)
+
     # What is shown of the present program.
 
     @property
@@ -250,7 +263,7 @@ class GuidedUnit:
         if newest.to is None:
             self.dock_step = None
             setup = AssemblySetup.without_target(self._scene, self._unit, ACTIVE_PORT)
-            self._guided = self._build_guided(setup)
+            self._guided = self._told(self._build_guided(setup))
             self._docking = None
             self._program = RouteProgram(self._scene, self._unit, ACTIVE_PORT, self._guided, self._profiler)
             return
@@ -289,12 +302,15 @@ class GuidedUnit:
     def _program_at(self, port: str, docked: bool = False) -> Autonomy:
         """Return the program that docks at a port; the one that undocks there, if the unit is docked."""
         self.dock_step = step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=port)
-        guided = self._build_guided(AssemblySetup.of(self._scene, step))
+        guided = self._told(self._build_guided(AssemblySetup.of(self._scene, step)))
         self._guided, memory = None if docked else guided, self._memory
         return Autonomy(self._scene, step, self._profiler, guided=guided, docked=docked, memory=memory)
 
     def _build_guided(self, setup: AssemblySetup) -> GuidedAssembler[Any]:
-        guided = build_guided(self._scene.control.assembly, setup, self._reaction_s)
+        return build_guided(self._scene.control.assembly, setup, self._reaction_s)
+
+    def _told(self, guided: GuidedAssembler[Any]) -> GuidedAssembler[Any]:
+        """Return an assembler that has received the newest authority."""
         assert self._newest is not None
         guided.receive(self._newest)
         return guided

@@ -7,6 +7,7 @@ from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.recorder import NullRecorder
 from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.render import RENDERERS, RenderContext, build_renderer
+from msrr_bullet.robot.guided_unit import GuidedUnit
 from msrr_bullet.trial.coordinated_mission import CoordinatedMission
 from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.mission import begin_planned
@@ -27,8 +28,9 @@ def check_trial(scene: Scene) -> None:
     """Refuse a scene of which a trial could not be built, whatever its seed.
 
     The world, the devices and, for every step of the plan, the robot and its cameras are built as a trial
-    builds them. What a scene names without using it has to exist as well: the renderer of parametric
-    cameras, the assembler of a scene without an overhead camera.
+    builds them; for a mission of a base station, the programs of each unit at a port of another one. What a
+    scene names without using it has to exist as well: the renderer of parametric cameras, the assembler of a
+    scene without an overhead camera.
 
     Raises:
         SceneError: The scene contradicts itself, something that it names does not exist or does not take its
@@ -60,6 +62,7 @@ def _check(scene: Scene) -> None:
     with open_environment(scene, 0, placement, draw_as_built(scene, 0)) as environment:
         if scene.coordinated:
             CoordinatedMission(environment, telemetry, NullProfiler())
+            _check_programs(scene.told())
         for index in () if scene.coordinated else in_order(scene.docks):
             step = begin_planned(environment, index, telemetry, NullProfiler())
             if step.robot.failure is not None:
@@ -69,3 +72,12 @@ def _check(scene: Scene) -> None:
         if scene.perception == "images" and world is not None:
             for camera in cameras:
                 build_renderer(camera.renderer, RenderContext(world.client, camera.samples))
+
+
+def _check_programs(scene: Scene) -> None:
+    """Build what the units of a mission drive and dock with, which a trial builds when their routes begin."""
+    for unit in scene.units:
+        ports = (f"{other}.{p}" for other in scene.units for p in scene.geometry(other).passive_ports)
+        port = next((p for p in ports if not p.startswith(f"{unit}.")), None)
+        if port is not None:
+            GuidedUnit(scene, unit).check_programs(port)

@@ -41,7 +41,7 @@ def test_a_study_with_contact_and_pixels_from_the_command_line(
     assert str(out / "tolerance.html") in printed.replace("\n", "")
     study = ToleranceStudy.model_validate_json((out / "tolerance.json").read_text())
     yaw, track = study.effects
-    # Nobody sees how the plate of the tags is turned to the port; how the track of the wheels is off is learned.
+    # How the plate of the tags is turned to the port cannot be seen; the track of the wheels is learned.
     assert yaw.fails is not None
     assert yaw.lateral is not None
     assert yaw.lateral.rms == pytest.approx(0.93, rel=0.15)

@@ -28,6 +28,8 @@ Load = Callable[..., Scene]
         ("close_range", {"control.docking.params.k_n": "1"}, "controller 'cbf': k_n: unknown parameter"),
         ("close_range", {"control.docking.params.k_n_per_s": "-1"}, "controller 'cbf': k_n_per_s"),
         ("close_range", {"control.estimator": "ekf"}, "unknown estimator 'ekf'"),
+        ("assemble_line", {"control.docking": "c3"}, "unknown controller 'c3'"),
+        ("assemble_line", {"control.estimator.params.start_inflation": "{far: 3}"}, "start_inflation"),
         ("close_range", {"control.estimator.params.slip": "0"}, "slip has to be a number from 1e-06 to 1"),
         ("close_range", {"control.estimator.params.slop": "1"}, "estimator 'corner_ekf' does not take"),
         ("close_range", {"control.detector": "pupl"}, "did you mean 'pupil'?"),
