@@ -100,7 +100,8 @@ class ToyUnit:
 
     def receive(self, message: Authority) -> None:
         if self.authority.receive(message):
-            assert self.speed < 1e-9, f"{self.name} gets another route while it moves"
+            # One that reported that it stands may creep the last micrometres to a limit that was moved since.
+            assert self.speed < 1e-4, f"{self.name} gets another route while it moves"
             self.route, self.progress, self.waited_s = message.route, 0.0, 0.0
             self.track = track_of(message.legs, self.X_WU, self.body.offset)
             assert self.track.length == pytest.approx(self.authority.length, abs=0.05)
