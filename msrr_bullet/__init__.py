@@ -21,9 +21,6 @@ __all__ = ["load_scene", "run_trial"]
 
 def __getattr__(name: str) -> Any:
     if name == "run_trial":
-        from msrr_bullet.pybullet_client import load_simulator
-
-        load_simulator()  # before anything imports it with its banner
         from msrr_bullet.run import run_trial
 
         return run_trial

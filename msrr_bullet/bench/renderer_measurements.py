@@ -10,7 +10,6 @@ import math
 import time
 
 import numpy as np
-import pybullet
 from pydantic import BaseModel
 
 from msrr_bullet.bench.renderer_scenes import (
@@ -25,6 +24,7 @@ from msrr_bullet.bench.renderer_scenes import (
 )
 from msrr_bullet.render import Renderer
 from msrr_bullet.sensors.image_noise import ImageNoise
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.tag_plates import load_tag_plate
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.pose.joint_pose import joint_pose

@@ -14,9 +14,9 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-import pybullet
 
 from msrr_bullet.render import RenderContext, Renderer, build_renderer
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.tag_plates import load_tag_plate
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld

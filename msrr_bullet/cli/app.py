@@ -112,9 +112,6 @@ def check(
 
     The exit code is 2 if one cannot be used.
     """
-    from msrr_bullet.pybullet_client import load_simulator
-
-    load_simulator()
     from msrr_bullet.trial.check import check_trial
     from msrr_scenes.loading.load import load_scene, scene_hash
 

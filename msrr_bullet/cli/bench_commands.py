@@ -100,9 +100,6 @@ def bench(
         run = _comparison(target, settings, grades or (), units or (), plot, against)
     else:
         run = benchmark or _scene(target, settings)
-    from msrr_bullet.pybullet_client import load_simulator
-
-    load_simulator()
     console = open_console(stderr=json_file == Path("-"))
     with status_line(console, f"{target}: measuring") as show:
         report, tables, worse = run(lambda text: show(f"{target}: {text}"))

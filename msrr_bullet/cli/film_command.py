@@ -9,7 +9,6 @@ import typer
 
 from msrr_bullet.cli.console import open_console, progress_bar
 from msrr_bullet.cli.options import Run, folder_of, run_or_last
-from msrr_bullet.pybullet_client import load_simulator
 from msrr_scenes.errors import SceneError
 
 #: What this command writes into a run folder, unless --out names another place.
@@ -48,7 +47,6 @@ def film(
     """Write a run as a film from its log, 25 pictures a second."""
     pixels = _parse_size(size)
     run = run_or_last(run)
-    load_simulator()
     from msrr_bullet.figures.film import write_film
     from msrr_bullet.log import unpacked_log
 

@@ -10,7 +10,6 @@ import typer
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import NOT_DOCKED
 from msrr_bullet.cli.options import Run, folder_of, run_or_last
-from msrr_bullet.pybullet_client import load_simulator
 from msrr_scenes.errors import SceneError
 
 #: What these commands write into a run folder, unless --out names another place.
@@ -73,7 +72,6 @@ def frames(
 ) -> None:
     """Write camera frames with detections and estimates drawn in."""
     run = run_or_last(run)
-    load_simulator()
     from msrr_bullet.figures.frame_files import write_frames
     from msrr_bullet.log import unpacked_log
 
@@ -103,7 +101,6 @@ def plot(
     A mission is shown as rows of its units, any other run as errors, speeds, clearance and line of sight.
     """
     run = run_or_last(run)
-    load_simulator()
     from msrr_bullet.figures.plot import write_plot
     from msrr_bullet.log import unpacked_log
     from msrr_bullet.timeline.log_snapshots import read_snapshots, read_verdict

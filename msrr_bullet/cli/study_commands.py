@@ -91,9 +91,6 @@ def reproduce(
     if mission is not None and plant == "unicycle":
         raise SceneError("--mission is for the real loop; give --plant bullet or --plant both as well")
     use_one_thread_per_process()
-    from msrr_bullet.pybullet_client import load_simulator
-
-    load_simulator()
     from msrr_bullet.reproduce.run import reproduce as run_reproduction
 
     given = parse_seed_range(seeds) if seeds is not None else None

@@ -76,9 +76,6 @@ def tolerance(
     if len(arguments["seeds"]) < 2:
         raise SceneError(f"--seeds {seeds}: a study needs two seeds or more, one for each sign of an error")
     wanted = _parse_grades(grades)
-    from msrr_bullet.pybullet_client import load_simulator
-
-    load_simulator()
     from msrr_bullet.tolerance.run import STORE, run_study
 
     console = open_console()

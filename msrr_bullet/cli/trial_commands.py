@@ -73,9 +73,6 @@ def dock(
     given = parse_overrides(overrides)
     loaded = load_scene(scene, given)
     folder = out if out is not None else RUNS / f"{loaded.name}-{seed}-{scene_hash(loaded)[:6]}"
-    from msrr_bullet.pybullet_client import load_simulator
-
-    load_simulator()
     from msrr_bullet.run import run_trial
     from msrr_bullet.sensors.preparation import prepare_cameras
 

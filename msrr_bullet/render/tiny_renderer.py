@@ -8,11 +8,11 @@ from typing import Literal
 
 import cv2
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.renderer import RenderContext
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window

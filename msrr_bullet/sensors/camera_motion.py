@@ -14,10 +14,10 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from msrr_bullet.sensors.kernels.image_motion import fastest_corner, place_tags
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
 from msrr_scenes.arrays import Array

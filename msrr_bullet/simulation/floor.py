@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-import pybullet
-
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.unit_body import ROOT
 from msrr_scenes.as_built import JOINT_SPACING_M, BuiltFloor
 from msrr_scenes.specs.bodies import ArenaSpec

@@ -6,9 +6,9 @@ import math
 from typing import Any
 
 import numpy as np
-import pybullet
 
 from msrr_bullet.plant.lock_actuator import TILT_M
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.unit_body import UnitBody
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import GeometryError

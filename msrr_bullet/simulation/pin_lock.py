@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-import pybullet
 
 from msrr_bullet.plant.lock_actuator import (
     LOCK_REACH,
@@ -22,6 +21,7 @@ from msrr_bullet.plant.lock_actuator import (
     PullResult,
 )
 from msrr_bullet.plant.plant import PortMechanism
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.pin_depth import SIDES, PinDepths
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody
 from msrr_bullet.simulation.world import BulletWorld

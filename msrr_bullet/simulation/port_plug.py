@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pybullet
 
 from msrr_bullet.plant.kinematic_port import PLUG_LENGTH
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3

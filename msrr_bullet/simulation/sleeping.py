@@ -11,8 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from itertools import combinations
 
-import pybullet
-
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.unit_body import ROOT
 from msrr_bullet.simulation.world import BulletWorld
 

@@ -9,8 +9,7 @@ import math
 from collections.abc import Collection, Mapping
 from itertools import combinations
 
-import pybullet
-
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.world import BulletWorld
 
 #: Enough for contacts to converge: with 50 iterations a unit that jams at the mouth is pressed in and the

@@ -11,8 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 
 import cv2
-import pybullet
 
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.tag_print import plate_texture
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.tag_families import TAG36H11, TagFamily

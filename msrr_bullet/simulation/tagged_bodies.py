@@ -8,8 +8,8 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-import pybullet
 
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.built_urdf import build
 from msrr_bullet.simulation.tag_plates import load_tag_plate, set_texture, write_plate
 from msrr_bullet.simulation.urdf_welding import weld

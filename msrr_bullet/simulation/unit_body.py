@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-import pybullet
-
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.built_urdf import build
 from msrr_bullet.simulation.urdf_welding import weld
 from msrr_scenes.as_built import BuiltUnit

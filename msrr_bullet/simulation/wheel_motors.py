@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import pybullet
-
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.unit_body import UnitBody
 from msrr_scenes.messages import Twist
 from msrr_scenes.specs.vehicle import WheelMotorSpec

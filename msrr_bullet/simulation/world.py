@@ -12,9 +12,9 @@ from contextlib import suppress
 from types import TracebackType
 
 import numpy as np
-import pybullet
 
 from msrr_bullet.plant.plant import Vector
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.floor import add_floor, gravity
 from msrr_bullet.simulation.obstacle_body import add_obstacle
 from msrr_bullet.simulation.tagged_bodies import TagVisuals

@@ -7,7 +7,6 @@ import socket
 from collections.abc import Mapping
 from functools import lru_cache
 
-from msrr_bullet.pybullet_client import load_simulator
 from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.worker_pool import TrialFunction
@@ -51,7 +50,6 @@ def _prepare(code: str, scene: Scene) -> None:
         import cv2
 
         cv2.setNumThreads(1)
-        load_simulator()
         prepare_cameras(scene, _log.info)
         _prepared().add(code)
 

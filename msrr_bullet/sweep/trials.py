@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from msrr_bullet.pybullet_client import load_simulator
 from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.remote_trial import remote_trial
@@ -53,7 +52,6 @@ def one_trial(scene: Scene, seed: int, wall_limit_s: float | None = None) -> Tri
 
 def _check(scene: Scene) -> None:
     """Refuse a scene before any trial is started; a class that fails is for the trials to count."""
-    load_simulator()
     from msrr_bullet.trial.check import check_trial
 
     with suppress(ProgramFailedError):

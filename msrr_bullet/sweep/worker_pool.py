@@ -14,7 +14,6 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.process import BaseProcess
 from typing import Any, NamedTuple, Protocol
 
-from msrr_bullet.pybullet_client import load_simulator
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.wall_limit import WallLimitError
@@ -179,4 +178,3 @@ def _start_worker() -> None:
     end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(1)
-    load_simulator()

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pybullet
 
 from msrr_bullet.render.raster.assembly import VisualShape
 from msrr_bullet.render.raster.mesh import Mesh, box, capsule, cylinder, sphere
 from msrr_bullet.render.raster.mesh_file import MeshPart, read_mesh
 from msrr_bullet.render.raster.texture import Texture, read_texture
+from msrr_bullet.silent_pybullet import pybullet
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3

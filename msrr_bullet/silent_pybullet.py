@@ -1,23 +1,11 @@
-"""Import of PyBullet without the line that PyBullet writes to the terminal when it is imported."""
+"""PyBullet, imported without the line that it writes to the terminal when it is imported."""
 
 from __future__ import annotations
 
-import importlib
 import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-
-
-def load_simulator() -> None:
-    """Import PyBullet silently.
-
-    Raises:
-        ImportError: PyBullet is not installed.
-    """
-    if "pybullet" not in sys.modules:
-        with _silence():
-            importlib.import_module("pybullet")
 
 
 @contextmanager
@@ -36,3 +24,9 @@ def _silence() -> Iterator[None]:
             os.dup2(original, descriptor)
             os.close(original)
         os.close(null)
+
+
+with _silence():
+    import pybullet
+
+__all__ = ["pybullet"]

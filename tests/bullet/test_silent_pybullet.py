@@ -5,11 +5,10 @@ import sys
 
 CODE = """
 import sys
-from msrr_bullet.pybullet_client import load_simulator
 print("before", flush=True)
-load_simulator()
+import msrr_bullet.sweep.sweep
+import msrr_bullet.trial.trial
 assert "pybullet" in sys.modules
-load_simulator()
 print("after")
 print("error", file=sys.stderr)
 """
