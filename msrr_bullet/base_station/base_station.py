@@ -79,6 +79,9 @@ class BaseStation:
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections:
         """Read windows of an exposure and return the detections, which are used only when received."""
         driving = {u.unit for u in self.status.units if u.state is UnitState.UNDER_WAY}
+        # A dock pushes units that stand. Until they are seen to stand again, they might drive: a second
+        # without a look leaves so little known of where they are that all collision monitors stop.
+        driving |= self._tracker.moving()
         poses = self._tracker.poses(exposure.stamp_ns)
         return self._vision.detect(exposure, poses, fetch, driving, self._remote(poses, driving))
 

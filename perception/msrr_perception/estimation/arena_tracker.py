@@ -120,6 +120,10 @@ class ArenaTracker:
             for name, track in tracks
         }
 
+    def moving(self) -> set[str]:
+        """Return the bodies that drive, or were pushed and have not been seen to stand since."""
+        return {name for name, track in self._tracks.items() if track.motion is not Motion.STANDS}
+
     def seen_ns(self, name: str) -> int:
         """Return the time of the exposure in which a body was seen last."""
         return self._tracks[name].seen.pose.stamp_ns

@@ -62,6 +62,11 @@ class Watch:
         known = self.base._tracker.poses(self.frame * FRAME_NS)[unit].X_WB
         return float(np.hypot(*(known.translation - self.simulation.plant.pose(unit).translation)))
 
+    def sigma_m(self, unit: str) -> float:
+        """Return the standard deviation of a unit's place, just before the next exposure."""
+        known = self.base._tracker.poses(self.frame * FRAME_NS)[unit].covariance
+        return float(np.sqrt(known.diagonal()[:2].max()))
+
     def move(self, unit: str, X_WU: SE2) -> None:
         world = self.simulation.world
         assert world is not None
@@ -114,6 +119,22 @@ def test_a_unit_that_was_moved_is_found_the_sooner_the_nearer_somebody_drives(
         taken.append(watch.frames_until_known(unit, driving="a"))
         watch.look(27, driving="a")
     assert max(taken) <= limit, taken
+
+
+def test_a_unit_that_was_pushed_stays_known_until_it_is_seen_to_stand_again(watch: Watch) -> None:
+    """As by a dock, 1 mm: it might drive, and where it would be by then is not known after a second."""
+    watch.look(40, driving="a")
+    for way in (1e-3, -1e-3):
+        watch.move("b", watch.simulation.plant.pose("b") @ SE2(way, 0.0, 0.0))
+        seen = 0
+        while not seen:
+            watch.look(1, driving="a")
+            seen = watch.times_read("b", 1)
+        for _ in range(20):
+            assert watch.sigma_m("b") < 0.01
+            watch.look(1, driving="a")
+        assert watch.times_read("b", 20) < 20, "it stands again, and is read rarely"
+        watch.look(27, driving="a")
 
 
 class _Blind:
