@@ -49,6 +49,7 @@ from msrr_scenes.messages import (
     PoseMeasurement,
     SeatSwitches,
     SensorMessage,
+    Twist,
     WheelOdometry,
 )
 from msrr_scenes.registry import build
@@ -161,6 +162,7 @@ class Autonomy:
         self.los: LosObservation | None = None
         self.arena: ArenaEstimate | None = None
         self.monitor: CollisionMonitorState | None = None
+        self._passed: Twist | None = None
 
     @property
     def belief(self) -> Belief:
@@ -267,6 +269,7 @@ class Autonomy:
                 arena=self.arena,
                 overhead_exposed_ns=self._overhead.newest_ns if self._overhead else None,
                 monitor=self.monitor,
+                passed=self._passed,
             )
         )
         if action.phase is Phase.DONE and before is Phase.VERIFY:
@@ -293,5 +296,5 @@ class Autonomy:
         docking = action.phase not in _FAR_PHASES
         with self._profiler("collision monitor"):
             decision = self.guard.limit(action.twist, self.arena, action.stamp_ns, docking, self.estimate)
-        self.monitor = decision.message(self._unit, action.stamp_ns)
+        self.monitor, self._passed = decision.message(self._unit, action.stamp_ns), decision.twist
         return action if decision.twist is action.twist else replace(action, twist=decision.twist)

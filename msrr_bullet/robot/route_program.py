@@ -64,6 +64,7 @@ class RouteProgram:
         self.phase = Phase.ASSEMBLE
         self.arena: ArenaEstimate | None = None
         self.monitor: CollisionMonitorState | None = None
+        self._passed: Twist | None = None
         self.belief = Belief()
 
     def receive(self, message: SensorMessage) -> None:
@@ -87,6 +88,7 @@ class RouteProgram:
                 arena=self.arena,
                 overhead_exposed_ns=self._overhead.newest_ns,
                 monitor=self.monitor,
+                passed=self._passed,
             )
             decision = self._guided.step(observation)
             if isinstance(decision, GiveUp):
@@ -98,6 +100,6 @@ class RouteProgram:
                 twist = decision
         with self._profiler("collision monitor"):
             limited = self.guard.limit(twist, self.arena, now_ns)
-        self.monitor = limited.message(self._unit, now_ns)
+        self.monitor, self._passed = limited.message(self._unit, now_ns), limited.twist
         action = Action(now_ns, self.phase, 1, twist, reason=reason)
         return action if limited.twist is twist else replace(action, twist=limited.twist)

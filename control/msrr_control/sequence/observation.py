@@ -33,6 +33,7 @@ class Observation:
         arena: Estimates of global localisation, None before it knows the unit and its target.
         overhead_exposed_ns: Exposure time of the newest overhead picture that has arrived, None before one.
         monitor: Decision of the collision monitor on the last command, None before the first.
+        passed: What it let pass of that command; None without a monitor, or before the first.
     """
 
     now_ns: int
@@ -44,6 +45,7 @@ class Observation:
     arena: ArenaEstimate | None = None
     overhead_exposed_ns: int | None = None
     monitor: CollisionMonitorState | None = None
+    passed: Twist | None = None
 
 
 @dataclass(frozen=True, slots=True)

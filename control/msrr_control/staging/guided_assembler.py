@@ -80,6 +80,7 @@ class GuidedAssembler(Generic[State]):
         self._previous_ns: int | None = None
         self._unseen_ns: int | None = None
         self._waits: tuple[float, int] | None = None  # where the unit waits on the path [m], since when [ns]
+        self._asked: Twist | None = None  # last command of the law; None if the last command was not its own
         self._dt = 1.0 / setup.rate_hz
         self._stage, self._reason = "localise", "waits for an authority"
 
@@ -99,11 +100,12 @@ class GuidedAssembler(Generic[State]):
         if self._previous_ns is not None and now > self._previous_ns:
             self._dt = seconds(now - self._previous_ns)
         self._previous_ns = now
-        decision = self._decide(observation)
+        share, self._asked = self._share_passed(observation.passed), None
+        decision = self._decide(observation, share)
         self._report(observation)
         return decision
 
-    def _decide(self, observation: Observation) -> Twist | GiveUp | None:
+    def _decide(self, observation: Observation, share: float) -> Twist | GiveUp | None:
         estimate, now = observation.arena, observation.now_ns
         if estimate is None or seconds(now - estimate.last_seen_ns) > self._watch.stale_s:
             return self._wait_to_be_seen(now)
@@ -123,8 +125,10 @@ class GuidedAssembler(Generic[State]):
             if kind is LegKind.DOCK:
                 self._stage = "settle"
                 return None if limit >= legs[self._leg].end - 1e-9 and self._rests(observation) else STILL
-            act = {LegKind.TURN: self._turn, LegKind.PATH: self._drive}[kind]
-            twist = act(observation, arena, limit)
+            if kind is LegKind.TURN:
+                twist = self._turn(observation, arena, limit)
+            else:
+                twist = self._drive(observation, arena, limit, share)
             if twist is not None:
                 return twist
             self.covered = legs[self._leg].end
@@ -182,8 +186,13 @@ class GuidedAssembler(Generic[State]):
         )
         return Twist(0.0, math.copysign(speed, error))
 
-    def _drive(self, observation: Observation, arena: ArenaMap, limit: float) -> Twist | None:
-        """Follow the path of the leg, and come to rest where the authority or the path ends."""
+    def _drive(self, observation: Observation, arena: ArenaMap, limit: float, share: float) -> Twist | None:
+        """Follow the path of the leg, and come to rest where the authority or the path ends.
+
+        Time passes for the law as fast as the unit is let drive, so that it stays on the path. A law that
+        went on without the unit would lead it straight to where it is by then, over ground that nobody has
+        granted, and at the body for which the collision monitor holds the unit.
+        """
         assert self._leg is not None
         follower, now = self._follower, observation.now_ns
         leg, begin = self.authority.legs[self._leg], self._start_of(self._leg)
@@ -196,7 +205,10 @@ class GuidedAssembler(Generic[State]):
         allowed = limit - begin + offset
         if self._has_waited(allowed, now) and self._rests(observation):
             return STILL  # the law would creep after the noise of the estimate for as long as the unit waits
-        twist = follower.step(arena, follower.s, self._dt, limit=allowed)
+        if share == 0.0:
+            follower.hold(arena.X_WU, observation.twist)
+        twist = follower.step(arena, follower.s, (share or 1.0) * self._dt, limit=allowed)
+        self._asked = twist
         lag = math.dist(follower.tip(arena.X_WU), follower.position)
         self.covered = max(self.covered, min(begin + follower.s - offset - lag, leg.end))
         remaining = float(follower.route.path.length) - follower.s
@@ -225,6 +237,13 @@ class GuidedAssembler(Generic[State]):
         if not there or self._waits is None or allowed != self._waits[0]:
             self._waits = (allowed, now) if there else None
         return self._waits is not None and seconds(now - self._waits[1]) > _HOLD_AFTER_S
+
+    def _share_passed(self, passed: Twist | None) -> float:
+        """Return the share of the last command of the law that the collision monitor let pass."""
+        if self._asked is None or passed is None:
+            return 1.0
+        parts = ((self._asked.v, passed.v), (self._asked.w, passed.w))
+        return min((done / asked for asked, done in parts if asked), default=1.0)
 
     def _start_of(self, index: int) -> float:
         return self.authority.legs[index - 1].end if index else 0.0

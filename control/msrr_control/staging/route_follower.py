@@ -87,6 +87,10 @@ class RouteFollower(Generic[State]):
         self._start_law(X_WU, twist, self.s)
         self._furthest = (self.s, now_ns)
 
+    def hold(self, X_WU: SE2, twist: Twist) -> None:
+        """Let the law begin from rest where the unit is held: it must not go on without the unit."""
+        self._start_law(X_WU, twist, self.s)
+
     def _start_law(self, X_WU: SE2, twist: Twist, s: float) -> None:
         self._state = self._law.start(X_WU.as_array(), np.array([twist.v, twist.w]), s)
 
@@ -96,7 +100,7 @@ class RouteFollower(Generic[State]):
         Args:
             arena: What is known.
             s: Arc length at which the wall stands [m].
-            dt: Time since the last step [s].
+            dt: Time by which the law goes on [s].
             limit: Arc length at which the unit has to come to rest, if it is less than that of the path [m].
         """
         if self._state is None:

@@ -13,6 +13,7 @@ from msrr_control.coordination import Body, Coordinator, Knowledge, Mission, Rou
 from msrr_control.coordination.track import track_of
 from msrr_control.kinematics.unicycle import advance_pose, drive
 from msrr_control.path_following.c1 import C1PathFollowingLaw
+from msrr_control.path_following.path import Path
 from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_control.staging.parameters import AssemblyParams
@@ -54,7 +55,10 @@ def setup_of(unit: str, others: tuple[str, ...]) -> AssemblySetup:
 
 @dataclass
 class Unit:
-    """A unit with the drive of eq. 3; the close-range phase is a straight way at constant speed."""
+    """A unit with the drive of eq. 3; the close-range phase is a straight way at constant speed.
+
+    Of the commands of the long-distance phase, the collision monitor lets the share ``passes`` pass.
+    """
 
     name: str
     X_WU: SE2
@@ -65,6 +69,8 @@ class Unit:
     most_over: float = -math.inf
     most_off: float = 0.0
     gave_up: GiveUp | None = None
+    passes: float = 1.0
+    passed: Twist | None = None
 
     def step(self, now_ns: int, arena: ArenaEstimate | None) -> None:
         newest = self.assembler.authority.newest
@@ -73,13 +79,16 @@ class Unit:
         if self.docking_s is not None:
             self._dock(newest)
             return
-        decision = self.assembler.step(Observation(now_ns, twist=Twist(*self.twist.tolist()), arena=arena))
+        twist = Twist(*self.twist.tolist())
+        decision = self.assembler.step(Observation(now_ns, twist=twist, arena=arena, passed=self.passed))
         if isinstance(decision, GiveUp):
             self.gave_up, decision = decision, Twist()
         if decision is None:
             self.docking_s, self.twist = 0.0, np.zeros(2)
             return
-        self.twist, mean = drive(self.twist, np.array([decision.v, decision.w]), LIMITS, 1e-9 * DT_NS)
+        self.passed = Twist(self.passes * decision.v, self.passes * decision.w)
+        command = np.array([self.passed.v, self.passed.w])
+        self.twist, mean = drive(self.twist, command, LIMITS, 1e-9 * DT_NS)
         moved = 1e-9 * DT_NS * mean
         self.X_WU = SE2(*advance_pose(self.X_WU.as_array(), moved[0], moved[1]).tolist())
 
@@ -282,6 +291,25 @@ def test_a_unit_that_waits_has_come_as_far_as_it_may_and_stands_still(
         own = replace(arena.own, X_WB=SE2(before.x + x, before.y + y, before.yaw + yaw))
         unit.step(now_ns, replace(arena, own=own))
     assert math.hypot(unit.X_WU.x - before.x, unit.X_WU.y - before.y) < 1e-4
+
+
+@pytest.mark.parametrize("passes", [0.0, 0.05, 0.3])
+def test_a_unit_that_the_collision_monitor_holds_or_slows_stays_on_its_path(passes: float) -> None:
+    """Beside its path others drive and stand: a law that goes on alone leads it straight through a bend."""
+    unit = Fleet(STARTS, Mission())._unit("a", SE2(), ("b", "c", "d"))
+    bend = Path(np.zeros(3), np.array([0.0, 2.5, 0.0]), np.array([0.5, 0.8, 0.6]))
+    end = float(bend.length) - unit.assembler._setup.offset
+    leg = RouteLeg(LegKind.PATH, (0.0, 0.0, 0.0), (0.0, 2.5, 0.0), (0.5, 0.8, 0.6), 0.0, end)
+    message = Authority("a", 1, 1, 0, 3_000_000_000, end, (leg,), None, False)
+    points = bend.at(np.linspace(0.0, end + unit.assembler._setup.offset, 1000)).point
+    now_ns, most_off = 0, 0.0
+    for k in range(60):
+        unit.passes = passes if k % 4 >= 2 else 1.0
+        now_ns = follow(unit, message, end, 1.0, now_ns)
+        tip = unit.X_WU.act([unit.assembler._setup.offset, 0.0])
+        most_off = max(most_off, float(np.hypot(*(points - tip).T).min()))
+    assert unit.assembler.finished
+    assert most_off < 0.015
 
 
 def test_the_dock_leg_is_entered_whole_or_not_at_all(granted: tuple[Unit, Authority]) -> None:
