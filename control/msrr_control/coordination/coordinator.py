@@ -13,6 +13,7 @@ from msrr_control.coordination.dispatcher import Dispatcher, Knowledge
 from msrr_control.coordination.ledger import Interlock, UnitRecord
 from msrr_control.coordination.mission import Mission, Patience
 from msrr_control.coordination.precedence import precedence
+from msrr_control.coordination.recall import Recall
 from msrr_control.coordination.siting import check_shapes, site
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.tasks import TaskKind, TaskState
@@ -71,7 +72,7 @@ class Coordinator:
         self._hopeless_ns: int | None = None
         self._replans = self._most_replans = 0
         self._done: tuple[str, ...] = ()  # tasks of the shapes before
-        self._watch = Watch(self._patience)
+        self._watch, self._recall = Watch(self._patience), Recall(self._patience)
         self._set_out(mission)
 
     def _set_out(self, mission: Mission) -> None:
@@ -119,8 +120,9 @@ class Coordinator:
         self._sent_ns = now_ns
         expires_ns = now_ns + round(self._patience.expires_s * NS_PER_S)
         units = self._units.values()
-        # One that failed is not sent any, so that it brakes.
-        heard = [unit for unit in units if unit.state is not UnitState.FAILED and unit.track is not None]
+        # One that failed or is recalled is not sent any, so that it brakes.
+        muted = {u.name for u in units if u.state is UnitState.FAILED or self._recall.is_recalled(u)}
+        heard = [unit for unit in units if unit.name not in muted and unit.track is not None]
         return [unit.authority(units, now_ns, expires_ns) for unit in heard]
 
     def status(self, now_ns: int) -> MissionStatus:
@@ -217,17 +219,20 @@ class Coordinator:
         quiet = self._watch.nobody_moves(self._units.values(), now_ns)
         released = False
         for unit in list(self._units.values()):
-            if not unit.under_way or unit.in_dock_leg or not self._stands(unit):
-                continue
+            held = self._recall.has_stopped(unit, now_ns)
             lost = None if unit.task is None else self._tasks.lost_base(unit.task)
             blocker = None if unit.blocked_by is None else self._units[unit.blocked_by]
             for_ever = blocker is not None and not blocker.under_way
-            if lost is None and not for_ever and not quiet:
+            stuck = self._watch.waits(unit) and (lost is not None or for_ever or quiet)
+            if not held and not stuck:
                 continue
-            why = f"{lost} is open again" if lost else f"waited for {unit.blocked_by}"
+            waited = f"{lost} is open again" if lost else f"waited for {unit.blocked_by}"
+            why = f"was held {unit.progress:.2f} m along its way" if held else waited
             if unit.task is not None:
                 self._tasks.reopen(unit.task)
             self._stand(unit, now_ns, why)
+            if held:
+                unit.track = None  # its authority must not be renewed: it reaches further than the unit came
             released = self._changed = True
         if released:
             self._replans += 1
@@ -235,10 +240,6 @@ class Coordinator:
             if self._replans > self._most_replans:
                 for name in self._tasks.names(TaskState.OPEN):
                     self._tasks.give_up(name, f"routes were planned anew {self._patience.replans} times")
-
-    def _stands(self, unit: UnitRecord) -> bool:
-        """Return whether a unit rests where its authority ends, or has not been allowed to begin."""
-        return unit.stands_at_limit or (unit.limit < 0.0 and unit.progress <= 0.0)
 
     def _dispatch(self, now_ns: int) -> None:
         """Find routes for what is open, when something has changed and every now and then."""

@@ -40,7 +40,7 @@ class UnitRecord:
         task: Task that it has or had last; None before the first.
         route: Number of its route.
         order: Place of its route among all routes.
-        track: Its route; None before the first.
+        track: Its route; None before the first, and after a recall.
         granted_ns: Time at which the route was granted.
         limit: Arc length up to which it may drive [m].
         progress: Arc length that was reported or seen [m].

@@ -23,6 +23,8 @@ class Patience:
         stalled_s: Time without any progress after which routes are planned anew.
         silent_s: Time since the newest report from which on no such time is counted.
         unheard_s: Time without a report after which a unit under way is held for failed.
+        held_s: Time for which a unit says that it stands on free ground after which it gets another route.
+        recalls: How often a unit gets another route for that.
         lost_s: Time without progress on free ground after which a unit is held for failed.
         dock_s: The same in the dock leg, in which a unit may try more than once.
         hopeless_s: Time without a route for anybody after which a task is given up.
@@ -40,6 +42,8 @@ class Patience:
     stalled_s: float = 6.0
     silent_s: float = 1.5
     unheard_s: float = 60.0
+    held_s: float = 8.0
+    recalls: int = 2
     lost_s: float = 30.0
     dock_s: float = 150.0
     hopeless_s: float = 5.0

@@ -55,6 +55,11 @@ class Watch:
             return f"no progress beyond {unit.progress:.2f} m in {wait:.0f} s"
         return None
 
+    def waits(self, unit: UnitRecord) -> bool:
+        """Return whether a unit rests where its authority ends, or has not been allowed to begin."""
+        stands = unit.stands_at_limit or (unit.limit < 0.0 and unit.progress <= 0.0)
+        return unit.under_way and not unit.in_dock_leg and stands
+
     def restart(self, now_ns: int) -> None:
         """Begin to wait anew, because something has happened."""
         self._quiet_ns = now_ns

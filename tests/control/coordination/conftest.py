@@ -64,7 +64,10 @@ def random_starts(seed: int, count: int, box: tuple[float, float, float, float] 
 
 @dataclass
 class ToyUnit:
-    """A unit that follows its track exactly, as far as its authority lets it."""
+    """A unit that follows its track exactly, as far as its authority and its collision monitor let it.
+
+    On its first ``held_routes`` routes the monitor holds it ``held_m`` before the end of the leg on a path.
+    """
 
     name: str
     X_WU: SE2
@@ -72,6 +75,8 @@ class ToyUnit:
     holder: str | None = None
     dies_s: float = math.inf
     dies_in_lane: bool = False
+    held_routes: int = 0
+    held_m: float = 0.5
     progress: float = 0.0
     speed: float = 0.0
     route: int = 0
@@ -133,6 +138,8 @@ class ToyUnit:
         to_end = math.sqrt(2.0 * ACCELERATION * max(end - self.progress, 0.0))
         self.speed = min(self.speed + ACCELERATION * dt, SPEED[kind], allowed, max(to_end, 0.01))
         most = min(end, self.authority.limit(now_ns, self.progress, self.speed))
+        if self.route <= self.held_routes and kind is LegKind.PATH:
+            most = min(most, end - self.held_m)
         moved = min(self.speed * dt, max(most - self.progress, 0.0))
         self.progress += moved
         self.X_WU = self.track.at(self.progress)

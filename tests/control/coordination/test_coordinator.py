@@ -90,6 +90,41 @@ def test_a_unit_that_fails_is_replaced_by_a_spare(rig: type[Rig], starts: Starts
     assert "u3" not in run.joints
 
 
+def test_a_unit_that_its_collision_monitor_holds_gets_another_route(rig: type[Rig], starts: Starts) -> None:
+    """Without a spare, over a bad radio: until it has another one, it may drive on on the one it has."""
+    shape = build_pattern("cross", 5)
+    for radio in (RadioSpec(), BAD_RADIO):
+        run = rig(Mission(shape=shape), starts(1, 5), radio=radio)
+        run.units["u2"].held_routes = 1
+        status = run.run()
+        assert status.state is MissionState.COMPLETE, status.reason
+        assert _is_built(run, shape)
+        assert run.units["u2"].route > 1
+        assert status.replans > 0
+
+
+def test_a_unit_that_is_held_on_every_route_fails_in_the_end(rig: type[Rig], starts: Starts) -> None:
+    run = rig(Mission(shape=build_pattern("cross", 5)), starts(1, 5))
+    run.units["u2"].held_routes = 99
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert "u2: no progress beyond" in status.reason
+    assert run.units["u2"].route <= 4
+    assert len(status.done) == 4
+
+
+def test_a_unit_that_goes_on_by_itself_keeps_its_route(rig: type[Rig], starts: Starts) -> None:
+    """As where what its monitor stopped for has gone meanwhile, after the base station has begun a recall."""
+    run = rig(Mission(shape=build_pattern("cross", 5)), starts(1, 5))
+    run.units["u2"].held_routes = 99
+    while run.now_ns < 100e9 and not run.coordinator._recall.is_recalled(run.coordinator._units["u2"]):
+        run.step()
+    run.units["u2"].held_routes = 0
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.units["u2"].route == 1
+
+
 def test_without_a_spare_all_else_is_built_and_the_unit_is_named(rig: type[Rig], starts: Starts) -> None:
     shape = build_pattern("cross", 5)
     run = rig(Mission(shape=shape), starts(1, 5), dies={"u2": (4.0, False)})
