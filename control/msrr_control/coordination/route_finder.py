@@ -22,6 +22,16 @@ from msrr_scenes.messages import ObstacleEstimate
 #: Ways out of a port that are tried before a route is planned from there [m].
 BACK_OUT_M = (0.30, 0.45, 0.60)
 
+#: Ways straight ahead that are tried, in the open, before a route is planned from there [m].
+_AHEAD_M = (0.0, 0.1, 0.2)
+
+#: Gap to a body beside the start up to which a route may only lead away [m]: what the collision monitor keeps
+#: (30 mm), the uncertainty of robots that are built with care (10 mm), and some millimetres off the path.
+_BESIDE_GAP_M = 0.045
+
+#: Loss of such a gap that counts as none [m].
+_LOSS_M = 0.001
+
 
 class Standing(NamedTuple):
     """A body that stands still while a route is driven.
@@ -95,14 +105,19 @@ class RouteFinder:
             turned = self._turn_in_place(X_WU, X_WE, standing)
             if turned is not None:
                 return turned
-        for distance in (0.0,) if leaves is None else BACK_OUT_M:
+        others = [s for s in standing if s.name not in (leaves, enters)]
+        ahead = _AHEAD_M if any(self._is_beside(X_WU, other) for other in others) else (0.0,)
+        for distance in ahead if leaves is None else BACK_OUT_M:
             builder = TrackBuilder(X_WU, self.body.offset)
-            if distance > 0.0:
+            if leaves is not None:
                 builder.back(distance)
+            elif distance > 0.0:
+                if not self._planner.may_drive_ahead(X_WU, obstacles, distance):
+                    break
+                builder.ahead(distance)
             if X_WE is not None and not self._plan(builder, X_WE, standing, obstacles, dock):
                 continue
             track = builder.track()
-            others = [s for s in standing if s.name not in (leaves, enters)]
             if self.contact(track, others) is None:
                 return track
         return None
@@ -110,20 +125,34 @@ class RouteFinder:
     def contact(self, track: Track, standing: Sequence[Standing]) -> tuple[float, str] | None:
         """Return where a track first comes too near to a standing body [m], and to which; None if never.
 
-        To a body that stands beside the start it may come nearer than moving units do, as long as it does
-        not touch it.
+        To a body that stands beside the start it may come nearer than moving units do: into and out of a port
+        as near as neighbours are, else as near as it has been, because the collision monitor lets a unit that
+        is near only drive away.
         """
-        start = track.poses[0]
+        start = SE2(*track.poses[0].tolist())
         first: tuple[float, str] | None = None
         for other in standing:
-            # A unit that turns on the spot where it stands comes as near as its corners reach.
-            apart = math.hypot(other.X_WB.x - start[0], other.X_WB.y - start[1])
-            beside = apart < 2.0 * self.body.radius + GAP_M
+            beside = self._is_beside(start, other)
             compared = track if not beside else _at_port(track)
             found = first_contact(compared, [(other.name, other.X_WB, other.at_port or beside)], self.body)
+            lost = self._first_loss(track, other) if beside else None
+            if lost is not None and (found is None or lost < found[0]):
+                found = lost, other.name
             if found is not None and (first is None or found[0] < first[0]):
                 first = found
         return first
+
+    def _is_beside(self, X_WU: SE2, other: Standing) -> bool:
+        """Return whether a body stands so near that a unit may come too near to it by a turn on the spot."""
+        apart = math.hypot(other.X_WB.x - X_WU.x, other.X_WB.y - X_WU.y)
+        return apart < 2.0 * self.body.radius + GAP_M
+
+    def _first_loss(self, track: Track, other: Standing) -> float | None:
+        """Return where a track in the open comes nearer to a body that is near [m]; None if it never does."""
+        gaps = self.body.gaps(track.poses, other.X_WB.as_array())
+        kept = np.minimum(np.maximum.accumulate(gaps), _BESIDE_GAP_M) - _LOSS_M
+        lost = (gaps < kept) & ~track.at_port
+        return float(track.s[lost.argmax()]) if lost.any() else None
 
     def _turn_in_place(self, X_WU: SE2, X_WE: SE2, standing: Sequence[Standing]) -> Track | None:
         """Return a turn on the spot where that is all that is needed and there is room."""

@@ -131,6 +131,10 @@ class TrackBuilder:
             self._append(s + way, (start @ SE2(-way, 0.0, 0.0)).as_array(), True)
         self._finish(LegKind.BACK, start)
 
+    def ahead(self, distance: float) -> None:
+        """Drive straight ahead by ``distance`` [m]."""
+        self.follow(Path(self.pose.as_array(), np.zeros(1), np.array([distance + self._offset])))
+
     def turn_to(self, yaw: float) -> None:
         """Turn on the spot to the heading ``yaw`` [rad]."""
         self.turn_by(wrap_angle(yaw - self.pose.yaw))

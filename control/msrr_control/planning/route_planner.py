@@ -73,6 +73,12 @@ class RoutePlanner:
             routes = [*self._arcs(arena, self.spec.short_lead_in_m)][:1]
         return min(routes, key=lambda r: r.seconds) if routes else None
 
+    def may_drive_ahead(self, X_WU: SE2, obstacles: Iterable[ObstacleEstimate], distance: float) -> bool:
+        """Return whether border and obstacles let a unit drive straight ahead by ``distance`` [m]."""
+        ahead = np.linspace(0.0, self._offset + distance, 2 + math.ceil(distance / _SPACING_M))
+        space = FreeSpace(self._box, tuple(map(self.obstacle_disc, obstacles))).opened_at(X_WU.x, X_WU.y)
+        return space.allows(X_WU.act(np.stack([ahead, np.zeros_like(ahead)], axis=-1)))
+
     def obstruction(self, arena: ArenaMap) -> str:
         """Return what most probably leaves no route: a body before the port, or the border of the arena."""
         space = self._free_space(arena, map(self.obstacle_disc, arena.obstacles))

@@ -73,3 +73,43 @@ def test_an_obstacle_is_driven_around(knowledge: Knowledge) -> None:
 def test_where_there_is_no_way_there_is_no_track(knowledge: Knowledge) -> None:
     wall = [Standing(f"w{k}", SE2(0.0, -1.5 + 0.25 * k), False) for k in range(13)]
     assert knowledge.finder.find(SE2(-1.0, 0.0, 0.0), SE2(1.0, 0.0, 0.0), wall) is None
+
+
+def test_from_beside_a_body_a_route_leads_away(knowledge: Knowledge) -> None:
+    """As near as here the collision monitor of a robot built with care lets a unit only drive away."""
+    finder, body, rng = knowledge.finder, knowledge.lanes.body, np.random.default_rng(0)
+    places = found = 0
+    while places < 60:
+        other = SE2(0.0, 0.0, rng.uniform(-math.pi, math.pi))
+        bearing, apart = rng.uniform(-math.pi, math.pi), rng.uniform(0.2, 0.36)
+        X_WU = SE2(apart * math.cos(bearing), apart * math.sin(bearing), rng.uniform(-math.pi, math.pi))
+        goal = SE2(rng.choice([-1.0, 1.0]), rng.uniform(-1.0, 1.0), rng.uniform(-math.pi, math.pi))
+        if not 0.031 < body.gap(X_WU, other) < 0.06:
+            continue
+        places += 1
+        track = finder.find(X_WU, goal, [Standing("other", other, False)])
+        if track is None:
+            continue
+        found += 1
+        gaps = body.gaps(track.poses, other.as_array())
+        best = np.maximum.accumulate(gaps)
+        assert (gaps > np.minimum(best, 0.045) - 0.003).all()
+    assert found > 0.75 * places
+
+
+def test_straight_ahead_is_tried_only_inside_the_box_and_clear_of_obstacles(knowledge: Knowledge) -> None:
+    """A unit beside another one that looks over the border, or at an obstacle."""
+    finder, offset = knowledge.finder, knowledge.lanes.body.offset
+    post = ObstacleEstimate("post", 0, SE2(0.35, 0.0, 0.0), np.eye(3) * 1e-6, 0.08)
+    for X_WU, obstacles in ((SE2(finder.box[1] - 0.25, 0.2, 0.0), ()), (SE2(0.0, 0.0, 0.0), (post,))):
+        standing = [Standing("other", X_WU @ SE2(-0.1, 0.26, 0.0), False)]
+        for bearing in np.linspace(-math.pi, math.pi, 12, endpoint=False):
+            goal = SE2(math.cos(bearing), math.sin(bearing), bearing)
+            track = finder.find(X_WU, goal, standing, obstacles)
+            if track is None:
+                continue
+            tips = track.poses[:, :2] + offset * np.stack(
+                [np.cos(track.poses[:, 2]), np.sin(track.poses[:, 2])], axis=-1
+            )
+            assert float(tips[:, 0].max()) < finder.box[1] - finder.spec.border_m + 0.01
+            assert not obstacles or float(np.hypot(*(tips - [0.35, 0.0]).T).min()) > 0.18
