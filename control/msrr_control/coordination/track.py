@@ -23,9 +23,11 @@ _STEP_M = 0.01
 #: Stretch on which the controlled point comes onto a path beside which it begins [m].
 _MERGE_M = 0.2
 
-#: Gap that moving bodies keep from others [m]: on the way; in a leg into or out of a port, where a unit
-#: swings about its path by some centimetres; and between two at ports, where both are to be near.
-GAP_M = 0.05
+#: Gap that moving bodies keep from others [m]: on the way, what the collision monitors keep (30 mm), the
+#: uncertainty of robots that are built with care (10 mm), and as far as two of them overshoot where they stop
+#: (13 mm each); in a leg into or out of a port, where a unit swings about its path by some centimetres; and
+#: between two at ports, where both are to be near.
+GAP_M = 0.065
 LANE_GAP_M = 0.09
 PORT_GAP_M = 0.02
 
