@@ -1,4 +1,4 @@
-"""The shape of the project: imports run one way, rooms explain themselves, nothing is tied to one machine."""
+"""The shape of the project: imports run one way, packages explain themselves, no file names a machine."""
 
 from __future__ import annotations
 
@@ -129,8 +129,8 @@ def test_the_robot_runs_where_there_is_no_simulator() -> None:
 
 def test_control_never_loads_a_library_for_images() -> None:
     code = (
-        "import pkgutil, importlib, sys, msrr_control as room\n"
-        "for m in pkgutil.walk_packages(room.__path__, 'msrr_control.'): importlib.import_module(m.name)\n"
+        "import pkgutil, importlib, sys, msrr_control as package\n"
+        "for m in pkgutil.walk_packages(package.__path__, 'msrr_control.'): importlib.import_module(m.name)\n"
         "print(sorted({'cv2', 'pupil_apriltags', 'pybullet', 'msrr_perception', 'fcl'} & set(sys.modules)))\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -143,10 +143,10 @@ def test_a_trial_without_a_log_loads_nothing_that_writes_one() -> None:
     assert done.stdout.splitlines()[-1] == "[]", done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("room", ["scenes", "perception", "control", "msrr_bullet", "urdf"])
-def test_every_room_explains_itself(room: str) -> None:
-    readme = ROOT / room / "README.md"
-    assert readme.is_file(), f"{room} has no README.md"
+@pytest.mark.parametrize("folder", ["scenes", "perception", "control", "msrr_bullet", "urdf"])
+def test_every_top_level_folder_explains_itself(folder: str) -> None:
+    readme = ROOT / folder / "README.md"
+    assert readme.is_file(), f"{folder} has no README.md"
     assert len(readme.read_text().splitlines()) >= 10
 
 

@@ -69,10 +69,10 @@ def test_the_wheel_holds_everything_a_trial_needs_and_nothing_else(wheel: Path) 
         "msrr_bullet/tolerance/page.html.j2",
     } <= names
     sources = {
-        p.relative_to(room).as_posix(): p.read_bytes()
-        for room in (ROOT, ROOT / "scenes", ROOT / "perception", ROOT / "control")
+        p.relative_to(root).as_posix(): p.read_bytes()
+        for root in (ROOT, ROOT / "scenes", ROOT / "perception", ROOT / "control")
         for package in packages
-        for p in (room / package).rglob("*.py")
+        for p in (root / package).rglob("*.py")
     }
     assert code == sources
     assert not [name for name in names if "__pycache__" in name or name.startswith("tests")]
