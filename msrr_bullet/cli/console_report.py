@@ -80,8 +80,7 @@ def mission_table(result: TrialResult, mission: MissionFigures) -> Table:
     table.add_column(no_wrap=True)
     table.add_column()
     ways = ", ".join(f"{unit} {way:.2f}" for unit, way in mission.way_m.items())
-    pair = min(mission.clearances_m, key=mission.clearances_m.__getitem__, default=None)
-    clearance = _metres(None if pair is None else mission.clearances_m[pair])
+    pair, clearance = mission.nearest_pair, _metres(mission.min_clearance_m)
     table.add_row("verdict", _verdict(result))
     table.add_row("reason", Text(mission.reason))
     table.add_row("last lock", _UNKNOWN if mission.makespan_s is None else f"{mission.makespan_s:.2f} s")
@@ -91,7 +90,7 @@ def mission_table(result: TrialResult, mission: MissionFigures) -> Table:
     table.add_row("routes planned anew", str(mission.replans))
     if mission.given_up:
         table.add_row("given up", Text(", ".join(mission.given_up), "red"))
-    table.add_row("smallest clearance", Text(clearance if pair is None else f"{clearance} ({pair})"))
+    table.add_row("smallest clearance", Text(f"{clearance} ({pair})" if pair else clearance))
     return table
 
 

@@ -192,6 +192,9 @@ class CoordinatedMission(Mission):
             if not member.waits and member.runner.running:
                 member.runner.actuate(now_ns)
 
+    def _clearance_that_matters(self) -> float:
+        return max(super()._clearance_that_matters(), self.record.min_clearance)
+
     def _note(self, now_ns: int, poses: Mapping[str, SE2], safety: Safety) -> None:
         super()._note(now_ns, poses, safety)
         self.record.note(now_ns, poses, safety.nearest)

@@ -131,8 +131,8 @@ class Mission(ABC):
             poses = self._environment.simulation.poses()
             self._unparted = [judge for judge in self._unparted if not judge.parted()]
             judges = [*(step.judge for step in self._active), *self._unparted]
-            matters = max((step.min_clearance for step in self._active), default=0.0)
-            safety = self._arena.check(poses, judges, math.inf if self._telemetry.is_heard else matters)
+            matters = math.inf if self._telemetry.is_heard else self._clearance_that_matters()
+            safety = self._arena.check(poses, judges, matters)
         for step in self._active:
             if safety.nearest is not None:
                 step.note_clearance(safety.nearest.distance)
@@ -150,6 +150,10 @@ class Mission(ABC):
             if step.outcome is not Outcome.DOCKED:  # the pull test has yet to tell
                 self._telemetry.verdict(now_ns, step)
         return ended
+
+    def _clearance_that_matters(self) -> float:
+        """Return the clearance below which one would be noted [m]."""
+        return max((step.min_clearance for step in self._active), default=0.0)
 
     def _note(self, now_ns: int, poses: Mapping[str, SE2], safety: Safety) -> None:
         """Report an instant, at which the true poses of all bodies are these."""

@@ -32,7 +32,7 @@ class MissionRecord:
         self._stamp_ns = 0
         self._moving_s = [0.0, 0.0]  # time in which one unit or more, two or more moved
         self._last_lock_s: float | None = None
-        self._clearances: dict[str, float] = {}
+        self.min_clearance, self._nearest_pair = math.inf, ""
 
     def note(self, now_ns: int, poses: Mapping[str, SE2], nearest: Clearance | None) -> None:
         """Take note of an instant: true poses of all bodies, and the smallest clearance."""
@@ -50,9 +50,9 @@ class MissionRecord:
         self._stamp_ns = now_ns
         for k in range(2):
             self._moving_s[k] += dt * (moving > k)
-        if nearest is not None:
-            pair = "-".join(sorted((nearest.body_a, nearest.body_b)))
-            self._clearances[pair] = min(nearest.distance, self._clearances.get(pair, math.inf))
+        if nearest is not None and nearest.distance < self.min_clearance:
+            self.min_clearance = nearest.distance
+            self._nearest_pair = "-".join(sorted((nearest.body_a, nearest.body_b)))
 
     def ended(self, now_ns: int, step: DockingStep) -> None:
         """Take note of a step that has ended."""
@@ -77,5 +77,6 @@ class MissionRecord:
             replans=status.replans,
             done=status.done,
             given_up=status.given_up,
-            clearances_m=dict(sorted(self._clearances.items())),
+            min_clearance_m=self.min_clearance if math.isfinite(self.min_clearance) else None,
+            nearest_pair=self._nearest_pair,
         )

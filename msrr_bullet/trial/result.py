@@ -34,8 +34,9 @@ class MissionFigures(Record):
         replans: Number of routes that were planned because an earlier one could not be driven to its end.
         done: Names of the tasks that are done.
         given_up: Names of the tasks that were given up.
-        clearances_m: Smallest clearance [m] of each pair ``<body>-<body>`` that was the nearest one at some
-            instant.
+        min_clearance_m: Smallest clearance of any pair of bodies, those left out that were docking or locked
+            [m]; None when there was none.
+        nearest_pair: That pair, ``<body>-<body>``; empty when there was none.
     """
 
     reason: str
@@ -47,7 +48,8 @@ class MissionFigures(Record):
     replans: int
     done: tuple[str, ...]
     given_up: tuple[str, ...]
-    clearances_m: dict[str, float]
+    min_clearance_m: float | None = None
+    nearest_pair: str = ""
 
     @property
     def total_way_m(self) -> float:
@@ -148,9 +150,8 @@ class TrialResult(Record):
     @property
     def min_clearance_m(self) -> float | None:
         """Smallest clearance of all steps and of the mission [m]; None without one."""
-        found = [s.min_clearance_m for s in self.steps if s.min_clearance_m is not None]
-        found += self.mission.clearances_m.values() if self.mission is not None else ()
-        return min(found, default=None)
+        parts = (*self.steps, *(() if self.mission is None else (self.mission,)))
+        return min((p.min_clearance_m for p in parts if p.min_clearance_m is not None), default=None)
 
     def to_json(self) -> str:
         """Return the result as indented JSON; :meth:`from_json` reads it back."""

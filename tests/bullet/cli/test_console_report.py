@@ -137,7 +137,8 @@ def incomplete(false_dock: TrialResult) -> TrialResult:
         replans=2,
         done=("a at b.rear",),
         given_up=("c at a.rear",),
-        clearances_m={"a-c": 0.25, "a-post": 0.125},
+        min_clearance_m=0.125,
+        nearest_pair="a-post",
     )
     changes = {"outcome": Outcome.INCOMPLETE, "steps": (docked, left), "mission": mission}
     return false_dock.model_copy(update=changes)

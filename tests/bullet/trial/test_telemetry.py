@@ -155,6 +155,14 @@ def test_reports_change_nothing_in_the_trial(docking: Watched) -> None:
     assert Trial(docking.scene, 7).run() == docking.result
 
 
+def test_reports_change_nothing_in_a_mission_in_which_nobody_docks(shipped: Load) -> None:
+    """Nor in its smallest clearance, although one that does not count is measured only for a report."""
+    scene = shipped("corridor", {"time_limit_s": "6"}, blind=True)
+    found = Trial(scene, 1).run()
+    assert found == watch(scene, 1).result
+    assert found.min_clearance_m is not None
+
+
 class WatchingViewer(KeepingViewer):
     """A viewer that draws every frame of the cameras."""
 
