@@ -8,12 +8,10 @@ from msrr_bullet.profiler import Profiler
 from msrr_bullet.robot.autonomy import Autonomy
 from msrr_bullet.robot.drive_watch import DriveWatch
 from msrr_bullet.robot.route_program import RouteProgram
+from msrr_bullet.robot.unit_programs import UnitPrograms
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.staging.guided_assembler import GuidedAssembler
-from msrr_control.staging.registry import build_guided
-from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.estimation.body_track import Sightings
-from msrr_perception.estimation.knowledge import CalibrationMemory
 from msrr_scenes.messages import (
     OVERHEAD,
     Action,
@@ -67,9 +65,7 @@ class GuidedUnit:
             docked_to: Port into which it is locked at the start; None if it is free.
             profiler: Measures the time of the collision monitor.
         """
-        self._scene, self._unit, self._profiler = scene, unit, profiler
-        control_s, link_s = 1.0 / scene.control.rate_hz, 1e-3 * scene.link.latency_ms
-        self._reaction_s = control_s + link_s + 1.0 / scene.limits.kappa_per_s
+        self._unit, self._programs = unit, UnitPrograms(scene, unit, profiler)
         self._newest: Authority | None = None
         self._program: Autonomy | RouteProgram | None = None
         self._docking: Autonomy | None = None
@@ -78,23 +74,9 @@ class GuidedUnit:
         geometry = scene.geometry(unit)
         self._drive_watch, self._offset = DriveWatch(geometry), geometry.control_offset(ACTIVE_PORT)
         self._action = Action(0, Phase.DONE, 1)
-        self._memory = CalibrationMemory() if scene.docking.learn_seats else None
         self.route, self.leaving = 0, False
         self.docked_to = docked_to
         self.dock_step: DockStep | None = None
-
-    def check_programs(self, port: str) -> None:
-        """Build what the unit drives with along a route, and docks with at ``port``, and keep none of it.
-
-        Raises:
-            UnknownNameError: The scene names something unknown.
-            SceneError: Parameters are wrong, or the port shows no tags.
-        """
-        setup = AssemblySetup.without_target(self._scene, self._unit, ACTIVE_PORT)
-        RouteProgram(self._scene, self._unit, ACTIVE_PORT, self._build_guided(setup), self._profiler)
-        step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=port)
-        guided = self._build_guided(AssemblySetup.of(self._scene, step))
-        Autonomy(self._scene, step, self._profiler, guided=guided, memory=self._memory)
 
     # What is shown of the present program.
 
@@ -261,11 +243,9 @@ class GuidedUnit:
         newest = self._newest
         assert newest is not None
         if newest.to is None:
-            self.dock_step = None
-            setup = AssemblySetup.without_target(self._scene, self._unit, ACTIVE_PORT)
-            self._guided = self._told(self._build_guided(setup))
-            self._docking = None
-            self._program = RouteProgram(self._scene, self._unit, ACTIVE_PORT, self._guided, self._profiler)
+            self.dock_step = self._docking = None
+            self._program, self._guided = self._programs.along_route()
+            self._guided.receive(newest)
             return
         self._program = self._docking = self._program_at(newest.to)
 
@@ -301,16 +281,9 @@ class GuidedUnit:
 
     def _program_at(self, port: str, docked: bool = False) -> Autonomy:
         """Return the program that docks at a port; the one that undocks there, if the unit is docked."""
-        self.dock_step = step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=port)
-        guided = self._told(self._build_guided(AssemblySetup.of(self._scene, step)))
-        self._guided, memory = None if docked else guided, self._memory
-        return Autonomy(self._scene, step, self._profiler, guided=guided, docked=docked, memory=memory)
-
-    def _build_guided(self, setup: AssemblySetup) -> GuidedAssembler[Any]:
-        return build_guided(self._scene.control.assembly, setup, self._reaction_s)
-
-    def _told(self, guided: GuidedAssembler[Any]) -> GuidedAssembler[Any]:
-        """Return an assembler that has received the newest authority."""
         assert self._newest is not None
+        self.dock_step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=port)
+        program, guided = self._programs.at_port(self.dock_step, docked)
         guided.receive(self._newest)
-        return guided
+        self._guided = None if docked else guided
+        return program

@@ -7,11 +7,12 @@ from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.recorder import NullRecorder
 from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.render import RENDERERS, RenderContext, build_renderer
-from msrr_bullet.robot.guided_unit import GuidedUnit
+from msrr_bullet.robot.unit_programs import UnitPrograms
 from msrr_bullet.trial.coordinated_mission import CoordinatedMission
 from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.mission import begin_planned
 from msrr_bullet.trial.telemetry import Telemetry
+from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.staging.feasibility import check_assembly, check_time
 from msrr_control.staging.registry import ASSEMBLERS
 from msrr_scenes.as_built import draw_as_built
@@ -20,7 +21,7 @@ from msrr_scenes.loading.load import check_scene
 from msrr_scenes.placement.placement import draw_placement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.registry import resolve
-from msrr_scenes.specs.plan import in_order
+from msrr_scenes.specs.plan import DockStep, in_order
 from msrr_scenes.specs.scene import Scene
 
 
@@ -79,5 +80,7 @@ def _check_programs(scene: Scene) -> None:
     for unit in scene.units:
         ports = (f"{other}.{p}" for other in scene.units for p in scene.geometry(other).passive_ports)
         port = next((p for p in ports if not p.startswith(f"{unit}.")), None)
+        programs = UnitPrograms(scene, unit)
+        programs.along_route()
         if port is not None:
-            GuidedUnit(scene, unit).check_programs(port)
+            programs.at_port(DockStep(unit=unit, port=ACTIVE_PORT, to=port))
