@@ -106,9 +106,8 @@ class CornerUpdate:
         innovation = measurement.X_DU.as_array() - H @ prior.mean
         innovation[2] = math.remainder(innovation[2], 2.0 * math.pi)
         S = H @ P @ H.T + measurement.covariance
-        if float(innovation @ np.linalg.solve(S, innovation)) > chi_squared_quantile(
-            self._gate_probability, 3
-        ):
+        gate = chi_squared_quantile(self._gate_probability, 3)
+        if float(innovation @ np.linalg.solve(S, innovation)) > gate:
             return None
         gain = np.linalg.solve(S, H @ P).T
         mean = prior.mean + gain @ innovation
