@@ -106,7 +106,14 @@ class WorkerPool:
 
     def _submit(self, task: Task, workers: int) -> None:
         executor: SupportsSubmit = self._given if self._given is not None else self._open(workers)
-        self._running[executor.submit(self._trial, task.scene, task.seed)] = task
+        try:
+            future = executor.submit(self._trial, task.scene, task.seed)
+        except BrokenProcessPool as error:  # a worker has died since trials were collected last
+            if self._pool is None:
+                raise
+            future = Future()
+            future.set_exception(error)
+        self._running[future] = task
 
     def _open(self, workers: int) -> ProcessPoolExecutor:
         if self._pool is None:

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import time
 from collections import deque
 from pathlib import Path
 
@@ -42,6 +43,41 @@ def test_a_worker_that_dies_takes_no_other_trial_with_it(
     assert [f.seed for f in summary.failures] == [1]
     assert "died" in summary.failures[0].error
     assert sum(summary.outcomes.values()) == 3
+
+
+def test_a_worker_that_dies_while_a_result_is_stored_ends_no_sweep(
+    short_trial: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The pool learns of the death before the next trial is submitted to it."""
+    (tmp_path / "trial_that_dies_later.py").write_text(
+        "import os, pathlib, time\n"
+        "from msrr_bullet.sweep.trials import one_trial\n"
+        "here = pathlib.Path(__file__).parent\n"
+        "def trial(scene, seed):\n"
+        "    if seed != 1:\n"
+        "        return one_trial(scene, seed)\n"
+        "    (here / f'runs-{os.getpid()}').touch()\n"
+        "    while not (here / 'stored').exists():\n"
+        "        time.sleep(0.01)\n"
+        "    os._exit(7)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    from trial_that_dies_later import trial
+
+    def observe(found: TrialResult | TrialFailure, stored: bool) -> None:
+        while not list(tmp_path.glob("runs-*")):
+            time.sleep(0.01)
+        (tmp_path / "stored").touch()
+        for running in tmp_path.glob("runs-*"):
+            process = int(running.name.partition("-")[2])
+            while Path(f"/proc/{process}").exists():  # until the pool has seen the end of it
+                time.sleep(0.01)
+        time.sleep(0.2)
+
+    scene = load_scene("close_range", short_trial)
+    summary = sweep(scene, range(6), jobs=2, trial=trial, observer=observe)
+    assert [f.seed for f in summary.failures] == [1]
+    assert sum(summary.outcomes.values()) == 5
 
 
 def test_a_program_whose_workers_cannot_start_is_told_so() -> None:
