@@ -198,7 +198,7 @@ def _tags_twice(scene: Scene) -> Iterator[Problem]:
     for unit, spec in scene.units.items():
         slots = scene.geometry(unit).tag_slots
         for key, named in (("tag_ids", spec.tag_ids), ("tag_sizes_m", spec.tag_sizes_m)):
-            for slot in named.keys() - slots:
+            for slot in (name for name in named if name not in slots):
                 text = f"no such tag link{nearest(slot, slots)} Links with a tag: {', '.join(slots)}"
                 yield Problem(("units", unit, key, slot), text)
 

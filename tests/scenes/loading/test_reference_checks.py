@@ -66,3 +66,12 @@ def test_contradicting_names_numbers_and_values(overrides: Mapping[str, str], pl
         load_scene("bystander", overrides)
     assert f": {place}: " in str(caught.value)
     assert mend in str(caught.value)
+
+
+def test_mistakes_of_one_kind_are_told_in_the_order_of_the_file() -> None:
+    slots = [f"tag_{letter}" for letter in "gfedcba"]
+    written = ", ".join(f"{slot}: {510 + k}" for k, slot in enumerate(slots))
+    with pytest.raises(SceneError) as caught:
+        load_scene("bystander", {"units.a.tag_ids": f"{{{written}}}"})
+    told = [line for line in str(caught.value).splitlines() if "no such tag link" in line]
+    assert [line.partition("tag_ids.")[2].partition(":")[0] for line in told] == slots
