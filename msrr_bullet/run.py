@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.reader import LOG_NAME, unpacked_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
-from msrr_bullet.log.records import StartPoses, StepStart
+from msrr_bullet.log.records import BuiltErrors, StartPoses, StepStart
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.run_folder import (
     PICTURE_NAME,
@@ -119,7 +119,7 @@ class _RunRecorder:
 
     def write(self, topic: str, stamp_ns: int, message: object) -> None:
         """Record a message."""
-        if self._log is None and isinstance(message, (StartPoses, StepStart)):
+        if self._log is None and isinstance(message, (StartPoses, BuiltErrors, StepStart)):
             self._head.append((topic, stamp_ns, message))  # these are written while the trial is being built
         else:
             self._opened().write(topic, stamp_ns, message)

@@ -133,6 +133,31 @@ def test_a_scene_that_cannot_be_built_costs_no_run(
     assert contents(tmp_path) == before
 
 
+@pytest.mark.parametrize("as_built", ["perfect", "careful"])
+def test_a_robot_that_can_be_built_only_once_costs_no_run(
+    as_built: str, shipped: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It passes the check, and the trial begins; the errors of a careful unit are told before it is built."""
+    (tmp_path / f"law_of_{as_built}.py").write_text(
+        "built = []\n"
+        "class Law:\n"
+        "    def __init__(self, setup):\n"
+        "        built.append(self)\n"
+        "        if len(built) > 1:\n"
+        "            raise ValueError('there is one already')\n"
+        "    def reset(self, inputs): ...\n"
+        "    def step(self, inputs): ...\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    out = tmp_path / "out"
+    run_trial(shipped("close_range", SHORT, blind=True), 1, out=out)
+    before = contents(out)
+    once = {**SHORT, "control.docking": f"law_of_{as_built}:Law", "as_built": as_built}
+    with pytest.raises(MsrrError, match="there is one already"):
+        run_trial(shipped("close_range", once, blind=True), 1, out=out)
+    assert contents(out) == before
+
+
 def test_a_folder_that_cannot_be_made_is_said_before_the_trial(shipped: Load, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("a file")
 
