@@ -1,8 +1,7 @@
-"""The unit's side of coordination: how far and how fast it may drive, and where it brakes without radio."""
+"""The unit's side of coordination: how far it may drive, and where it brakes without radio."""
 
 from __future__ import annotations
 
-import math
 from types import MappingProxyType
 
 from msrr_control.coordination.track import path_of
@@ -15,7 +14,7 @@ _BRAKING_SHARE = 0.8
 
 
 class MovementAuthority:
-    """Keeps the newest authority and turns it into a limit and a speed.
+    """Keeps the newest authority and turns it into a limit.
 
     An authority that expires ends at the nearer of its limit and the place where the unit can stop from then
     on; in the dock leg, which was granted whole, it does not expire.
@@ -84,33 +83,15 @@ class MovementAuthority:
             self._stop = min(newest.limit, progress + self.stopping_distance(speed))
         return self._stop
 
-    def speed(self, now_ns: int, progress: float, speed: float) -> float:
-        """Return the largest speed along the route from which the unit can stop at the limit [m/s]."""
-        rest = self.limit(now_ns, progress, speed) - progress
-        if rest <= 0.0:
-            return 0.0
-        lag = self._deceleration * self._reaction
-        braking = math.sqrt(lag * lag + 2.0 * self._deceleration * rest) - lag
-        # A loop with a delay does not overshoot while its gain is below 1 / (e delay).
-        return min(braking, rest / (math.e * max(self._reaction, 1e-3)))
-
     def stopping_distance(self, speed: float) -> float:
         """Return the distance in which the unit stops from a speed [m], the reaction included."""
         return speed * self._reaction + 0.5 * speed * speed / self._deceleration
 
-    def leg_at(self, progress: float) -> int:
-        """Return the index of the leg that the unit is in, the last one at the end of the route."""
-        for k, leg in enumerate(self.legs):
-            if progress < leg.end - 1e-6:
-                return k
-        return len(self.legs) - 1
-
-    def route_of(self, index: int, seconds: float) -> Route:
-        """Return the path of a leg forwards as a route for the follower of routes.
+    def route_of(self, index: int) -> Route:
+        """Return the path of a leg forwards as a route for the follower of routes, of no expected duration.
 
         Args:
             index: Index of the leg.
-            seconds: Expected duration [s].
 
         Raises:
             ValueError: The leg leads backwards or turns on the spot.
@@ -120,4 +101,4 @@ class MovementAuthority:
             raise ValueError(f"leg {index} is {leg.kind.value}, not a path")
         ends = leg.kind is LegKind.DOCK or index + 1 == len(self.legs)
         final = ends or self.legs[index + 1].kind is LegKind.DOCK
-        return Route(path_of(leg), "around" if final else "staged", MappingProxyType({}), seconds)
+        return Route(path_of(leg), "around" if final else "staged", MappingProxyType({}), 0.0)

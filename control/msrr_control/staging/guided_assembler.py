@@ -44,7 +44,7 @@ class GuidedAssembler(Generic[State]):
     after it.
 
     Attributes:
-        authority: The newest authority.
+        authority: Keeps the newest authority.
         finished: Whether the unit stands at the end of a route that ends in the open.
         progress: What the unit did at the last instant; None before the first.
         path: Path that is followed or was followed last; None before the first.
@@ -64,7 +64,7 @@ class GuidedAssembler(Generic[State]):
             params: Parameters of routes and patience.
             setup: Facts of the docking step.
             law: Drives along the paths.
-            reaction_s: Longest time from an exposure to the effect of what is decided on it [s].
+            reaction_s: Longest time from a state to the effect on the wheels of what is decided on it [s].
         """
         self.params, self._setup, self._watch = params, setup, params.watch
         planner = RoutePlanner(
@@ -159,7 +159,7 @@ class GuidedAssembler(Generic[State]):
         self._reason = f"leg {index + 1} of {len(self.authority.legs)}: {leg.kind.value}"
         if leg.kind is not LegKind.PATH:
             return
-        route = self.authority.route_of(index, 0.0)
+        route = self.authority.route_of(index)
         self._follower.set_route(route, self._setup.map_of(estimate))
         _, points = route.path.sample(0.05)
         number = 1 if self.path is None else self.path.number + 1

@@ -89,7 +89,13 @@ class ToyUnit:
     @property
     def leg(self) -> LegKind | None:
         legs = self.authority.legs
-        return legs[self.authority.leg_at(self.progress)].kind if legs else None
+        return legs[self._leg].kind if legs else None
+
+    @property
+    def _leg(self) -> int:
+        """Index of the leg that the unit is in, the last one at the end of the route."""
+        legs = self.authority.legs
+        return next((k for k, leg in enumerate(legs) if self.progress < leg.end - 1e-6), len(legs) - 1)
 
     @property
     def partner(self) -> str | None:
@@ -133,11 +139,10 @@ class ToyUnit:
         kind = self.leg
         if kind is None:  # the unit stands where it is to be
             return
-        end = self.authority.legs[self.authority.leg_at(self.progress)].end
-        allowed = self.authority.speed(now_ns, self.progress, self.speed)
-        to_end = math.sqrt(2.0 * ACCELERATION * max(end - self.progress, 0.0))
-        self.speed = min(self.speed + ACCELERATION * dt, SPEED[kind], allowed, max(to_end, 0.01))
+        end = self.authority.legs[self._leg].end
         most = min(end, self.authority.limit(now_ns, self.progress, self.speed))
+        braking = math.sqrt(2.0 * ACCELERATION * max(most - self.progress, 0.0))
+        self.speed = min(self.speed + ACCELERATION * dt, SPEED[kind], max(braking, 0.01))
         if self.route <= self.held_routes and kind is LegKind.PATH:
             most = min(most, end - self.held_m)
         moved = min(self.speed * dt, max(most - self.progress, 0.0))

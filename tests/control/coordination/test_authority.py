@@ -15,11 +15,7 @@ from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 LIMITS = LimitsSpec.model_validate({})
-DT_NS = 20_000_000
-
-#: The drive of the test obeys this many control periods late; a unit has to count one more.
-LAG = 5
-REACTION_S = (LAG + 1) * DT_NS * 1e-9
+REACTION_S = 0.12
 
 
 def _legs() -> tuple[RouteLeg, ...]:
@@ -35,42 +31,16 @@ def _authority(limit: float, seq: int = 1, route: int = 1, expires_ns: int = 10*
     return Authority("a", route, seq, 0, expires_ns, limit, _legs(), "b.rear", unlock=False)
 
 
-def _drive(
-    authority: MovementAuthority, seconds: float, progress: float = 0.0, speed: float = 0.0
-) -> tuple[float, float]:
-    """Drive as fast as the authority allows, with a drive that reacts late; return progress and speed."""
-    wanted = [speed] * (LAG + 1)
-    for k in range(round(seconds * 1e9 / DT_NS)):
-        now = k * DT_NS
-        wanted.append(min(authority.speed(now, progress, speed), 0.4))
-        change = LIMITS.a_max_mps2 * 1e-9 * DT_NS
-        speed += min(max(wanted[-1 - LAG] - speed, -change), change)
-        progress += 1e-9 * DT_NS * speed
-    return progress, speed
-
-
-@pytest.mark.parametrize("limit", [0.05, 0.3, 1.0, 1.05, 1.7])
-def test_the_unit_stops_at_the_limit_and_not_beyond(limit: float) -> None:
-    held = MovementAuthority(LIMITS, REACTION_S)
-    held.receive(_authority(limit))
-    progress, speed = _drive(held, 20.0)
-    assert progress <= limit + 1e-3
-    assert progress > limit - 0.01
-    assert speed < 1e-2
-
-
-def test_without_radio_it_brakes_at_once_and_before_the_limit() -> None:
+def test_without_radio_it_stops_at_once_and_before_the_limit() -> None:
     held = MovementAuthority(LIMITS, REACTION_S)
     held.receive(_authority(1.7, expires_ns=2_000_000_000))
-    at_expiry, speed = _drive(held, 2.0)
-    assert speed > 0.3
-    braking = held.stopping_distance(speed)
-    stop, rest = _drive(held, 10.0, at_expiry, speed)  # the clock begins again, before the expiry
-    assert rest < 1e-2
-    held.receive(_authority(1.7, seq=2, expires_ns=0))
-    stop, rest = _drive(held, 10.0, 0.5, 0.4)
-    assert 0.5 < stop <= 0.5 + held.stopping_distance(0.4) + 1e-3
-    assert braking < 0.3
+    assert held.limit(1_999_999_999, 0.5, 0.4) == 1.7
+    stop = held.limit(2_000_000_000, 0.5, 0.4)
+    braking = 0.4**2 / (2.0 * LIMITS.a_max_mps2)
+    assert 0.5 + 0.4 * REACTION_S + braking < stop < 0.5 + 0.4 * REACTION_S + 1.5 * braking
+    assert held.limit(2_100_000_000, 0.54, 0.3) == stop  # it does not move once it is set
+    held.receive(_authority(1.7, seq=2, expires_ns=4_000_000_000))
+    assert held.limit(2_200_000_000, 0.58, 0.2) == 1.7
 
 
 def test_near_the_limit_an_expired_authority_ends_at_the_limit() -> None:
@@ -103,19 +73,16 @@ def test_the_newest_counts_in_whatever_order_they_arrive() -> None:
     assert held.limit(0, 0.0, 0.0) == pytest.approx(0.8)
 
 
-def test_legs_follow_each_other_and_become_routes() -> None:
+def test_legs_become_routes() -> None:
     held = MovementAuthority(LIMITS, REACTION_S)
     held.receive(_authority(1.0))
     kinds = [leg.kind for leg in held.legs]
     assert kinds == [LegKind.TURN, LegKind.PATH, LegKind.TURN, LegKind.DOCK]
-    seen = [held.leg_at(s) for s in np.linspace(0.0, held.length, 200)]
-    assert seen == sorted(seen)
-    assert set(seen) == {0, 1, 2, 3}
-    staged, final = held.route_of(1, 5.0), held.route_of(3, 6.0)
+    staged, final = held.route_of(1), held.route_of(3)
     assert not staged.final
     assert final.final
     assert float(staged.path.length) == pytest.approx(1.1)
     end = staged.path.at(staged.path.length).point
     np.testing.assert_allclose(end, [1.1 * math.cos(1.0), 1.1 * math.sin(1.0)], atol=1e-9)
     with pytest.raises(ValueError, match="not a path"):
-        held.route_of(0, 1.0)
+        held.route_of(0)
