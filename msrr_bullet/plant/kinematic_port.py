@@ -159,11 +159,10 @@ class KinematicPort(PortMechanism):
 
     def pull_test(self) -> PullResult:
         """Compare the pull with the strength of the lock; a lock that is too weak releases the unit."""
-        force = self._spec.pull_force_n
-        if self._engaged and force <= self._spec.strength_n:
-            return PullResult(force, 0.0, True)
+        if self._engaged and self._spec.pull_force_n <= self._spec.strength_n:
+            return PullResult(0.0, True)
         self._engaged = False
-        return PullResult(force, MAX_PULL_DISPLACEMENT, False)
+        return PullResult(MAX_PULL_DISPLACEMENT, False)
 
     def _catch(self) -> None:
         self._engaged = self._inside and self._gap <= LOCK_REACH

@@ -22,12 +22,10 @@ class PullResult:
     """The result of pulling two units apart along the docking axis.
 
     Attributes:
-        force_n: Force on each of the two units [N].
         displacement_m: Distance by which the units came apart until the end of the test [m].
         holds: Whether the lock still holds.
     """
 
-    force_n: float
     displacement_m: float
     holds: bool
 

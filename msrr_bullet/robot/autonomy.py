@@ -91,6 +91,7 @@ class Autonomy:
         los: Line of sight on which the last decision was based.
         arena: Estimate of all bodies in the arena on which the last decision was based.
         guard: Collision monitor; None without an overhead camera.
+        monitor: Decision of the collision monitor on the last command; None without one.
     """
 
     def __init__(

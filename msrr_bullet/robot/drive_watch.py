@@ -47,7 +47,7 @@ class DriveWatch:
         self.belief: Belief | None = None
 
     def judge(self, action: Action) -> Action:
-        """Return what is commanded until the next decision: the action, or or to give up.
+        """Return what is commanded until the next decision: the action, or to give up.
 
         Args:
             action: The decision of the program.

@@ -172,7 +172,7 @@ class PinLock(PortMechanism):
             if opened > MAX_PULL_DISPLACEMENT:
                 self._release()
                 break
-        return PullResult(spec.pull_force_n, opened, self.engaged)
+        return PullResult(opened, self.engaged)
 
     def _release(self) -> None:
         if self._constraint is not None:

@@ -22,6 +22,7 @@ class MissionRecord:
 
     Attributes:
         reason: Why the mission ended.
+        min_clearance: Smallest clearance so far [m]; infinite before the first.
     """
 
     def __init__(self, units: tuple[str, ...]) -> None:

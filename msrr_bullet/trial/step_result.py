@@ -40,11 +40,6 @@ class PlanarPose(Record):
         """Return the record of a pose."""
         return cls(x_m=pose.x, y_m=pose.y, yaw_rad=pose.yaw)
 
-    @property
-    def se2(self) -> SE2:
-        """The pose as an :class:`SE2`."""
-        return SE2(self.x_m, self.y_m, self.yaw_rad)
-
 
 class Contact(Record):
     """The true state at the first contact of a pin with the target.

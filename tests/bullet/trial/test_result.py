@@ -16,7 +16,6 @@ from msrr_bullet.trial.step_result import (
     StepResult,
 )
 from msrr_bullet.trial.versions import package_versions
-from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
 
@@ -157,11 +156,6 @@ def test_the_result_of_an_earlier_version_is_refused_with_its_version() -> None:
     for text in ("", "[]", "{}", "not JSON"):
         with pytest.raises(ResultError, match="not a trial result of this version"):
             TrialResult.from_json(text)
-
-
-def test_poses_are_converted_both_ways() -> None:
-    X = SE2(0.1, -0.2, 0.3)
-    assert PlanarPose.of(X).se2 == X
 
 
 def test_versions_hold_what_can_change_a_trial() -> None:
