@@ -49,15 +49,16 @@ class TrialStore:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._db = sqlite3.connect(path, timeout=30.0)
             with self._db:
-                layout = int(self._db.execute("PRAGMA user_version").fetchone()[0])
+                # In this order a store that another process is creating is never seen without its layout.
                 known = self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] > 0
+                layout = int(self._db.execute("PRAGMA user_version").fetchone()[0])
                 if known and layout != LAYOUT:
                     raise StoreError(
                         f"{path}: not a store of this version (layout {layout}, now {LAYOUT});"
                         " delete the file, or name another one with --store"
                     )
-                self._db.executescript(_TABLES)
                 self._db.execute(f"PRAGMA user_version = {LAYOUT}")
+                self._db.executescript(_TABLES)
         except (sqlite3.Error, OSError) as error:
             raise StoreError(f"{path}: cannot be opened as a store of trials: {error}") from None
 

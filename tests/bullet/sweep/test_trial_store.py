@@ -1,7 +1,9 @@
 """Stores of results: files that are none, full disks, and results by seed."""
 
 import sqlite3
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Barrier
 from typing import Any
 
 import pytest
@@ -25,6 +27,19 @@ def test_results_are_found_by_scene_code_and_seed(
         assert store.get(key, "code", range(1, 9)) == {1: results[1], 2: results[2]}
         assert store.get(key, "other", range(3)) == {}
         assert store.get("other", "code", range(3)) == {}
+
+
+def test_sweeps_that_begin_at_the_same_time_share_a_new_store(tmp_path: Path) -> None:
+    """One took the store that another one was creating for that of another version, to be deleted."""
+    together = Barrier(3)
+
+    def create(_: int) -> None:
+        for k in range(60):
+            together.wait(20.0)
+            TrialStore(tmp_path / f"{k}.sqlite").__exit__(None, None, None)
+
+    with ThreadPoolExecutor(3) as threads:
+        assert list(threads.map(create, range(3))) == [None] * 3
 
 
 def test_stores_are_merged_and_a_contradiction_changes_nothing(
