@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_control.coordination.precedence import Lanes
+from msrr_control.coordination.route_finder import STANDS_THERE_M
 from msrr_control.coordination.shape import Shape
 from msrr_control.path_following.path import PaceSpec
 from msrr_scenes.arrays import Array
@@ -26,9 +27,6 @@ _ROOT_WEIGHT, _WEIGHT, _STANDS_S = 2.0, 0.5, 4.0
 
 #: Cost of what is forbidden; finite, because the assignment has to be one of numbers [s].
 _FORBIDDEN_S = 1e6
-
-#: Distance of the axle from the root's pose up to which a unit that stands there only turns [m].
-_STANDS_THERE_M = 0.02
 
 
 class Embedding(NamedTuple):
@@ -69,7 +67,7 @@ class Travel(NamedTuple):
         way = np.arctan2(dy, dx)
         turns = _angle(way - start[..., 2]) + _angle(goal[..., 2] - way)
         distance = np.hypot(dx, dy)
-        there = distance < _STANDS_THERE_M
+        there = distance < STANDS_THERE_M
         drive = turns / self.turn_radps + distance / self.cruise_mps + self.ramp_s
         result: Array = np.where(there, _angle(goal[..., 2] - start[..., 2]) / self.turn_radps, drive)
         return result

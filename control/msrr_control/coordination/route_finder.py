@@ -19,6 +19,9 @@ from msrr_control.planning.route_planner import RoutePlanner
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
 
+#: Distance of the axle from its goal up to which a unit that stands there only turns [m].
+STANDS_THERE_M = 0.02
+
 #: Ways out of a port that are tried before a route is planned from there [m].
 BACK_OUT_M = (0.30, 0.45, 0.60)
 
@@ -156,7 +159,7 @@ class RouteFinder:
 
     def _turn_in_place(self, X_WU: SE2, X_WE: SE2, standing: Sequence[Standing]) -> Track | None:
         """Return a turn on the spot where that is all that is needed and there is room."""
-        if math.hypot(X_WE.x - X_WU.x, X_WE.y - X_WU.y) > 0.02:
+        if math.hypot(X_WE.x - X_WU.x, X_WE.y - X_WU.y) > STANDS_THERE_M:
             return None
         builder = TrackBuilder(X_WU, self.body.offset)
         builder.turn_to(X_WE.yaw)
