@@ -41,7 +41,7 @@ BOX = (-2.0, 2.0, -1.5, 1.5)
 TICK_NS = 50_000_000
 LIMITS = LimitsSpec.model_validate({})
 SPEED = {LegKind.BACK: 0.10, LegKind.TURN: 0.08, LegKind.PATH: 0.22, LegKind.DOCK: 0.11}
-ACCELERATION = 0.147
+ACCELERATION, DECELERATION = 0.147, 0.8 * LIMITS.a_max_mps2
 LOCK_S, UNLOCK_S, SEIZED_S = 2.0, 1.0, 5.0
 CAMERA_NS = 100_000_000
 
@@ -140,9 +140,12 @@ class ToyUnit:
         if kind is None:  # the unit stands where it is to be
             return
         end = self.authority.legs[self._leg].end
-        most = min(end, self.authority.limit(now_ns, self.progress, self.speed))
-        braking = math.sqrt(2.0 * ACCELERATION * max(most - self.progress, 0.0))
-        self.speed = min(self.speed + ACCELERATION * dt, SPEED[kind], max(braking, 0.01))
+        limit = self.authority.limit(now_ns, self.progress, self.speed)
+        most, rest, lag = min(end, limit), max(limit - self.progress, 0.0), DECELERATION * dt
+        # A loop with a delay does not overshoot while its gain is below 1 / (e delay).
+        allowed = min(math.sqrt(lag * lag + 2.0 * DECELERATION * rest) - lag, rest / (math.e * dt))
+        to_end = math.sqrt(2.0 * ACCELERATION * max(end - self.progress, 0.0))
+        self.speed = min(self.speed + ACCELERATION * dt, SPEED[kind], allowed, max(to_end, 0.01))
         if self.route <= self.held_routes and kind is LegKind.PATH:
             most = min(most, end - self.held_m)
         moved = min(self.speed * dt, max(most - self.progress, 0.0))
