@@ -87,7 +87,9 @@ def _quantiles(values: Array, q: float) -> Array:
     ordered = np.sort(values, axis=-1)
     position = q * (ordered.shape[-1] - 1)
     index = int(position)
-    lower, upper = ordered[:, index], ordered[:, min(index + 1, ordered.shape[-1] - 1)]
+    if position == index:  # nothing of the next one, which may be infinite
+        return ordered[:, index]
+    lower, upper = ordered[:, index], ordered[:, index + 1]
     between: Array = lower + (position - index) * _minus(upper, lower)
     return between
 

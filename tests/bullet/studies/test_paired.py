@@ -56,6 +56,13 @@ def test_infinite_values_are_the_largest_and_do_not_differ() -> None:
     assert (value, low, high) == (math.inf, 0.0, math.inf)
 
 
+def test_infinite_values_leave_a_number_where_the_quantile_is_one_of_the_values() -> None:
+    """The median of nine is the fifth of them, whatever the sixth is: the interval is never NaN."""
+    some = np.array([1.0, 2.0, 3.0, 4.0, 5.0, math.inf, math.inf, math.inf, math.inf])
+    value, low, high = paired_difference(some, np.arange(1.0, 10.0), 0.5)
+    assert (value, low, high) == (0.0, 0.0, math.inf)
+
+
 def test_samples_of_other_trials_are_refused() -> None:
     with pytest.raises(ValueError, match="found 3 and 2"):
         paired_difference(np.ones(3), np.ones(2), 0.5)
