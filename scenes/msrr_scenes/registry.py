@@ -104,7 +104,7 @@ def resolve(kind: str, name: str, table: ExtensionPoint[T]) -> Callable[..., T]:
         except KeyError:
             raise UnknownNameError(kind, name, table, _HINT) from None
     found = _import(kind, name, table)
-    needed = f"a {kind} is a class with the methods {', '.join(table.methods)}"
+    needed = f"every {kind} is a class with the methods {', '.join(table.methods)}"
     if not inspect.isclass(found):
         raise SceneError(f"{kind} {name!r} is not a class, but a {type(found).__name__}; {needed}")
     lacking = [method for method in table.methods if not callable(getattr(found, method, None))]
@@ -154,7 +154,9 @@ def build(kind: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fix
         try:
             _signature(own).bind(*args, **fixed, **choice.params)
         except TypeError as error:
-            raise SceneError(f"{misfit}: {error}") from error
+            given = [type(arg).__name__ for arg in args]
+            given += [f"{key}={value!r}" for key, value in {**fixed, **choice.params}.items()]
+            raise SceneError(f"{kind} {choice.name!r} does not take ({', '.join(given)}): {error}") from error
     try:
         built = factory(*args, **fixed, **choice.params)
     except MsrrError:

@@ -74,7 +74,9 @@ def test_a_path_that_leads_nowhere_says_where_it_ends(path: str, why: str) -> No
 )
 def test_only_a_class_with_the_methods_of_the_protocol_is_built(path: str, why: str) -> None:
     """``subprocess:check_call`` ran as a controller, with the scene's parameters."""
-    with pytest.raises(SceneError, match=f"{why}; a gadget is a class with the methods limit_denominator"):
+    with pytest.raises(
+        SceneError, match=f"{why}; every gadget is a class with the methods limit_denominator"
+    ):
         build("gadget", Choice(name=path, params={"args": ["false"]}), TABLE)
 
 
@@ -138,6 +140,20 @@ def test_a_class_that_fails_while_it_is_built_is_named_with_file_and_line(
     for params in ({"how": "value"}, {"colour": 1}):  # both are for the writer of the scene
         with pytest.raises(SceneError, match="does not take"):
             build("gadget", Choice(name=name, params=params), TABLE)
+
+
+class Bare:
+    def limit_denominator(self) -> None: ...
+
+
+def test_a_class_that_cannot_be_built_is_told_all_that_it_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the testbed passes as well, for that is what the class of a beginner does not take."""
+    module = types.ModuleType("bare_gadget")
+    module.Bare = Bare
+    monkeypatch.setitem(sys.modules, "bare_gadget", module)
+    choice = Choice(name="bare_gadget:Bare", params={"gain": 2})
+    with pytest.raises(SceneError, match=r"Bare' does not take \(Scene, late=True, gain=2\): "):
+        build("gadget", choice, TABLE, load_scene("close_range"), late=True)
 
 
 def test_the_implementations_that_a_scene_names_are_found_at_any_depth() -> None:
