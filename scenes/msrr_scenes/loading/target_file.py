@@ -121,7 +121,8 @@ def _camera(given: dict[str, Any], calibration: CalibrationSpec | None, path: Pa
     told = camera.get("calibration")
     if told is None and "hfov_deg" not in camera:
         raise SceneError(
-            f"{path}: nothing tells of the camera; give --calibration FILE, or camera.calibration in it"
+            f"{path}: nothing tells of the camera; give --calibration FILE, or in it camera.calibration, or"
+            " camera.hfov_deg of an ideal camera"
         )
     for key in ("width_px", "height_px"):
         if told is not None and told.get(key) is not None:

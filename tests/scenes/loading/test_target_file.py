@@ -101,10 +101,10 @@ def test_the_mount_of_the_camera_and_its_calibration_can_be_given(tmp_path: Path
 
 
 def test_the_target_files_of_the_page_can_be_used(tmp_path: Path) -> None:
-    """The page shows two; both name a calibration, and the second one a map."""
+    """The first two name a calibration, the second one a map; the third tells what a shipped scene does."""
     page = Path(__file__).parents[3] / "docs" / "how-to" / "recordings.md"
     examples = re.findall(r"```yaml\n(.*?)```", page.read_text(), re.DOTALL)
-    assert len(examples) == 2
+    assert len(examples) == 3
     (tmp_path / "runs" / "map").mkdir(parents=True)
     tags = {
         tag: MappedTagSpec(position_m=(0.1 * tag, 0.0, 0.0), quaternion_xyzw=(0, 0, 0, 1)) for tag in range(8)
@@ -116,16 +116,20 @@ def test_the_target_files_of_the_page_can_be_used(tmp_path: Path) -> None:
         " distortion_coefficients: {rows: 1, cols: 4, data: [0, 0, 0, 0]},"
         " camera_matrix: {rows: 3, cols: 3, data: [700, 0, 400, 0, 700, 300, 0, 0, 1]}}"
     )
-    drawn, mapped = (model(tmp_path / "t.yaml", yaml.safe_load(text)) for text in examples)
+    drawn, mapped, trial = (model(tmp_path / "t.yaml", yaml.safe_load(text)) for text in examples)
     assert len(drawn.port_tags) == 3
     assert mapped.tags == (4, 5, 6)
     assert drawn.camera.width == mapped.camera.width == 800
+    scene = load_scene("close_range")
+    own = TargetModel.from_scene(scene, scene.docks[0])
+    assert (trial.lens, trial.corner_errors) == (own.lens, own.corner_errors)
+    assert (trial.tolerances, trial.tag_family) == (own.tolerances, own.tag_family)
 
 
 @pytest.mark.parametrize(
     ("data", "text"),
     [
-        ({"unit": {"number": 1, "port": "rear"}}, "nothing tells of the camera"),
+        ({"unit": {"number": 1, "port": "rear"}}, "nothing tells of the camera.*hfov_deg"),
         ({"unit": {"number": 1, "port": "top"}, "camera": CAMERA}, "'top' is no port of unit.urdf"),
         ({"camera": CAMERA}, "expected either unit or marker"),
         ({"unit": {"nmber": 1, "port": "rear"}}, r"t\.yaml:1:9: unit\.nmber: unknown key.*'number'"),
