@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 #: Name that Rerun gives to the time at which a message of a log was written.
 _TIMELINE = "message_log_time"
 
+#: What the last bytes of a recording begin with.
+_FOOTER, _FOOTER_SIZE = b"RRF2FOOT", 12
+
 
 def write_rerun(log: Log, path: Path) -> None:
     """Write a log as a file that Rerun opens.
@@ -47,12 +50,33 @@ def write_rerun(log: Log, path: Path) -> None:
         path: File to write, ending in ``.rrd``.
 
     Raises:
-        MsrrError: The package rerun-sdk is not installed.
+        MsrrError: The package rerun-sdk is not installed, the log ends early, or the file cannot be written.
     """
     try:
-        import rerun as rr
+        import rerun  # noqa: F401 - is it there?
     except ImportError:
         raise MsrrError("the package rerun-sdk is not installed; pip install 'msrr-bullet[rerun]'") from None
+    if not log.complete:
+        raise MsrrError(
+            f"{log.path}: the log ends early, and Rerun reads only whole ones; export it with --csv"
+        )
+    try:
+        path.write_bytes(b"")  # Rerun's own error is an error of its program
+    except OSError as error:
+        raise MsrrError(f"{path}: cannot be written ({error.strerror})") from None
+    try:
+        _write(log, path)
+    except RuntimeError as error:
+        raise MsrrError(f"{path}: Rerun cannot write it: {error}") from None
+    # A thread of Rerun writes the file, and does not report that it cannot; the footer comes last.
+    if not path.read_bytes()[-_FOOTER_SIZE:].startswith(_FOOTER):
+        path.unlink()
+        raise MsrrError(f"{path}: cannot be written to its end; is the disk full?")
+
+
+def _write(log: Log, path: Path) -> None:
+    import rerun as rr
+
     scene = log.header.scene
     recording = rr.RecordingStream("msrr-bullet", recording_id=f"{scene.name}-{log.header.seed}")
     recording.save(path, default_blueprint=_layout(scene))

@@ -7,6 +7,7 @@ from types import TracebackType
 
 import cv2
 import numpy as np
+from cv2.utils import logging
 
 from msrr_bullet.figures.canvas import Image
 from msrr_scenes.errors import MsrrError
@@ -41,6 +42,7 @@ class FilmFile:
         """
         self._path, self._kind = path, path.suffix.lower()
         self._writer: cv2.VideoWriter | None = None
+        self._written = 0
         self._gif: list[Image] = []
         if self._kind not in ENDINGS:
             raise FilmError(f"{path}: a film ends in {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}")
@@ -70,24 +72,52 @@ class FilmFile:
             if not self._writer.isOpened():
                 raise FilmError(f"{self._path}: OpenCV cannot write a film here")
         self._writer.write(picture)
+        self._written += 1
 
     def __enter__(self) -> FilmFile:
+        # OpenCV warns of every single picture that it cannot write.
+        self._level = logging.setLogLevel(logging.LOG_LEVEL_ERROR)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._writer is not None:
-            self._writer.release()
-            if kind is not None:
-                self._path.unlink(missing_ok=True)
-        elif kind is None and self._gif:
-            _write_gif(self._path, self._gif)
+        try:
+            if self._writer is not None:
+                self._finish(self._writer, broken_off=kind is not None)
+            elif kind is None and self._gif:
+                _write_gif(self._path, self._gif)
+        finally:
+            logging.setLogLevel(self._level)
+
+    def _finish(self, writer: cv2.VideoWriter, *, broken_off: bool) -> None:
+        writer.release()
+        if broken_off:
+            self._path.unlink(missing_ok=True)
+        elif _pictures_in(self._path) != self._written:
+            self._path.unlink(missing_ok=True)
+            raise FilmError(f"{self._path}: cannot be written to its end; is the disk full?")
+
+
+def _pictures_in(path: Path) -> int:
+    """Return how many pictures a film says that it has.
+
+    OpenCV does not report that a film cannot be written, but that number is what it writes last.
+    """
+    film = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    return round(film.get(cv2.CAP_PROP_FRAME_COUNT)) if film.isOpened() else 0
 
 
 def _write_gif(path: Path, pictures: list[Image]) -> None:
     animation = cv2.Animation()
     animation.frames, animation.durations = pictures, [1000 // RATE] * len(pictures)
     colours = [cv2.IMWRITE_GIF_QUALITY, cv2.IMWRITE_GIF_COLORTABLE_SIZE_256]
-    if not cv2.imwriteanimation(str(path), animation, colours):
-        raise FilmError(f"{path}: OpenCV cannot write a GIF here")
+    # It is encoded in memory, because OpenCV does not report that a file cannot be written.
+    encoded, data = cv2.imencodeanimation(_GIF, animation, colours)
+    if not encoded:
+        raise FilmError(f"{path}: OpenCV cannot write a GIF of these pictures")
+    try:
+        path.write_bytes(data.tobytes())
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        raise FilmError(f"{path}: cannot be written ({error.strerror})") from None

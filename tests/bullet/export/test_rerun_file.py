@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
 
 from msrr_bullet.export.rerun_file import write_rerun
 from msrr_bullet.log import unpacked_log
+from msrr_bullet.log.reader import LOG_NAME
 from msrr_scenes.errors import MsrrError
 
 
@@ -45,3 +48,26 @@ def test_without_rerun_the_message_says_what_to_install(
     monkeypatch.setitem(sys.modules, "rerun", None)
     with unpacked_log(short_run) as log, pytest.raises(MsrrError, match=r"msrr-bullet\[rerun\]"):
         write_rerun(log, tmp_path / "t.rrd")
+
+
+def test_a_recording_that_cannot_be_written_whole_is_an_error_and_leaves_no_file(
+    short_run: Path, tmp_path: Path, room: Callable[[int], AbstractContextManager[None]]
+) -> None:
+    pytest.importorskip("rerun")
+    with unpacked_log(short_run) as log:
+        for path in (tmp_path, tmp_path / "no" / "t.rrd"):
+            with pytest.raises(MsrrError, match=f"{path}: cannot be written"):
+                write_rerun(log, path)
+        with pytest.raises(MsrrError, match=r"t\.rrd: cannot be written to its end"), room(65_536):
+            write_rerun(log, tmp_path / "t.rrd")
+    assert not list(tmp_path.iterdir())
+
+
+def test_rerun_is_not_given_a_log_that_ends_early(short_run: Path, tmp_path: Path) -> None:
+    """It reads nothing of it, and says so in its own log alone."""
+    pytest.importorskip("rerun")
+    cut = tmp_path / LOG_NAME
+    cut.write_bytes((short_run / LOG_NAME).read_bytes()[:-20])
+    with unpacked_log(cut) as log, pytest.raises(MsrrError, match="the log ends early"):
+        write_rerun(log, tmp_path / "t.rrd")
+    assert not (tmp_path / "t.rrd").exists()

@@ -12,7 +12,7 @@ from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import BAD_INPUT
 from msrr_bullet.figures.body_renderer import BodyRenderer
 from msrr_bullet.figures.film import write_film
-from msrr_bullet.figures.film_file import FilmError, FilmFile
+from msrr_bullet.figures.film_file import ENDINGS, FilmError, FilmFile
 from msrr_bullet.figures.scene_view import MARGIN, SceneView, look_at_all
 from msrr_bullet.log import read_log
 from msrr_perception.detection.detector import PupilDetector
@@ -72,6 +72,22 @@ def test_a_film_that_fails_leaves_no_file(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_film_that_the_disk_has_no_room_for_is_an_error_and_leaves_no_file(tmp_path, ending, room, capfd):
+    random = np.random.default_rng(0)
+    pictures = random.integers(0, 255, (40, 240, 320, 3), dtype=np.uint8)
+
+    def film():
+        with room(65_536), FilmFile(tmp_path / f"film{ending}", len(pictures)) as film:
+            for picture in pictures:
+                film.write(picture)
+
+    with pytest.raises(FilmError, match="cannot be written"):
+        film()
+    assert not list(tmp_path.iterdir())
+    assert "WARN" not in capfd.readouterr().err
 
 
 def test_what_cannot_be_filmed_is_refused(short_log, blind_run, tmp_path, capsys, monkeypatch):
