@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import platform
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from pydantic import BaseModel, ValidationError
@@ -14,7 +12,7 @@ from rich.table import Table
 
 from msrr_bullet.bench.trial_speed import BenchError, TrialSpeed, measure_trial_speed
 from msrr_bullet.figures.style import new_figure, save, styled
-from msrr_bullet.sweep.worker_pool import end_with_parent
+from msrr_bullet.sweep.worker_pool import SpawnedPool
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
@@ -93,7 +91,7 @@ def variants_of(
 def _line_of(scene: Scene, number: int) -> Scene:
     if not 2 <= number <= len(scene.units):
         raise BenchError(
-            f"--units {number}: {scene.name} has {len(scene.units)} units; expected 2 or more of them"
+            f"--units {number}: expected from 2 to {len(scene.units)}, the number of units of {scene.name}"
         )
     named = list(scene.units)[:number]
     line = {
@@ -118,7 +116,13 @@ def compare_speeds(
         observer: Called with the name of each before it is measured.
         before: Earlier comparison. A variant that costs more than it allows is measured again, up to three
             times in all, and the time at which it cost least counts.
+
+    Raises:
+        BenchError: The earlier comparison has none of the variants.
     """
+    scene_name = next(iter(variants.values())).name
+    if before is not None:
+        _common(scene_name, variants, before)
     found: dict[str, TrialSpeed] = {}
     for name, scene in variants.items():
         observer(name)
@@ -129,7 +133,7 @@ def compare_speeds(
             speeds.append(_measured(scene))
         found[name] = min(speeds, key=lambda speed: speed.times_physics_alone)
     return SpeedComparison(
-        scene=next(iter(variants.values())).name,
+        scene=scene_name,
         machine=f"{_processor()}, {os.cpu_count()} cores",
         versions=package_versions(),
         variants=found,
@@ -137,10 +141,9 @@ def compare_speeds(
 
 
 def _measured(scene: Scene) -> TrialSpeed:
-    # Spawned, never forked: a child of a process with threads may wait for a lock for ever.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, context, initializer=end_with_parent) as pool:
-        return pool.submit(measure_trial_speed, scene, naive=False).result()
+    with SpawnedPool(1) as pool:
+        speed: TrialSpeed = pool.submit(measure_trial_speed, scene, naive=False).result()
+        return speed
 
 
 def _costs_more(now: TrialSpeed, then: TrialSpeed) -> bool:
@@ -203,13 +206,8 @@ def slower_than(found: SpeedComparison, before: SpeedComparison) -> list[str]:
     Raises:
         BenchError: The two have no variant in common.
     """
-    common = [name for name in found.variants if name in before.variants]
-    if found.scene != before.scene or not common:
-        raise BenchError(
-            f"nothing in common with the comparison of {before.scene}: {', '.join(before.variants)}"
-        )
     slower = []
-    for name in common:
+    for name in _common(found.scene, found.variants, before):
         now, then = (each.variants[name] for each in (found, before))
         if _costs_more(now, then):
             costs = (
@@ -217,6 +215,15 @@ def slower_than(found: SpeedComparison, before: SpeedComparison) -> list[str]:
             )
             slower.append(f"{found.scene}, {name}: {costs}")
     return slower
+
+
+def _common(scene: str, names: Iterable[str], before: SpeedComparison) -> list[str]:
+    common = [name for name in names if name in before.variants]
+    if scene != before.scene or not common:
+        raise BenchError(
+            f"nothing in common with the comparison of {before.scene}: {', '.join(before.variants)}"
+        )
+    return common
 
 
 def draw_comparison(found: SpeedComparison, path: Path) -> Path:

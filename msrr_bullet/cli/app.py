@@ -30,7 +30,7 @@ from msrr_bullet.cli import (
 )
 from msrr_bullet.cli.console import open_console
 from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, report_error
-from msrr_bullet.cli.options import Overrides, naming_overrides, parse_overrides
+from msrr_bullet.cli.options import Overrides, naming_overrides, parse_overrides, write_text
 from msrr_scenes.errors import MsrrError
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def schema(
     if out is None:
         typer.echo(text, nl=False)
     else:
-        out.write_text(text, encoding="utf-8")
+        write_text(out, text)
 
 
 def _task(scene: Scene) -> str:

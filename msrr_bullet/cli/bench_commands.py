@@ -91,8 +91,8 @@ def bench(
     if profile and compares:
         raise SceneError("--profile: expected no --grade and no --units; it runs one trial of the scene")
     settings = parse_overrides(overrides)
-    for file in (json_file, plot, profile):
-        check_writable(file)
+    for option, file in (("--json", json_file), ("--plot", plot), ("--profile", profile)):
+        check_writable(file, option)
     if profile is not None:
         _profile(target, settings, profile)
         return
@@ -121,7 +121,10 @@ def _comparison(
     against: Path | None,
 ) -> _Bench:
     from msrr_bullet.bench import speed_comparison as comparison
+    from msrr_bullet.figures.style import check_format
 
+    if plot is not None:
+        check_format(plot)
     variants = comparison.variants_of(name, overrides, grades, units)
     before = None if against is None else comparison.read_comparison(against)
 

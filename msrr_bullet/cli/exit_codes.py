@@ -56,7 +56,9 @@ class ExitCodeGroup(TyperGroup):
             # The reader of the output has gone away; Python would report that once more at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise SystemExit(NOT_DOCKED) from None
-        except (MsrrError, OSError) as error:
+        except OSError as error:
+            raise SystemExit(report_error(os_error_text(error), BAD_INPUT)) from None
+        except MsrrError as error:
             raise SystemExit(report_error(str(error), BAD_INPUT)) from None
         except Exception as error:
             if swallowed:  # the error may follow from the work that the interrupt cut short
@@ -92,6 +94,13 @@ def _swallowed_interrupts() -> Iterator[Sequence[object]]:
         sys.unraisablehook = original_hook
         for timer in timers:
             timer.cancel()
+
+
+def os_error_text(error: OSError) -> str:
+    """Return an error of the operating system as other messages are: first the place, without its number."""
+    if error.strerror is None:
+        return str(error)
+    return error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
 
 
 def report_error(message: str, code: int) -> int:

@@ -157,10 +157,15 @@ def _seed(text: str, part: str) -> int:
     return seed
 
 
-def check_writable(file: Path | None) -> None:
-    """Raise a :class:`SceneError` before the work begins if its result could not be written."""
-    if file is not None and file != Path("-") and (file.is_dir() or not file.absolute().parent.is_dir()):
-        raise SceneError(f"--json {file}: not a file in an existing folder")
+def check_writable(file: Path | None, option: str = "--json") -> None:
+    """Raise a :class:`SceneError` before the work begins if its result could not be written to a file."""
+    if file is None or file == Path("-"):
+        return
+    folder = file.absolute().parent
+    if file.is_dir() or not folder.is_dir():
+        raise SceneError(f"{option} {file}: not a file in an existing folder")
+    if not os.access(file if file.exists() else folder, os.W_OK):
+        raise SceneError(f"{option} {file}: may not be written; name another place")
 
 
 def write_json(file: Path | None, text: str) -> None:
@@ -168,4 +173,16 @@ def write_json(file: Path | None, text: str) -> None:
     if file == Path("-"):
         sys.stdout.write(text)
     elif file is not None:
+        write_text(file, text)
+
+
+def write_text(file: Path, text: str) -> None:
+    """Write a file.
+
+    Raises:
+        SceneError: It cannot be written; the message names it, which the error of a full disk does not.
+    """
+    try:
         file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SceneError(f"{file}: cannot be written ({error.strerror})") from None

@@ -13,8 +13,10 @@ from msrr_bullet.cli.options import (
     DEFAULT_JOBS,
     SEEDS_HELP,
     Jobs,
+    check_writable,
     parse_seed_range,
     use_one_thread_per_process,
+    write_text,
 )
 from msrr_scenes.errors import SceneError
 
@@ -42,16 +44,13 @@ def tune(
     The procedure, budget, objective and settings are the same for every controller.
     """
     use_one_thread_per_process()
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
     from msrr_bullet.studies.tuned_controller import tuned_name, tuned_scene
     from msrr_bullet.studies.tuning import tune as run_tuning
-    from msrr_bullet.sweep.worker_pool import end_with_parent
+    from msrr_bullet.sweep.worker_pool import SpawnedPool
 
     path = out if out is not None else Path(f"{tuned_name(part, controller)}.yaml")
-    context = get_context("spawn")
-    pool = ProcessPoolExecutor(jobs, context, initializer=end_with_parent) if jobs > 1 else None
+    check_writable(path, "--out")
+    pool = SpawnedPool(jobs) if jobs > 1 else None
     with status_line(open_console(), f"{controller}: first generation") as show, pool or nullcontext():
 
         def show_generation(generation: int, cost: float) -> None:
@@ -59,7 +58,11 @@ def tune(
 
         mapper = pool.map if pool is not None else None
         tuned = run_tuning(controller, part, budget, seed, mapper=mapper, observer=show_generation)
-    path.write_text(tuned_scene(tuned), encoding="utf-8")
+    try:
+        write_text(path, tuned_scene(tuned))
+    except SceneError:
+        typer.echo(tuned_scene(tuned))  # it took minutes
+        raise
     typer.echo(
         f"{controller}: cost {tuned.cost_shipped:.3f} as shipped, {tuned.cost_tuned:.3f} tuned, on starts and"
         f" noise that were not tuned on ({tuned.budget} evaluations). Written to {path}"

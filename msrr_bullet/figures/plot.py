@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from msrr_bullet.figures import curves
 from msrr_bullet.figures.mission_chart import draw_mission, mission_height
+from msrr_bullet.figures.style import check_format, save
 from msrr_bullet.timeline.series import TrialSeries
 from msrr_bullet.timeline.snapshot import Snapshot, of_unit, unit_of_curves
 from msrr_scenes.errors import MsrrError
@@ -20,13 +20,6 @@ from msrr_scenes.specs.scene import Scene
 
 #: Width and height of one row [in], and resolution [1/in].
 WIDTH, ROW, DPI = 13.0, 2.0, 120
-
-#: Formats with the metadata that leave out date and program, so that the same run gives the same file.
-_METADATA: dict[str, dict[str, str | None]] = {
-    ".png": {"Software": None},
-    ".pdf": {"CreationDate": None},
-    ".svg": {"Date": None},
-}
 
 
 def write_plot(
@@ -49,8 +42,7 @@ def write_plot(
     Raises:
         MsrrError: There is no snapshot, the suffix names no such format, or the unit has no step.
     """
-    if path.suffix.lower() not in _METADATA:
-        raise MsrrError(f"{path}: no format for plots; end the name with {' or '.join(_METADATA)}")
+    check_format(path)
     if not snapshots:
         raise MsrrError(f"{path}: a trial without a single snapshot gives no plot")
     if scene.coordinated and unit is None:
@@ -58,7 +50,7 @@ def write_plot(
         FigureCanvasAgg(figure)
         draw_mission(figure, figure.add_gridspec(1, 1)[0], scene, snapshots)
         curves.set_title(figure, scene, headline)
-        return _save(figure, path)
+        return save(figure, path)
     shown = unit_of_curves(snapshots, unit)
     series = TrialSeries.of(scene, of_unit(snapshots, shown))
     left: list[Callable[[Axes], None]] = [
@@ -82,10 +74,4 @@ def write_plot(
     curves.draw_stack(figure, columns[0], series, left)
     curves.draw_stack(figure, columns[1], series, right)
     curves.set_title(figure, scene, headline, shown)
-    return _save(figure, path)
-
-
-def _save(figure: Figure, path: Path) -> Path:
-    with rc_context({"svg.hashsalt": "msrr"}):
-        figure.savefig(path, metadata=_METADATA[path.suffix.lower()])
-    return path
+    return save(figure, path)

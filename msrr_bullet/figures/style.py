@@ -1,4 +1,4 @@
-"""The style of figures of studies: sizes, colours that colour-blind readers can tell apart, the PNG file."""
+"""The style of figures of studies: sizes, colours that colour-blind readers can tell apart, their files."""
 
 from __future__ import annotations
 
@@ -13,8 +13,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from msrr_bullet.timeline.palette import BLACK, BLUE, GREEN, OBSTACLE, ORANGE, PURPLE, VERMILLION, css
+from msrr_scenes.errors import MsrrError
 
 DPI = 110
+
+#: Formats with the metadata that leave out date and program, so that the same figure gives the same file.
+_METADATA: dict[str, dict[str, str | None]] = {
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None},
+    ".svg": {"Date": None},
+}
 
 #: Text sizes that are still readable when a figure is shown at half its width.
 _TEXT: dict[Any, Any] = {
@@ -86,7 +94,22 @@ def legend_above(axes: Axes, columns: int = 2) -> None:
     axes.legend(loc="upper center", ncols=columns, columnspacing=0.8, handlelength=1.8, framealpha=1.0)
 
 
+def check_format(path: Path) -> None:
+    """Raise a :class:`MsrrError` if the ending of a file names no format of figures."""
+    if path.suffix.lower() not in _METADATA:
+        raise MsrrError(f"{path}: no format for plots; end the name with {' or '.join(_METADATA)}")
+
+
 def save(figure: Figure, path: Path) -> Path:
-    """Write a PNG file whose bytes depend on nothing but the figure."""
-    figure.savefig(path, metadata={"Software": None})
+    """Write a PNG, PDF or SVG file, by its ending, whose bytes depend on nothing but the figure.
+
+    Raises:
+        MsrrError: The ending names no such format, or the file cannot be written.
+    """
+    check_format(path)
+    try:
+        with rc_context({"svg.hashsalt": "msrr"}):
+            figure.savefig(path, metadata=_METADATA[path.suffix.lower()])
+    except OSError as error:
+        raise MsrrError(f"{path}: cannot be written ({error.strerror})") from None
     return path

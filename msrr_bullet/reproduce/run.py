@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from datetime import datetime
 from pathlib import Path
@@ -23,7 +21,7 @@ from msrr_bullet.studies.model import Reproduction
 from msrr_bullet.studies.search_space import Part
 from msrr_bullet.studies.settings import STANDARD
 from msrr_bullet.studies.tuned_controller import tuned_choice
-from msrr_bullet.sweep.worker_pool import end_with_parent
+from msrr_bullet.sweep.worker_pool import SpawnedPool
 from msrr_scenes.specs.spec import Choice
 
 #: The laws in the order in which they are shown, by phase.
@@ -71,9 +69,7 @@ def reproduce(
 
     parts: list[Reproduction] = []
     if unicycle is not None:
-        # Spawned, never forked: a child of a process with threads may wait for a lock for ever.
-        context = multiprocessing.get_context("spawn")
-        pools = ProcessPoolExecutor(jobs, context, initializer=end_with_parent) if jobs > 1 else nullcontext()
+        pools = SpawnedPool(jobs) if jobs > 1 else nullcontext()
         with pools as pool:
             compared: Contenders = {"long": contenders("assembly"), "close": contenders("docking")}
             parts.append(reproduce_unicycle(unicycle, compared, pool, report))

@@ -8,7 +8,7 @@ import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.process import BaseProcess
@@ -45,6 +45,70 @@ class SupportsSubmit(Protocol):
         ...
 
 
+def end_with_parent() -> None:
+    """End this process as soon as the process that spawned it is gone; a pool calls it in each worker.
+
+    A worker waits for work on a pipe of which it holds both ends, and so never learns by itself that its
+    parent was killed.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_follow, args=(parent,), name="msrr-parent", daemon=True).start()
+
+
+def _follow(parent: BaseProcess) -> None:
+    parent.join()  # on a pipe that the parent alone holds open
+    os._exit(1)  # the main thread may be in the middle of a trial, whose result nobody waits for
+
+
+class SpawnedPool(ProcessPoolExecutor):
+    """Spawned processes, which end with their parent and never learn of Ctrl-C, the parent's to answer.
+
+    An error in a ``with`` block, Ctrl-C included, ends them at once. They are spawned, never forked: a
+    detector or a simulator does not survive a fork, and a child of a process with threads may wait for a lock
+    for ever.
+    """
+
+    def __init__(self, workers: int, initializer: Callable[[], None] = end_with_parent) -> None:
+        super().__init__(workers, multiprocessing.get_context("spawn"), initializer)
+        self._other_children = set(multiprocessing.active_children())
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Start ``fn(*args, **kwargs)`` in a worker, which may be started for it."""
+        # A process starts with the blocked signals of its parent; what it did about Ctrl-C itself, it would
+        # do after its imports, which take a second.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            return super().submit(fn, *args, **kwargs)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+    def map(
+        self,
+        fn: Callable[..., Any],
+        *iterables: Iterable[Any],
+        timeout: float | None = None,
+        chunksize: int = 1,
+    ) -> Iterator[Any]:
+        """Start ``fn`` for all arguments, and yield the results in order; see :class:`Executor`.
+
+        That of Python cancels the rest after an error, over which the thread stumbles that ends a pool whose
+        processes are gone. Chunks are of one.
+        """
+        futures = [self.submit(fn, *each) for each in zip(*iterables, strict=False)]
+        return (future.result(timeout) for future in futures)
+
+    def kill(self) -> None:
+        """End the processes at once, whatever they do."""
+        for child in set(multiprocessing.active_children()) - self._other_children:
+            child.terminate()
+
+    def __exit__(self, kind: type[BaseException] | None, *error: Any) -> None:
+        if kind is not None:
+            self.kill()
+        self.shutdown()
+
+
 class WorkerPool:
     """Runs as many trials at the same time as ``slots`` says, in spawned processes or in a given executor."""
 
@@ -57,10 +121,9 @@ class WorkerPool:
     ) -> None:
         self._slots = slots
         self._given = executor
-        self._pool: ProcessPoolExecutor | None = None
+        self._pool: SpawnedPool | None = None
         self._trial = trial
         self._collector = collector
-        self._other_children: set[BaseProcess] = set()
         self._running: dict[Future[Any], Task] = {}
 
     def run(self, tasks: deque[Task]) -> None:
@@ -95,8 +158,7 @@ class WorkerPool:
         """Drop the running trials."""
         self._running.clear()
         if self._pool is not None:
-            for child in set(multiprocessing.active_children()) - self._other_children:
-                child.terminate()
+            self._pool.kill()
 
     def close(self) -> None:
         """End the processes of the pool."""
@@ -115,12 +177,9 @@ class WorkerPool:
             future.set_exception(error)
         self._running[future] = task
 
-    def _open(self, workers: int) -> ProcessPoolExecutor:
+    def _open(self, workers: int) -> SpawnedPool:
         if self._pool is None:
-            # Spawned, never forked: a detector or a simulator does not survive a fork.
-            context = multiprocessing.get_context("spawn")
-            self._other_children = set(multiprocessing.active_children())
-            self._pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker)
+            self._pool = SpawnedPool(workers, _start_worker)
             try:  # a process that cannot start is no trial that died, and no seed would start one
                 self._pool.submit(os.getpid).result()
             except BrokenProcessPool:
@@ -161,27 +220,10 @@ class WorkerPool:
         return lost
 
 
-def end_with_parent() -> None:
-    """End this process as soon as the process that spawned it is gone; a pool calls it in each worker.
-
-    A worker waits for work on a pipe of which it holds both ends, and so never learns by itself that its
-    parent was killed.
-    """
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_follow, args=(parent,), name="msrr-parent", daemon=True).start()
-
-
-def _follow(parent: BaseProcess) -> None:
-    parent.join()  # on a pipe that the parent alone holds open
-    os._exit(1)  # the main thread may be in the middle of a trial, whose result nobody waits for
-
-
 def _start_worker() -> None:
-    """Ignore Ctrl-C, so that the parent can let running trials finish, and use one core."""
+    """Use one core."""
     import cv2
 
     gc.set_threshold(50_000)  # as in msrr_bullet.cli.app.main: what is imported is no garbage
     end_with_parent()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(1)

@@ -12,6 +12,7 @@ from msrr_bullet.bench import speed_comparison
 from msrr_bullet.bench.speed_comparison import (
     ALLOWED,
     SpeedComparison,
+    draw_comparison,
     read_comparison,
     slower_than,
     variants_of,
@@ -69,6 +70,13 @@ def test_what_seems_slower_is_measured_again_and_ends_the_command_with_1(
     assert costs == []
 
 
+@pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
+def test_a_comparison_is_drawn_in_every_format(found: SpeedComparison, ending: str, tmp_path: Path) -> None:
+    drawn = [draw_comparison(found, tmp_path / f"{n}.{ending}").read_bytes() for n in range(2)]
+    assert drawn[0] == drawn[1]
+    assert drawn[0].startswith({"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}[ending])
+
+
 def test_only_what_costs_much_more_over_physics_alone_is_slower(found: SpeedComparison) -> None:
     def faster_by(factor: float) -> SpeedComparison:
         """Return the comparison with a cheaper careful trial, on a machine half as fast."""
@@ -96,7 +104,7 @@ def test_many_units_build_a_line_of_the_first_of_them() -> None:
         assert len(scene.units) == number
         assert scene.coordinated
         assert scene.shape == (ShapeSpec(line=number),)
-    with pytest.raises(BenchError, match="--units 9: assemble_cross has 8 units"):
+    with pytest.raises(BenchError, match="--units 9: expected from 2 to 8"):
         variants_of("assemble_cross", {}, [], [9])
 
 
@@ -108,9 +116,12 @@ def test_many_units_build_a_line_of_the_first_of_them() -> None:
         (["close_range", "--grade", "careful", "--profile", "p.html"], "expected no --grade"),
         (["close_range", "--grade", "sloppy"], "found 'sloppy'"),
         (["close_range", "--grade", "careful", "--against", "none.json"], "none.json: no comparison"),
+        (["two_units", "--grade", "careful", "--against", str(STORED)], "nothing in common"),
+        (["close_range", "--grade", "careful", "--plot", "b.xyz"], "b.xyz: no format for plots"),
+        (["close_range", "--profile", "no/p.html"], "--profile no/p.html: not a file in an existing folder"),
     ],
 )
-def test_what_does_not_go_together_is_said(
+def test_what_does_not_go_together_is_said_before_anything_is_measured(
     arguments: list[str], says: str, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

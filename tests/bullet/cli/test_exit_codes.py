@@ -32,7 +32,11 @@ def interruptible() -> Iterator[None]:
     ("error", "code", "message"),
     [
         (KeyboardInterrupt(), 130, "interrupted"),
-        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "runs/x"), 2, "No space left on device: 'runs/x'"),
+        (
+            OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "runs/x"),
+            2,
+            "msrr: runs/x: No space left on device",
+        ),
         (SceneError("no good"), 2, "msrr: no good"),
         (ZeroDivisionError("oops"), 70, "an error of the program"),
     ],

@@ -14,8 +14,13 @@ from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.spec import Choice
 
 
-def test_tune_writes_a_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tune_writes_a_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tuned: list[str] = []
+
     def quick(controller: str, part, budget: int, seed: int, **_) -> Tuned:
+        tuned.append(controller)
         return Tuned(
             part=part,
             controller=controller,
@@ -30,7 +35,14 @@ def test_tune_writes_a_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert run(["tune", "linear", "--jobs", "1", "--budget", "64"]) == 0
     scene = load_scene(tmp_path / "tuned_linear.yaml")
     assert scene.control.docking == Choice(name="linear", params={"k_n_per_s": 1.5})
-    assert run(["tune", "linear", "--jobs", "1", "--out", str(tmp_path / "no" / "folder.yaml")]) == 2
+    for place in (tmp_path / "no" / "folder.yaml", tmp_path):
+        assert run(["tune", "linear", "--jobs", "1", "--out", str(place)]) == 2
+        assert f"--out {place}: not a file in an existing folder" in capsys.readouterr().err
+    assert tuned == ["linear"], "what could not be written is not tuned first"
+    assert run(["tune", "linear", "--jobs", "1", "--budget", "64", "--out", "/dev/full"]) == 2
+    told = capsys.readouterr()
+    assert "/dev/full: cannot be written (No space left on device)" in told.err
+    assert (tmp_path / "tuned_linear.yaml").read_text() in told.out, "what was computed is not lost"
 
 
 def test_reproduce_prints_the_requirements(

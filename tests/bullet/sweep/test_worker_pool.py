@@ -1,5 +1,7 @@
 """The worker pool: processes that die, and trials that come out as in this process."""
 
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -78,6 +80,45 @@ def test_a_worker_that_dies_while_a_result_is_stored_ends_no_sweep(
     summary = sweep(scene, range(6), jobs=2, trial=trial, observer=observe)
     assert [f.seed for f in summary.failures] == [1]
     assert sum(summary.outcomes.values()) == 5
+
+
+@pytest.mark.parametrize("busy", [False, True])
+def test_ctrl_c_ends_a_pool_at_once_and_without_a_word(tmp_path: Path, busy: bool) -> None:
+    """A terminal sends it to the workers as well, also to one that is still importing its modules."""
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import time\n"
+        "from msrr_bullet.sweep.worker_pool import SpawnedPool\n"
+        "if __name__ == '__main__':\n"
+        "    with SpawnedPool(2) as pool:\n"
+        f"        {'list(pool.map(abs, range(2)))' if busy else ''}\n"
+        "        results = pool.map(time.sleep, [60.0] * 6)\n"
+        "        try:\n"
+        "            print('started', flush=True)\n"
+        "            list(results)\n"
+        "        except KeyboardInterrupt:\n"
+        "            print('interrupted', flush=True)\n"
+        "            raise SystemExit(5)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, str(program)],
+        start_new_session=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "started\n"
+        time.sleep(0.3)  # amid the imports of the workers, if they are new
+        os.killpg(process.pid, signal.SIGINT)
+        out, err = process.communicate(timeout=40.0)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    assert (process.returncode, out, err) == (5, "interrupted\n", "")
 
 
 def test_a_program_whose_workers_cannot_start_is_told_so() -> None:
