@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from operator import index
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,7 +44,7 @@ def run_trial(
     scene: Scene,
     seed: int = 0,
     *,
-    out: Path | None = None,
+    out: str | Path | None = None,
     viewer: Viewer | None = None,
     observer: Callable[[Progress], None] | None = None,
     profiler: Profiler | None = None,
@@ -71,8 +72,11 @@ def run_trial(
     Raises:
         MsrrError: :func:`~msrr_bullet.trial.check.check_trial` refuses the scene, or the folder cannot be
             written, holds a file of such a name that belongs to no run, or is that of a run under way.
+        TypeError: The seed is no whole number.
         WallLimitError: The trial took longer than ``wall_limit_s``. The log ends there, and has no result.
     """
+    seed = index(seed)  # before the trial, which is done by the time the result would refuse another type
+    out = Path(out) if out is not None else None
     with ExitStack() as lock:
         result = _run(scene, seed, out, lock, wall_limit_s, viewer, observer, profiler, listener)
         if out is not None:

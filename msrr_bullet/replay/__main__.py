@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from msrr_bullet.replay.isolation import SimulatorBarrier
+from msrr_bullet.replay.isolation import REFUSED, SimulatorBarrier
 from msrr_scenes.errors import MsrrError
 
 try:
@@ -13,6 +13,6 @@ try:
     report = replay(Path(sys.argv[1]), trust="--trust" in sys.argv[2:])
 except MsrrError as error:
     sys.stderr.write(f"{error}\n")
-    sys.exit(2)
+    sys.exit(REFUSED)
 sys.stdout.write(report.model_dump_json())
 sys.exit(0 if report.identical else 1)

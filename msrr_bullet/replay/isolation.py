@@ -13,6 +13,9 @@ from types import ModuleType
 
 from msrr_bullet.replay.comparison import ReplayError, ReplayReport
 
+#: Exit code of that process where a replay cannot be made, for the reason that it writes to standard error.
+REFUSED = 2
+
 #: Packages of the simulator.
 SIMULATOR = ("pybullet", "pybullet_data", "pybullet_utils", "pybullet_envs")
 
@@ -36,8 +39,11 @@ def replay_isolated(run: Path, *, trust: bool = False) -> ReplayReport:
         env=environment,
         check=False,
     )
+    said = finished.stderr.strip()
+    if finished.returncode == REFUSED:
+        raise ReplayError(said)  # an error of ours, which names the log
     if finished.returncode not in (0, 1) or not finished.stdout:
-        raise ReplayError(f"{run}: the replay failed: {finished.stderr.strip()}")
+        raise ReplayError(f"{run}: the replay failed: {said or f'exit code {finished.returncode}'}")
     return ReplayReport.model_validate_json(finished.stdout)
 
 

@@ -100,6 +100,8 @@ class TrialStore:
         """
         if not other.is_file():
             raise StoreError(f"{other}: no such store")
+        if other.stat().st_size == 0:  # to open it would make a store of it, whatever it is
+            raise StoreError(f"{other}: not a store of trials, an empty file")
         with TrialStore(other) as source:
             scenes, trials = source._rows("SELECT * FROM scenes"), source._rows("SELECT * FROM trials")
         added = []

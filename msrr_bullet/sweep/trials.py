@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
+from operator import index
 from pathlib import Path
 
 from msrr_bullet.sensors.preparation import prepare_cameras
@@ -85,6 +86,7 @@ def run_trials(
 
     Raises:
         MsrrError: A scene cannot be run with any seed, or the store cannot be used.
+        TypeError: A seed is no whole number.
         ValueError: ``jobs`` is not positive.
     """
     if isinstance(jobs, int) and jobs < 1:
@@ -97,7 +99,7 @@ def run_trials(
         for scene, seeds in batches:
             digest, code = scene_hash(scene), code_fingerprint(scene)
             codes[digest] = code
-            wanted = list(dict.fromkeys(seed for seed in seeds if (digest, seed) not in outcomes))
+            wanted = list(dict.fromkeys(index(seed) for seed in seeds if (digest, seed) not in outcomes))
             stored: dict[int, TrialResult] = {}
             if trial_store is not None:
                 trial_store.put_scene(digest, scene.name, scene.model_dump_json())

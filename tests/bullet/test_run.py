@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from msrr_bullet.log import read_log
@@ -44,6 +45,15 @@ def test_a_run_folder_holds_the_log_and_what_follows_from_it(shipped: Load, tmp_
     page = (out / "replay.html").read_text()
     assert "</html>" in page
     assert 'src="http' not in page  # self-contained
+
+
+def test_a_folder_may_be_a_text_and_a_seed_is_a_whole_number(shipped: Load, tmp_path: Path) -> None:
+    scene = shipped("close_range", SHORT, blind=True)
+    assert run_trial(scene, np.int64(SEED), out=str(tmp_path / "run")).folder == tmp_path / "run"
+    seen: list[Progress] = []
+    with pytest.raises(TypeError, match="integer"):
+        run_trial(scene, 1.5, observer=seen.append)  # type: ignore[arg-type]
+    assert not seen, "a trial was run whose result could not be"
 
 
 def crash(progress: Progress) -> None:

@@ -61,14 +61,16 @@ def find_scene(name_or_path: str) -> Path:
     """
     path = Path(name_or_path)
     if path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
-        if not path.is_file():
-            raise SceneError(f"{name_or_path}: no such scene file")
+        try:
+            if not path.is_file():
+                raise SceneError(f"{name_or_path}: no such scene file")
+        except OSError as error:  # such as a name that is too long, or a folder that may not be entered
+            raise SceneError(f"{name_or_path}: cannot be read: {error.strerror}") from None
         return path
-    shipped = LIBRARY / f"{name_or_path}.yaml"
-    if not shipped.is_file():
+    if name_or_path not in shipped_scenes():
         hint = "A file of your own is named by its path."
         raise UnknownNameError("scene", name_or_path, shipped_scenes(), hint)
-    return shipped
+    return LIBRARY / f"{name_or_path}.yaml"
 
 
 def load_scene(name_or_path: str | Path, overrides: Mapping[str, object] = _NONE) -> Scene:
@@ -196,7 +198,10 @@ def _embedded(
 ) -> _File:
     """Return what a file says that a scene names."""
     place = f"{document.origin(key)}: {dotted(key)}"
-    file = next((path for path in (beside / named, Path(named)) if path.is_file()), None)
+    try:
+        file = next((path for path in (beside / named, Path(named)) if path.is_file()), None)
+    except OSError as error:  # such as a name that is too long, or a folder that may not be entered
+        raise SceneError(f"{place}: {named[:80]!r} cannot be read: {error.strerror}") from None
     if file is None:
         raise SceneError(f"{place}: no file {named!r} beside the file or in the working folder")
     try:

@@ -51,6 +51,15 @@ def test_a_second_sweep_runs_only_what_is_missing(
     assert second == fresh.model_copy(update={"reused": 5})  # whether stored or run makes no difference
 
 
+def test_a_seed_that_is_no_whole_number_is_refused_before_any_trial(
+    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction
+) -> None:
+    ran: list[object] = []
+    with pytest.raises(TypeError, match="integer"):
+        sweep(scene, [0, 0.5], executor=inline, trial=made_up, observer=lambda r, _: ran.append(r))  # type: ignore[list-item]
+    assert not ran
+
+
 def test_another_scene_or_other_code_is_not_taken_from_the_store(
     scene: Scene,
     inline: SupportsSubmit,

@@ -71,6 +71,10 @@ def test_stores_are_merged_and_a_contradiction_changes_nothing(
     assert "its result of seed 3 is another one" in capsys.readouterr().err
     assert run(["merge", str(tmp_path / "none.sqlite"), "--into", str(whole)]) == 2
     assert "none.sqlite: no such store" in capsys.readouterr().err
+    (tmp_path / "notes.txt").touch()
+    assert run(["merge", str(tmp_path / "notes.txt"), "--into", str(whole)]) == 2
+    assert "notes.txt: not a store of trials" in capsys.readouterr().err
+    assert (tmp_path / "notes.txt").read_bytes() == b"", "what is read is left as it is"
     assert rows() == before
 
 

@@ -169,6 +169,11 @@ def test_other_ways_not_to_be_a_scene(tmp_path: Path) -> None:
         load_scene(write(tmp_path, "# " + "x" * 1_000_001))
     with pytest.raises(UnknownNameError, match="did you mean 'close_range'"):
         load_scene("close_rnge")
+    for name in ("x" * 5000, f"{'x' * 5000}.yaml"):
+        with pytest.raises((UnknownNameError, SceneError), match=r"unknown scene|File name too long"):
+            load_scene(name)
+    with pytest.raises(SceneError, match=r"calibration: 'x+' cannot be read: File name too long"):
+        load_scene("close_range", {"cameras.onboard.calibration": "x" * 5000})
 
 
 @pytest.mark.parametrize(
