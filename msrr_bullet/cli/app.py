@@ -29,7 +29,7 @@ from msrr_bullet.cli import (
     trial_commands,
 )
 from msrr_bullet.cli.console import open_console
-from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, report_error
+from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, os_error_text, report_error
 from msrr_bullet.cli.options import Overrides, naming_overrides, parse_overrides, write_text
 from msrr_scenes.errors import MsrrError
 
@@ -67,6 +67,8 @@ def run(arguments: Sequence[str]) -> int:
         app(list(arguments), prog_name="msrr")
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 0
+    except OSError as error:  # of the help, which is written before any command is invoked
+        return report_error(os_error_text(error), BAD_INPUT)
     return 0
 
 

@@ -113,6 +113,18 @@ def test_a_full_disk_is_one_message(short_trial: list[str], capsys: Capture) -> 
     assert "Traceback" not in err
 
 
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["schema"]])
+def test_what_there_is_no_room_for_on_standard_output_is_one_message(arguments: list[str]) -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "msrr_bullet.cli", *arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    assert (done.returncode, done.stderr) == (2, "msrr: No space left on device\n")
+
+
 def test_a_reader_that_goes_away_is_no_error() -> None:
     code = "import sys; from msrr_bullet.cli.app import run; sys.exit(run(['scenes']))"
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
