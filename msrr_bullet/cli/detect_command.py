@@ -82,6 +82,11 @@ def detect(
     reader = PictureReader(family or ["tag36h11"], told, tag_size)
     files = picture_files(images)
     if out is not None:
+        if any(given.is_dir() and given.resolve() == out.resolve() for given in images):
+            raise SceneError(
+                f"--out {out}: pictures are read from there, and a later command would take what is drawn "
+                "for one of them; name another folder"
+            )
         out.mkdir(parents=True, exist_ok=True)
     console = open_console(stderr=json_file == Path("-"))
     work = _Work()

@@ -75,3 +75,13 @@ def test_a_calibration_of_another_size_is_refused(folder: Path, capfd: pytest.Ca
     cv2.imwrite(str(folder / "tag.png"), np.full((100, 100), 200, np.uint8))
     assert run(["detect", str(folder / "tag.png"), "--calibration", "camera.yaml"]) == BAD_INPUT
     assert "calibration is of pictures of 160 x 140 px" in capfd.readouterr().err
+
+
+def test_nothing_is_drawn_among_the_pictures_that_are_read(
+    folder: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The next command would read what was drawn, too, and calibrations refuse pictures of two sizes."""
+    before = sorted(folder.iterdir())
+    assert run(["detect", str(folder), "--out", str(folder / ".." / folder.name)]) == BAD_INPUT
+    assert "name another folder" in capfd.readouterr().err
+    assert sorted(folder.iterdir()) == before
