@@ -21,9 +21,9 @@ from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.sensors import CameraSpec
 
-#: Largest deviation of the grey level at a sharp edge from the mean over the exposure, as a share of the
-#: edge's contrast: one of the 16 shades that a pixel with an edge may have.
-_EDGE_ERROR = 1.0 / 16.0
+#: Largest deviation of the grey level at an edge from the mean over the exposure, as a share of the edge's
+#: contrast: that to which the renderer rounds the shade of a pixel with an edge, which is one of 16.
+_EDGE_ERROR = 1.0 / 32.0
 
 #: Most cells of an exposure.
 _MOST_CELLS = 8
@@ -61,6 +61,7 @@ class Shutter:
         """Prepare for a camera with this data sheet and these true intrinsics."""
         self._exposure_s = 1e-3 * spec.exposure_ms
         self._readout_s = 1e-3 * spec.rolling_shutter_ms
+        self._blur_px = spec.blur_px
         self._pinhole = pinhole
         # The latest exposure, of which several windows may be read, and its speed [px/s].
         self._measured: tuple[CameraMotion, float] | None = None
@@ -85,7 +86,7 @@ class Shutter:
             self._measured = motion, motion.image_speed(self._pinhole, X_WC)
         speed = self._measured[1]
         rolls = speed * self._readout_s > _LEAST_SHIFT_PX
-        count = cells_of_smear(speed * self._exposure_s)
+        count = cells_of_smear(speed * self._exposure_s, self._blur_px, rolls)
         cell = self._exposure_s / count
         if rolls and cell * speed < _LEAST_CELL_PX:
             count, cell = 1, _LEAST_CELL_PX / speed
@@ -109,14 +110,24 @@ class Shutter:
                 yield PartialExposure(part, instant, weights[first:end].astype(np.float32))
 
 
-def cells_of_smear(smear: float) -> int:
-    """Return the number of instants whose mean stands for an exposure that smears the image by ``smear`` px.
+def cells_of_smear(smear: float, blur_px: float, rolls: bool) -> int:
+    """Return the number of instants whose mean stands for an exposure.
 
-    The brightness of a pixel that an edge crosses is, over time, a ramp one pixel long. The mean of n
+    The brightness of a pixel that a sharp edge crosses is, over time, a ramp one pixel long. The mean of n
     instants is off by at most a share ``smear / (8 n^2)`` of the contrast, where the ramp begins or ends in
-    the middle of a cell.
+    the middle of a cell. A lens that blurs rounds the ramp: its slope changes by at most
+    ``1 / (sqrt(2 pi e) blur^2)`` per pixel, and the midpoint rule is off by at most 1 / 24 of that times the
+    square of the cell. Where a row's exposure begins within a cell it is off by twice as much.
+
+    Args:
+        smear: Motion of the image during the exposure [px].
+        blur_px: Standard deviation of the Gaussian blur of the lens [px].
+        rolls: Whether exposures of rows begin within cells.
     """
-    return min(max(math.ceil(math.sqrt(smear / (8.0 * _EDGE_ERROR))), 1), _MOST_CELLS)
+    sharp = math.sqrt(smear / (8.0 * _EDGE_ERROR))
+    share = (12.0 if rolls else 24.0) * math.sqrt(2.0 * math.pi * math.e) * _EDGE_ERROR
+    blurred = smear / (blur_px * math.sqrt(share)) if blur_px > 0.0 else math.inf
+    return min(max(math.ceil(min(sharp, blurred)), 1), _MOST_CELLS)
 
 
 def instant_after(dt: float, X_WC: SE3, motion: CameraMotion) -> Instant:
