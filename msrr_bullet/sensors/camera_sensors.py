@@ -67,7 +67,8 @@ class RenderedCameraSensor:
 
     def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
         """Expose one frame, from which the reader fetches windows, and return its detections."""
-        exposure = self.camera.expose(now_ns)
+        with self._profiler("render"):
+            exposure = self.camera.expose(now_ns)
         if exposure is None:
             return ()
         with self._profiler("perception"):
