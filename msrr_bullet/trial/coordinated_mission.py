@@ -155,6 +155,7 @@ class CoordinatedMission(Mission):
         if member.begun != (robot.route, robot.leaving):
             if member.step is not None:
                 member.step.end(Outcome.ABORTED)
+                self._telemetry.verdict(now_ns, member.step)
                 self._active.remove(member.step)
             member.begun = (robot.route, robot.leaving)
             self._begin_step(member)
@@ -214,5 +215,6 @@ class CoordinatedMission(Mission):
         active, self._active = self._active, []
         for step in active:
             step.end(Outcome.TIMEOUT if outcome is Outcome.TIMEOUT else Outcome.ABORTED)
+            self._telemetry.verdict(self._plant.now_ns(), step)
         self.outcome, self._over = outcome, True
         self.record.reason = reason

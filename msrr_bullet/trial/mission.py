@@ -80,16 +80,19 @@ class Mission(ABC):
         return tuple(step.result() for step in sorted(self._begun, key=lambda step: step.index))
 
     def _test_locks(self) -> None:
-        """Pull at every lock that holds a pair at the end."""
+        """Pull at every lock that holds a pair at the end, and report the verdicts on all docks."""
         plant, newest = self._plant, {step.step.unit: step for step in self._begun if not step.undocks}
-        for dock in tuple(self._environment.locked.steps):
-            step = newest.get(dock.unit)
-            if step is None:  # the pair was assembled at the start
+        closed = {dock: newest.get(dock.unit) for dock in self._environment.locked.steps}
+        for step in self._begun:
+            if step.outcome is Outcome.DOCKED and step not in closed.values():  # the unit has left again
+                self._telemetry.verdict(plant.now_ns(), step)
+        for dock, last in closed.items():
+            if last is None:  # the pair was assembled at the start
                 if not (plant.lock_engaged(dock.unit) and plant.pull_test(dock.unit).holds):
                     self._note_lock_failure(dock)
-            elif step.outcome is Outcome.DOCKED:
-                step.test_lock(self._control)
-                self._telemetry.verdict(plant.now_ns(), step)
+            elif last.outcome is Outcome.DOCKED:
+                last.test_lock(self._control)
+                self._telemetry.verdict(plant.now_ns(), last)
 
     def _note_lock_failure(self, dock: DockStep) -> None:
         """Note that the lock of a pair that was assembled at the start has not held the pull."""
@@ -164,16 +167,17 @@ class Mission(ABC):
         """End all steps; those whose units are to blame get the outcome."""
         active, self._active = self._active, []
         self.outcome, self.stop_reason, self._over = outcome, safety.reason, True
+        judged = list(active)
         for step in active:
             step.end(outcome if step.step.unit in safety.units else Outcome.ABORTED, safety.reason)
         for step in self._begun:
             if outcome is Outcome.LOCK_FAILED and step.step.unit in safety.units:
                 step.outcome, step.verdict_reason = outcome, safety.reason
+                judged.append(step)
         if active and not any(step.outcome is outcome for step in self._begun):
             active[0].outcome = outcome  # no unit under way is to blame: the first one stands for the trial
-        for step in self._begun:
-            if step.outcome is not Outcome.DOCKED:
-                self._telemetry.verdict(self._plant.now_ns(), step)
+        for step in dict.fromkeys(judged):
+            self._telemetry.verdict(self._plant.now_ns(), step)
 
 
 class PlannedMission(Mission):

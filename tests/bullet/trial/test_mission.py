@@ -9,7 +9,7 @@ import pytest
 
 from msrr_bullet.log import LogHeader
 from msrr_bullet.log.mcap_recorder import McapRecorder
-from msrr_bullet.log.records import StepStart
+from msrr_bullet.log.records import JUDGE, Event, StepStart
 from msrr_bullet.plant.plant import Plant
 from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.result import TrialResult
@@ -43,14 +43,17 @@ Load = Callable[..., Scene]
 
 
 class Starts:
-    """Keeps the time at which each step begins."""
+    """Keeps the time at which each step begins, and the verdicts."""
 
     def __init__(self) -> None:
         self.stamps: dict[int, int] = {}
+        self.verdicts: list[str] = []
 
     def write(self, _topic: str, stamp_ns: int, message: object) -> None:
         if isinstance(message, StepStart):
             self.stamps[message.index] = stamp_ns
+        elif isinstance(message, Event) and message.source == JUDGE:
+            self.verdicts.append(message.text)
 
     def window(self, *_: object) -> None:
         """Ignore pixels."""
@@ -105,6 +108,31 @@ def test_what_endangers_bodies_ends_the_mission(tmp_path: Path) -> None:
     assert starts.keys() == {0}
     assert [step.outcome for step in result.steps] == [Outcome.CLEARANCE_VIOLATED]
     assert result.outcome is Outcome.CLEARANCE_VIOLATED
+
+
+@pytest.mark.parametrize(
+    ("name", "post", "outcomes"),
+    [
+        ("dock_again", "appears_at_s: 22, pose: {x_m: 0.8, y_m: 0.1}", {"docked", "undocked", "collision"}),
+        ("assemble_cross", "appears_at_s: 3, tag_id: 500", {"docked", "aborted"}),
+    ],
+)
+def test_every_step_has_one_verdict(shipped: Load, name: str, post: str, outcomes: set[str]) -> None:
+    """Also one that ended before a post hits a unit, and one whose route a post closes."""
+    scene = shipped(
+        name,
+        {
+            "plant": "unicycle",
+            "perception": "parametric",
+            "as_built": "perfect",
+            "obstacles.post": f"{{shape: cylinder, radius_m: 0.05, {post}}}",
+        },
+    )
+    recorder = Starts()
+    steps = [step.outcome.value for step in Trial(scene, 1, recorder=recorder).run().steps]
+    assert set(steps) == outcomes
+    *told, _ = recorder.verdicts  # the last one is that on the trial
+    assert sorted(text.partition(": ")[2].partition(",")[0] for text in told) == sorted(steps)
 
 
 def test_units_that_dock_beside_each_other_do_not_hold_each_other_up(shipped: Load) -> None:
