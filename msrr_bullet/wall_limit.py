@@ -44,12 +44,15 @@ def wall_limit(limit_s: float | None) -> Iterator[Callable[[], None]]:
         yield lambda: None
         return
     begun = time.monotonic()
+    interrupted = False
 
     def check() -> None:
         if time.monotonic() - begun >= limit_s:
             raise _Reached
 
     def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = True
         raise _Reached
 
     try:
@@ -66,7 +69,10 @@ def wall_limit(limit_s: float | None) -> Iterator[Callable[[], None]]:
             if timer > 0.0:  # one of the program around, which goes on
                 left = timer - (time.monotonic() - begun)
                 signal.setitimer(signal.ITIMER_REAL, max(left, 1e-3), interval)
-    except _Reached:
+    except (_Reached, Exception) as error:
+        # Compiled code that is interrupted in a call of Python, such as numba's, makes a SystemError of it.
+        if not interrupted and not isinstance(error, _Reached):
+            raise
         raise WallLimitError(
             f"the trial was stopped after {limit_s:g} s on the wall clock; raise --wall-limit, or simplify it"
         ) from None

@@ -130,3 +130,19 @@ def test_the_timer_and_the_handler_of_the_program_around_are_kept() -> None:
     finally:
         signal.signal(signal.SIGALRM, handler)
         signal.setitimer(signal.ITIMER_REAL, *timer)
+
+
+def test_an_error_that_compiled_code_makes_of_the_interrupt_is_the_limit() -> None:
+    """As numba does where it returns a named tuple: an error of C code that is itself an ``Exception``."""
+
+    def interrupted_in_compiled_code() -> None:
+        try:
+            while True:
+                time.sleep(0.01)
+        except BaseException as error:
+            raise SystemError("returned a result with an exception set") from error
+
+    with pytest.raises(WallLimitError, match=r"after 0\.2 s"), wall_limit(0.2):
+        interrupted_in_compiled_code()
+    with pytest.raises(SystemError), wall_limit(100.0):
+        raise SystemError("another one")
