@@ -120,7 +120,8 @@ def put(document: Any, path: tuple[Any, ...], value: Any) -> None:
     """Write a value into a document, with the mappings on the way there."""
     for key, following in pairwise(path):
         wanted = list if isinstance(following, int) else dict
-        if isinstance(document, dict) and not isinstance(document.get(key), wanted):
+        here = document.get(key) if isinstance(document, dict) else document[key]
+        if not isinstance(here, wanted):  # also a text that stands for a mapping
             document[key] = {}
         document = document[key]
     document[path[-1]] = value
