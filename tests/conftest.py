@@ -65,8 +65,7 @@ def load_script(path: Path) -> ModuleType:
 def photographs() -> Path:
     """Folder of photographs: ``mapping`` with its ``tags.txt``, ``rotation``, ``chessboard``."""
     if "MSRR_PHOTOGRAPHS" not in os.environ:
-        # They are pictures of others' rooms, which may not be shipped.
-        pytest.skip(reason="MSRR_PHOTOGRAPHS names no folder with the photographs, which are not shipped")
+        pytest.skip(reason="MSRR_PHOTOGRAPHS names no folder")  # others' pictures, which may not be shipped
     return Path(os.environ["MSRR_PHOTOGRAPHS"])
 
 

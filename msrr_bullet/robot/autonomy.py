@@ -29,9 +29,7 @@ from msrr_perception.estimation.estimator import ESTIMATORS, Estimator
 from msrr_perception.estimation.knowledge import CalibrationMemory
 from msrr_perception.estimation.los import LosEstimator
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
-    NS_PER_S,
     Action,
     ArenaEstimate,
     AssemblyPath,
@@ -41,7 +39,6 @@ from msrr_scenes.messages import (
     Detections,
     Exposure,
     Fetch,
-    GlobalPose,
     LockFeedback,
     LosObservation,
     Phase,
@@ -53,7 +50,7 @@ from msrr_scenes.messages import (
     WheelOdometry,
 )
 from msrr_scenes.registry import build
-from msrr_scenes.specs.plan import DockStep, in_order
+from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 #: Phases in which the unit is localised by the overhead camera.
@@ -64,19 +61,6 @@ _OVERHEAD_PHASES = _FAR_PHASES | {Phase.RETREAT}
 
 #: Phases in which the overhead camera only checks the surroundings, now and then.
 _CHECKED_PHASES = frozenset({Phase.CALIBRATE, Phase.DOCK})
-
-#: Period with which the overhead camera checks the surroundings of a unit that drives to the port [ns].
-_CHECK_PERIOD_NS = NS_PER_S
-
-#: Middle of the checked square in frame U: at 0.25 m/s, twice the speed of the laws in front of a port, a
-#: post of 8 cm is completely in the square while the unit can still stop.
-_CHECK_CENTRE = SE2(0.2, 0.0, 0.0)
-
-
-def earlier_docks(scene: Scene, step: DockStep) -> list[DockStep]:
-    """Return the docks of a plan that are closed when a step begins."""
-    order = [scene.docks[index] for index in in_order(scene.docks)]
-    return order[: order.index(step)]
 
 
 class Autonomy:
@@ -145,7 +129,7 @@ class Autonomy:
         elif scene.cameras.overhead is not None:
             self._overhead = self._reader = OverheadReader(scene, step, target, detector)
             self._assembler = build_assembler(scene.control.assembly, AssemblySetup.of(scene, step))
-            self.guard = CollisionMonitor(scene, step.unit, step, earlier_docks(scene, step))
+            self.guard = CollisionMonitor(scene, step.unit, step, scene.docks_before(step))
         controller = build_controller(scene.control.docking, setup)
         self._phases = PhaseMachine(
             scene.docking, setup, controller, self._assembler, docked=docked, calibrate=step.calibrate
@@ -158,7 +142,6 @@ class Autonomy:
         self._switches: SeatSwitches | None = None
         self._lock: LockFeedback | None = None
         self._now_ns = 0
-        self._checked_ns = 0
         self.estimate: PoseEstimate | None = None
         self.los: LosObservation | None = None
         self.arena: ArenaEstimate | None = None
@@ -205,7 +188,7 @@ class Autonomy:
         if camera == self._onboard:
             return self._phases.phase is not Phase.ASSEMBLE
         if self._reader is not None and self._phases.phase in _CHECKED_PHASES:
-            return self._check_is_due()
+            return self.arena is not None and self._reader.check_is_due(self._now_ns)
         return self._phases.phase in _OVERHEAD_PHASES
 
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
@@ -215,14 +198,8 @@ class Autonomy:
         if self._reader is None:
             return None
         if self._phases.phase in _CHECKED_PHASES and self.arena is not None:
-            self._checked_ns = exposure.stamp_ns
-            return self._reader.detect_near(exposure, self.arena.own.X_WB @ _CHECK_CENTRE, fetch)
-        self._checked_ns = exposure.stamp_ns
+            return self._reader.check(exposure, self.arena.own.X_WB, fetch)
         return self._reader.detect(exposure, fetch)
-
-    def _check_is_due(self) -> bool:
-        """Return whether the overhead camera has to check what the onboard camera does not see."""
-        return self.arena is not None and self._now_ns - self._checked_ns >= _CHECK_PERIOD_NS
 
     def receive(self, message: SensorMessage) -> None:
         """Process a message that arrives now."""
@@ -240,8 +217,6 @@ class Autonomy:
                 self._switches = message
             case LockFeedback():
                 self._lock = message
-            case GlobalPose():  # parametric perception measures every body at once
-                self._checked_ns = max(self._checked_ns, message.stamp_ns)
         if self._overhead is not None:
             self._overhead.receive(message)
 

@@ -10,6 +10,7 @@ from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
+    NS_PER_S,
     OVERHEAD,
     ArenaEstimate,
     Detections,
@@ -24,8 +25,15 @@ from msrr_scenes.messages import (
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
-#: Half the edge of the square on the floor that :meth:`OverheadLocalizer.detect_near` reads [m].
+#: Period with which the overhead camera checks the surroundings of a unit that drives to the port [ns].
+_CHECK_PERIOD_NS = NS_PER_S
+
+#: Half the edge of the square on the floor that a check reads [m].
 NEAR_HALF_M = 0.5
+
+#: Middle of that square in frame U: at 0.25 m/s, twice the speed of the laws in front of a port, a post of
+#: 8 cm is completely in the square while the unit can still stop.
+_CHECK_CENTRE = SE2(0.2, 0.0, 0.0)
 
 #: Period with which a unit of a mission reckons anew where bodies stand [s], of which there are many.
 STANDING_PERIOD_S = 0.1
@@ -120,15 +128,28 @@ class OverheadReader(OverheadLocalizer):
         """
         super().__init__(scene, step.unit, drive, step, standing_period_s=0.0)
         self._vision = OverheadVision(self._model, (step.unit, step.target_unit), detector)
+        self._checked_ns = 0
+
+    def receive(self, message: SensorMessage) -> None:
+        """Process a sensor message; one that says nothing about the arena changes nothing."""
+        super().receive(message)
+        if isinstance(message, GlobalPose):  # parametric perception measures every body at once
+            self._checked_ns = max(self._checked_ns, message.stamp_ns)
 
     def detect(self, exposure: Exposure, fetch: Fetch) -> Detections:
         """Detect all known bodies in an exposure, and new ones when a search is due."""
+        self._checked_ns = exposure.stamp_ns
         predictions = self._estimator.predict(exposure.stamp_ns)
         return self._vision.detect(exposure, predictions, fetch)
 
-    def detect_near(self, exposure: Exposure, place: SE2, fetch: Fetch) -> Detections:
-        """Detect the bodies in a square of the floor around ``place``, in W."""
-        return self._vision.detect_near(exposure, place.translation, NEAR_HALF_M, fetch)
+    def check_is_due(self, now_ns: int) -> bool:
+        """Return whether it is time to look for what the onboard camera does not see."""
+        return now_ns - self._checked_ns >= _CHECK_PERIOD_NS
+
+    def check(self, exposure: Exposure, X_WU: SE2, fetch: Fetch) -> Detections:
+        """Detect the bodies in a square of the floor in front of the unit, which stands at ``X_WU``."""
+        self._checked_ns = exposure.stamp_ns
+        return self._vision.detect_near(exposure, (X_WU @ _CHECK_CENTRE).translation, NEAR_HALF_M, fetch)
 
     def restart_search(self) -> None:
         """Search the next exposure for new bodies, however recent the last search was."""

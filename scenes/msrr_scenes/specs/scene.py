@@ -27,6 +27,7 @@ from msrr_scenes.specs.plan import (
     Perception,
     PlanStep,
     Plant,
+    in_order,
 )
 from msrr_scenes.specs.sensors import CameraSpec, CamerasSpec, OdometrySpec, ParametricSpec
 from msrr_scenes.specs.spec import Duration, Name, PoseSpec, Spec, Text, between
@@ -126,6 +127,11 @@ class Scene(Spec):
     def docks(self) -> tuple[DockStep, ...]:
         """The steps of the plan in which a unit docks."""
         return tuple(step for step in self.plan if isinstance(step, DockStep))
+
+    def docks_before(self, step: DockStep) -> list[DockStep]:
+        """Return the docks of the plan that are closed when a step of it begins."""
+        order = [self.docks[index] for index in in_order(self.docks)]
+        return order[: order.index(step)]
 
     @property
     def holders(self) -> Mapping[str, str]:
