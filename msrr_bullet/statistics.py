@@ -22,10 +22,22 @@ class Rate(BaseModel):
     high: float
 
 
+#: Bounds of a confidence interval; None where the values do not bound it.
+Interval = tuple[float | None, float | None]
+
+
 class Quantiles(BaseModel):
     """Median, 95th percentile and largest of some values; each is None when there are no values.
 
     A quantile may be infinite. JSON has no such number and gets the string ``Infinity``.
+
+    Attributes:
+        p50: Median of the values.
+        p95: 95th percentile of the values.
+        max: Largest value.
+        p50_interval: 95 % confidence interval of the median, of independent values; see
+            :func:`quantile_interval`.
+        p95_interval: That of the 95th percentile; fewer than 72 values do not bound it above.
     """
 
     model_config = ConfigDict(frozen=True, ser_json_inf_nan="strings")
@@ -33,6 +45,16 @@ class Quantiles(BaseModel):
     p50: float | None
     p95: float | None
     max: float | None
+    p50_interval: Interval = (None, None)
+    p95_interval: Interval = (None, None)
+
+
+def interval_text(interval: Interval, digits: int = 2) -> str:
+    """Return an interval as text; empty if it has no lower bound, or if both bounds are the same text."""
+    low, high = (None if bound is None else f"{bound:z.{digits}f}" for bound in interval)
+    if low is None or low == high:
+        return ""
+    return f"at least {low}" if high is None else f"{low} .. {high}"
 
 
 def wilson(successes: int, trials: int, confidence: float = 0.95) -> Rate:
@@ -65,12 +87,23 @@ def wilson(successes: int, trials: int, confidence: float = 0.95) -> Rate:
     return Rate(rate=p, low=low, high=high)
 
 
-def quantiles(values: Iterable[float]) -> Quantiles:
-    """Return median, 95th percentile and largest of ``values``, some of which may be infinite."""
+def quantiles(values: Iterable[float], *, independent: bool = False) -> Quantiles:
+    """Return median, 95th percentile and largest of ``values``, some of which may be infinite.
+
+    Args:
+        values: The values.
+        independent: Whether they are independent of each other, as those of different trials are, and those
+            of one trial or image are not; then median and 95th percentile get their intervals.
+    """
     array = np.fromiter(values, dtype=np.float64)
     if array.size == 0:
         return Quantiles(p50=None, p95=None, max=None)
-    return Quantiles(p50=quantile(array, 0.5), p95=quantile(array, 0.95), max=float(array.max()))
+    p50, p95 = quantile(array, 0.5), quantile(array, 0.95)
+    found = Quantiles(p50=p50, p95=p95, max=float(array.max()))
+    if not independent:
+        return found
+    intervals = {f"p{round(100 * q)}_interval": quantile_interval(array, q) for q in (0.5, 0.95)}
+    return found.model_copy(update=intervals)
 
 
 def quantile(values: Sequence[float] | Array, q: float) -> float:
@@ -88,3 +121,35 @@ def quantile(values: Sequence[float] | Array, q: float) -> float:
     if lower == upper or position == index:
         return float(lower)
     return float(lower + (position - index) * (upper - lower))
+
+
+def quantile_interval(values: Sequence[float] | Array, q: float, confidence: float = 0.95) -> Interval:
+    """Return a confidence interval of quantile ``q`` of the distribution that ``values`` are drawn from.
+
+    Its bounds are two of the values, so that it holds for every distribution: the number of values below the
+    quantile is binomial. Each bound is wrong with at most half of the odds that ``confidence`` leaves.
+    Source: David and Nagaraja, Order Statistics, 3rd ed. (2003), section 7.1.
+
+    Args:
+        values: Independent values, (n,); they may be infinite.
+        q: Quantile, in 0 .. 1 without the ends.
+        confidence: Two-sided confidence level.
+
+    Returns:
+        The bounds; None for one that no value is, for there are too few.
+
+    Raises:
+        ValueError: The quantile or the confidence level is out of range.
+    """
+    from scipy.special import bdtr  # a program that only reads such figures does without
+
+    if not (0.0 < q < 1.0 and 0.0 < confidence < 1.0):
+        raise ValueError(f"expected q and confidence between 0 and 1, found {q} and {confidence}")
+    ordered = np.sort(np.asarray(values, dtype=np.float64))
+    n = ordered.size
+    miss = 0.5 * (1.0 - confidence)
+    # Odds that at most k of the values are below the quantile, for k = 0 .. n - 1. They never fall with k.
+    at_most = bdtr(np.arange(n, dtype=np.float64), n, q)
+    low = int(np.searchsorted(at_most, miss, side="right"))
+    high = int(np.searchsorted(at_most, 1.0 - miss, side="left"))
+    return float(ordered[low - 1]) if low > 0 else None, float(ordered[high]) if high < n else None

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Any
 
 from code_reference import ROOT, class_text, enum_values, load, public, values_table
 from markdown_text import cell, prose, table
 
 from msrr_bullet.export import documented_tables
+from msrr_bullet.export.table import Column
+from msrr_bullet.sweep.trial_table import TRIAL_COLUMNS
 
 GALLERY = ROOT / "docs" / "gallery.md"
 
@@ -84,12 +87,16 @@ def _faults(scenes: Any) -> list[tuple[str, str]]:
 
 
 def tables_text() -> str:
-    """Return the descriptions of all tables that an export can have."""
-    text = ""
+    """Return the descriptions of the table of a sweep, and of all tables that an export can have."""
+    text = f"\n## The trials of a sweep\n\n{_columns(TRIAL_COLUMNS)}"
     for name, about, columns in documented_tables():
-        rows = [(f"`{column.name}`", cell(column.about)) for column in columns]
-        text += f"\n## `{name}.csv`\n\n{prose(about)}\n\n{table(('column', 'holds'), rows)}"
+        text += f"\n## `{name}.csv`\n\n{prose(about)}\n\n{_columns(columns)}"
     return text
+
+
+def _columns(columns: Iterable[Column]) -> str:
+    rows = [(f"`{column.name}`", cell(column.about)) for column in columns]
+    return table(("column", "holds"), rows)
 
 
 _OUTCOMES = """\

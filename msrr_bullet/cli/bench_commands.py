@@ -11,7 +11,14 @@ import typer
 
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import NOT_DOCKED
-from msrr_bullet.cli.options import JsonFile, Overrides, check_writable, parse_overrides, write_json
+from msrr_bullet.cli.options import (
+    STANDARD_OUTPUT,
+    JsonFile,
+    Overrides,
+    check_writable,
+    parse_overrides,
+    write_output,
+)
 from msrr_scenes.errors import SceneError
 
 if TYPE_CHECKING:  # loaded by what makes the tables, so that msrr --help is quick
@@ -100,12 +107,12 @@ def bench(
         run = _comparison(target, settings, grades or (), units or (), plot, against)
     else:
         run = benchmark or _scene(target, settings)
-    console = open_console(stderr=json_file == Path("-"))
+    console = open_console(stderr=json_file == STANDARD_OUTPUT)
     with status_line(console, f"{target}: measuring") as show:
         report, tables, worse = run(lambda text: show(f"{target}: {text}"))
     for table in tables:
         console.print(table)
-    write_json(json_file, report.to_json())
+    write_output(json_file, report.to_json())
     for line in worse:
         console.print(line)
     if worse:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from msrr_bullet.cli.console import open_console, status_line
-from msrr_bullet.cli.options import JsonFile, check_writable, write_json
+from msrr_bullet.cli.options import STANDARD_OUTPUT, JsonFile, check_writable, write_output
 from msrr_scenes.errors import SceneError
 
 if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
@@ -96,7 +96,7 @@ def calibrate(
     pattern = _board(kind, board, square_mm, marker_mm, family)
     files = picture_files(images)
     file = out if out.suffix in (".yaml", ".yml") else out / "camera.yaml"
-    console = open_console(stderr=json_file == Path("-"))
+    console = open_console(stderr=json_file == STANDARD_OUTPUT)
     with status_line(console, "reading the pictures") as show:
         found, missed = _calibrated(pattern, files, coefficients, show)
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -106,7 +106,7 @@ def calibrate(
         draw_coverage(found, written[2])
     _report(console, found, missed)
     console.print("files: " + ", ".join(map(str, written)), soft_wrap=True, highlight=False)
-    write_json(json_file, json.dumps(_summary(found, missed), indent=1) + "\n")
+    write_output(json_file, json.dumps(_summary(found, missed), indent=1) + "\n")
 
 
 def _board(kind: Kind, size: str, square_mm: float, marker_mm: float | None, family: str | None) -> Board:

@@ -7,7 +7,7 @@ import math
 from rich.table import Table
 from rich.text import Text
 
-from msrr_bullet.statistics import Quantiles
+from msrr_bullet.statistics import Quantiles, interval_text
 from msrr_bullet.sweep.summary import StepFigures, SweepSummary
 from msrr_bullet.trial.result import MissionFigures, TrialResult
 from msrr_bullet.trial.step_result import PlanarPose, StepResult
@@ -138,7 +138,8 @@ def sweep_table(summary: SweepSummary) -> Table:
     s = summary.success
     interval = f"95 % interval {100 * s.low:.1f} .. {100 * s.high:.1f} %"
     rate = f"{goal(summary.mission is not None)}: {100 * s.rate:.1f} %, {interval}"
-    table = Table(title=title, title_justify="left", caption=rate, caption_justify="left")
+    caption = f"{rate}\nbelow median and 95 %: their 95 % confidence intervals"
+    table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
     table.add_column("")
     for column in ("median", "95 %", "largest"):
         table.add_column(column, justify="right")
@@ -191,11 +192,20 @@ def _add_steps(table: Table, name: str, step: StepFigures) -> None:
     table.add_section()
 
 
-def _quantiles(values: Quantiles, unit: str) -> list[str]:
-    return [
-        _UNKNOWN if value is None else f"{value:z.{3 if unit == 'm' else 2}f} {unit}".rstrip()
-        for value in (values.p50, values.p95, values.max)
-    ]
+def _quantiles(values: Quantiles, unit: str) -> list[Text]:
+    """Return the cells of three columns; below median and 95 % stand their confidence intervals."""
+    digits = 3 if unit == "m" else 2
+    cells = []
+    for value, interval in (
+        (values.p50, values.p50_interval),
+        (values.p95, values.p95_interval),
+        (values.max, (None, None)),
+    ):
+        cell = Text(_UNKNOWN if value is None else f"{value:z.{digits}f} {unit}".rstrip())
+        if bounds := interval_text(interval, digits):
+            cell.append(f"\n{bounds}", "dim")
+        cells.append(cell)
+    return cells
 
 
 def scenes_table(names: tuple[str, ...]) -> Table:

@@ -14,7 +14,7 @@ import typer
 
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import BAD_INPUT, report_error
-from msrr_bullet.cli.options import JsonFile, check_writable, write_json
+from msrr_bullet.cli.options import STANDARD_OUTPUT, JsonFile, check_writable, write_output
 from msrr_scenes.errors import SceneError
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def detect(
                 "for one of them; name another folder"
             )
         out.mkdir(parents=True, exist_ok=True)
-    console = open_console(stderr=json_file == Path("-"))
+    console = open_console(stderr=json_file == STANDARD_OUTPUT)
     work = _Work()
     with status_line(console, "reading") as show:
         for i, file in enumerate(files):
@@ -97,7 +97,7 @@ def detect(
     if work.pictures:
         console.print(_table(work.pictures))
         console.print(_summary(work), highlight=False)
-    write_json(json_file, json.dumps(_report(work), indent=1) + "\n")
+    write_output(json_file, json.dumps(_report(work), indent=1) + "\n")
     raise typer.Exit(BAD_INPUT if work.failed else 0)
 
 

@@ -47,6 +47,9 @@ Jobs = Annotated[int, typer.Option(min=1, help="Number of processes.")]
 #: Folder of the run folders, unless ``--out`` names another place.
 RUNS = Path("runs")
 
+#: What an option takes for standard output instead of a file.
+STANDARD_OUTPUT = Path("-")
+
 #: Help of ``--seeds``.
 SEEDS_HELP = "Seeds A to B - 1: 0:5 is five trials, 5:6 is seed 5 alone."
 
@@ -159,7 +162,7 @@ def _seed(text: str, part: str) -> int:
 
 def check_writable(file: Path | None, option: str = "--json") -> None:
     """Raise a :class:`SceneError` before the work begins if its result could not be written to a file."""
-    if file is None or file == Path("-"):
+    if file is None or file == STANDARD_OUTPUT:
         return
     folder = file.absolute().parent
     if file.is_dir() or not folder.is_dir():
@@ -168,9 +171,9 @@ def check_writable(file: Path | None, option: str = "--json") -> None:
         raise SceneError(f"{option} {file}: may not be written; name another place")
 
 
-def write_json(file: Path | None, text: str) -> None:
-    """Write ``text`` to the file given by ``--json``, if any."""
-    if file == Path("-"):
+def write_output(file: Path | None, text: str) -> None:
+    """Write ``text`` to a file that an option names, to standard output for ``-``, and nowhere for None."""
+    if file == STANDARD_OUTPUT:
         sys.stdout.write(text)
     elif file is not None:
         write_text(file, text)

@@ -67,8 +67,11 @@ def frames(
         typer.Option(metavar="S", min=0.001, help="Write one frame of each camera every S seconds."),
     ] = None,
     count: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Number of frames of each camera, evenly spread.")
-    ] = 8,
+        int | None,
+        typer.Option(
+            metavar="N", min=1, help="Number of frames of each camera, evenly spread.", show_default="8"
+        ),
+    ] = None,
 ) -> None:
     """Write camera frames with detections and estimates drawn in."""
     run = run_or_last(run)

@@ -19,7 +19,7 @@ from msrr_bullet.cli.options import (
     MAX_SEED,
     RUNS,
     SEEDS_HELP,
-    Jobs,
+    STANDARD_OUTPUT,
     JsonFile,
     Overrides,
     SceneName,
@@ -29,10 +29,11 @@ from msrr_bullet.cli.options import (
     parse_overrides,
     parse_seeds,
     use_one_thread_per_process,
-    write_json,
+    write_output,
 )
 from msrr_bullet.cli.run_commands import FRAMES_NAME, PLOT_NAME, TABLES_NAME
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
+from msrr_scenes.errors import SceneError
 from msrr_scenes.outcome import Outcome
 
 if TYPE_CHECKING:  # the commands that need these load them, so that msrr --help is quick
@@ -46,6 +47,9 @@ if TYPE_CHECKING:  # the commands that need these load them, so that msrr --help
 
 #: Time after which the live view runs the trial even if no browser has connected [s].
 BROWSER_TIMEOUT_S = 20.0
+
+#: File of the results of sweeps, unless ``--store`` names another.
+STORE = RUNS / "sweeps.sqlite"
 
 
 def dock(
@@ -163,11 +167,24 @@ def sweep(
     seeds: Annotated[
         str, typer.Option(metavar="A:B", help=f"{SEEDS_HELP} A list such as 3,8,15 is possible, too.")
     ] = "0:100",
-    jobs: Jobs = DEFAULT_JOBS,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Number of processes.", show_default=str(DEFAULT_JOBS))
+    ] = None,
     json_file: JsonFile = None,
+    csv_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--csv",
+            metavar="FILE",
+            help="Write a table of all trials, with a row for every step, to FILE; - is standard output.",
+        ),
+    ] = None,
     store: Annotated[
-        Path, typer.Option(help="SQLite file of results, from which a stopped sweep resumes.")
-    ] = Path("runs/sweeps.sqlite"),
+        Path | None,
+        typer.Option(
+            help="SQLite file of results, from which a stopped sweep resumes.", show_default=str(STORE)
+        ),
+    ] = None,
     wall_limit: WallLimit = DEFAULT_WALL_LIMIT_S,
     fresh: Annotated[bool, typer.Option("--fresh", help="Use no store, so that every trial is run.")] = False,
     dask: Annotated[
@@ -184,23 +201,33 @@ def sweep(
     from msrr_scenes.loading.load import load_scene
 
     use_one_thread_per_process()
+    if fresh and store is not None:
+        raise SceneError("--fresh and --store: give one of them; --fresh uses no store")
+    if dask is not None and jobs is not None:
+        raise SceneError("--dask and --jobs: give one of them; --dask local:N starts N workers here")
+    if json_file == csv_file == STANDARD_OUTPUT:
+        raise SceneError("--json - and --csv -: only one of them can be standard output")
     wanted = parse_seeds(seeds)
     given = parse_overrides(overrides)
     loaded = load_scene(scene, given)
     check_writable(json_file)
+    check_writable(csv_file, "--csv")
     from msrr_bullet.cli.console_report import goal, sweep_table
     from msrr_bullet.sensors.preparation import prepare_cameras
     from msrr_bullet.sweep.dask_cluster import dask_cluster
     from msrr_bullet.sweep.summary import TrialFailure
     from msrr_bullet.sweep.sweep import sweep as run_sweep
 
-    console = open_console(stderr=json_file == Path("-"))
+    console = open_console(stderr=STANDARD_OUTPUT in (json_file, csv_file))
     succeeded = 0
+    ended: dict[int, TrialResult | TrialFailure] = {}
     with naming_overrides(given), progress_bar(console) as bar:
         task = bar.add_task(loaded.name, total=len(wanted))
 
         def show_trial(outcome: TrialResult | TrialFailure, stored: bool) -> None:
             nonlocal succeeded
+            if csv_file is not None:
+                ended[outcome.seed] = outcome
             if isinstance(outcome, TrialFailure):
                 bar.console.print(
                     f"seed {outcome.seed}: {outcome.error}", style="red", highlight=False, soft_wrap=True
@@ -219,18 +246,22 @@ def sweep(
             run_sweep,
             loaded,
             wanted,
-            store=None if fresh else store,
+            store=None if fresh else store or STORE,
             observer=show_trial,
             wall_limit_s=wall_limit,
         )
         if dask is None:
             prepare_cameras(loaded, lambda text: bar.console.print(text, highlight=False))
-            summary = run(jobs)
+            summary = run(jobs or DEFAULT_JOBS)
         else:
             with dask_cluster(dask) as cluster:
                 summary = run(cluster.slots, executor=cluster.executor)
     console.print(sweep_table(summary))
-    write_json(json_file, summary.to_json())
+    write_output(json_file, summary.to_json())
+    if csv_file is not None:
+        from msrr_bullet.sweep.trial_table import trials_csv
+
+        write_output(csv_file, trials_csv(ended[seed] for seed in wanted if seed in ended))
     if summary.interrupted:
         raise KeyboardInterrupt
     for failure in summary.failures:

@@ -124,7 +124,7 @@ def write_frames(
     camera: CameraChoice = "both",
     *,
     every_s: float | None = None,
-    count: int = COUNT,
+    count: int | None = None,
 ) -> WrittenFrames:
     """Write annotated frames of a run into a folder. Everything in them comes from the log.
 
@@ -132,13 +132,16 @@ def write_frames(
         log: Log of the run.
         folder: Folder for the files, created if needed. Files of the same names are overwritten.
         camera: Camera whose frames are written.
-        every_s: Time between two frames of a camera [s]; None selects ``count`` frames.
-        count: Number of frames of each camera, evenly spaced over the run.
+        every_s: Time between two frames of a camera [s].
+        count: Number of frames of each camera, evenly spaced over the run; :data:`COUNT` if neither is given.
 
     Raises:
-        FramesError: The run has no such frames, or the folder cannot be written.
+        FramesError: Both time and number are given, the run has no such frames, or the folder cannot be
+            written.
     """
-    selected = _select(log, camera, every_s, count)
+    if every_s is not None and count is not None:
+        raise FramesError("give the time between frames or their number, not both")
+    selected = _select(log, camera, every_s, COUNT if count is None else count)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from pydantic import BaseModel, ConfigDict
 
-from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
+from msrr_bullet.statistics import Quantiles, Rate, interval_text, quantiles, wilson
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import StepResult
 from msrr_scenes.html import html_table
@@ -51,6 +51,8 @@ class Unsuccessful(BaseModel):
 
 class StepFigures(BaseModel):
     """Figures of one step over the trials that began it, or of many steps, each of which counts as a trial.
+
+    Quantiles have intervals if every step is of another trial: those of one trial depend on each other.
 
     Attributes:
         trials: Number of trials that began the step.
@@ -178,7 +180,7 @@ class SweepSummary(BaseModel):
         ]
         parts += [("all docking steps", self.mission.docks)] if self.mission is not None else []
         rows = [
-            (f"{name}: {what}", *(f"{v:z.2f}" if v is not None else "" for v in (q.p50, q.p95, q.max)))
+            (f"{name}: {what}", *_cells(q))
             for name, step in parts
             for what, q in (
                 ("lateral error at first contact [mm]", step.contact_lateral_mm),
@@ -192,7 +194,16 @@ class SweepSummary(BaseModel):
         kind = f"{self.plant}, {self.perception}, {self.as_built}"
         rate = f"{100 * s.rate:.1f} % succeed, 95 % interval {100 * s.low:.1f} .. {100 * s.high:.1f} %"
         title = f"{self.scene}, {self.trials} trials ({kind}): {rate}"
-        return html_table(title, rows, ("", "median", "95 %", "largest"))
+        head = ("", "median (95 % interval)", "95 % (95 % interval)", "largest")
+        return html_table(title, rows, head)
+
+
+def _cells(values: Quantiles) -> tuple[str, str, str]:
+    """Return median and 95 % with their confidence intervals, and the largest value, as text."""
+    p50, p95, largest = ("" if v is None else f"{v:z.2f}" for v in (values.p50, values.p95, values.max))
+    bounds = [interval_text(interval) for interval in (values.p50_interval, values.p95_interval)]
+    median, high = (f"{v} ({b})" if b else v for v, b in zip((p50, p95), bounds, strict=True))
+    return median, high, largest
 
 
 def _known(values: Iterable[float | None]) -> Iterator[float]:
@@ -235,7 +246,7 @@ def summarise(
             StepSummary(
                 unit=planned.unit,
                 target=planned.to,
-                **_figures([step for step in steps if step.index == index]).model_dump(),
+                **_figures([step for step in steps if step.index == index], independent=True).model_dump(),
             )
             for index, planned in enumerate(plan)
         ),
@@ -257,13 +268,15 @@ def _summarise_missions(trials: list[TrialResult]) -> MissionSummary:
     talking = [m for m in missions if m.messages_sent]
     complete = [r.mission for r in trials if r.mission is not None and r.docked]
     return MissionSummary(
-        docks=_figures([step for r in trials for step in r.steps if not step.undocks]),
-        docks_again=_figures([step for r in trials for step in _docks_again(r)]),
-        makespan_s=quantiles(_known(m.makespan_s for m in complete)),
-        way_m=quantiles(m.total_way_m for m in missions),
-        parallel_percent=quantiles(100.0 * m.parallel_share for m in missions),
-        lost_percent=quantiles(100.0 * m.messages_lost / m.messages_sent for m in talking),
-        replans=quantiles(float(m.replans) for m in missions),
+        docks=_figures([step for r in trials for step in r.steps if not step.undocks], independent=False),
+        docks_again=_figures([step for r in trials for step in _docks_again(r)], independent=False),
+        makespan_s=quantiles(_known(m.makespan_s for m in complete), independent=True),
+        way_m=quantiles((m.total_way_m for m in missions), independent=True),
+        parallel_percent=quantiles((100.0 * m.parallel_share for m in missions), independent=True),
+        lost_percent=quantiles(
+            (100.0 * m.messages_lost / m.messages_sent for m in talking), independent=True
+        ),
+        replans=quantiles((float(m.replans) for m in missions), independent=True),
     )
 
 
@@ -279,8 +292,12 @@ def _docks_again(trial: TrialResult) -> Iterator[StepResult]:
             before.add((step.unit, step.target))
 
 
-def _figures(results: list[StepResult]) -> StepFigures:
-    """Return the figures of steps."""
+def _figures(results: list[StepResult], *, independent: bool) -> StepFigures:
+    """Return the figures of steps, which are independent of each other if each is of another trial."""
+
+    def of(values: Iterable[float]) -> Quantiles:
+        return quantiles(values, independent=independent)
+
     contacts = [r.contact for r in results if r.contact is not None]
     seatings = [r.seating for r in results if r.seating is not None and r.seating.seated]
     figures = [r.assembly for r in results if r.assembly is not None]
@@ -288,13 +305,13 @@ def _figures(results: list[StepResult]) -> StepFigures:
     return StepFigures(
         trials=len(results),
         outcomes=_counts(Counter(r.outcome for r in results)),
-        contact_lateral_mm=quantiles(1000.0 * c.lateral_m for c in contacts),
-        contact_yaw_deg=quantiles(math.degrees(c.yaw_rad) for c in contacts),
-        seated_axial_mm=quantiles(1000.0 * s.axial_gap_m for s in seatings),
-        tracking_error_m=quantiles(_known(f.tracking_error_m for f in figures)),
-        amplitude_m=quantiles(_known(f.amplitude_m for f in figures)),
-        recovery_s=quantiles(_known(f.recovery_s for f in figures)),
-        attempts=quantiles(float(len(r.attempts)) for r in results),
+        contact_lateral_mm=of(1000.0 * c.lateral_m for c in contacts),
+        contact_yaw_deg=of(math.degrees(c.yaw_rad) for c in contacts),
+        seated_axial_mm=of(1000.0 * s.axial_gap_m for s in seatings),
+        tracking_error_m=of(_known(f.tracking_error_m for f in figures)),
+        amplitude_m=of(_known(f.amplitude_m for f in figures)),
+        recovery_s=of(_known(f.recovery_s for f in figures)),
+        attempts=of(float(len(r.attempts)) for r in results),
         docked_by_attempt=dict(sorted(by_attempt.items())),
         min_clearance_m=min(_known(r.min_clearance_m for r in results), default=None),
     )

@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import binomtest
+from scipy.stats import binom, binomtest
 
-from msrr_bullet.statistics import Quantiles, quantile, quantiles, wilson
+from msrr_bullet.statistics import (
+    Quantiles,
+    interval_text,
+    quantile,
+    quantile_interval,
+    quantiles,
+    wilson,
+)
 from msrr_scenes.random_streams import stream
 
 
@@ -49,7 +56,9 @@ def test_quantiles_are_ordered_and_of_the_sample(values: list[float]) -> None:
 def test_quantiles_by_hand() -> None:
     q = quantiles(float(i) for i in range(101))
     assert (q.p50, q.p95, q.max) == (50.0, 95.0, 100.0)
-    assert quantiles([]).model_dump() == {"p50": None, "p95": None, "max": None}
+    empty = quantiles([], independent=True)
+    assert (empty.p50, empty.p95, empty.max) == (None, None, None)
+    assert (empty.p50_interval, empty.p95_interval) == ((None, None), (None, None))
 
 
 def test_quantiles_may_be_infinite() -> None:
@@ -73,3 +82,52 @@ def test_the_interval_covers_as_it_claims() -> None:
     rng = np.random.default_rng(0)
     covered = [r.low <= 0.95 <= r.high for r in (wilson(int(k), 60) for k in rng.binomial(60, 0.95, 2000))]
     assert 0.955 < float(np.mean(covered)) < 0.985
+
+
+@given(st.integers(1, 400), st.floats(0.05, 0.95), st.sampled_from([0.8, 0.95, 0.99]))
+def test_the_bounds_of_a_quantile_are_the_closest_that_keep_the_level(
+    n: int, q: float, confidence: float
+) -> None:
+    # Of the values 1 .. n, order statistic k is k; the number of values below the quantile is binomial.
+    low, high = quantile_interval(np.arange(1.0, n + 1.0), q, confidence)
+    miss, below = 0.5 * (1.0 - confidence), binom(n, q)
+    for k in range(n + 2):
+        right_below = below.cdf(k - 1) <= miss  # the quantile is not under value k but with odds of `miss`
+        right_above = below.sf(k - 1) <= miss  # nor over it
+        assert right_below == (k <= (low or 0))
+        assert right_above == (k >= (high or n + 1))
+
+
+def test_the_interval_of_a_quantile_follows_the_values_wherever_they_go() -> None:
+    values = stream(2, "test/quantile_interval").normal(size=100)
+    low, high = quantile_interval(values, 0.5)
+    assert low is not None
+    assert high is not None
+    assert low < np.median(values) < high
+    assert quantile_interval(4.0 * values, 0.5) == (4.0 * low, 4.0 * high)  # exact in binary
+    assert quantile_interval(-values, 0.5) == (-high, -low)
+    assert quantile_interval([1.0] * 90 + [math.inf] * 10, 0.95) == (1.0, math.inf)
+
+
+def test_the_interval_of_a_quantile_covers_as_it_claims() -> None:
+    # 2,000 sweeps of 100 trials: by exact summation the interval of the 95 % quantile covers in 0.9826 of
+    # them, standard error 0.0029; a right program is outside 0.971 .. 0.994 with odds of 1 to 10,000.
+    rng = stream(3, "test/quantile_interval")
+    covered = 0
+    for values in rng.exponential(size=(2000, 100)):
+        low, high = quantile_interval(values, 0.95)
+        covered += low is not None and high is not None and low <= math.log(20.0) <= high
+    assert 0.971 < covered / 2000 < 0.994
+
+
+@pytest.mark.parametrize(("q", "confidence"), [(0.0, 0.95), (1.0, 0.95), (0.5, 0.0), (0.5, 1.0)])
+def test_the_interval_of_a_quantile_refuses_what_cannot_be(q: float, confidence: float) -> None:
+    with pytest.raises(ValueError, match="expected"):
+        quantile_interval([1.0, 2.0], q, confidence)
+
+
+def test_an_interval_as_text() -> None:
+    assert interval_text((None, None)) == ""
+    assert interval_text((1.234, None)) == "at least 1.23"
+    assert interval_text((1.234, 5.0), 1) == "1.2 .. 5.0"
+    assert interval_text((0.001, 0.002)) == ""

@@ -13,7 +13,7 @@ from msrr_bullet.cli.options import (
     parse_seed_range,
     parse_seeds,
     run_or_last,
-    write_json,
+    write_output,
 )
 from msrr_scenes.errors import SceneError
 
@@ -64,10 +64,10 @@ def test_a_single_number_of_seeds_is_ambiguous() -> None:
 def test_numbers_go_to_a_file_or_to_standard_output(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_json(None, "nowhere")
-    write_json(Path("-"), "{}")
+    write_output(None, "nowhere")
+    write_output(Path("-"), "{}")
     assert capsys.readouterr().out == "{}"
-    write_json(tmp_path / "numbers.json", "{}")
+    write_output(tmp_path / "numbers.json", "{}")
     assert (tmp_path / "numbers.json").read_text() == "{}"
     check_writable(tmp_path / "numbers.json")
     with pytest.raises(SceneError, match="not a file in an existing folder"):

@@ -1,5 +1,6 @@
 """The commands that run trials: their output, their files and their exit codes."""
 
+import csv
 import json
 import os
 import re
@@ -50,12 +51,50 @@ def test_sweep_writes_the_numbers(short_trial: list[str], tmp_path: Path, capsys
     assert numbers["outcomes"] == {"timeout": 2}
     assert set(numbers["success"]) == {"rate", "low", "high"}
     for key in ("contact_lateral_mm", "contact_yaw_deg", "seated_axial_mm", "attempts"):
-        assert set(numbers["steps"][0][key]) == {"p50", "p95", "max"}
+        assert {"p50", "p95", "max", "p50_interval", "p95_interval"} == set(numbers["steps"][0][key])
     assert {"min_clearance_m", "false_docks", "redraws"} <= set(numbers)
     capsys.readouterr()
     assert run([*arguments, "--json", "-"]) == 0  # the table gives way to the numbers
     again = json.loads(capsys.readouterr().out)
     assert again == {**numbers, "reused": 2}
+
+
+def test_sweep_writes_a_table_of_its_trials(short_trial: list[str], tmp_path: Path, capsys: Capture) -> None:
+    """In the order of the seeds, from the store as well, and of what is without a result."""
+    arguments = ["sweep", "close_range", *short_trial, "--seeds", "5,3", "--jobs", "1"]
+    assert run([*arguments, "--csv", "trials.csv"]) == 0
+    table = (tmp_path / "trials.csv").read_text()
+    rows = list(csv.DictReader(table.splitlines()))
+    assert [(r["seed"], r["outcome"], r["unit"], r["attempts"]) for r in rows] == [
+        ("5", "timeout", "a", "1"),
+        ("3", "timeout", "a", "1"),
+    ]
+    capsys.readouterr()
+    assert run([*arguments, "--csv", "-"]) == 0
+    assert capsys.readouterr().out == table
+    assert (
+        run([*arguments, "--fresh", "--wall-limit", "0.1", "--set", "time_limit_s=1000", "--csv", "-"]) == 2
+    )
+    for row in csv.DictReader(capsys.readouterr().out.splitlines()):
+        assert (row["outcome"], row["duration_s"]) == ("", "")
+        assert "took longer than 0.1 s" in row["reason"]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--fresh", "--store", "trials.sqlite"],
+        ["--dask", "local:1", "--jobs", "2"],
+        ["--json", "-", "--csv", "-"],
+    ],
+)
+def test_sweep_refuses_options_of_which_one_would_be_ignored(
+    short_trial: list[str], options: list[str], tmp_path: Path, capsys: Capture
+) -> None:
+    assert run(["sweep", "close_range", *short_trial, "--seeds", "0:2", *options]) == 2
+    shown = capsys.readouterr().err
+    assert all(option in shown for option in options if option.startswith("--"))
+    assert not (tmp_path / "runs").exists()
 
 
 @pytest.mark.parametrize(

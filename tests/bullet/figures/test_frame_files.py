@@ -40,6 +40,8 @@ def test_what_cannot_be_drawn_is_refused(short_log, blind_run, tmp_path, capsys)
         write_frames(read_log(blind_run), tmp_path)
     with pytest.raises(FramesError, match="at least one frame"):
         write_frames(short_log, tmp_path, every_s=0.0)
+    with pytest.raises(FramesError, match="not both"):
+        write_frames(short_log, tmp_path, every_s=1.0, count=8)
     (tmp_path / "file").write_text("")
     with pytest.raises(FramesError, match="cannot be made a folder"):
         write_frames(short_log, tmp_path / "file", count=1)

@@ -1,0 +1,81 @@
+"""The trials of a sweep as one table, with a row for every step, for programs that read CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Iterator
+
+from msrr_bullet.export.table import Row, columns, text
+from msrr_bullet.sweep.summary import TrialFailure
+from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.step_result import StepResult
+
+TRIAL_COLUMNS = columns(
+    seed="seed of the trial",
+    outcome="how the trial ended; empty for a trial without a result",
+    reason="why it ended so; for a trial without a result, what happened",
+    duration_s="simulated time of the trial",
+    step="index of the step, from 0; empty, as all that follow, for a trial in which no step began",
+    unit="name of the docking unit",
+    target="port that is docked to, or undocked from",
+    undocks="1 when the task was to undock",
+    step_outcome="verdict of the judge on the step",
+    belief="belief of the robot about the step",
+    step_reason="why the judge, or else the robot, ended the step",
+    started_s="simulated time at which the step began",
+    ended_s="simulated time at which the step ended",
+    attempts="number of attempts",
+    contact_s="simulated time at which a pin first touched the target in the last attempt",
+    contact_lateral_m="true distance of the port from the docking axis at that contact",
+    contact_yaw_rad="true angle between the port and the docking axis at that contact",
+    contact_believed_y_m="estimate minus truth of the unit's offset to the left of the docking axis then",
+    contact_believed_yaw_rad="estimate minus truth of its heading then",
+    seated="1 when the unit was seated at the end",
+    seated_axial_m="true distance between the faces at the end",
+    pull_test_passed="1 when the lock held the pull test, 0 when it did not; empty without a test",
+    min_clearance_m="true smallest distance between two bodies that were neither docking nor locked together",
+    tracking_error_m="steady tracking error of the long-distance phase",
+    amplitude_m="largest distance from the desired point while the unit passed an obstacle",
+    recovery_s="time from that peak until the distance stayed below 5 cm",
+)
+
+
+def trials_csv(outcomes: Iterable[TrialResult | TrialFailure]) -> str:
+    """Return the table of trials as CSV: a header with :data:`TRIAL_COLUMNS`, and the rows of each trial.
+
+    Args:
+        outcomes: Results of trials, and trials without one, in the order of the rows.
+    """
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([column.name for column in TRIAL_COLUMNS])
+    for outcome in outcomes:
+        for row in _rows(outcome):
+            writer.writerow([text(cell) for cell in row] + [""] * (len(TRIAL_COLUMNS) - len(row)))
+    return out.getvalue()
+
+
+def _rows(outcome: TrialResult | TrialFailure) -> Iterator[Row]:
+    if isinstance(outcome, TrialFailure):
+        yield outcome.seed, None, outcome.error
+        return
+    trial = outcome.seed, outcome.outcome, outcome.reason, outcome.duration_s
+    if not outcome.steps:
+        yield trial
+    for step in outcome.steps:
+        yield *trial, *_step_cells(step)
+
+
+def _step_cells(step: StepResult) -> Row:
+    contact, seating, figures = step.contact, step.seating, step.assembly
+    error = None if contact is None else contact.estimate_error
+    return (
+        *(step.index, step.unit, step.target, step.undocks, step.outcome, step.belief),
+        *(step.verdict_reason or step.belief_reason, step.started_s, step.ended_s, len(step.attempts)),
+        *((contact.time_s, contact.lateral_m, contact.yaw_rad) if contact else (None,) * 3),
+        *((error.y_m, error.yaw_rad) if error else (None,) * 2),
+        *((seating.seated, seating.axial_gap_m) if seating else (None,) * 2),
+        *(step.pull_test_passed, step.min_clearance_m),
+        *((figures.tracking_error_m, figures.amplitude_m, figures.recovery_s) if figures else ()),
+    )
