@@ -1,4 +1,4 @@
-"""Writes the drawings and tables of ``docs/explanation/architecture.md`` that follow from the code.
+"""Writes the tables of ``docs/explanation/architecture.md`` that follow from the code.
 
 Run ``python docs/make_architecture.py`` after a change of the packages or of their imports. A test compares
 the page with what this script would write.
@@ -81,7 +81,7 @@ def levels(graph: Graph) -> dict[str, int]:
 
 
 def reduced(graph: Graph) -> Graph:
-    """Return the graph without the arrows that a chain of other arrows implies."""
+    """Return the graph without the imports that a chain of other imports implies."""
 
     def reached(package: str) -> set[str]:
         return set(graph[package]).union(*(reached(p) for p in graph[package]))
@@ -102,35 +102,24 @@ def purpose(root: str, name: str) -> str:
 
 
 def packages_section(root: str) -> str:
-    """Return the table of the packages of ``root``, and for msrr_bullet the drawing of their imports."""
+    """Return the table of the packages of ``root``, with what each imports."""
     graph = package_graph(root)
-    level = levels(graph)
+    level, imports = levels(graph), reduced(graph)
     order = sorted(graph, key=lambda name: (-level[name], name))
-    lines = ["| level | package | purpose |", "|---|---|---|"]
-    lines += [f"| {level[name]} | `{name}` | {purpose(root, name)} |" for name in order]
-    if root == "msrr_bullet":
-        arrows = reduced(graph)
-        lines += ["", "```mermaid", "flowchart TB"]
-        for number in range(max(level.values()), 0, -1):
-            lines += [f"  subgraph L{number} [level {number}]", "    direction LR"]
-            lines += [f"    {name}" for name in order if level[name] == number]
-            lines.append("  end")
-        lines += [f"  {name} --> {imported}" for name in order for imported in sorted(arrows[name])]
-        lines.append("```")
+    lines = ["| level | package | purpose | imports |", "|---|---|---|---|"]
+    for name in order:
+        imported = ", ".join(f"`{other}`" for other in sorted(imports[name]))
+        lines.append(f"| {level[name]} | `{name}` | {purpose(root, name)} | {imported} |")
     return "\n".join(lines)
 
 
 def frame_section() -> str:
-    """Return the drawing of the way of a frame."""
-    lines = ["```mermaid", "flowchart TB"]
-    for i, (path, passed_on) in enumerate(FRAME):
+    """Return the table of the way of a frame."""
+    lines = ["| function | module | passes on |", "|---|---|---|"]
+    for path, passed_on in FRAME:
         module, _, name = path.partition(":")
-        lines.append(f'  f{i}["{name}<br/><small>{module}</small>"]')
-        if i + 1 < len(FRAME):
-            lines.append(f'  f{i} -->|"{passed_on}"| f{i + 1}' if passed_on else f"  f{i} --> f{i + 1}")
-        else:
-            lines.append(f'  f{i} -->|"{passed_on}"| wheels((wheels))')
-    return "\n".join([*lines, "```"])
+        lines.append(f"| `{name}` | `{module}` | {passed_on} |")
+    return "\n".join(lines)
 
 
 def page(text: str) -> str:

@@ -1,4 +1,4 @@
-"""The tables and drawings of docs/explanation/architecture.md say what the code does."""
+"""The tables of docs/explanation/architecture.md say what the code does."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ def test_a_circle_is_an_error(script: ModuleType) -> None:
         script.levels({"a": frozenset("b"), "b": frozenset("a")})
 
 
-def test_implied_arrows_are_not_drawn(script: ModuleType) -> None:
+def test_implied_imports_are_not_listed(script: ModuleType) -> None:
     graph = {"a": frozenset("bc"), "b": frozenset("c"), "c": frozenset()}
     assert script.reduced(graph)["a"] == frozenset("b")
 
 
-def test_a_frame_takes_the_way_that_is_drawn(script: ModuleType, shipped: Callable[..., Scene]) -> None:
-    """In a running trial every function of the drawing is called after the one before it."""
+def test_a_frame_takes_the_way_of_the_table(script: ModuleType, shipped: Callable[..., Scene]) -> None:
+    """In a running trial every function of the table is called after the one before it."""
     way = [_function(path) for path, _ in script.FRAME]
     codes = {function.__code__ for function in way}
     calls: list[Any] = []
@@ -62,7 +62,7 @@ def test_a_frame_takes_the_way_that_is_drawn(script: ModuleType, shipped: Callab
         sys.setprofile(None)
     place = calls.index(way[0].__code__)
     for function in way:
-        assert function.__code__ in calls[place:], f"{function.__qualname__} is not called where it is drawn"
+        assert function.__code__ in calls[place:], f"{function.__qualname__} is not called in its place"
         place = calls.index(function.__code__, place) + (function is not way[0])
 
 

@@ -43,6 +43,15 @@ def test_every_public_class_and_function_is_documented(modules: dict[str, Module
     assert modules["code_reference"].undocumented() == []
 
 
+def test_pages_are_read_without_a_network(site: Path) -> None:
+    """Drawings in Mermaid are drawn by a program that the browser would fetch."""
+    pages = sorted(site.rglob("*.md"))
+    assert pages
+    for page in pages:
+        found = re.findall(r"^``` ?mermaid|<script[^>]*|!\[[^\]]*\]\(https?:", page.read_text(), re.MULTILINE)
+        assert not found, page.name
+
+
 def test_what_is_undocumented_is_found(
     modules: dict[str, ModuleType], tmp_path: Path, monkeypatch: Any
 ) -> None:

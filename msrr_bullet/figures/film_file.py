@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
@@ -68,7 +72,8 @@ class FilmFile:
         if self._writer is None:
             code = cv2.VideoWriter.fourcc(*_CODES[self._kind])
             size = picture.shape[1], picture.shape[0]
-            self._writer = cv2.VideoWriter(str(self._path), cv2.CAP_FFMPEG, code, RATE, size)
+            with _silent_standard_error():
+                self._writer = cv2.VideoWriter(str(self._path), cv2.CAP_FFMPEG, code, RATE, size)
             if not self._writer.isOpened():
                 raise FilmError(f"{self._path}: OpenCV cannot write a film here")
         self._writer.write(picture)
@@ -97,6 +102,21 @@ class FilmFile:
         elif _pictures_in(self._path) != self._written:
             self._path.unlink(missing_ok=True)
             raise FilmError(f"{self._path}: cannot be written to its end; is the disk full?")
+
+
+@contextmanager
+def _silent_standard_error() -> Iterator[None]:
+    # OpenCV remarks at every WebM that this kind of file has no list of codes, at no level of its log: it
+    # writes from C to the file descriptor.
+    sys.stderr.flush()
+    kept, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(null, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(null)
 
 
 def _pictures_in(path: Path) -> int:

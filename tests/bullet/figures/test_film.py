@@ -51,11 +51,12 @@ def test_a_film_lasts_as_long_as_its_run_at_its_speed(short_log, trial, tmp_path
 
 
 @pytest.mark.parametrize("ending", [".webm", ".gif"])
-def test_other_files_hold_the_pictures_too(tmp_path, ending):
+def test_other_files_hold_the_pictures_too(tmp_path, ending, capfd):
     pictures = [np.full((64, 96, 3), grey, dtype=np.uint8) for grey in (40, 120, 200)]
     with FilmFile(tmp_path / f"film{ending}", len(pictures)) as film:
         for picture in pictures:
             film.write(picture)
+    assert capfd.readouterr() == ("", "")
     rate, read = pictures_of(tmp_path / f"film{ending}")
     assert rate == 25.0
     assert [picture.shape for picture in read] == [(64, 96, 3)] * 3
