@@ -133,7 +133,7 @@ def class_text(kind: Any) -> str:
 
 def _type(annotation: Any) -> str:
     """Return the type of an attribute as a cell; empty if the code does not say it."""
-    return f"`{annotation}`".replace("|", r"\|") if annotation else ""
+    return f"`{annotation}`" if annotation else ""
 
 
 def values_table(kind: Any) -> str:

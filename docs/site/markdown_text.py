@@ -19,7 +19,9 @@ def prose(text: str) -> str:
 
 def cell(text: str) -> str:
     """Return the text of a docstring for a cell of a table, in one line."""
-    return re.sub(r"\s+", " ", prose(text)).replace("|", r"\|").strip()
+    line = re.sub(r"\s+", " ", prose(text)).strip()
+    # A backslash before the bar of a type would be printed: code needs none.
+    return "".join(p if p.startswith("`") else p.replace("|", r"\|") for p in _CODE.split(line))
 
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -8,7 +8,7 @@ from enum import Enum
 class Outcome(Enum):
     """The verdict on a trial: what was physically true, and whether the robot knew it.
 
-    The judge forms it from truth; ``FALSE_DOCK`` and ``FALSE_ABORT`` are the two ways in which belief and
+    The judge forms it from truth; ``false_dock`` and ``false_abort`` are the two ways in which belief and
     truth can differ.
     """
 
