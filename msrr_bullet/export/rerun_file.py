@@ -18,7 +18,6 @@ from msrr_bullet.log.frame_tree import WORLD
 from msrr_bullet.log.topics import image, unit_of
 from msrr_bullet.timeline.palette import DETECTION, OBSTACLE, PATH, unit_colours
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid
 from msrr_scenes.messages import (
     OVERHEAD,
@@ -29,7 +28,6 @@ from msrr_scenes.messages import (
     TagDetection,
     onboard_camera,
 )
-from msrr_scenes.specs.bodies import CylinderSpec
 from msrr_scenes.specs.scene import Scene
 
 if TYPE_CHECKING:
@@ -94,12 +92,7 @@ def _log_bodies(recording: rr.RecordingStream, scene: Scene) -> None:
     for unit, colour in unit_colours(scene).items():
         _log_solids(recording, unit, list(scene.geometry(unit).solids), colour)
     for name, spec in scene.obstacles.items():
-        X = SE3(p=np.array([0.0, 0.0, 0.5 * spec.height_m]))
-        if isinstance(spec, CylinderSpec):
-            edges = 2.0 * spec.radius_m, 2.0 * spec.radius_m, spec.height_m
-        else:
-            edges = spec.length_m, spec.width_m, spec.height_m
-        _log_solids(recording, name, [Solid(name, "box", X, edges)], OBSTACLE)
+        _log_solids(recording, name, [spec.solid], OBSTACLE)
 
 
 def _log_solids(recording: rr.RecordingStream, body: str, solids: list[Solid], rgb: int) -> None:

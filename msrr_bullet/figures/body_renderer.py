@@ -27,7 +27,6 @@ from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid
 from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.messages import Pixels
-from msrr_scenes.specs.bodies import CylinderSpec, ObstacleSpec
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.tag_families import TagFamily
@@ -122,20 +121,13 @@ _BLACK, _WHITE = _uniform(0.0), _uniform(255.0)
 
 def _meshes(scene: Scene, built: AsBuilt, name: str) -> Iterator[tuple[SE3, Mesh, int]]:
     """Yield the meshes of a body without its tags: pose in B, mesh and colour."""
-    if name not in scene.units:
-        spec = scene.obstacles[name]
-        yield SE3(p=np.array([0.0, 0.0, 0.5 * spec.height_m])), _obstacle(spec), OBSTACLE
-        return
-    colour = unit_colours(scene)[name]
-    for solid in built.units[name].geometry.solids:
+    if name in scene.units:
+        solids, colour = built.units[name].geometry.solids, unit_colours(scene)[name]
+    else:
+        solids, colour = (scene.obstacles[name].solid,), OBSTACLE
+    for solid in solids:
         for mesh in _solid(solid):
             yield solid.X_UG, mesh, link_colour(solid.link, colour)
-
-
-def _obstacle(spec: ObstacleSpec) -> Mesh:
-    if isinstance(spec, CylinderSpec):
-        return cylinder(spec.radius_m, spec.height_m)
-    return box(np.array([spec.length_m, spec.width_m, spec.height_m]))
 
 
 def _solid(solid: Solid) -> Iterator[Mesh]:

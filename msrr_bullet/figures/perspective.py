@@ -21,7 +21,6 @@ from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
-from msrr_scenes.specs.bodies import CylinderSpec, ObstacleSpec
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
 
@@ -144,16 +143,8 @@ def scene_solids(scene: Scene, built: AsBuilt) -> dict[str, Solids]:
         if name in built.obstacle_tags:
             tag = built.obstacle_tags[name]
             tags = ((obstacle_tag_pose(spec.height_m, tag), tag.print_scale * spec.tag_m),)
-        solids[name] = Solids(((_prism(spec), OBSTACLE),), tags, ratio)
+        solids[name] = Solids(((spec.solid.points(), OBSTACLE),), tags, ratio)
     return solids
-
-
-def _prism(spec: ObstacleSpec) -> Array:
-    if isinstance(spec, CylinderSpec):
-        rim = spec.radius_m * circle()
-    else:
-        rim = np.array([[i * spec.length_m, j * spec.width_m] for i in (-0.5, 0.5) for j in (-0.5, 0.5)])
-    return np.concatenate([on_floor(rim, z) for z in (0.0, spec.height_m)])
 
 
 @lru_cache(maxsize=1)

@@ -29,8 +29,6 @@ from msrr_control.coordination.track import track_of
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.solid import Solid
 from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import (
     AssemblyPath,
@@ -42,7 +40,6 @@ from msrr_scenes.messages import (
     carrier_of,
 )
 from msrr_scenes.messages.coordination import Authority
-from msrr_scenes.specs.bodies import CylinderSpec
 from msrr_scenes.specs.scene import Scene
 
 
@@ -131,13 +128,8 @@ class DisplayMessages:
         """Yield the obstacles that have appeared by now."""
         for name in [n for n in self._waiting if 1e9 * self._scene.obstacles[n].appears_at_s <= stamp_ns]:
             spec, X_WB = self._scene.obstacles[name], self._waiting.pop(name)
-            X = SE3(p=np.array([0.0, 0.0, 0.5 * spec.height_m]))
-            if isinstance(spec, CylinderSpec):
-                solid = Solid(name, "cylinder", X, (spec.radius_m, spec.height_m))
-            else:
-                solid = Solid(name, "box", X, (spec.length_m, spec.width_m, spec.height_m))
             yield from self._moved(stamp_ns, name, X_WB)
-            shape = foxglove.solids_entity(stamp_ns, name, name, [solid], foxglove.colour(_OBSTACLE))
+            shape = foxglove.solids_entity(stamp_ns, name, name, [spec.solid], foxglove.colour(_OBSTACLE))
             yield topics.DRAWINGS, stamp_ns, SceneUpdate(entities=[shape])
 
     def _true_pose(self, topic: str, stamp_ns: int, pose: TruePose) -> Iterator[Display]:

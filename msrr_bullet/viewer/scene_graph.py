@@ -37,7 +37,6 @@ from msrr_scenes.geometry.pinhole import R_BODY_OPTICAL
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
 from msrr_scenes.messages import LosStatus
-from msrr_scenes.specs.bodies import CylinderSpec
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.plan import GuardSpec
 from msrr_scenes.specs.scene import Scene
@@ -126,13 +125,7 @@ class SceneGraph:
     def _obstacles(self) -> Iterator[Command]:
         for name, spec in self._scene.obstacles.items():
             path = f"obstacles/{name}"
-            if isinstance(spec, CylinderSpec):
-                yield from shapes.cylinder(
-                    f"{path}/body", spec.radius_m, spec.height_m, shapes.shaded_material(OBSTACLE)
-                )
-            else:
-                size = (spec.length_m, spec.width_m, spec.height_m)
-                yield from shapes.box(f"{path}/body", size, shapes.shaded_material(OBSTACLE))
+            yield from shapes.solid(f"{path}/body", spec.solid, shapes.shaded_material(OBSTACLE))
             if spec.tag_id is not None:
                 # The tag lies flat on top, readable from above: T is x right, y down, z into the tag.
                 X_BT = SE3(rotation_from_rpy(math.pi, 0.0, 0.0), np.array([0.0, 0.0, spec.height_m + 0.001]))

@@ -24,21 +24,18 @@ _X_FRONT = SE3(rotation_from_rpy(math.pi, 0.0, 0.0))
 PLATE_THICKNESS = 0.001
 
 
-def shaded_material(colour: int, opacity: float = 1.0) -> g.Material:
+def shaded_material(colour: int) -> g.Material:
     """Return a matt material that is shaded by the light, for bodies."""
-    return g.MeshLambertMaterial(color=colour, opacity=opacity, transparent=opacity < 1.0)
+    return g.MeshLambertMaterial(color=colour)
 
 
 def flat_material(colour: int, opacity: float = 1.0) -> g.Material:
     """Return a material that shows exactly its colour in any light, for drawings."""
-    transparent = opacity < 1.0
-    return g.MeshBasicMaterial(
-        color=colour, opacity=opacity, transparent=transparent, depthWrite=not transparent
-    )
+    return g.MeshBasicMaterial(color=colour, opacity=opacity, depthWrite=opacity == 1.0)
 
 
 def solid(path: str, shape: Solid, material: g.Material) -> Iterator[Command]:
-    """Draw a collision shape of a URDF in the frame of its body."""
+    """Draw the shape of a link or of an obstacle in the frame of its body."""
     X_UG, scale = shape.X_UG, (1.0, 1.0, 1.0)
     if shape.kind == "box":
         geometry: g.Geometry = g.Box(list(shape.size))
@@ -62,18 +59,6 @@ def tag_plate(path: str, X_BT: SE3, size: float, tag_id: int | None, family: Tag
     edge = family.plate_ratio * size
     yield set_object(path, g.Box([edge, edge, PLATE_THICKNESS]), g.MeshLambertMaterial(map=texture))
     yield set_transform(path, X_BT @ _X_FRONT)
-
-
-def cylinder(path: str, radius: float, height: float, material: g.Material) -> Iterator[Command]:
-    """Draw an upright cylinder whose foot is in the origin."""
-    yield set_object(path, g.Cylinder(height, radius), material)
-    yield set_transform(path, SE3(p=np.array([0.0, 0.0, 0.5 * height])) @ _X_CYLINDER)
-
-
-def box(path: str, size: tuple[float, float, float], material: g.Material) -> Iterator[Command]:
-    """Draw a box of full edges ``size`` [m] whose foot is in the origin."""
-    yield set_object(path, g.Box(list(size)), material)
-    yield set_transform(path, SE3(p=np.array([0.0, 0.0, 0.5 * size[2]])))
 
 
 def band(points: ArrayLike, width: float, z: float) -> g.Geometry:
@@ -117,8 +102,7 @@ def extrusion(outline: ArrayLike, height: float) -> g.Geometry:
     return g.TriangularMeshGeometry(vertices, np.concatenate([walls, top]))
 
 
-def line_segments(path: str, ends: ArrayLike, colour: int, opacity: float = 1.0) -> Command:
+def line_segments(path: str, ends: ArrayLike, colour: int) -> Command:
     """Draw thin lines between consecutive pairs of points, shape (2 N, 3) [m]."""
     points = np.asarray(ends, dtype=np.float32).T
-    material = g.LineBasicMaterial(color=colour, opacity=opacity, transparent=opacity < 1.0)
-    return set_object(path, g.PointsGeometry(points), material, g.LineSegments)
+    return set_object(path, g.PointsGeometry(points), g.LineBasicMaterial(color=colour), g.LineSegments)

@@ -21,12 +21,12 @@ _FLAT_M2 = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A collision shape of the unit.
+    """A collision shape of a unit, or the shape of an obstacle.
 
     Attributes:
-        link: Link that carries the shape.
+        link: Link that carries the shape; empty for an obstacle.
         kind: ``box``, ``cylinder``, ``sphere`` or ``mesh``.
-        X_UG: Pose of the shape's frame G in U with all joints at zero.
+        X_UG: Pose of the shape's frame G in U with all joints at zero; in B for an obstacle.
         size: Full edges of a box, radius and length of a cylinder, radius of a sphere [m], scale of a mesh.
         mesh: OBJ file of a mesh, None for other shapes.
     """

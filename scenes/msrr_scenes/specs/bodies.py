@@ -6,12 +6,14 @@ import math
 from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.frame_map import FrameMap, MappedFrame
 from msrr_scenes.geometry.pinhole import body_pose
 from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.solid import Solid
 from msrr_scenes.specs.mount import FrameSpec, LinkName, MountSpec
 from msrr_scenes.specs.spec import Coordinate, FileName, Name, PoseSpec, Size, Spec, Time
 from msrr_scenes.specs.tag_families import FAMILIES, TAG36H11, FamilyName, TagFamily
@@ -186,6 +188,9 @@ class _Obstacle(Spec):
     appears_at_s: Time = 0.0
     """Time at which the obstacle appears [s]."""
 
+    def _solid(self, kind: str, *size: float) -> Solid:
+        return Solid("", kind, SE3(p=np.array([0.0, 0.0, 0.5 * self.height_m])), size)
+
 
 class CylinderSpec(_Obstacle):
     """An upright cylinder, fixed to the floor."""
@@ -194,6 +199,11 @@ class CylinderSpec(_Obstacle):
     """Kind of obstacle."""
     radius_m: Size
     """Radius of the cylinder [m]."""
+
+    @property
+    def solid(self) -> Solid:
+        """The shape in frame B, whose origin is the middle of the base."""
+        return self._solid("cylinder", self.radius_m, self.height_m)
 
 
 class BoxSpec(_Obstacle):
@@ -205,6 +215,11 @@ class BoxSpec(_Obstacle):
     """Edge along x of the box [m]."""
     width_m: Size
     """Edge along y of the box [m]."""
+
+    @property
+    def solid(self) -> Solid:
+        """The shape in frame B, whose origin is the middle of the base."""
+        return self._solid("box", self.length_m, self.width_m, self.height_m)
 
     @property
     def radius_m(self) -> float:
