@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -38,16 +38,6 @@ C1_WITHOUT, C2_WITH = tuple(LAWS)[2:]
 CellJob = tuple[str, float, float, bool, range]
 
 
-class Mapper(Protocol):
-    """Runs jobs in order, as the built-in ``map`` or that of an executor does."""
-
-    def __call__(
-        self, function: Callable[[CellJob], MapCell], jobs: Iterable[CellJob], /
-    ) -> Iterable[MapCell]:
-        """Return the function's result for each job."""
-        ...
-
-
 def law_at(label: str, gain: float) -> Choice:
     """Return one of the laws of the map at a gain k_n [1/s]."""
     name, params = LAWS[label]
@@ -73,7 +63,7 @@ def map_cell(job: CellJob) -> MapCell:
 def gain_delay_map(
     compensated: bool,
     seeds: range,
-    mapper: Mapper,
+    mapper: Callable[[Callable[[CellJob], MapCell], Iterable[CellJob]], Iterable[MapCell]],
     gains: tuple[float, ...] = GAINS,
     latencies: tuple[float, ...] = LATENCIES,
 ) -> GainDelayMap:

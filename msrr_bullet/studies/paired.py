@@ -45,27 +45,29 @@ def mcnemar(first: ArrayLike, second: ArrayLike) -> PairedCount:
 
 
 class Difference(NamedTuple):
-    """A quantile of one sample minus that of another, with its interval."""
+    """A quantile of one sample minus that of another, with its 95 % interval."""
 
     value: float
     low: float
     high: float
 
+    @property
+    def is_apart(self) -> bool:
+        """Whether the two samples differ beyond chance: the interval does not hold zero."""
+        return self.low > 0.0 or self.high < 0.0
 
-def paired_difference(
-    first: Array, second: Array, q: float, confidence: float = 0.95, resamples: int = 2000
-) -> Difference:
+
+def paired_difference(first: Array, second: Array, q: float, resamples: int = 2000) -> Difference:
     """Return the difference of a quantile between two ways of running the same trials: a paired bootstrap.
 
-    Trials are drawn with replacement, each with its values under both ways, and the interval is that of the
-    differences found (the percentile method). The draws are the same in every call.
+    Trials are drawn with replacement, each with its values under both ways, and the 95 % interval is that of
+    the differences found (the percentile method). The draws are the same in every call.
     Source: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapters 8 and 13.
 
     Args:
         first: Values of the trials, shape (trials,); infinite ones count as larger than any other.
         second: Values of the same trials, same shape.
         q: Which quantile.
-        confidence: Two-sided confidence level.
         resamples: Number of draws.
 
     Raises:
@@ -76,8 +78,7 @@ def paired_difference(
         raise ValueError(f"expected as many values as in the other sample, found {a.size} and {b.size}")
     drawn = stream(0, "paired bootstrap").integers(a.size, size=(resamples, a.size))
     found = np.sort(_minus(_quantiles(a[drawn], q), _quantiles(b[drawn], q)))
-    tail = 0.5 * (1.0 - confidence)
-    low, high = (float(found[round(share * (resamples - 1))]) for share in (tail, 1.0 - tail))
+    low, high = (float(found[round(share * (resamples - 1))]) for share in (0.025, 0.975))
     whole = _minus(np.array(quantile(a, q)), np.array(quantile(b, q)))
     return Difference(float(whole), low, high)
 

@@ -11,7 +11,8 @@ from msrr_bullet.reproduce.report.formatting import format_value
 from msrr_bullet.statistics import quantile
 from msrr_bullet.studies.measures import MEASURES, PATH_FOLLOWING, Measure, PhaseName
 from msrr_bullet.studies.model import FlagName, Row, Table
-from msrr_bullet.studies.paired import mcnemar, paired_difference
+from msrr_bullet.studies.paired import Difference, mcnemar, paired_difference
+from msrr_scenes.arrays import Array
 
 #: Probability with which two equal controllers are told apart by one figure in one setting.
 LEVEL = 0.05
@@ -86,26 +87,32 @@ def success_text(plant: str, phase: PhaseName) -> str:
 
 def _compare_measure(table: Table, measure: Measure, first: Row, second: Row) -> list[Change]:
     """Compare the tail of a measure over the trials that have it under both controllers."""
-    if not {measure.key} <= first.measures.keys() & second.measures.keys():
+    a, b = shared_values(measure, first, second)
+    if not a.size:
         return []
+    difference = paired_difference(b, a, measure.tail)
+    sign = 1.0 if measure.more_is_better else -1.0
+    ours, theirs = (format_value(quantile(v, measure.tail), measure) for v in (a, b))
+    of = "" if a.size == first.trials else f", {a.size} trials"
+    figure = f"{measure.label}, {100 * measure.tail:.0f}th percentile"
+    change = f"by {format_interval(difference, measure)}"
+    text = f"{figure} {theirs} instead of {ours} {measure.unit} ({table.setting}{of}; {change})"
+    return [Change(figure, sign * difference.value if difference.is_apart else 0.0, text)]
+
+
+def shared_values(measure: Measure, first: Row, second: Row) -> tuple[Array, Array]:
+    """Return the values of the trials that have a measure under both controllers, shape (trials,) each."""
+    if not {measure.key} <= first.measures.keys() & second.measures.keys():
+        return np.empty(0), np.empty(0)
     a, b = first.measures[measure.key].by_trial(), second.measures[measure.key].by_trial()
     both = ~(np.isnan(a) | np.isnan(b))
-    if not both.any():
-        return []
-    value, low, high = paired_difference(b[both], a[both], measure.tail)
-    apart = low > 0.0 or high < 0.0
-    sign = 1.0 if measure.more_is_better else -1.0
-    percentile = f"{100 * measure.tail:.0f}th percentile"
-    ours, theirs = (format_value(quantile(v[both], measure.tail), measure) for v in (a, b))
-    change = f"by {_signed(low, measure)} .. {_signed(high, measure)}"
-    of = "" if both.all() else f", {both.sum()} trials"
-    figure = f"{measure.label}, {percentile}"
-    text = f"{figure} {theirs} instead of {ours} {measure.unit} ({table.setting}{of}; {change})"
-    return [Change(figure, sign * value if apart else 0.0, text)]
+    return a[both], b[both]
 
 
-def _signed(value: float, measure: Measure) -> str:
-    return f"{'-' if value < 0 else '+'}{format_value(abs(value), measure)}"
+def format_interval(difference: Difference, measure: Measure) -> str:
+    """Return the interval of a difference in the unit of the measure, without the unit."""
+    ends = (difference.low, difference.high)
+    return " .. ".join(f"{'-' if x < 0.0 else '+'}{format_value(abs(x), measure)}" for x in ends)
 
 
 def largest(changes: Sequence[Change], sign: float) -> list[str]:

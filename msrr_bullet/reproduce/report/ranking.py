@@ -6,8 +6,8 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 
-from msrr_bullet.reproduce.report.comparisons import LEVEL
-from msrr_bullet.reproduce.report.formatting import format_quantiles, format_rate, format_value
+from msrr_bullet.reproduce.report.comparisons import LEVEL, format_interval, shared_values
+from msrr_bullet.reproduce.report.formatting import format_quantiles, format_rate
 from msrr_bullet.statistics import Rate
 from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.measures import measure
@@ -179,11 +179,9 @@ def _beside(base: Row, row: Row) -> str:
                 parts.append(f"{figure}: {lost} lost, {won} won")
     for key in _SHOWN:
         shown = measure(key)
-        ours, theirs = base.measures[key].by_trial(), row.measures[key].by_trial()
-        both = ~(np.isnan(ours) | np.isnan(theirs))
-        if both.any():
-            _, low, high = paired_difference(theirs[both], ours[both], shown.tail)
-            if low > 0.0 or high < 0.0:
-                ends = (f"{'-' if x < 0.0 else '+'}{format_value(abs(x), shown)}" for x in (low, high))
-                parts.append(f"{shown.label.split()[0]} {' .. '.join(ends)} {shown.unit}")
+        ours, theirs = shared_values(shown, base, row)
+        difference = paired_difference(theirs, ours, shown.tail) if ours.size else None
+        if difference is not None and difference.is_apart:
+            change = format_interval(difference, shown)
+            parts.append(f"{shown.label.split()[0]} {change} {shown.unit}")
     return "; ".join(parts)
