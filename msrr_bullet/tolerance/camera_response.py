@@ -43,7 +43,7 @@ RESPONSES: Mapping[str, Response] = {
 }
 
 
-def with_response(scene: Scene, camera: str, key: str, error: float) -> Scene:
+def with_response(scene: Scene, error: float, *, camera: str, key: str) -> Scene:
     """Return the scene with an error in one key of a camera.
 
     Raises:

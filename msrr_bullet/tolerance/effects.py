@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from pydantic import ValidationError
 
@@ -137,7 +138,7 @@ def _deviations(scene: Scene) -> Iterator[Effect]:
             signs=(1.0,) if drawn or deviation.one_sided else (1.0, -1.0),
             drawn=drawn,
             top=0.0,
-            apply=_Deviate(group, quantity, drawn),
+            apply=partial(_deviated, group=group, quantity=quantity, drawn=drawn),
         )
 
 
@@ -169,40 +170,22 @@ def _responses(scene: Scene) -> Iterator[Effect]:
                 signs=response.signs,
                 drawn=False,
                 top=0.0,
-                apply=_Respond(camera, key),
+                apply=partial(with_response, camera=camera, key=key),
             )
 
 
-@dataclass(frozen=True, slots=True)
-class _Deviate:
-    """Gives a quantity of ``as_built`` an error, or, if it is drawn, a standard deviation."""
-
-    group: str
-    quantity: str
-    drawn: bool
-
-    def __call__(self, scene: Scene, error: float) -> Scene:
-        group = getattr(scene.as_built, self.group)
-        deviation = getattr(group, self.quantity)
-        if self.drawn:
-            values = {"sigma": error, "error": None}
-        elif isinstance(deviation, FrictionDeviation):
-            values = {"sigma": deviation.sigma, "error": 100.0 * math.expm1(-error / 100.0)}
-        else:
-            values = {"sigma": deviation.sigma, "error": error}
-        built = group.model_copy(update={self.quantity: type(deviation).model_validate(values)})
-        return scene.model_copy(update={"as_built": scene.as_built.model_copy(update={self.group: built})})
-
-
-@dataclass(frozen=True, slots=True)
-class _Respond:
-    """Changes the response of a camera."""
-
-    camera: str
-    key: str
-
-    def __call__(self, scene: Scene, error: float) -> Scene:
-        return with_response(scene, self.camera, self.key, error)
+def _deviated(scene: Scene, error: float, *, group: str, quantity: str, drawn: bool) -> Scene:
+    """Give a quantity of ``as_built`` an error, or, if it is drawn, a standard deviation."""
+    spec = getattr(scene.as_built, group)
+    deviation = getattr(spec, quantity)
+    if drawn:
+        values = {"sigma": error, "error": None}
+    elif isinstance(deviation, FrictionDeviation):
+        values = {"sigma": deviation.sigma, "error": 100.0 * math.expm1(-error / 100.0)}
+    else:
+        values = {"sigma": deviation.sigma, "error": error}
+    built = spec.model_copy(update={quantity: type(deviation).model_validate(values)})
+    return scene.model_copy(update={"as_built": scene.as_built.model_copy(update={group: built})})
 
 
 def _largest_accepted(scene: Scene, effect: Effect) -> float:

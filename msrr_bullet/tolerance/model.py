@@ -84,21 +84,18 @@ class Sample(StudyPart):
         return float(np.sqrt(np.mean(np.square(found)))) if found else None
 
     @classmethod
-    def _figures(cls, trials: Iterable[StudyTrial]) -> dict[str, object]:
+    def of(cls, trials: Iterable[StudyTrial], **condition: object) -> Self:
+        """Summarise trials, under the condition that the other attributes say."""
         kept = tuple(sorted(trials, key=lambda trial: trial.seed))
         contacts = [contact for trial in kept for contact in trial.contacts.values()]
-        return {
+        figures = {
             "trials": kept,
             "docked": wilson(sum(trial.succeeded for trial in kept), len(kept)),
             "lateral_mm": quantiles(abs(contact.lateral_mm) for contact in contacts),
             "yaw_deg": quantiles(abs(contact.yaw_deg) for contact in contacts),
             "outcomes": dict(Counter(trial.outcome for trial in kept).most_common()),
         }
-
-    @classmethod
-    def of(cls, trials: Iterable[StudyTrial]) -> Self:
-        """Summarise trials."""
-        return cls.model_validate(cls._figures(trials))
+        return cls.model_validate({**figures, **condition})
 
 
 class SizeSample(Sample):
@@ -113,11 +110,6 @@ class SizeSample(Sample):
     size: float
     holds: bool
 
-    @classmethod
-    def at(cls, size: float, holds: bool, trials: Iterable[StudyTrial]) -> Self:
-        """Summarise trials with an effect of one size."""
-        return cls.model_validate({**cls._figures(trials), "size": size, "holds": holds})
-
 
 class GradeSample(Sample):
     """Trials in which everything was drawn by one grade.
@@ -127,11 +119,6 @@ class GradeSample(Sample):
     """
 
     grade: Grade
-
-    @classmethod
-    def under(cls, grade: Grade, trials: Iterable[StudyTrial]) -> Self:
-        """Summarise trials under a grade."""
-        return cls.model_validate({**cls._figures(trials), "grade": grade})
 
 
 class Slope(StudyPart):

@@ -38,19 +38,11 @@ def write_study(study: ToleranceStudy, folder: Path) -> Path:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    words = ("with_unit", "interval", "counted", "median_and_95", "beyond", "limit", "at_limit", "slope")
-    environment.globals.update({name: getattr(wording, name) for name in words})
-    environment.globals.update(
-        systematic=wording.systematic, grade_cells=wording.grade_cells, first_cells=wording.first_cells
-    )
     found = contributions(study)
     page = environment.get_template("page.html.j2").render(
         study=study,
         found=found,
-        findings=wording.findings(study, found),
-        grade_columns=wording.GRADE_COLUMNS,
-        first_columns=wording.FIRST_COLUMNS,
-        effect_columns=wording.EFFECT_COLUMNS,
+        wording=wording,
         tornado=base64.b64encode(light.read_bytes()).decode(),
         tornado_dark=base64.b64encode(dark.read_bytes()).decode(),
         resolution=RESOLUTION,

@@ -99,7 +99,7 @@ def tolerance_study(
         versions=package_versions(),
         seeds=tuple(seeds),
         drawn=Sample.of(without),
-        grades=tuple(GradeSample.under(grade, found) for grade, found in zip(grades, under, strict=True)),
+        grades=tuple(GradeSample.of(found, grade=grade) for grade, found in zip(grades, under, strict=True)),
         effects=tuple(trials.result(without) for trials in alone),
     )
 

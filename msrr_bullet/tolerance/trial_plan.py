@@ -127,7 +127,7 @@ class EffectTrials:
             if len(seeds) - failed < required:
                 break
         holds = len(seeds) - failed >= required
-        self._samples[size] = SizeSample.at(self._effect.scale * size, holds, trials)
+        self._samples[size] = SizeSample.of(trials, size=self._effect.scale * size, holds=holds)
         return holds
 
     def result(self, without: Sequence[StudyTrial]) -> EffectResult:

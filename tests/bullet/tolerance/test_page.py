@@ -76,5 +76,7 @@ def test_a_size_that_is_too_large_with_one_sign_only_says_which(study: Tolerance
     assert beyond(yaw) == "2 false_abort"
     sample = yaw.sample(yaw.fails)
     with_plus = [t.model_copy(update={"succeeded": (t.error or 0.0) > 0.0}) for t in sample.trials]
-    samples = tuple(SizeSample.at(sample.size, False, with_plus) if s is sample else s for s in yaw.samples)
+    samples = tuple(
+        SizeSample.of(with_plus, size=sample.size, holds=False) if s is sample else s for s in yaw.samples
+    )
     assert beyond(yaw.model_copy(update={"samples": samples})).endswith(", only with -")
