@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from msrr_bullet.log.reader import LOG_NAME, begun_by_msrr
@@ -18,30 +17,24 @@ from msrr_perception.photographs.picture_files import FILMS
 _MCAP = ".mcap"
 
 
-@dataclass(frozen=True, slots=True)
-class Sources:
-    """What the user says of a recording.
-
-    Attributes:
-        topic: Topic of the images; None if there is no choice.
-        odometry: Topic of the odometry, or ``none``; None if there is no choice.
-        rate_hz: Rate of pictures that have no times [Hz].
-        latency_ns: Latency of pictures that have no times of arrival.
-    """
-
-    topic: str | None
-    odometry: str | None
-    rate_hz: float
-    latency_ns: int
-
-
-def open_recording(path: Path, sources: Sources, wheels: Callable[[], WheelReader]) -> Recording:
+def open_recording(
+    path: Path,
+    wheels: Callable[[], WheelReader],
+    *,
+    topic: str | None,
+    odometry: str | None,
+    rate_hz: float,
+    latency_ns: int,
+) -> Recording:
     """Open a recording.
 
     Args:
         path: MCAP file, run folder of a trial, film, picture, or folder of pictures.
-        sources: What the user says of it.
         wheels: Returns a reader of wheel angles.
+        topic: Topic of the images; None if there is no choice.
+        odometry: Topic of the odometry, or ``none``; None if there is no choice.
+        rate_hz: Rate of pictures that have no times [Hz].
+        latency_ns: Latency of pictures that have no times of arrival.
 
     Raises:
         MsrrError: There is nothing, or it cannot be read.
@@ -54,10 +47,10 @@ def open_recording(path: Path, sources: Sources, wheels: Callable[[], WheelReade
         if not path.stat().st_size:
             raise RecordingError(f"{path}: the file is empty")
         if begun_by_msrr(path):
-            return open_trial(path, sources.topic, odometry=sources.odometry != NONE)
-        return open_mcap(path, sources.topic, sources.odometry, wheels)
-    if sources.topic is not None or sources.odometry not in (None, NONE):
+            return open_trial(path, topic, odometry=odometry != NONE)
+        return open_mcap(path, topic, odometry, wheels)
+    if topic is not None or odometry not in (None, NONE):
         raise RecordingError(f"{path}: --topic and --odometry are for MCAP files")
     if path.suffix.lower() in FILMS:
-        return open_film(path, sources.latency_ns)
-    return open_pictures(path, sources.rate_hz, sources.latency_ns)
+        return open_film(path, latency_ns)
+    return open_pictures(path, rate_hz, latency_ns)

@@ -16,7 +16,7 @@ from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.reader import LOG_NAME, unpacked_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.log.records import Event, FrameLink, FrameLinks, Level, StartPoses, StepStart
-from msrr_bullet.recordings.opening import Sources, open_recording
+from msrr_bullet.recordings.opening import open_recording
 from msrr_bullet.recordings.perceiver import Instant, Perceiver
 from msrr_bullet.recordings.recording import Recording, RecordingError
 from msrr_bullet.recordings.result import RecordingResult, Tally
@@ -113,7 +113,14 @@ def _opened(path: Path, spec: TargetSpec, target: Path, options: Options) -> Rec
     rate_hz = options.rate_hz or spec.camera.rate_hz
     # A film does not say when its frames arrived; estimates that are made later may use them at once.
     latency_ns = round(1e6 * spec.camera.latency_ms) if "latency_ms" in spec.camera.model_fields_set else 0
-    return open_recording(path, Sources(options.topic, options.odometry, rate_hz, latency_ns), wheels)
+    return open_recording(
+        path,
+        wheels,
+        topic=options.topic,
+        odometry=options.odometry,
+        rate_hz=rate_hz,
+        latency_ns=latency_ns,
+    )
 
 
 def _at_rate(scene: Scene, rate_hz: float) -> Scene:
