@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 
+from msrr_bullet.figures.drawing import add_grid
 from msrr_bullet.timeline.palette import (
     ALARM,
     BELIEF,
@@ -87,7 +88,7 @@ def _truth_and_belief(
             axes.plot(series.time, curve, color=css(colour), linewidth=width, label=name)
     axes.axhline(0.0, color=css(DARK), linewidth=0.6)
     axes.set_ylabel(label)
-    _add_grid(axes)
+    add_grid(axes)
 
 
 def off_path(axes: Axes, series: TrialSeries) -> None:
@@ -112,7 +113,7 @@ def off_path(axes: Axes, series: TrialSeries) -> None:
     axes.set_ylabel("off the path [mm]")
     axes.set_ylim(bottom=0.0)
     axes.legend(loc="upper right", fontsize=8)
-    _add_grid(axes)
+    add_grid(axes)
 
 
 def speed(axes: Axes, series: TrialSeries, limits: LimitsSpec) -> None:
@@ -141,7 +142,7 @@ def _motion(axes: Axes, series: TrialSeries, column: int, label: str, limit: flo
     used = np.nanmax(np.abs([series.driven[:, column], series.commanded[:, column]]), initial=0.25 * limit)
     axes.set(ylabel=label, ylim=(-1.15 * used, 1.15 * used))
     axes.legend(loc="best", fontsize=8)
-    _add_grid(axes)
+    add_grid(axes)
 
 
 def clearance(axes: Axes, series: TrialSeries, guard: GuardSpec, judge: JudgeSpec) -> None:
@@ -166,7 +167,7 @@ def clearance(axes: Axes, series: TrialSeries, guard: GuardSpec, judge: JudgeSpe
         axes.set_yscale("symlog", linthresh=LINEAR_M, linscale=1.5)
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.legend(loc="best", fontsize=8)
-    _add_grid(axes)
+    add_grid(axes)
 
 
 def sight(axes: Axes, series: TrialSeries, scene: Scene) -> None:
@@ -187,15 +188,8 @@ def sight(axes: Axes, series: TrialSeries, scene: Scene) -> None:
             name, (1.0, limit), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=7
         )
     axes.set(ylabel="edge angle [deg]", ylim=(-1.2 * half_fov, 1.2 * half_fov))
-    _add_grid(axes)
+    add_grid(axes)
     axes.legend(loc="lower left", fontsize=7, ncols=2)
-
-
-def _add_grid(axes: Axes) -> None:
-    """Add the grid, and set the size of the tick labels."""
-    axes.grid(True, color="#e4e7ea", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=8)
 
 
 def _shade_phases(axes: Axes, series: TrialSeries, named: bool) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
@@ -16,6 +17,13 @@ from msrr_scenes.geometry.se2 import SE2
 def halo(width: float = 2.0) -> list[AbstractPathEffect]:
     """Return the effect that draws text on a white rim, so that it can be read on any ground."""
     return [withStroke(linewidth=width, foreground="white")]
+
+
+def add_grid(axes: Axes, axis: Literal["both", "x"] = "both") -> None:
+    """Add the grid behind all else, and set the size of the tick labels."""
+    axes.grid(True, axis=axis, color="#e4e7ea", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.tick_params(axis=axis, labelsize=8)
 
 
 def draw_body(axes: Axes, parts: Sequence[Part], X_WB: SE2, colour: int, alpha: float) -> None:

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from msrr_bullet.figures import curves
-from msrr_bullet.figures.drawing import halo
+from msrr_bullet.figures.drawing import add_grid, halo
 from msrr_bullet.timeline.mission_series import (
     EventKind,
     Span,
@@ -76,9 +76,7 @@ def draw_mission_chart(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) 
     axes.set_yticks(range(len(scene.units)), list(scene.units), fontsize=9, fontweight="bold")
     for label, colour in zip(axes.get_yticklabels(), colours.values(), strict=True):
         label.set_color(css(colour))
-    axes.tick_params(axis="x", labelsize=8)
-    axes.grid(True, axis="x", color="#e4e7ea", linewidth=0.6)
-    axes.set_axisbelow(True)
+    add_grid(axes, "x")
     handles = [*_bars(activities), *_marks(kinds, silent)]
     axes.legend(
         handles=handles,

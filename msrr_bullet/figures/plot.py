@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from msrr_bullet.figures import curves
@@ -47,7 +46,6 @@ def write_plot(
         raise MsrrError(f"{path}: a trial without a single snapshot gives no plot")
     if scene.coordinated and unit is None:
         figure = Figure(figsize=(WIDTH, mission_height(scene) + 0.6), dpi=DPI, layout="constrained")
-        FigureCanvasAgg(figure)
         draw_mission(figure, figure.add_gridspec(1, 1)[0], scene, snapshots)
         curves.set_title(figure, scene, headline)
         return save(figure, path)
@@ -69,7 +67,6 @@ def write_plot(
             *right,
         ]
     figure = Figure(figsize=(WIDTH, ROW * max(len(left), len(right)) + 0.6), dpi=DPI, layout="constrained")
-    FigureCanvasAgg(figure)
     columns = figure.add_gridspec(1, 2)
     curves.draw_stack(figure, columns[0], series, left)
     curves.draw_stack(figure, columns[1], series, right)

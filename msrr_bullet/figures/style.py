@@ -9,7 +9,6 @@ from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from msrr_bullet.timeline.palette import BLACK, BLUE, GREEN, OBSTACLE, ORANGE, PURPLE, VERMILLION, css
@@ -41,7 +40,6 @@ _TEXT: dict[Any, Any] = {
     "grid.linewidth": 0.8,
     "axes.axisbelow": True,
     "hatch.linewidth": 1.6,
-    "svg.hashsalt": "msrr",
 }
 
 #: What is different on a page that is shown in dark colours.
@@ -76,9 +74,7 @@ def controller_style(controller: str) -> tuple[str, str]:
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of this size [in] that needs no window system."""
-    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
+    return Figure(figsize=(width, height), dpi=DPI, layout="constrained")
 
 
 def styled(*, dark: bool = False) -> AbstractContextManager[None]:

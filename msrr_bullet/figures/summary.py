@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Polygon
@@ -68,7 +67,6 @@ def write_picture(
     below = min(below, 0.25 * _LEFT + 0.5 * _TEXT)
     height = max(above + below, beside) + 0.5 * _TEXT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI)
-    FigureCanvasAgg(figure)
     columns = figure.add_gridspec(1, 2, width_ratios=(1.15, 1.0))
     left, right = columns[0], columns[1]
     if views:

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from msrr_bullet.collision.footprint import obstacle_parts, unit_parts
-from msrr_bullet.figures.drawing import draw_body
+from msrr_bullet.figures.drawing import add_grid, draw_body
 from msrr_bullet.figures.mission_view import draw_mission_view
 from msrr_bullet.timeline.mission_series import AFTER_FAILURE, ATTEMPT
 from msrr_bullet.timeline.palette import BELIEF, OBSTACLE, PATH, PLAN, css, unit_colours
@@ -37,9 +37,7 @@ def draw_top_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot], title
     _name_obstacles(axes, scene, snapshots)
     x, y = extent(scene, snapshots)
     axes.set(xlabel="x in W [m]", ylabel="y in W [m]", xlim=x, ylim=y, aspect="equal")
-    axes.grid(True, color="#e4e7ea", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=8)
+    add_grid(axes)
     if title and scene.coordinated:
         axes.set_title("from above: start and end", fontsize=9)
     elif title:
