@@ -11,7 +11,7 @@ import numpy as np
 
 from msrr_bullet.figures.canvas import PAPER, TABLE_WIDTH, Canvas, Image, Key, on_paper, table, titled
 from msrr_bullet.figures.perspective import Perspective, Solids, scene_solids
-from msrr_bullet.figures.schematic import draw_scene
+from msrr_bullet.figures.schematic import Drawing, draw_scene
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.mission_snapshot import Activity
 from msrr_bullet.timeline.mission_table import UnitRow, mission_text, unit_rows
@@ -109,7 +109,7 @@ class AnnotatedFrame:
 
 def draw_frame(
     context: DrawingContext, view: CameraView, perspective: Perspective, snapshot: Snapshot
-) -> Canvas:
+) -> Drawing:
     """Draw a frame: its pixels where they were read, a schematic elsewhere, and outlines of windows and tags.
 
     It is drawn as the ideal camera would see it.
@@ -124,7 +124,8 @@ def draw_frame(
     canvas = Canvas(camera.width, camera.height, max(1, WIDTH // camera.width), GRID)
     poses = {**snapshot.units, **snapshot.obstacles}
     own = carrier_of(view.exposure.camera)
-    draw_scene(canvas, perspective, context.scene.arena, context.solids, poses, own)
+    drawing = Drawing(canvas, perspective)
+    draw_scene(drawing, context.scene.arena, context.solids, poses, own)
     frame, read = view.mosaic()
     canvas.paste(frame, read)
     for window, _ in view.windows:
@@ -132,14 +133,14 @@ def draw_frame(
     for tag in view.tags:
         canvas.line(tag.corners, DETECTION, 2, closed=True)
         canvas.text([tag.corners[:, 0].mean(), tag.corners[:, 1].min()], str(tag.tag_id), DETECTION)
-    return canvas
+    return drawing
 
 
 def annotate(
     context: DrawingContext,
     view: CameraView,
     snapshot: Snapshot,
-    canvas: Canvas,
+    drawing: Drawing,
     details: str,
     legend: Sequence[Key],
 ) -> AnnotatedFrame:
@@ -156,7 +157,7 @@ def annotate(
     title = (first, second, "; ".join(filter(None, (_detection_text(view), details))))
     rows = unit_rows(snapshot) if exposure.camera == OVERHEAD else []
     return AnnotatedFrame(
-        canvas.image,
+        drawing.canvas.image,
         title,
         caption,
         tuple(legend),

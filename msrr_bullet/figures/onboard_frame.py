@@ -49,10 +49,11 @@ def draw_onboard(context: DrawingContext, view: CameraView, snapshot: Snapshot) 
     snapshot = snapshot.of_unit(unit)
     scene, step = context.scene, snapshot.step
     perspective = Perspective.onboard(scene, context.built, unit, snapshot.shown.get(unit, SE2()))
-    canvas = draw_frame(context, view, perspective, snapshot)
+    drawing = draw_frame(context, view, perspective, snapshot)
+    canvas = drawing.canvas
     for limit, dashed in ((scene.los.inner, True), (scene.los.outer, False)):
         for side in (1.0, -1.0):
-            _draw_vertical(canvas, view, side * limit, CONE, 2, dashed)
+            _draw_vertical(canvas, view, side * limit, CONE, dashed)
     if step is not None:
         target = context.target(step)
         if snapshot.estimate is not None:
@@ -61,20 +62,18 @@ def draw_onboard(context: DrawingContext, view: CameraView, snapshot: Snapshot) 
         if snapshot.los is not None and snapshot.los.status is not LosStatus.LOST:
             dashed = snapshot.los.status is LosStatus.PREDICTED
             for angle in (snapshot.los.left, snapshot.los.right):
-                _draw_vertical(canvas, view, angle, SIGHT, 2, dashed)
+                _draw_vertical(canvas, view, angle, SIGHT, dashed)
     legend = (RECORDED_KEY, *_LEGEND[1:]) if context.seed is None else _LEGEND
-    return annotate(context, view, snapshot, canvas, _los_text(snapshot.los), legend)
+    return annotate(context, view, snapshot, drawing, _los_text(snapshot.los), legend)
 
 
-def _draw_vertical(
-    canvas: Canvas, view: CameraView, angle: float, colour: int, width: int, dashed: bool
-) -> None:
+def _draw_vertical(canvas: Canvas, view: CameraView, angle: float, colour: int, dashed: bool) -> None:
     """Draw the vertical line at a horizontal ``angle`` [rad] from the axis of a level camera."""
     if not math.isfinite(angle) or abs(angle) >= 0.5 * math.pi:
         return
     column = view.camera.cx - view.camera.focal * math.tan(angle)
     ends = [[column, -0.5], [column, view.camera.height - 0.5]]
-    canvas.line(ends, colour, width, dashed=dashed)
+    canvas.line(ends, colour, 2, dashed=dashed)
 
 
 def _draw_believed_tags(canvas: Canvas, target: TargetModel, X_DU: SE2) -> None:

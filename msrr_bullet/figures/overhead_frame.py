@@ -15,10 +15,10 @@ from msrr_bullet.figures.annotation import (
     annotate,
     draw_frame,
 )
-from msrr_bullet.figures.canvas import PAPER, Canvas, Key
+from msrr_bullet.figures.canvas import PAPER, Key
 from msrr_bullet.figures.mission_view import docked_pairs, driven_way
 from msrr_bullet.figures.perspective import Perspective, on_floor
-from msrr_bullet.figures.schematic import draw_line, ring
+from msrr_bullet.figures.schematic import Drawing, ring
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.mission_snapshot import Activity, MissionSnapshot
 from msrr_bullet.timeline.palette import (
@@ -80,45 +80,40 @@ def draw_overhead(
         past: Trial up to that time.
     """
     perspective = Perspective.overhead(context.scene, context.built)
-    canvas = draw_frame(context, view, perspective, snapshot)
+    drawing = draw_frame(context, view, perspective, snapshot)
     if snapshot.mission is not None:
-        _draw_mission(canvas, perspective, context, snapshot, snapshot.mission, past)
+        _draw_mission(drawing, context, snapshot, snapshot.mission, past)
     else:
-        _draw_steps(canvas, perspective, context, snapshot, past)
+        _draw_steps(drawing, context, snapshot, past)
     if snapshot.clearance is not None and snapshot.clearance.distance > 0.0:
         a, b = on_floor([snapshot.clearance.point_a, snapshot.clearance.point_b], PLANE)
-        draw_line(canvas, perspective, np.stack([a, b]), CLEARANCE, 2)
+        drawing.line(np.stack([a, b]), CLEARANCE, 2)
         text = f"{1e3 * snapshot.clearance.distance:.0f} mm"
-        canvas.text(perspective.pixels(0.5 * (a + b)[None])[0], text, CLEARANCE)
+        drawing.canvas.text(drawing.perspective.pixels(0.5 * (a + b)[None])[0], text, CLEARANCE)
     if snapshot.mission is not None:
-        return annotate(context, view, snapshot, canvas, "", _MISSION_LEGEND)
-    return annotate(context, view, snapshot, canvas, _path_text(snapshot), _LEGEND)
+        return annotate(context, view, snapshot, drawing, "", _MISSION_LEGEND)
+    return annotate(context, view, snapshot, drawing, _path_text(snapshot), _LEGEND)
 
 
 def _draw_steps(
-    canvas: Canvas,
-    perspective: Perspective,
-    context: DrawingContext,
-    snapshot: Snapshot,
-    past: Sequence[Snapshot],
+    drawing: Drawing, context: DrawingContext, snapshot: Snapshot, past: Sequence[Snapshot]
 ) -> None:
     """Draw the units under way, one after the other."""
     histories = step_histories(past)
     for single in snapshot.apart():
-        draw_plan(canvas, perspective, single)
+        draw_plan(drawing, single)
         for step in single.steps:
             unit = step.unit
             driven = [at.units[unit].translation for at, _ in histories.get(step.key, ())]
             points = [*driven, single.units[unit].translation]
-            draw_line(canvas, perspective, on_floor(points, PLANE), PATH, 2)
-            draw_outline(canvas, perspective, context, unit, single.units[unit], PATH, 2)
-        _draw_belief(canvas, perspective, context, single)
-        draw_sight(canvas, perspective, context, single)
+            drawing.line(on_floor(points, PLANE), PATH, 2)
+            draw_outline(drawing, context, unit, single.units[unit], PATH, 2)
+        _draw_belief(drawing, context, single)
+        draw_sight(drawing, context, single)
 
 
 def _draw_mission(
-    canvas: Canvas,
-    perspective: Perspective,
+    drawing: Drawing,
     context: DrawingContext,
     snapshot: Snapshot,
     mission: MissionSnapshot,
@@ -127,30 +122,25 @@ def _draw_mission(
     """Draw the ways and routes of all units, who waits for whom, and docked pairs."""
     for unit, colour in context.colours.items():
         way = driven_way([*past[::_WAY_EVERY], snapshot], unit)
-        draw_line(canvas, perspective, on_floor(way, PLANE), colour, 3, halo=PAPER)
-        draw_route(canvas, perspective, context, mission, unit)
+        drawing.line(on_floor(way, PLANE), colour, 3, halo=PAPER)
+        draw_route(drawing, context, mission, unit)
     for step in snapshot.steps:
         if step.estimate is not None:
-            draw_outline(canvas, perspective, context, step.unit, step.estimate, BELIEF, 1)
-    draw_obstacle_beliefs(canvas, perspective, snapshot)
-    draw_links(canvas, perspective, context, snapshot, mission)
+            draw_outline(drawing, context, step.unit, step.estimate, BELIEF, 1)
+    _draw_obstacle_beliefs(drawing, snapshot)
+    draw_links(drawing, context, snapshot, mission)
     for unit, colour in context.colours.items():
         X_WU = snapshot.units[unit]
-        draw_outline(canvas, perspective, context, unit, X_WU, colour, 2)
-        middle = perspective.pixels(on_floor(X_WU.translation, PLANE))[0]
+        draw_outline(drawing, context, unit, X_WU, colour, 2)
+        middle = drawing.perspective.pixels(on_floor(X_WU.translation, PLANE))[0]
         failed = mission.activity(unit) is Activity.FAILED
-        below = perspective.hull(SE3.from_se2(X_WU).act(context.solids[unit].points))[:, 1].max()
+        below = drawing.perspective.hull(SE3.from_se2(X_WU).act(context.solids[unit].points))[:, 1].max()
         text, ink = (f"{unit} failed", ALARM) if failed else (unit, BLACK)
-        canvas.text([middle[0], below + 28.0 / canvas.zoom], text, ink, scale=NAME_SCALE)
+        drawing.canvas.text([middle[0], below + 28.0 / drawing.canvas.zoom], text, ink, scale=NAME_SCALE)
 
 
 def draw_route(
-    canvas: Canvas,
-    perspective: Perspective,
-    context: DrawingContext,
-    mission: MissionSnapshot,
-    unit: str,
-    plane: float = PLANE,
+    drawing: Drawing, context: DrawingContext, mission: MissionSnapshot, unit: str, plane: float = PLANE
 ) -> None:
     """Draw the route of a unit that is under way, thick as far as it is granted."""
     authority = mission.granted(unit)
@@ -158,98 +148,75 @@ def draw_route(
         return
     route, colour = context.routes.of(authority), context.colours[unit]
     ahead = on_floor(route.part(mission.of(unit).progress, authority.limit), plane)
-    draw_line(canvas, perspective, ahead, colour, 5, dashed=True, halo=PAPER)
+    drawing.line(ahead, colour, 5, dashed=True, halo=PAPER)
     beyond = on_floor(route.part(authority.limit, mission.of(unit).length), plane)
-    draw_line(canvas, perspective, beyond, colour, 1, dashed=True)
+    drawing.line(beyond, colour, 1, dashed=True)
 
 
 def draw_links(
-    canvas: Canvas,
-    perspective: Perspective,
-    context: DrawingContext,
-    snapshot: Snapshot,
-    mission: MissionSnapshot,
+    drawing: Drawing, context: DrawingContext, snapshot: Snapshot, mission: MissionSnapshot
 ) -> None:
     """Draw a bar across every docked pair, and an arrow from a unit that waits to the one it waits for."""
     for ends in docked_pairs(context.scene, snapshot).values():
-        draw_line(canvas, perspective, on_floor(ends, PLANE), BLACK, 4, halo=PAPER)
+        drawing.line(on_floor(ends, PLANE), BLACK, 4, halo=PAPER)
     for unit, X_WU in snapshot.units.items():
         other = mission.waits_for(unit)
         if other is not None:
             ends = on_floor([X_WU.translation, snapshot.units[other].translation], PLANE)
-            start, end = perspective.pixels(ends)
-            canvas.arrow(start, end, ALARM, 2, halo=PAPER)
+            start, end = drawing.perspective.pixels(ends)
+            drawing.canvas.arrow(start, end, ALARM, 2, halo=PAPER)
 
 
 def draw_outline(
-    canvas: Canvas,
-    perspective: Perspective,
-    context: DrawingContext,
-    unit: str,
-    X_WU: SE2,
-    colour: int,
-    width: int,
-    dashed: bool = False,
+    drawing: Drawing, context: DrawingContext, unit: str, X_WU: SE2, colour: int, width: int
 ) -> None:
     """Outline the body of a unit and its top tag as the camera sees them."""
     solids, X = context.solids[unit], SE3.from_se2(X_WU)
-    canvas.line(perspective.hull(X.act(solids.points)), colour, width, closed=True, dashed=dashed)
+    drawing.canvas.line(drawing.perspective.hull(X.act(solids.points)), colour, width, closed=True)
     for X_WT, _, square in solids.squares(X_WU):
-        if perspective.sees_front(X_WT) and X_WT.R[2, 2] < -0.5:
-            canvas.line(perspective.pixels(square), colour, 1, closed=True)
+        if drawing.perspective.sees_front(X_WT) and X_WT.R[2, 2] < -0.5:
+            drawing.canvas.line(drawing.perspective.pixels(square), colour, 1, closed=True)
 
 
-def _draw_belief(
-    canvas: Canvas, perspective: Perspective, context: DrawingContext, snapshot: Snapshot
-) -> None:
+def _draw_belief(drawing: Drawing, context: DrawingContext, snapshot: Snapshot) -> None:
     if snapshot.estimate is not None and snapshot.step is not None:
-        draw_outline(canvas, perspective, context, snapshot.step.unit, snapshot.estimate, BELIEF, 1)
+        draw_outline(drawing, context, snapshot.step.unit, snapshot.estimate, BELIEF, 1)
     if snapshot.situation is None:
         return
     target = () if snapshot.situation.target is None else (snapshot.situation.target,)
     for other in (*target, *snapshot.situation.others):
-        draw_outline(canvas, perspective, context, other.name, other.X_WB, BELIEF, 1)
-    draw_obstacle_beliefs(canvas, perspective, snapshot)
+        draw_outline(drawing, context, other.name, other.X_WB, BELIEF, 1)
+    _draw_obstacle_beliefs(drawing, snapshot)
 
 
-def draw_obstacle_beliefs(
-    canvas: Canvas, perspective: Perspective, snapshot: Snapshot, plane: float = PLANE
-) -> None:
+def _draw_obstacle_beliefs(drawing: Drawing, snapshot: Snapshot) -> None:
     """Draw a circle about the believed footprint of every obstacle, with its name."""
     if snapshot.situation is None:
         return
     avoiding = snapshot.assembly.avoiding if snapshot.assembly else None
     for obstacle in snapshot.situation.obstacles:
         avoided = obstacle.name == avoiding
-        draw_line(
-            canvas, perspective, ring(obstacle.X_WB, obstacle.radius, plane), BELIEF, 3 if avoided else 2
-        )
+        drawing.line(ring(obstacle.X_WB, obstacle.radius, PLANE), BELIEF, 3 if avoided else 2)
         edge = obstacle.X_WB.translation - np.array([0.0, obstacle.radius + 0.07])
         text = f"{obstacle.name} (avoided)" if avoided else obstacle.name
-        canvas.text(perspective.pixels(on_floor(edge, plane))[0], text, BELIEF)
+        drawing.canvas.text(drawing.perspective.pixels(on_floor(edge, PLANE))[0], text, BELIEF)
 
 
-def draw_plan(canvas: Canvas, perspective: Perspective, snapshot: Snapshot, plane: float = PLANE) -> None:
+def draw_plan(drawing: Drawing, snapshot: Snapshot, plane: float = PLANE) -> None:
     """Draw the planned path of the first step under way, with its desired point and the controlled one."""
     if snapshot.assembly is None:
         return
     if snapshot.path is not None and len(snapshot.path.points) > 1:
-        draw_line(
-            canvas, perspective, on_floor(snapshot.path.points, plane), PLAN, 2, dashed=True, halo=PAPER
-        )
-    tip, desired = perspective.pixels(on_floor([snapshot.assembly.tip, snapshot.assembly.desired], plane))
-    canvas.line([tip, desired], PLAN, 1)
-    canvas.dot(desired, PLAN, 5.0, halo=PAPER)
-    canvas.dot(tip, BELIEF, 3.5, halo=PAPER)
+        drawing.line(on_floor(snapshot.path.points, plane), PLAN, 2, dashed=True, halo=PAPER)
+    tip, desired = drawing.perspective.pixels(
+        on_floor([snapshot.assembly.tip, snapshot.assembly.desired], plane)
+    )
+    drawing.canvas.line([tip, desired], PLAN, 1)
+    drawing.canvas.dot(desired, PLAN, 5.0, halo=PAPER)
+    drawing.canvas.dot(tip, BELIEF, 3.5, halo=PAPER)
 
 
-def draw_sight(
-    canvas: Canvas,
-    perspective: Perspective,
-    context: DrawingContext,
-    snapshot: Snapshot,
-    plane: float = PLANE,
-) -> None:
+def draw_sight(drawing: Drawing, context: DrawingContext, snapshot: Snapshot, plane: float = PLANE) -> None:
     """Draw the angles of the target's edges as lines from the estimated position of the camera."""
     if snapshot.los is None or snapshot.estimate is None or snapshot.step is None:
         return
@@ -259,7 +226,7 @@ def draw_sight(
     dashed = snapshot.los.status is LosStatus.PREDICTED
     for angle in (snapshot.los.left, snapshot.los.right):
         ends = X_WF.act([[0.0, 0.0], [SIGHT_RANGE * math.cos(angle), SIGHT_RANGE * math.sin(angle)]])
-        draw_line(canvas, perspective, on_floor(ends, plane), SIGHT, 1, dashed=dashed)
+        drawing.line(on_floor(ends, plane), SIGHT, 1, dashed=dashed)
 
 
 def _path_text(snapshot: Snapshot) -> str:

@@ -20,7 +20,7 @@ from msrr_bullet.figures.overhead_frame import (
     draw_sight,
 )
 from msrr_bullet.figures.perspective import Perspective, Solids, on_floor
-from msrr_bullet.figures.schematic import draw_floor, draw_line, ring
+from msrr_bullet.figures.schematic import Drawing, draw_floor, ring
 from msrr_bullet.timeline.interpolation import SnapshotInterpolator
 from msrr_bullet.timeline.mission_snapshot import Activity
 from msrr_bullet.timeline.palette import (
@@ -94,8 +94,8 @@ class SceneView:
         extent = self._extent(trial.snapshots[::_EXTENT_EVERY] + trial.snapshots[-1:])
         self.perspective = look_at_all(extent, PinholeCamera.from_hfov(width, height, HFOV))
         self._bodies = BodyRenderer(context.scene, context.built)
-        self._ground = Canvas(width, height, 1, GRID)
-        draw_floor(self._ground, self.perspective, context.scene.arena)
+        self._ground = Drawing(Canvas(width, height, 1, GRID), self.perspective)
+        draw_floor(self._ground, context.scene.arena)
         self._upcoming = 0
         self._ends: dict[str, Array] = {}  # of the ways that are drawn, (2,) in W [m]
 
@@ -120,18 +120,19 @@ class SceneView:
         """Return the picture of an instant, which is not before that of the last call."""
         context, perspective, snapshot = self._context, self.perspective, self._trial.at(stamp_ns)
         self._extend_ways(stamp_ns)
-        ground = Canvas.of(self._ground.image.copy())
-        self._draw_plans(ground, snapshot)
+        ground = self._ground.canvas.image.copy()
+        self._draw_plans(Drawing(Canvas.of(ground), perspective), snapshot)
         poses = {**snapshot.shown, **snapshot.obstacles}
-        canvas = Canvas.of(self._bodies.draw(perspective, poses, ground.image))
+        canvas = Canvas.of(self._bodies.draw(perspective, poses, ground))
+        drawing = Drawing(canvas, perspective)
         for step in snapshot.steps:
             if step.estimate is not None:
-                draw_outline(canvas, perspective, context, step.unit, step.estimate, BELIEF, 1)
+                draw_outline(drawing, context, step.unit, step.estimate, BELIEF, 1)
         if snapshot.clearance is not None and snapshot.clearance.distance > 0.0:
             ends = on_floor([snapshot.clearance.point_a, snapshot.clearance.point_b], CLEARANCE_Z)
-            draw_line(canvas, perspective, ends, CLEARANCE, 2)
+            drawing.line(ends, CLEARANCE, 2)
         if snapshot.mission is not None:
-            draw_links(canvas, perspective, context, snapshot, snapshot.mission)
+            draw_links(drawing, context, snapshot, snapshot.mission)
         for unit, X_WU in snapshot.shown.items():
             self._write_name(canvas, snapshot, unit, X_WU)
         origin = "recording" if context.seed is None else f"seed {context.seed}"
@@ -157,26 +158,21 @@ class SceneView:
                 driven = BELIEF if self._context.seed is None else PATH
                 colour = self._context.colours[unit] if led else driven
                 points = on_floor([end, X_WU.translation], FLOOR_Z)
-                draw_line(self._ground, self.perspective, points, colour, 3)
+                self._ground.line(points, colour, 3)
                 self._ends[unit] = X_WU.translation
 
-    def _draw_plans(self, ground: Canvas, snapshot: Snapshot) -> None:
+    def _draw_plans(self, ground: Drawing, snapshot: Snapshot) -> None:
         """Draw on the floor what is granted, planned, believed of obstacles, and seen."""
-        context, perspective = self._context, self.perspective
+        context = self._context
         if snapshot.mission is not None:
             for unit in context.colours:
-                draw_route(ground, perspective, context, snapshot.mission, unit, FLOOR_Z)
-            self._draw_obstacle_beliefs(ground, snapshot)
+                draw_route(ground, context, snapshot.mission, unit, FLOOR_Z)
+            _draw_obstacle_beliefs(ground, snapshot)
             return
         for single in snapshot.apart():
-            draw_plan(ground, perspective, single, FLOOR_Z)
-            self._draw_obstacle_beliefs(ground, single)
-            draw_sight(ground, perspective, context, single, FLOOR_Z)
-
-    def _draw_obstacle_beliefs(self, ground: Canvas, snapshot: Snapshot) -> None:
-        for obstacle in () if snapshot.situation is None else snapshot.situation.obstacles:
-            rim = ring(obstacle.X_WB, obstacle.radius, FLOOR_Z)
-            draw_line(ground, self.perspective, rim, BELIEF, 2)
+            draw_plan(ground, single, FLOOR_Z)
+            _draw_obstacle_beliefs(ground, single)
+            draw_sight(ground, context, single, FLOOR_Z)
 
     def _write_name(self, canvas: Canvas, snapshot: Snapshot, unit: str, X_WU: SE2) -> None:
         """Write the name of a unit above its body."""
@@ -185,6 +181,11 @@ class SceneView:
         failed = mission is not None and mission.activity(unit) is Activity.FAILED
         text, ink = (f"{unit} failed", ALARM) if failed else (unit, BLACK)
         canvas.text(self.perspective.pixels(top)[0], text, ink, halo=PAPER, scale=NAME_SCALE)
+
+
+def _draw_obstacle_beliefs(ground: Drawing, snapshot: Snapshot) -> None:
+    for obstacle in () if snapshot.situation is None else snapshot.situation.obstacles:
+        ground.line(ring(obstacle.X_WB, obstacle.radius, FLOOR_Z), BELIEF, 2)
 
 
 def look_at_all(points_W: Array, camera: PinholeCamera) -> Perspective:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,27 +24,54 @@ _TAG_OFFSET = 0.03
 GRID_STEP = 0.5
 
 
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """Picture of a camera, to which points of the world are drawn where the camera sees them.
+
+    Attributes:
+        canvas: Canvas of the picture.
+        perspective: Camera at its pose.
+    """
+
+    canvas: Canvas
+    perspective: Perspective
+
+    def line(
+        self,
+        points_W: Array,
+        colour: int,
+        width: int = 1,
+        *,
+        dashed: bool = False,
+        halo: int | None = None,
+    ) -> None:
+        """Draw a line through points of the world, shape (N, 3) [m], as far as the camera looks at it."""
+        pixels = self.perspective.pixels(points_W)
+        pieces = [pixels] if np.isfinite(pixels).all() else self.perspective.line(points_W)
+        for piece in pieces:
+            self.canvas.line(piece, colour, width, dashed=dashed, halo=halo)
+
+
 def draw_scene(
-    canvas: Canvas,
-    perspective: Perspective,
+    drawing: Drawing,
     arena: ArenaSpec,
     solids: Mapping[str, Solids],
     poses: Mapping[str, SE2],
-    hidden: str | None = None,
+    hidden: str | None,
 ) -> None:
     """Draw floor and bodies.
 
     Args:
-        canvas: Canvas of the frame.
-        perspective: Camera at its pose.
+        drawing: Picture of the camera.
         arena: Extent of the floor.
         solids: Solids of every body of the scene by name.
         poses: ``X_WB`` of the bodies that are present.
-        hidden: Name of a body that the camera does not see: the unit that carries it.
+        hidden: Name of a body that the camera does not see: the unit that carries it; None without one.
     """
-    draw_floor(canvas, perspective, arena)
-    for _, points_W, colour, edge in sorted(_faces(perspective, solids, poses, hidden), key=lambda f: -f[0]):
-        canvas.fill(perspective.hull(points_W), colour, edge)
+    draw_floor(drawing, arena)
+    faces = _faces(drawing.perspective, solids, poses, hidden)
+    for _, points_W, colour, edge in sorted(faces, key=lambda f: -f[0]):
+        drawing.canvas.fill(drawing.perspective.hull(points_W), colour, edge)
 
 
 def _faces(
@@ -65,37 +93,18 @@ def _faces(
                 yield perspective.depth(square) - 2.0 * _TAG_OFFSET, square, SQUARE, None
 
 
-def draw_floor(canvas: Canvas, perspective: Perspective, arena: ArenaSpec) -> None:
+def draw_floor(drawing: Drawing, arena: ArenaSpec) -> None:
     """Draw the floor with grid and border."""
     (x0, x1), (y0, y1) = arena.x_m, arena.y_m
     corners = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
-    canvas.fill(perspective.hull(on_floor(corners)), FLOOR)
+    drawing.canvas.fill(drawing.perspective.hull(on_floor(corners)), FLOOR)
     lines = [[[x, y0], [x, y1]] for x in _grid(x0, x1)] + [[[x0, y], [x1, y]] for y in _grid(y0, y1)]
     for line in lines:
-        draw_line(canvas, perspective, on_floor(line), GRID)
-    draw_line(canvas, perspective, on_floor([*corners, corners[0]]), BORDER, 2)
+        drawing.line(on_floor(line), GRID)
+    drawing.line(on_floor([*corners, corners[0]]), BORDER, 2)
 
 
-def draw_line(
-    canvas: Canvas,
-    perspective: Perspective,
-    points_W: Array,
-    colour: int,
-    width: int = 1,
-    *,
-    dashed: bool = False,
-    halo: int | None = None,
-) -> None:
-    """Draw a line through points of the world, shape (N, 3) [m], as far as it is in front of the camera."""
-    pixels = perspective.pixels(points_W)
-    if np.isfinite(pixels).all():
-        canvas.line(pixels, colour, width, dashed=dashed, halo=halo)
-        return
-    for piece in perspective.line(points_W):
-        canvas.line(piece, colour, width, dashed=dashed, halo=halo)
-
-
-def ring(X_WB: SE2, radius: float, z: float = 0.0) -> Array:
+def ring(X_WB: SE2, radius: float, z: float) -> Array:
     """Return a closed circle about a body at height ``z`` [m], shape (N, 3) in W [m]."""
     rim = on_floor(X_WB.translation + radius * circle(), z)
     return np.concatenate([rim, rim[:1]])
