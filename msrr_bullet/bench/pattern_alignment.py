@@ -8,9 +8,7 @@ with their slopes over the tag.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -33,25 +31,10 @@ _BLUR, _LEAST_BLUR, _GREATEST_BLUR, _STEP = 0.7, 0.2, 4.0, 0.05
 _STEPS, _SETTLED_PX, _FARTHEST_PX = 25, 0.003, 3.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Alignment:
-    """A tag as the whole of its pattern shows it.
+def align_pattern(pixels: Pixels, bits: NDArray[np.bool_], edge_modules: int, corners: Array) -> Array | None:
+    """Return the corners of a tag as the whole of its pattern shows them, shape (4, 2) [px], in their order.
 
-    Attributes:
-        corners: Corners of the tag, shape (4, 2) [px], in the order of the start.
-        blur_px: Standard deviation of the Gaussian blur without that of the pixels [px].
-        residual: Root mean square difference of the grey levels.
-    """
-
-    corners: Array
-    blur_px: float
-    residual: float
-
-
-def align_pattern(
-    pixels: Pixels, bits: NDArray[np.bool_], edge_modules: int, corners: Array
-) -> Alignment | None:
-    """Return a tag aligned with its picture; None if it is not wholly in it or there is no alignment nearby.
+    It is None if the tag is not wholly in the picture or there is no alignment nearby.
 
     Args:
         pixels: Mono8 picture, shape (height, width).
@@ -67,8 +50,7 @@ def align_pattern(
     found = _least_squares(difference, p)
     if found is None or np.abs(found[:8] - p[:8]).max() > _FARTHEST_PX:
         return None
-    rms = math.sqrt(float(np.mean(np.square(difference(found)))))
-    return Alignment(found[:8].reshape(4, 2), float(found[8]), rms)
+    return found[:8].reshape(4, 2)
 
 
 def _comparison(

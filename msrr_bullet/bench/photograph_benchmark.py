@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from msrr_bullet.bench.detector_settings import LIBRARY, library_detector
-from msrr_bullet.bench.pattern_alignment import Alignment, align_pattern
+from msrr_bullet.bench.pattern_alignment import align_pattern
 from msrr_perception.detection.aruco_detector import ArucoDetector
 from msrr_perception.detection.detector import Detector, PupilDetector
 from msrr_perception.detection.native_apriltag import tag_bitmap
@@ -160,7 +160,7 @@ def _compare(
     pixels: Pixels, ids: frozenset[int], finders: Mapping[str, _Find], totals: Mapping[str, _Totals]
 ) -> None:
     """Let all detectors read one photograph and add what they find to their totals."""
-    aligned: dict[int, Alignment | None] = {}
+    aligned: dict[int, Array | None] = {}
     for label, find in finders.items():
         total = totals[label]
         start = time.thread_time_ns()
@@ -177,5 +177,5 @@ def _compare(
                 aligned[tag.tag_id] = align_pattern(pixels, bits, TAG36H11.edge_modules, tag.corners)
             reference = aligned[tag.tag_id]
             if reference is not None:
-                total.errors.append(tag.corners - reference.corners)
+                total.errors.append(tag.corners - reference)
         total.found += len(seen)

@@ -72,17 +72,17 @@ def facing_units(X_DU: SE2) -> Iterator[tuple[Scene, BulletWorld]]:
             yield scene, world
 
 
-def add_clutter(client: int, rng: np.random.Generator, folder: Path, boxes: int = 8, tags: int = 4) -> None:
-    """Load massless boxes and tag plates at random poses within 0.3 m of one point.
+def add_clutter(client: int, rng: np.random.Generator, folder: Path) -> None:
+    """Load eight massless boxes and four tag plates at random poses within 0.3 m of one point.
+
+    The boxes are 4 to 30 cm long, the tags 5 to 15 cm wide.
 
     Args:
         client: PyBullet client.
         rng: Generator of the poses, sizes and grey levels.
         folder: Existing folder for the files of the plates, which PyBullet reads on loading.
-        boxes: Number of boxes, 4 to 30 cm long.
-        tags: Number of tags, 5 to 15 cm wide.
     """
-    for _ in range(boxes):
+    for _ in range(8):
         grey = rng.uniform(0.1, 0.95)
         shape = pybullet.createVisualShape(
             pybullet.GEOM_BOX,
@@ -98,7 +98,7 @@ def add_clutter(client: int, rng: np.random.Generator, folder: Path, boxes: int 
             baseOrientation=(quaternion / np.linalg.norm(quaternion)).tolist(),
             physicsClientId=client,
         )
-    for _ in range(tags):
+    for _ in range(4):
         X_WT = SE3.from_xyz_rpy(_MIDDLE + rng.uniform(-0.25, 0.25, 3), rng.uniform(-math.pi, math.pi, 3))
         load_tag_plate(client, folder, int(rng.integers(0, 587)), float(rng.uniform(0.05, 0.15)), X_WT)
 

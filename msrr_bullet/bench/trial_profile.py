@@ -12,15 +12,14 @@ from msrr_scenes.specs.scene import Scene
 _INTERVAL_S = 5e-4
 
 
-def profile_trial(scene: Scene, path: Path, seed: int = 0) -> None:
-    """Profile a trial, after a first one that loads what a process loads once.
+def profile_trial(scene: Scene, path: Path) -> None:
+    """Profile the trial of seed 0, after a first one that loads what a process loads once.
 
     Compiled kernels and the physics engine count for the functions that call them.
 
     Args:
         scene: The scene.
         path: HTML file to write.
-        seed: Seed of both trials.
 
     Raises:
         MsrrError: pyinstrument is not installed, or the scene cannot be used.
@@ -32,8 +31,8 @@ def profile_trial(scene: Scene, path: Path, seed: int = 0) -> None:
         raise MsrrError(
             "--profile needs the package pyinstrument: pip install 'msrr-bullet[profile]'"
         ) from None
-    run_trial(scene, seed)
+    run_trial(scene)
     profiler = Profiler(interval=_INTERVAL_S)
     with profiler:
-        run_trial(scene, seed)
+        run_trial(scene)
     path.write_text(profiler.output(HTMLRenderer()))
