@@ -21,9 +21,6 @@ from msrr_scenes.errors import MsrrError
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
-#: Stage of the loop in which the simulator works; in all others the trial senses, decides and judges.
-_PHYSICS = "physics"
-
 #: Stage of the robot's decisions: estimator query, laws and phase machine, without the collision monitor.
 _CONTROL = "control"
 
@@ -52,9 +49,8 @@ class TrialSpeed(BaseModel, frozen=True):
             None likewise.
         naive_outcome: How the naive trial ended; it sees other windows, so it may end differently; None
             likewise.
-        physics_ms_per_s: Wall-clock time of the physics per simulated second.
-        physics_alone_ms_per_s: That of the same world with the same commands, and nothing else.
-        other_ms_per_s: Wall-clock time of the rest of the loop per simulated second.
+        physics_alone_ms_per_s: Wall-clock time of the physics per simulated second in the same world with the
+            same commands, and nothing else.
         stages_ms_per_s: Wall-clock time of each stage of the loop per simulated second.
         control_step_ms: Time of one control step: estimator query, laws and phase machine, without the
             collision monitor [ms].
@@ -74,9 +70,7 @@ class TrialSpeed(BaseModel, frozen=True):
     naive_ratio: float | None
     naive_ratio_one_sample: float | None
     naive_outcome: Outcome | None
-    physics_ms_per_s: float
     physics_alone_ms_per_s: float
-    other_ms_per_s: float
     stages_ms_per_s: dict[str, float]
     control_step_ms: float
     unit_cost: UnitCost | None
@@ -143,7 +137,6 @@ def measure_trial_speed(scene: Scene, seed: int = 0, *, naive: bool = True) -> T
     cost = None
     if naive and scene.coordinated and len(scene.units) > 2 and under_way > 0.0:
         cost = measure_unit_cost(scene, seed, trial.ms_per_s / under_way, _ms_per_s)
-    physics = trial.stages_ms_per_s.get(_PHYSICS, 0.0)
     return TrialSpeed(
         scene=scene.name,
         seed=seed,
@@ -155,9 +148,7 @@ def measure_trial_speed(scene: Scene, seed: int = 0, *, naive: bool = True) -> T
         naive_ratio=None if slow is None else slow.ms_per_s / trial.ms_per_s,
         naive_ratio_one_sample=None if coarse is None else coarse.ms_per_s / trial.ms_per_s,
         naive_outcome=None if slow is None else slow.result.outcome,
-        physics_ms_per_s=physics,
         physics_alone_ms_per_s=alone_ms_per_s,
-        other_ms_per_s=trial.ms_per_s - physics,
         stages_ms_per_s=trial.stages_ms_per_s,
         control_step_ms=trial.stages_ms_per_s.get(_CONTROL, 0.0) / scene.control.rate_hz,
         unit_cost=cost,

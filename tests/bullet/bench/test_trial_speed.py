@@ -52,7 +52,6 @@ def test_the_trial_itself_reads_less(scene: Scene) -> None:
 def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
     report = measure_trial_speed(scene, seed=3)
     total = 1e3 / report.real_time_factor
-    assert report.physics_ms_per_s + report.other_ms_per_s == pytest.approx(total)
     assert sum(report.stages_ms_per_s.values()) == pytest.approx(total)
     assert {"physics", "render", "perception", "control", "clearance", "rest"} <= set(report.stages_ms_per_s)
     assert all(ms >= 0.0 for ms in report.stages_ms_per_s.values())
