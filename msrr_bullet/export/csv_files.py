@@ -116,9 +116,9 @@ def _step_rows(scene: Scene, snapshots: Sequence[Snapshot]) -> Iterator[tuple[in
     for i, snapshot in enumerate(snapshots):
         row = (
             time(snapshot.stamp_ns),
-            snapshot.docking_unit,
-            snapshot.attempt,
-            snapshot.phase,
+            snapshot.first.unit,
+            snapshot.first.attempt,
+            snapshot.first.phase,
             *series.true_port[i].tolist(),
             *series.believed_port[i].tolist(),
             *series.commanded[i].tolist(),

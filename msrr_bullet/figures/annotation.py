@@ -152,8 +152,8 @@ def annotate(
     of_mission = snapshot.mission is not None and exposure.camera == OVERHEAD
     second = state_text(context, snapshot if of_mission else replace(snapshot, mission=None))
     caption = f"{time}, {exposure.camera}"
-    if snapshot.phase is not None and not of_mission:
-        caption = f"{time} {phase_name(snapshot.phase)}, {exposure.camera}"
+    if snapshot.first.phase is not None and not of_mission:
+        caption = f"{time} {phase_name(snapshot.first.phase)}, {exposure.camera}"
     title = (first, second, "; ".join(filter(None, (_detection_text(view), details))))
     rows = unit_rows(snapshot) if exposure.camera == OVERHEAD else []
     return AnnotatedFrame(
@@ -172,9 +172,9 @@ def state_text(context: DrawingContext, snapshot: Snapshot) -> str:
     present = _present_text(context.scene, snapshot)
     if context.seed is None:
         return present
-    if snapshot.phase is None:
+    if snapshot.first.phase is None:
         return "before the first decision"
-    return f"attempt {snapshot.attempt}, {snapshot.phase_text}: {present}"
+    return f"attempt {snapshot.first.attempt}, {snapshot.first.phase_text}: {present}"
 
 
 def _cells(row: UnitRow) -> tuple[str, ...]:
@@ -191,16 +191,17 @@ def _present_text(scene: Scene, snapshot: Snapshot) -> str:
     The reason of the phase is of its beginning, and soon stale. It is given only where it stays true: as what
     led to a retreat or an end.
     """
-    if snapshot.phase in _ENDS:
-        return snapshot.reason
-    gap, lateral, heading = port_in_dock(scene, snapshot, snapshot.estimate)
+    first = snapshot.first
+    if first.phase in _ENDS:
+        return first.reason
+    gap, lateral, heading = port_in_dock(scene, snapshot, first.estimate)
     text = "no estimate of the target"
     if math.isfinite(gap):
         lateral_mm, heading_deg = 1e3 * lateral, math.degrees(heading)
         text = f"believed at {1e3 * gap:.0f} mm, lateral {lateral_mm:+.1f} mm, heading {heading_deg:+.1f} deg"
-    if snapshot.twist is not None:
-        text += f"; {snapshot.twist.v:+.2f} m/s"
-    return f"{text}; after {snapshot.reason}" if snapshot.phase is Phase.RETREAT else text
+    if first.twist is not None:
+        text += f"; {first.twist.v:+.2f} m/s"
+    return f"{text}; after {first.reason}" if first.phase is Phase.RETREAT else text
 
 
 def _detection_text(view: CameraView) -> str:

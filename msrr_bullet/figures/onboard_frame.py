@@ -47,7 +47,7 @@ def draw_onboard(context: DrawingContext, view: CameraView, snapshot: Snapshot) 
     """
     unit = carrier_of(view.exposure.camera) or ""
     snapshot = snapshot.of_unit(unit)
-    scene, step = context.scene, snapshot.step
+    scene, first, step = context.scene, snapshot.first, snapshot.first.step
     perspective = Perspective.onboard(scene, context.built, unit, snapshot.shown.get(unit, SE2()))
     drawing = draw_frame(context, view, perspective, snapshot)
     canvas = drawing.canvas
@@ -56,15 +56,15 @@ def draw_onboard(context: DrawingContext, view: CameraView, snapshot: Snapshot) 
             _draw_vertical(canvas, view, side * limit, CONE, dashed)
     if step is not None:
         target = context.target(step)
-        if snapshot.estimate is not None:
+        if first.estimate is not None:
             X_DW = target_frame(scene, step, snapshot.units).inverse()
-            _draw_believed_tags(canvas, target, X_DW @ snapshot.estimate)
-        if snapshot.los is not None and snapshot.los.status is not LosStatus.LOST:
-            dashed = snapshot.los.status is LosStatus.PREDICTED
-            for angle in (snapshot.los.left, snapshot.los.right):
+            _draw_believed_tags(canvas, target, X_DW @ first.estimate)
+        if first.los is not None and first.los.status is not LosStatus.LOST:
+            dashed = first.los.status is LosStatus.PREDICTED
+            for angle in (first.los.left, first.los.right):
                 _draw_vertical(canvas, view, angle, SIGHT, dashed)
     legend = (RECORDED_KEY, *_LEGEND[1:]) if context.seed is None else _LEGEND
-    return annotate(context, view, snapshot, drawing, _los_text(snapshot.los), legend)
+    return annotate(context, view, snapshot, drawing, _los_text(first.los), legend)
 
 
 def _draw_vertical(canvas: Canvas, view: CameraView, angle: float, colour: int, dashed: bool) -> None:

@@ -179,22 +179,24 @@ def draw_outline(
 
 
 def _draw_belief(drawing: Drawing, context: DrawingContext, snapshot: Snapshot) -> None:
-    if snapshot.estimate is not None and snapshot.step is not None:
-        draw_outline(drawing, context, snapshot.step.unit, snapshot.estimate, BELIEF, 1)
-    if snapshot.situation is None:
+    first = snapshot.first
+    if first.estimate is not None and first.step is not None:
+        draw_outline(drawing, context, first.step.unit, first.estimate, BELIEF, 1)
+    if first.situation is None:
         return
-    target = () if snapshot.situation.target is None else (snapshot.situation.target,)
-    for other in (*target, *snapshot.situation.others):
+    target = () if first.situation.target is None else (first.situation.target,)
+    for other in (*target, *first.situation.others):
         draw_outline(drawing, context, other.name, other.X_WB, BELIEF, 1)
     _draw_obstacle_beliefs(drawing, snapshot)
 
 
 def _draw_obstacle_beliefs(drawing: Drawing, snapshot: Snapshot) -> None:
     """Draw a circle about the believed footprint of every obstacle, with its name."""
-    if snapshot.situation is None:
+    situation, assembly = snapshot.first.situation, snapshot.first.assembly
+    if situation is None:
         return
-    avoiding = snapshot.assembly.avoiding if snapshot.assembly else None
-    for obstacle in snapshot.situation.obstacles:
+    avoiding = assembly.avoiding if assembly else None
+    for obstacle in situation.obstacles:
         avoided = obstacle.name == avoiding
         drawing.line(ring(obstacle.X_WB, obstacle.radius, PLANE), BELIEF, 3 if avoided else 2)
         edge = obstacle.X_WB.translation - np.array([0.0, obstacle.radius + 0.07])
@@ -204,13 +206,12 @@ def _draw_obstacle_beliefs(drawing: Drawing, snapshot: Snapshot) -> None:
 
 def draw_plan(drawing: Drawing, snapshot: Snapshot, plane: float = PLANE) -> None:
     """Draw the planned path of the first step under way, with its desired point and the controlled one."""
-    if snapshot.assembly is None:
+    assembly, path = snapshot.first.assembly, snapshot.first.path
+    if assembly is None:
         return
-    if snapshot.path is not None and len(snapshot.path.points) > 1:
-        drawing.line(on_floor(snapshot.path.points, plane), PLAN, 2, dashed=True, halo=PAPER)
-    tip, desired = drawing.perspective.pixels(
-        on_floor([snapshot.assembly.tip, snapshot.assembly.desired], plane)
-    )
+    if path is not None and len(path.points) > 1:
+        drawing.line(on_floor(path.points, plane), PLAN, 2, dashed=True, halo=PAPER)
+    tip, desired = drawing.perspective.pixels(on_floor([assembly.tip, assembly.desired], plane))
     drawing.canvas.line([tip, desired], PLAN, 1)
     drawing.canvas.dot(desired, PLAN, 5.0, halo=PAPER)
     drawing.canvas.dot(tip, BELIEF, 3.5, halo=PAPER)
@@ -218,18 +219,20 @@ def draw_plan(drawing: Drawing, snapshot: Snapshot, plane: float = PLANE) -> Non
 
 def draw_sight(drawing: Drawing, context: DrawingContext, snapshot: Snapshot, plane: float = PLANE) -> None:
     """Draw the angles of the target's edges as lines from the estimated position of the camera."""
-    if snapshot.los is None or snapshot.estimate is None or snapshot.step is None:
+    first = snapshot.first
+    if first.los is None or first.estimate is None or first.step is None:
         return
-    if snapshot.los.status is LosStatus.LOST:
+    if first.los.status is LosStatus.LOST:
         return
-    X_WF = snapshot.estimate @ context.scene.geometry(snapshot.step.unit).frame("camera").to_se2()
-    dashed = snapshot.los.status is LosStatus.PREDICTED
-    for angle in (snapshot.los.left, snapshot.los.right):
+    X_WF = first.estimate @ context.scene.geometry(first.step.unit).frame("camera").to_se2()
+    dashed = first.los.status is LosStatus.PREDICTED
+    for angle in (first.los.left, first.los.right):
         ends = X_WF.act([[0.0, 0.0], [SIGHT_RANGE * math.cos(angle), SIGHT_RANGE * math.sin(angle)]])
         drawing.line(on_floor(ends, plane), SIGHT, 1, dashed=dashed)
 
 
 def _path_text(snapshot: Snapshot) -> str:
-    if snapshot.path is None or snapshot.assembly is None:
+    first = snapshot.first
+    if first.path is None or first.assembly is None:
         return ""
-    return f"path {snapshot.path.number} ({snapshot.path.shape}), {snapshot.path_text}"
+    return f"path {first.path.number} ({first.path.shape}), {first.path_text}"

@@ -184,7 +184,7 @@ class SceneView:
 
 
 def _draw_obstacle_beliefs(ground: Drawing, snapshot: Snapshot) -> None:
-    for obstacle in () if snapshot.situation is None else snapshot.situation.obstacles:
+    for obstacle in () if snapshot.first.situation is None else snapshot.first.situation.obstacles:
         ground.line(ring(obstacle.X_WB, obstacle.radius, FLOOR_Z), BELIEF, 2)
 
 

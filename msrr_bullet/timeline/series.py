@@ -10,7 +10,7 @@ from itertools import groupby, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.timeline.snapshot import Snapshot, StepSnapshot
 from msrr_bullet.timeline.snapshot_builder import target_frame
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_scenes.arrays import Array
@@ -109,30 +109,29 @@ class TrialSeries:
         if not snapshots:
             raise MsrrError("a trial without a single snapshot has no time series")
         off = np.array([_off_path(scene, s) for s in snapshots])
+        first = [s.first for s in snapshots]
         return cls(
             time=np.array([seconds(s.stamp_ns - snapshots[0].stamp_ns) for s in snapshots]),
-            phases=tuple(s.phase for s in snapshots),
+            phases=tuple(s.phase for s in first),
             true_port=np.array([port_in_dock(scene, s, s.docking_pose) for s in snapshots]),
-            believed_port=np.array([port_in_dock(scene, s, s.estimate) for s in snapshots]),
+            believed_port=np.array([port_in_dock(scene, s, s.first.estimate) for s in snapshots]),
             port_sigma=np.array([_port_sigma(scene, s) for s in snapshots]),
-            commanded=np.array([(s.twist.v, s.twist.w) if s.twist else _UNKNOWN for s in snapshots]),
+            commanded=np.array([(s.twist.v, s.twist.w) if s.twist else _UNKNOWN for s in first]),
             driven=_driven(snapshots),
-            sight=np.array([(s.los.left, s.los.right) if s.los else _UNKNOWN for s in snapshots]),
-            seen=np.array([s.los is not None and s.los.status is LosStatus.SEEN for s in snapshots]),
+            sight=np.array([(s.los.left, s.los.right) if s.los else _UNKNOWN for s in first]),
+            seen=np.array([s.los is not None and s.los.status is LosStatus.SEEN for s in first]),
             clearance=np.array([s.clearance.distance if s.clearance else math.nan for s in snapshots]),
             off_path=off[:, 0],
             true_off_path=off[:, 1],
-            limited=_monitored(snapshots, MonitorState.SLOW),
-            stopped=_monitored(snapshots, MonitorState.STOP),
-            avoiding=np.array(
-                [s.assembly is not None and s.assembly.avoiding is not None for s in snapshots]
-            ),
-            new_step=np.array([True, *(a.step != b.step for a, b in pairwise(snapshots))]),
+            limited=_monitored(first, MonitorState.SLOW),
+            stopped=_monitored(first, MonitorState.STOP),
+            avoiding=np.array([s.assembly is not None and s.assembly.avoiding is not None for s in first]),
+            new_step=np.array([True, *(a.step != b.step for a, b in pairwise(first))]),
         )
 
 
-def _monitored(snapshots: Sequence[Snapshot], state: MonitorState) -> Mask:
-    return np.array([s.monitor is not None and s.monitor.state is state for s in snapshots])
+def _monitored(steps: Sequence[StepSnapshot], state: MonitorState) -> Mask:
+    return np.array([s.monitor is not None and s.monitor.state is state for s in steps])
 
 
 def phase_spans(
@@ -155,7 +154,7 @@ def port_in_dock(scene: Scene, snapshot: Snapshot, X_WU: SE2 | None) -> tuple[fl
         snapshot: Instant of the trial, with the true pose of the target.
         X_WU: True or estimated pose of the docking unit.
     """
-    step = snapshot.step
+    step = snapshot.first.step
     if step is None or X_WU is None or step.target_unit not in snapshot.units:
         return math.nan, math.nan, math.nan
     X_WD = target_frame(scene, step, snapshot.units)
@@ -165,11 +164,11 @@ def port_in_dock(scene: Scene, snapshot: Snapshot, X_WU: SE2 | None) -> tuple[fl
 
 def _port_sigma(scene: Scene, snapshot: Snapshot) -> tuple[float, float, float]:
     """Return the standard deviations of gap [m], lateral offset [m] and heading [rad] of the active port."""
-    step, first = snapshot.step, snapshot.first
-    if step is None or first is None or first.covariance is None:
+    step, first = snapshot.first.step, snapshot.first
+    if step is None or first.covariance is None:
         return math.nan, math.nan, math.nan
     offset = scene.geometry(step.unit).control_offset(step.port)
-    yaw = port_in_dock(scene, snapshot, snapshot.estimate)[2]
+    yaw = port_in_dock(scene, snapshot, first.estimate)[2]
     J = np.array([[-1.0, 0.0, offset * math.sin(yaw)], [0.0, 1.0, offset * math.cos(yaw)], [0.0, 0.0, 1.0]])
     gap, lateral, heading = np.sqrt(np.diagonal(J @ first.covariance @ J.T).clip(min=0.0)).tolist()
     return gap, lateral, heading
@@ -178,7 +177,7 @@ def _port_sigma(scene: Scene, snapshot: Snapshot) -> tuple[float, float, float]:
 def _off_path(scene: Scene, snapshot: Snapshot) -> tuple[float, float]:
     """Return the estimated and the true distance of the controlled point from the desired one [m]."""
     first, X_WU = snapshot.first, snapshot.docking_pose
-    if first is None or X_WU is None or (assembly := first.assembly) is None or assembly.path == 0:
+    if X_WU is None or (assembly := first.assembly) is None or assembly.path == 0:
         return _UNKNOWN
     port = ACTIVE_PORT if first.step is None else first.step.port
     offset = scene.geometry(first.unit).control_offset(port)
@@ -192,7 +191,7 @@ def _driven(snapshots: Sequence[Snapshot]) -> Array:
     rows = []
     for a, b in pairwise(snapshots):
         X, Y = a.docking_pose, b.docking_pose
-        if X is None or Y is None or a.step != b.step or a.stamp_ns >= b.stamp_ns:
+        if X is None or Y is None or a.first.step != b.first.step or a.stamp_ns >= b.stamp_ns:
             rows.append(_UNKNOWN)
             continue
         forward, _, turn = (X.inverse() @ Y).log() / seconds(b.stamp_ns - a.stamp_ns)

@@ -36,7 +36,7 @@ class StepSnapshot:
     """One instant of a unit under way, in a step or on a route into the open: what it does and believes.
 
     Attributes:
-        unit: Name of the unit.
+        unit: Name of the unit; empty for :data:`NOBODY`.
         step: The step: to which port the unit docks, or which one it leaves; None on a route into the open.
         estimate: Pose ``X_WU`` that the unit believes to have; None without an estimate.
         phase: Phase of the unit; None on a recording, which shows perception alone.
@@ -71,6 +71,24 @@ class StepSnapshot:
         """The unit and its step."""
         return UnitStep(self.unit, self.step)
 
+    @property
+    def phase_text(self) -> str:
+        """Phase, and stage of the long-distance phase, in words; empty before the first decision."""
+        stage = f", {self.assembly.stage}" if self.assembly else ""
+        return phase_name(self.phase) + stage if self.phase else ""
+
+    @property
+    def path_text(self) -> str:
+        """Progress along the planned path in words; empty while no path is followed."""
+        if self.assembly is None or self.path is None:
+            return ""
+        error = math.dist(self.assembly.tip, self.assembly.desired)
+        return f"{self.assembly.s:.2f} of {self.assembly.length:.2f} m, {1e3 * error:.0f} mm off"
+
+
+#: Stands for the first step under way while there is none.
+NOBODY = StepSnapshot(unit="", step=None, estimate=None, phase=None, attempt=0)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
@@ -102,9 +120,9 @@ class Snapshot:
         return replace(self, steps=tuple(step for step in self.steps if step.unit == unit))
 
     @property
-    def first(self) -> StepSnapshot | None:
-        """The first step under way, which a display of a single step shows; None while there is none."""
-        return self.steps[0] if self.steps else None
+    def first(self) -> StepSnapshot:
+        """The first step under way, which a display of a single step shows; :data:`NOBODY` without one."""
+        return self.steps[0] if self.steps else NOBODY
 
     @property
     def watched(self) -> StepSnapshot | None:
@@ -113,92 +131,18 @@ class Snapshot:
         While none docks it is the first one under way.
         """
         docking = (step for step in self.steps if step.phase is not Phase.ASSEMBLE)
-        return next(docking, self.first)
-
-    @property
-    def step(self) -> DockStep | None:
-        """First step under way; None without one, and if its unit drives into the open."""
-        return self.first.step if self.first else None
-
-    @property
-    def estimate(self) -> SE2 | None:
-        """Believed pose ``X_WU`` of the first step under way; None without one."""
-        return self.first.estimate if self.first else None
-
-    @property
-    def phase(self) -> Phase | None:
-        """Phase of the first step under way; None without one."""
-        return self.first.phase if self.first else None
-
-    @property
-    def los(self) -> LosObservation | None:
-        """Line of sight of the first step under way; None without one."""
-        return self.first.los if self.first else None
-
-    @property
-    def twist(self) -> Twist | None:
-        """Velocity command of the first step under way; None without one."""
-        return self.first.twist if self.first else None
-
-    @property
-    def situation(self) -> ArenaEstimate | None:
-        """Estimates of all bodies of the first step under way; None without one."""
-        return self.first.situation if self.first else None
-
-    @property
-    def monitor(self) -> CollisionMonitorState | None:
-        """Decision of the collision monitor of the first step under way; None without one."""
-        return self.first.monitor if self.first else None
-
-    @property
-    def assembly(self) -> AssemblyProgress | None:
-        """Progress in the long-distance phase of the first step under way; None without one."""
-        return self.first.assembly if self.first else None
-
-    @property
-    def path(self) -> AssemblyPath | None:
-        """Path of the first step under way; None without one."""
-        return self.first.path if self.first else None
-
-    @property
-    def attempt(self) -> int:
-        """Attempt of the first step under way, from 1; 0 without one."""
-        return self.first.attempt if self.first else 0
-
-    @property
-    def reason(self) -> str:
-        """Why the first step under way is in its phase; empty without one."""
-        return self.first.reason if self.first else ""
-
-    @property
-    def docking_unit(self) -> str | None:
-        """Name of the unit of the first step under way; None without one."""
-        return self.first.unit if self.first else None
+        return next(docking, self.first if self.steps else None)
 
     @property
     def docking_pose(self) -> SE2 | None:
         """True pose ``X_WU`` of the unit of the first step under way; None without one."""
-        return self.units.get(self.first.unit) if self.first else None
+        return self.units.get(self.first.unit)
 
     @property
     def shown(self) -> dict[str, SE2]:
         """Poses ``X_WU`` at which units are drawn: true ones, and beliefs where nobody knows the truth."""
         believed = {step.unit: step.estimate for step in self.steps if step.estimate is not None}
         return {**believed, **self.units}
-
-    @property
-    def phase_text(self) -> str:
-        """Phase, and stage of the long-distance phase, in words; empty before the first decision."""
-        stage = f", {self.assembly.stage}" if self.assembly else ""
-        return phase_name(self.phase) + stage if self.phase else ""
-
-    @property
-    def path_text(self) -> str:
-        """Progress along the planned path in words; empty while no path is followed."""
-        if self.assembly is None or self.path is None:
-            return ""
-        error = math.dist(self.assembly.tip, self.assembly.desired)
-        return f"{self.assembly.s:.2f} of {self.assembly.length:.2f} m, {1e3 * error:.0f} mm off"
 
 
 def phase_name(phase: Phase | None) -> str:

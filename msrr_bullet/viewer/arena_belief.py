@@ -14,7 +14,6 @@ from msrr_bullet.viewer.commands import HIDDEN, Command, Placement, set_object, 
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import GlobalPose, ObstacleEstimate
 from msrr_scenes.specs.scene import Scene
 
 #: Widths of the outlines and of the planned path, and their heights above the floor [m].
@@ -66,9 +65,9 @@ class ArenaBelief:
             yield f"believed/{name}", Placement(SE3.from_se2(X_WB)) if X_WB else HIDDEN
         follows_path = any(step.assembly is not None and step.path is not None for step in snapshot.steps)
         yield PLAN_NODE, Placement(visible=follows_path)
-        desired = HIDDEN
-        if snapshot.mission is None and snapshot.assembly is not None and snapshot.path is not None:
-            desired = Placement(SE3.from_se2(SE2(*snapshot.assembly.desired, 0.0), DESIRED_Z))
+        desired, first = HIDDEN, snapshot.first
+        if snapshot.mission is None and first.assembly is not None and first.path is not None:
+            desired = Placement(SE3.from_se2(SE2(*first.assembly.desired, 0.0), DESIRED_Z))
         yield "aim", desired
 
 
@@ -80,17 +79,12 @@ def plan_commands(node: str, points: Sequence[tuple[float, float]]) -> Iterator[
 
 def _believed_poses(snapshot: Snapshot) -> dict[str, SE2]:
     """Return where bodies are believed to be: the units under way in a mission, else all except the unit."""
+    situation = snapshot.first.situation
     if snapshot.mission is not None:
-        obstacles = () if snapshot.situation is None else snapshot.situation.obstacles
+        obstacles = () if situation is None else situation.obstacles
         units = {step.unit: step.estimate for step in snapshot.steps if step.estimate is not None}
         return units | {obstacle.name: obstacle.X_WB for obstacle in obstacles}
-    return {body.name: body.X_WB for body in _other_bodies(snapshot)}
-
-
-def _other_bodies(snapshot: Snapshot) -> Iterator[GlobalPose | ObstacleEstimate]:
-    """Yield the estimates of all bodies except the unit itself."""
-    if snapshot.situation is not None:
-        if snapshot.situation.target is not None:
-            yield snapshot.situation.target
-        yield from snapshot.situation.others
-        yield from snapshot.situation.obstacles
+    if situation is None:
+        return {}
+    target = () if situation.target is None else (situation.target,)
+    return {body.name: body.X_WB for body in (*target, *situation.others, *situation.obstacles)}

@@ -77,23 +77,23 @@ def changes(columns: Iterable[Sequence[str]]) -> list[list[list[int] | list[str]
 
 
 def _texts(snapshot: Snapshot) -> dict[str, str]:
-    texts = {"time": f"{seconds(snapshot.stamp_ns):.2f} s"}
-    if snapshot.los is not None:
-        left, right = math.degrees(snapshot.los.left), math.degrees(snapshot.los.right)
-        texts["line of sight"] = snapshot.los.status.value
+    first, texts = snapshot.first, {"time": f"{seconds(snapshot.stamp_ns):.2f} s"}
+    if first.los is not None:
+        left, right = math.degrees(first.los.left), math.degrees(first.los.right)
+        texts["line of sight"] = first.los.status.value
         if math.isfinite(left) and math.isfinite(right):
             texts["line of sight"] += f" {left:+.0f}° {right:+.0f}°"
-    if snapshot.docking_pose is not None and snapshot.estimate is not None:
-        error_pose = snapshot.docking_pose.inverse() @ snapshot.estimate
+    if snapshot.docking_pose is not None and first.estimate is not None:
+        error_pose = snapshot.docking_pose.inverse() @ first.estimate
         distance, yaw = math.hypot(error_pose.x, error_pose.y), math.degrees(error_pose.yaw)
         texts["belief off by"] = f"{1e3 * distance:.1f} mm {yaw:+.1f}°"
     if snapshot.clearance is not None:
         texts["clearance"] = f"{1e3 * snapshot.clearance.distance:.0f} mm"
         texts["nearest pair"] = f"{snapshot.clearance.body_a} – {snapshot.clearance.body_b}"
-    if snapshot.monitor is not None:
-        texts["collision monitor"] = f"{snapshot.monitor.state.value}, {snapshot.monitor}"
-    if snapshot.attempt:
-        texts["attempt"] = str(snapshot.attempt)
+    if first.monitor is not None:
+        texts["collision monitor"] = f"{first.monitor.state.value}, {first.monitor}"
+    if first.attempt:
+        texts["attempt"] = str(first.attempt)
     if snapshot.mission is not None:
         texts["mission"] = mission_text(snapshot.mission)
-    return texts | {"phase": snapshot.phase_text, "on the path": snapshot.path_text}
+    return texts | {"phase": first.phase_text, "on the path": first.path_text}

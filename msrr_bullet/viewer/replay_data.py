@@ -56,7 +56,7 @@ def _rows(scene: Scene, snapshots: Sequence[Snapshot], times: Sequence[float]) -
     """Return the rows over time: one of the phases, or one of what it does for each unit of a mission."""
     if scene.coordinated:
         return [[_piece(span, unit) for span in activity_spans(snapshots, unit)] for unit in scene.units]
-    spans = phase_spans(times, [snapshot.phase for snapshot in snapshots])
+    spans = phase_spans(times, [snapshot.first.phase for snapshot in snapshots])
     return [
         [
             {"name": phase_name(phase), "from": start, "to": end, "colour": css(PHASE_COLOURS[phase])}

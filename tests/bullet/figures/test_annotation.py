@@ -37,19 +37,20 @@ def test_a_frame_without_pixels_is_drawn_from_truth_alone(count_pixels, views, t
 
 def test_a_caption_tells_the_present_and_not_how_the_phase_began(trial, context):
     """The reason of a phase's beginning stood under frames that were taken seconds later."""
-    moving = [s for s in trial.snapshots if s.estimate is not None]
+    moving = [s for s in trial.snapshots if s.first.estimate is not None]
     assert moving[-1].stamp_ns - moving[0].stamp_ns > 5 * NS_PER_S
     lens = camera_lenses(context.scene)["a/onboard"]
     lines = []
     for snapshot in moving[:: len(moving) // 8]:
         view = CameraView(Exposure("a/onboard", -1, snapshot.stamp_ns), lens)
         line = draw_onboard(context, view, snapshot).title[1]
-        for reason in (snapshot.reason, snapshot.assembly.reason if snapshot.assembly else "none"):
+        first = snapshot.first
+        for reason in (first.reason, first.assembly.reason if first.assembly else "none"):
             assert reason not in line
-        gap, lateral, heading = port_in_dock(context.scene, snapshot, snapshot.estimate)
+        gap, lateral, heading = port_in_dock(context.scene, snapshot, snapshot.first.estimate)
         shown = [float(n) for n in re.findall(r"[-+]?\d+\.?\d*", line.partition(":")[2])]
         assert shown == pytest.approx(
-            [1e3 * gap, 1e3 * lateral, math.degrees(heading), snapshot.twist.v], abs=0.51
+            [1e3 * gap, 1e3 * lateral, math.degrees(heading), snapshot.first.twist.v], abs=0.51
         )
         lines.append(line)
     assert len(set(lines)) == len(lines)

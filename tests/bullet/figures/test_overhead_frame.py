@@ -32,10 +32,10 @@ def test_belief_is_drawn_where_it_is(views, trial, context, with_step):
     view = [v for v in views if v.exposure.camera == OVERHEAD and v.tags][5]
     snapshot = trial.at(view.stamp_ns)
     wrong = with_step(
-        replace(snapshot, clearance=None), estimate=snapshot.estimate @ SE2(0.0, 0.2), assembly=None
+        replace(snapshot, clearance=None), estimate=snapshot.first.estimate @ SE2(0.0, 0.2), assembly=None
     )
     image = draw_overhead(context, CameraView(view.exposure, view.lens), wrong, ()).image
-    ghost = SE3.from_se2(wrong.estimate).act(scene_solids(context.scene, context.built)["a"].points)
+    ghost = SE3.from_se2(wrong.first.estimate).act(scene_solids(context.scene, context.built)["a"].points)
     hull = Perspective.overhead(context.scene, context.built).hull(ghost)
     for x, y in hull:
         near = image[int(y) - 2 : int(y) + 4, int(x) - 2 : int(x) + 4]

@@ -29,8 +29,8 @@ def test_a_trial_is_interpolated_between_two_decisions_and_extended_beyond_them(
         0.5 * (a.units["a"].inverse() @ b.units["a"]).log(),
         atol=1e-8,
     )
-    assert min(a.los.left, b.los.left) < middle.los.left < max(a.los.left, b.los.left)
-    assert middle.phase is a.phase
+    assert sorted(s.first.los.left for s in (a, middle, b))[1] == middle.first.los.left != a.first.los.left
+    assert middle.first.phase is a.first.phase
     assert trial.at(a.stamp_ns).units["a"] == a.units["a"]
     assert trial.at(trial.end_ns + 7).units == drive.snapshots[-1].units
     assert trial.until(a.stamp_ns)[-1] is a
@@ -39,9 +39,11 @@ def test_a_trial_is_interpolated_between_two_decisions_and_extended_beyond_them(
 def test_estimates_of_two_phases_are_not_mixed(drive):
     trial = SnapshotInterpolator(drive.snapshots)
     a, b = next(
-        pair for pair in pairwise(drive.snapshots) if pair[0].phase is not pair[1].phase and pair[0].estimate
+        (a, b)
+        for a, b in pairwise(drive.snapshots)
+        if a.first.phase is not b.first.phase and a.first.estimate
     )
-    assert trial.at((a.stamp_ns + b.stamp_ns) // 2).estimate is a.estimate
+    assert trial.at((a.stamp_ns + b.stamp_ns) // 2).first.estimate is a.first.estimate
 
 
 def test_a_trial_without_a_decision_is_refused():

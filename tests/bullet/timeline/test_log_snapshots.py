@@ -10,7 +10,7 @@ from msrr_scenes.messages import Action, ArenaEstimate, Phase
 
 def test_there_is_a_snapshot_for_every_decision_with_the_truth_of_its_instant(short_log, short_snapshots):
     actions = [action for _, action in short_log.messages(Action, "/control/*")]
-    assert [(s.stamp_ns, s.phase, s.twist) for s in short_snapshots] == [
+    assert [(s.stamp_ns, s.first.phase, s.first.twist) for s in short_snapshots] == [
         (a.stamp_ns, a.phase, a.twist) for a in actions
     ]
     truth = {(pose.name, pose.stamp_ns): pose.X_WB for _, pose in short_log.messages(TruePose, "/truth/*")}
@@ -20,9 +20,9 @@ def test_there_is_a_snapshot_for_every_decision_with_the_truth_of_its_instant(sh
 
 def test_far_away_the_estimate_is_that_of_the_arena(short_log, short_snapshots):
     own = {stamp_ns: m.own.X_WB for stamp_ns, m in short_log.messages(ArenaEstimate, "/perception/*")}
-    far = [s for s in short_snapshots if s.phase is Phase.ASSEMBLE and s.stamp_ns in own]
+    far = [s for s in short_snapshots if s.first.phase is Phase.ASSEMBLE and s.stamp_ns in own]
     assert len(far) > 20
-    assert all(s.estimate == own[s.stamp_ns] for s in far)
+    assert all(s.first.estimate == own[s.stamp_ns] for s in far)
 
 
 def test_the_verdict_is_the_last_word_of_the_judge(blind_run, short_log, tmp_path):

@@ -49,8 +49,8 @@ def test_a_unit_that_drives_into_the_open_is_under_way_without_a_step(mission_ru
     others = {step.unit for s in mission_run.snapshots for step in s.steps if step.step is not None}
     assert others == set("abcd") - {root}
     moving = next(s for s in mission_run.snapshots if s.of_unit(root).steps)
-    assert moving.of_unit(root).docking_unit == root
-    assert moving.of_unit(root).step is None
+    assert moving.of_unit(root).first.unit == root
+    assert moving.of_unit(root).first.step is None
 
 
 def test_the_interpolator_keeps_what_the_base_station_knows(mission_run):

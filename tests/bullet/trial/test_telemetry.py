@@ -93,7 +93,7 @@ def test_progress_snapshots_and_log_agree(docking: Watched) -> None:
     for action, progress, snapshot in zip(actions, docking.progress, docking.snapshots, strict=True):
         assert progress.time_s == pytest.approx(1e-9 * action.stamp_ns)
         assert (progress.phase, progress.attempt) == (action.phase, action.attempt)
-        assert (snapshot.stamp_ns, snapshot.twist) == (action.stamp_ns, action.twist)
+        assert (snapshot.stamp_ns, snapshot.first.twist) == (action.stamp_ns, action.twist)
         poses = {m.name: m.X_WB for m in truth if m.stamp_ns == action.stamp_ns}
         assert poses == dict(snapshot.units)
         true = (poses["b"] @ X_BD).inverse() @ poses["a"]
@@ -101,8 +101,8 @@ def test_progress_snapshots_and_log_agree(docking: Watched) -> None:
         np.testing.assert_allclose(progress.true.as_array(), true.as_array(), atol=1e-12)
         if action.stamp_ns in estimates:
             assert progress.believed == estimates[action.stamp_ns].X_DU
-            assert snapshot.estimate is not None
-            between = (poses["b"] @ X_BD @ progress.believed).inverse() @ snapshot.estimate
+            assert snapshot.first.estimate is not None
+            between = (poses["b"] @ X_BD @ progress.believed).inverse() @ snapshot.first.estimate
             np.testing.assert_allclose(between.as_array(), 0.0, atol=1e-12)
 
 
@@ -142,7 +142,7 @@ def test_every_display_of_the_clearance_leaves_out_the_docking_pair(docking: Wat
     """Log and snapshots show what counts; while the only pair docks there is nothing to show."""
     shown = {record.stamp_ns: record.clearance for record in docking.of(ClearanceRecord)}
     assert {s.stamp_ns: s.clearance for s in docking.snapshots if s.clearance is not None} == shown
-    apart = {s.stamp_ns for s in docking.snapshots if s.phase is Phase.HAND_OVER}
+    apart = {s.stamp_ns for s in docking.snapshots if s.first.phase is Phase.HAND_OVER}
     assert shown.keys() == apart
     assert min(c.distance for c in shown.values()) == docking.result.min_clearance_m > 0.0
     series = TrialSeries.of(docking.scene, docking.snapshots)  # of plots and tables

@@ -17,7 +17,7 @@ def test_pages_show_the_plan_and_the_estimates_of_other_bodies(
 ):
     scene = short_log.header.scene
     snapshot = next(s for s in short_snapshots if s.stamp_ns >= 3_000_000_000)
-    assert snapshot.assembly is not None
+    assert snapshot.first.assembly is not None
     if live_page:
         with LiveViewer(scene, port=0) as viewer:
             viewer.show(snapshot)

@@ -10,7 +10,7 @@ from msrr_bullet.viewer.replay_page import write_replay
 
 
 def test_readings_have_the_path_and_no_angles_of_a_lost_target(short_snapshots):
-    snapshot = next(s for s in short_snapshots if s.assembly and s.stamp_ns >= 3_000_000_000)
+    snapshot = next(s for s in short_snapshots if s.first.assembly and s.stamp_ns >= 3_000_000_000)
     values = dict(zip(READINGS, readings(snapshot), strict=True))
     assert re.fullmatch(r"\d\.\d\d of \d\.\d\d m, \d+ mm off", values["on the path"])
     assert values["line of sight"] == "lost"

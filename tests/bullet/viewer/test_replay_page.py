@@ -114,7 +114,8 @@ def test_scrubbing_and_jumps_lead_to_their_times(browser, run_page, short_snapsh
         assert browser.evaluate("clock.time") == pytest.approx(share * end, abs=0.25)
         assert_one_instant(browser.evaluate(SHOWN), short_snapshots, stills)
     browser.click("[...document.querySelectorAll('#phases button')].find((b) => b.textContent === 'dock')")
-    dock = next(s for s in short_snapshots if s.phase_text == "dock").stamp_ns - short_snapshots[0].stamp_ns
+    dock = next(s.stamp_ns for s in short_snapshots if s.first.phase_text == "dock")
+    dock -= short_snapshots[0].stamp_ns
     assert browser.evaluate("clock.time") == pytest.approx(dock * 1e-9, abs=0.05)
     events = browser.evaluate("data.replay.events")
     for i, event in enumerate(events):
@@ -217,7 +218,7 @@ def test_a_trial_far_from_the_origin_is_in_view(browser, drive, tmp_path, with_s
             units={name: moved(X) for name, X in near.units.items()},
             obstacles={name: moved(X) for name, X in near.obstacles.items()},
         ),
-        estimate=moved(near.estimate),
+        estimate=moved(near.first.estimate),
     )
     image = browser.screenshot(write_replay(tmp_path / "far.html", drive.scene, [far]).as_uri())
     assert {drive.scene.tag_ids(unit)["tag_top"] for unit in drive.scene.units} <= browser.tags_in(image)
@@ -235,7 +236,7 @@ def test_plots_hold_the_errors_of_every_unit_under_way(drive, tmp_path):
     for time, a, b in zip(plots["lateral [mm]"]["times"], truth, believed, strict=True):
         snapshot = min(drive.snapshots, key=lambda s: abs(s.stamp_ns * 1e-9 - time))
         X_WD = target_frame(scene, scene.docks[0], snapshot.units)
-        for X_WU, shown in ((snapshot.units["a"], a), (snapshot.estimate, b)):
+        for X_WU, shown in ((snapshot.units["a"], a), (snapshot.first.estimate, b)):
             if X_WU is None:
                 assert np.isnan(shown)
                 continue

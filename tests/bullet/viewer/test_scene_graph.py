@@ -19,7 +19,7 @@ def test_the_ghost_stands_at_the_estimate(drive):
     snapshot = drive.snapshots[100]
     ghost = SceneGraph(drive.scene).placements(snapshot)["ghost/a"]
     assert ghost.visible
-    assert ghost.X.to_se2().log().tolist() == snapshot.estimate.log().tolist()
+    assert ghost.X.to_se2().log().tolist() == snapshot.first.estimate.log().tolist()
 
 
 def test_the_clearance_bar_is_red_where_the_collision_monitor_acts(drive):
