@@ -90,7 +90,7 @@ def docking_row(controller: Choice, label: str, setting: Setting, seeds: range) 
         trials=len(seeds),
         **rates_of(
             success=docked,
-            in_view=result.in_cone(setting.half_fov),
+            in_view=result.in_cone(setting.scene.cameras.onboard.lens.half_fov),
             in_cone=result.in_cone(setting.dock_setup().los.outer),
         ),
         measures={key: Measured.of(v) for key, v in values.items()},

@@ -83,7 +83,7 @@ def gain_delay_map(
         compensated=compensated,
         gains=gains,
         latencies=latencies,
-        lag=1.0 / STANDARD.limits_spec.kappa_per_s,
+        lag=1.0 / STANDARD.scene.limits.kappa_per_s,
         extra_gain=SlidingGains().slope_per_s - SlidingGains().k_per_s,
         trials=len(seeds),
         cells=cells,

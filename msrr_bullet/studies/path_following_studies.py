@@ -36,7 +36,7 @@ def path_following_law(choice: Choice, setting: Setting) -> PathFollowingLaw[Any
         SceneError: A parameter of the law is wrong.
     """
     params = merge_params({"pace": PAPER_PACE.model_dump()}, choice.params)
-    limits = setting.limits_spec
+    limits = setting.scene.limits
     if choice.name == "c1":
         return C1PathFollowingLaw(
             read_params("assembler 'c1'", C1PathFollowingParams, params), limits, OFFSET
@@ -64,7 +64,7 @@ def _run(
 ) -> PathFollowingStudyResult:
     return run_path_following_study(
         path_following_law(choice, setting),
-        setting.limits_spec,
+        setting.scene.limits,
         rng,
         trials,
         setting.path_following_starts,
@@ -131,7 +131,7 @@ def path_following_series(choice: Choice, setting: Setting, seed: int) -> Series
             "lambda_s": np.stack([s.tracking.lam_s[0] for s in states]),
         }
     x, y = (float(value) for value in result.obstacle[0])
-    limits = setting.limits_spec
+    limits = setting.scene.limits
     return Series(
         time=result.time,
         tip=tip,

@@ -16,7 +16,6 @@ from msrr_control.studies.path_following_study import PathFollowingStartSet
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Spread
-from msrr_scenes.specs.vehicle import LimitsSpec
 
 #: The guidance trajectory of the paper's close phase. It neither slows down before contact nor waits for a
 #: unit that lags behind.
@@ -68,11 +67,6 @@ class Setting:
             parts.append(f"gain {gain:g} 1/s")
         return ", ".join([*parts, *_describe_disturbance(self.disturbance, phase)])
 
-    @property
-    def limits_spec(self) -> LimitsSpec:
-        """The drive's limits."""
-        return self.scene.limits
-
     @cached_property
     def scene(self) -> Scene:
         """The shipped unit in front of a port, under these limits."""
@@ -85,11 +79,6 @@ class Setting:
         """Return the facts of the shipped unit's docking step, under these limits."""
         scene = self.scene
         return DockSetup.of(scene, scene.docks[0])
-
-    @property
-    def half_fov(self) -> float:
-        """Half the field of view of the shipped unit's camera [rad]."""
-        return self.scene.cameras.onboard.lens.half_fov
 
 
 def merge_params(base: dict[str, Any], overrides: dict[str, Any]) -> dict[str, Any]:

@@ -146,7 +146,7 @@ def path_following_descents(setting: Setting, seeds: range) -> tuple[Descent, De
     error = result.tip[1:] - _stack(after, lambda s: s.guidance.position)
     error -= tracking.windup.gamma_m * np.tanh(lam)
     limited = _stack(after, lambda s: s.tracking.limited)
-    limits = setting.limits_spec
+    limits = setting.scene.limits
     most = np.array([limits.v_max_mps, limits.w_max_radps])
     bite = _limits_bite(result.command[1:], limited, most)
     clamp = np.abs(lam) >= tracking.windup.clamp - 1e-9
@@ -176,7 +176,7 @@ def docking_descent(setting: Setting, seeds: range) -> Descent:
     error = result.tip[1:] - goal - params.windup.gamma_m * np.tanh(xi)
     steps = 1 + np.arange(len(after))[:, None]
     under_way = steps <= np.where(result.docked, result.contact, len(states))
-    limits = setting.limits_spec
+    limits = setting.scene.limits
     most = np.array([limits.v_close_mps, limits.w_max_radps])
     bite = _limits_bite(result.command[1:], _stack(after, lambda s: s.limited), most)
     return Descent(

@@ -47,9 +47,7 @@ class ArenaBelief:
             return
         for name, outline in self._outlines.items():
             node = f"believed/{name}"
-            yield set_object(
-                node, shapes.band(outline, OUTLINE_WIDTH, OUTLINE_Z), shapes.flat_material(BELIEF)
-            )
+            yield from shapes.flat_band(node, outline, OUTLINE_WIDTH, OUTLINE_Z, BELIEF)
             yield set_property(node, "visible", False)
         yield set_object("aim", shapes.sector(0.0, 2.0 * math.pi, DESIRED_RADIUS), shapes.flat_material(PLAN))
         yield set_property("aim", "visible", False)
@@ -73,8 +71,7 @@ class ArenaBelief:
 
 def plan_commands(node: str, points: Sequence[tuple[float, float]]) -> Iterator[Command]:
     """Yield the command that draws a planned path through ``points`` [m]."""
-    if len(points) > 1:
-        yield set_object(node, shapes.band(points, PLAN_WIDTH, PLAN_Z), shapes.flat_material(PLAN))
+    return shapes.flat_band(node, points, PLAN_WIDTH, PLAN_Z, PLAN)
 
 
 def _believed_poses(snapshot: Snapshot) -> dict[str, SE2]:

@@ -93,14 +93,12 @@ class LiveViewer:
             assert self._process.stdin is not None
             os.set_blocking(self._process.stdin.fileno(), False)
             self.url = self._await_url()
-            self._send(server.PAGE, b"", self._page(scene))
+            page = render_page(scene, live_cameras=self._cameras is not None)
+            self._send(server.PAGE, b"", page.encode())
             self._send_commands(self._graph.build())
         except BaseException:
             self.close()
             raise
-
-    def _page(self, scene: Scene) -> bytes:
-        return render_page(scene, live_cameras=self._cameras is not None).encode()
 
     def _await_url(self) -> str:
         answered = threading.Event()

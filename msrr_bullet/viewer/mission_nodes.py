@@ -95,9 +95,7 @@ class MissionNodes:
 
     def way(self, unit: str, piece: int, points: Sequence[Array]) -> Iterator[Command]:
         """Yield the command that draws a piece of the way that a unit has driven, through points (2,) [m]."""
-        if len(points) > 1:
-            band = shapes.band(points, WAY_WIDTH, WAY_Z)
-            yield set_object(f"way/{unit}_{piece}", band, shapes.flat_material(self._colours[unit]))
+        return shapes.flat_band(f"way/{unit}_{piece}", points, WAY_WIDTH, WAY_Z, self._colours[unit])
 
     # The replay.
 
@@ -133,14 +131,11 @@ class MissionNodes:
         return commands, tracks
 
     def _line(self, node: str, unit: str, points: Array) -> Iterator[Command]:
-        if len(points) > 1:
-            band = shapes.band(points, ROUTE_WIDTH, ROUTE_Z)
-            yield set_object(node, band, shapes.flat_material(self._colours[unit], 0.8))
+        return shapes.flat_band(node, points, ROUTE_WIDTH, ROUTE_Z, self._colours[unit], 0.8)
 
     def _granted(self, node: str, unit: str, points: Array) -> Iterator[Command]:
-        if len(points) > 1:
-            band = shapes.band(points, GRANTED_WIDTH, GRANTED_Z)
-            yield set_object(node, band, shapes.flat_material(self._colours[unit], GRANTED_OPACITY))
+        colour = self._colours[unit]
+        return shapes.flat_band(node, points, GRANTED_WIDTH, GRANTED_Z, colour, GRANTED_OPACITY)
 
 
 def _top(geometry: UnitGeometry) -> float:

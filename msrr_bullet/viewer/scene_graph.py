@@ -96,7 +96,7 @@ class SceneGraph:
         ends += [[x, y, 0.0] for y in _grid(y0, y1) for x in (x0, x1)]
         yield shapes.line_segments("arena/grid", ends, GRID)
         border = [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]]
-        yield set_object("arena/border", shapes.band(border, 0.02, 0.001), shapes.flat_material(DARK))
+        yield from shapes.flat_band("arena/border", border, 0.02, 0.001, DARK)
 
     def _unit(self, name: str, colour: int, blank: bool) -> Iterator[Command]:
         geometry = self._geometries[name]
@@ -117,9 +117,7 @@ class SceneGraph:
             f"ghost/{name}", shapes.extrusion(outline, height), shapes.flat_material(BELIEF, 0.12)
         )
         for level, z in (("foot", BELIEF_Z), ("top", height)):
-            yield set_object(
-                f"ghost/{name}/{level}", shapes.band(closed, BELIEF_WIDTH, z), shapes.flat_material(BELIEF)
-            )
+            yield from shapes.flat_band(f"ghost/{name}/{level}", closed, BELIEF_WIDTH, z, BELIEF)
         yield set_property(f"ghost/{name}", "visible", False)
 
     def _obstacles(self) -> Iterator[Command]:
@@ -151,11 +149,8 @@ class SceneGraph:
         ray = [[0.0, 0.0], [reach, 0.0]]
         for status, opacity in ((LosStatus.SEEN, 1.0), (LosStatus.PREDICTED, 0.35)):
             for edge_name in ("left", "right"):
-                yield set_object(
-                    f"sight/floor/{edge_name}_{status.value}",
-                    shapes.band(ray, 0.004, 0.001),
-                    shapes.flat_material(SIGHT, opacity),
-                )
+                node = f"sight/floor/{edge_name}_{status.value}"
+                yield from shapes.flat_band(node, ray, 0.004, 0.001, SIGHT, opacity)
         w, h = lens.camera.width - 0.5, lens.camera.height - 0.5
         ends = lens.undistorted(np.array([[-0.5, -0.5], [w, -0.5], [w, h], [-0.5, h]]))
         corners = lens.camera.rays(ends) @ R_BODY_OPTICAL.T * FRUSTUM_RANGE
@@ -224,11 +219,9 @@ def _clearance_placements(snapshot: Snapshot, guard: GuardSpec) -> Iterator[tupl
 
 def path_commands(name: str, points: Sequence[Array]) -> Iterator[Command]:
     """Yield the command that draws a driven (``truth...``) or believed path through points (2,) [m]."""
-    if len(points) > 1:
-        driven = name.startswith("truth")
-        width, z = (TRUTH_WIDTH, TRUTH_Z) if driven else (BELIEF_WIDTH, BELIEF_Z)
-        material = shapes.flat_material(PATH if driven else BELIEF)
-        yield set_object(f"path/{name}", shapes.band(points, width, z), material)
+    if name.startswith("truth"):
+        return shapes.flat_band(f"path/{name}", points, TRUTH_WIDTH, TRUTH_Z, PATH)
+    return shapes.flat_band(f"path/{name}", points, BELIEF_WIDTH, BELIEF_Z, BELIEF)
 
 
 def look_at(snapshots: Sequence[Snapshot]) -> Iterator[Command]:

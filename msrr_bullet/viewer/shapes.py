@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import cv2
 import meshcat.geometry as g
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from msrr_bullet.tag_print import plate_texture
 from msrr_bullet.viewer.commands import Command, set_object, set_transform
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
 from msrr_scenes.geometry.solid import Solid
 from msrr_scenes.specs.tag_families import TagFamily
@@ -78,6 +80,14 @@ def band(points: ArrayLike, width: float, z: float) -> g.Geometry:
     first = 4 * np.arange(len(a))[:, None]
     faces = np.concatenate([first + np.array(triangle) for triangle in ((0, 1, 2), (0, 2, 3))])
     return g.TriangularMeshGeometry(vertices, faces)
+
+
+def flat_band(
+    path: str, points: Sequence[Any] | Array, width: float, z: float, colour: int, opacity: float = 1.0
+) -> Iterator[Command]:
+    """Draw a band, see :func:`band`, that shows exactly its colour; nothing through less than two points."""
+    if len(points) > 1:
+        yield set_object(path, band(points, width, z), flat_material(colour, opacity))
 
 
 def sector(start: float, end: float, radius: float) -> g.Geometry:

@@ -57,7 +57,7 @@ def test_overrides_apply_at_every_level_and_leave_their_arguments_as_they_are() 
 
 
 def test_tight_limits_are_stricter() -> None:
-    assert HARD.limits_spec.w_max_radps < STANDARD.limits_spec.w_max_radps
-    assert HARD.dock_setup().limits.w_max_radps == HARD.limits_spec.w_max_radps
-    assert NO_LAG.limits_spec.kappa_per_s == NO_LAG.dock_setup().limits.kappa_per_s == 1000.0
-    assert STANDARD.half_fov == pytest.approx(math.radians(37.5))
+    assert HARD.scene.limits.w_max_radps < STANDARD.scene.limits.w_max_radps
+    assert HARD.dock_setup().limits.w_max_radps == HARD.scene.limits.w_max_radps
+    assert NO_LAG.scene.limits.kappa_per_s == NO_LAG.dock_setup().limits.kappa_per_s == 1000.0
+    assert STANDARD.scene.cameras.onboard.lens.half_fov == pytest.approx(math.radians(37.5))
