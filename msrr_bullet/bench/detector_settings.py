@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from types import MappingProxyType
 
 from msrr_bullet.bench.detection_metrics import Candidate, FullFrameReader, RecordingDetector
 from msrr_perception.detection.aruco_detector import ArucoDetector
@@ -48,31 +47,27 @@ def library_detector() -> Detector:
 
 
 #: Our detector with one setting changed, by label.
-_DETECTORS: Mapping[str, Callable[[], Detector]] = MappingProxyType(
-    {
-        "library detector": library_detector,
-        "contrast 5": lambda: PupilDetector(min_white_black_diff=LIBRARY_CONTRAST),
-        "contrast 60": lambda: PupilDetector(min_white_black_diff=60),
-        "decimation 2": lambda: PupilDetector(quad_decimate=LIBRARY_DECIMATION),
-        "sharpening 0.25": lambda: PupilDetector(decode_sharpening=LIBRARY_SHARPENING),
-        "raw corners": lambda: PupilDetector(refine=False),
-        "OpenCV's ArUco": ArucoDetector,
-    }
-)
+_DETECTORS: Mapping[str, Callable[[], Detector]] = {
+    "library detector": library_detector,
+    "contrast 5": lambda: PupilDetector(min_white_black_diff=LIBRARY_CONTRAST),
+    "contrast 60": lambda: PupilDetector(min_white_black_diff=60),
+    "decimation 2": lambda: PupilDetector(quad_decimate=LIBRARY_DECIMATION),
+    "sharpening 0.25": lambda: PupilDetector(decode_sharpening=LIBRARY_SHARPENING),
+    "raw corners": lambda: PupilDetector(refine=False),
+    "OpenCV's ArUco": ArucoDetector,
+}
 
 #: Detectors by way of other libraries in our windows, by label; those that are installed.
 if find_spec("pyapriltags") is not None:
-    _DETECTORS = MappingProxyType({**_DETECTORS, "pyapriltags": PyAprilTagsDetector})
+    _DETECTORS = {**_DETECTORS, "pyapriltags": PyAprilTagsDetector}
 
 #: Our windows on board with one setting changed, by label.
-_POLICIES: Mapping[str, WindowPolicy] = MappingProxyType(
-    {
-        "one window": replace(DEFAULT_POLICY, merge_px=_ANY_AREA),
-        "one window each": replace(DEFAULT_POLICY, merge_px=0),
-        "no pixel budget": replace(DEFAULT_POLICY, budget_px=_ANY_AREA, extra_px=_ANY_AREA),
-        "port's tags only": replace(DEFAULT_POLICY, extra_px=0),
-    }
-)
+_POLICIES: Mapping[str, WindowPolicy] = {
+    "one window": replace(DEFAULT_POLICY, merge_px=_ANY_AREA),
+    "one window each": replace(DEFAULT_POLICY, merge_px=0),
+    "no pixel budget": replace(DEFAULT_POLICY, budget_px=_ANY_AREA, extra_px=_ANY_AREA),
+    "port's tags only": replace(DEFAULT_POLICY, extra_px=0),
+}
 
 
 def onboard_candidates(target: TargetModel) -> dict[str, Candidate[PoseEstimate]]:

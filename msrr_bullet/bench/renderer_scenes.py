@@ -11,7 +11,6 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -28,9 +27,12 @@ from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Choice
 
 #: Renderers that are compared: label -> (registered name, TinyRenderer's samples per pixel edge).
-CANDIDATES: Mapping[str, tuple[str, int]] = MappingProxyType(
-    {"tiny 1x": ("tiny", 1), "tiny 2x": ("tiny", 2), "tiny 4x": ("tiny", 4), "raster": ("raster", 1)}
-)
+CANDIDATES: Mapping[str, tuple[str, int]] = {
+    "tiny 1x": ("tiny", 1),
+    "tiny 2x": ("tiny", 2),
+    "tiny 4x": ("tiny", 4),
+    "raster": ("raster", 1),
+}
 
 #: Renderer that the pixels are compared with.
 REFERENCE = ("tiny", 8)

@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from statistics import median
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from msrr_bullet.recordings.perceiver import Instant
 from msrr_bullet.trial.versions import package_versions
@@ -15,7 +15,7 @@ from msrr_scenes.messages import PoseEstimate, seconds
 from msrr_scenes.specs.scene import Scene
 
 
-class Sigma(BaseModel):
+class Sigma(BaseModel, frozen=True):
     """Standard deviations of an estimate.
 
     Attributes:
@@ -23,13 +23,11 @@ class Sigma(BaseModel):
         yaw_rad: Of the heading [rad].
     """
 
-    model_config = ConfigDict(frozen=True)
-
     position_m: float
     yaw_rad: float
 
 
-class RecordingResult(BaseModel):
+class RecordingResult(BaseModel, frozen=True):
     """The result of perception on a recording, in SI units and radians. There is no truth to compare with.
 
     Attributes:
@@ -52,8 +50,6 @@ class RecordingResult(BaseModel):
         last_sigma: Its standard deviations.
         versions: Installed versions.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     recording: str
     target: str

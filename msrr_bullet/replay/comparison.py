@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_of
@@ -23,7 +23,7 @@ class Diverged(Exception):
     """The robot left the log, so that nothing after that can be compared."""
 
 
-class Mismatch(BaseModel):
+class Mismatch(BaseModel, frozen=True):
     """One difference between a trial and the replay.
 
     Attributes:
@@ -36,8 +36,6 @@ class Mismatch(BaseModel):
         replayed: Message or window of the replay; None when there was none.
     """
 
-    model_config = ConfigDict(frozen=True)
-
     what: str
     sequence: int
     time_s: float
@@ -45,7 +43,7 @@ class Mismatch(BaseModel):
     replayed: str | None
 
 
-class ReplayReport(BaseModel):
+class ReplayReport(BaseModel, frozen=True):
     """The result of a replay.
 
     Attributes:
@@ -63,8 +61,6 @@ class ReplayReport(BaseModel):
         mismatches: The first differences.
         written_by: Version of msrr-bullet that wrote the log; None if the log does not say.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     log: Path
     complete: bool

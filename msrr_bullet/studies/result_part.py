@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 
-class ResultPart(BaseModel):
+class ResultPart(BaseModel, frozen=True, extra="forbid", ser_json_inf_nan="strings"):
     """A part of the results: frozen, without unknown keys, infinite numbers as strings."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="strings")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import yaml
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from msrr_bullet.studies.search_space import Part
 from msrr_scenes.loading.load import find_scene, load_scene, shipped_scenes
@@ -15,7 +15,7 @@ from msrr_scenes.specs.spec import Choice
 _BASES: dict[Part, str] = {"docking": "close_range", "assembly": "two_units"}
 
 
-class Tuned(BaseModel):
+class Tuned(BaseModel, frozen=True, extra="forbid"):
     """The parameters of a controller that tuning found.
 
     Attributes:
@@ -27,8 +27,6 @@ class Tuned(BaseModel):
         cost_tuned: Cost of the parameters found, on starts and noise that were not tuned on.
         seeds: First seed and one beyond the last of the starts and noise that were tuned on.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     part: Part
     controller: str

@@ -11,16 +11,14 @@ from collections.abc import Iterable
 from typing import Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
 from msrr_scenes.specs.as_built import Grade
 
 
-class StudyPart(BaseModel):
+class StudyPart(BaseModel, frozen=True, extra="forbid"):
     """A part of the results: frozen, without unknown keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class ContactError(StudyPart):
