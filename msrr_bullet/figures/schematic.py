@@ -45,7 +45,7 @@ class Drawing:
         dashed: bool = False,
         halo: int | None = None,
     ) -> None:
-        """Draw a line through points of the world, shape (N, 3) [m], as far as the camera looks at it."""
+        """Draw the part in front of the camera of a line through points of the world, shape (N, 3) [m]."""
         pixels = self.perspective.pixels(points_W)
         pieces = [pixels] if np.isfinite(pixels).all() else self.perspective.line(points_W)
         for piece in pieces:
