@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_bullet.plant.lock_actuator import LOCK_REACH, MAX_PULL_DISPLACEMENT, SWITCH_TRAVEL, PullResult
+from msrr_bullet.plant.lock_actuator import LOCK_REACH, MAX_PULL_DISPLACEMENT, PullResult
 from msrr_bullet.plant.plant import PortMechanism
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
@@ -92,7 +92,7 @@ class KinematicPort(PortMechanism):
         spec: LockSpec,
         capture: CaptureRange,
         X_TU: SE2,
-        switch_travel: float = SWITCH_TRAVEL,
+        switch_travel: float,
     ) -> None:
         """Start with an open lock.
 
@@ -192,7 +192,7 @@ class KinematicPort(PortMechanism):
                 return SE2(X_DP.x - tips.x, X_DP.y, X_DP.yaw)
             self._inside = True
         held = self._centred(X_DP)
-        seated = -held.x <= SWITCH_TRAVEL
+        seated = -held.x <= self._switch_travel
         self._touching = seated or held != X_DP
         return held
 

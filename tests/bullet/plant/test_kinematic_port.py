@@ -1,12 +1,14 @@
 """The mouth and the funnel of the plant without contact, tick by tick."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.plant.kinematic_port import CaptureRange, face_half_width
+from msrr_scenes.as_built import as_drawn
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
 from msrr_scenes.random_streams import stream
@@ -143,3 +145,21 @@ def test_the_funnel_is_where_the_capture_says(two_units, before_port) -> None:
         assert plant.tick < 240
     assert at.y == pytest.approx(0.002 - at.x / MOUTH_M * (0.03 - 0.002), abs=1e-9)
     assert at.y == pytest.approx(0.016, abs=4e-4)
+
+
+def test_pins_touch_where_the_switches_close_as_they_were_built(two_units, before_port) -> None:
+    """Down the middle of the funnel nothing touches before the switches, whose travel is not as drawn."""
+    scene = two_units()
+    for error_m in (-0.001, 0.001):
+        drawn = as_drawn(scene)
+        units = {**drawn.units, "b": replace(drawn.units["b"], switch_travel_error_m=error_m)}
+        placement = before_port(scene, SE2(-0.019, 0.0, 0.0))
+        plant = KinematicPlant(scene, placement, built=replace(drawn, units=units))
+        plant.begin_dock(scene.plan[0])
+        plant.command("a", Twist(0.05, 0.0))
+        closed = set()
+        for _ in range(240):
+            plant.step()
+            closed.add(all(plant.switches("a")))
+            assert plant.pins_touch("a") is all(plant.switches("a"))
+        assert closed == {False, True}
