@@ -171,10 +171,10 @@ class Coordinator:
 
     def _fail(self, unit: UnitRecord, reason: str, now_ns: int) -> None:
         """Note that a unit has failed; its task is open for another one."""
+        if unit.task is not None and unit.under_way:  # a task that it had before may be another one's by now
+            self._tasks.fail(unit.task, f"{unit.name} failed: {reason}")
         unit.stand(UnitState.FAILED, now_ns, reason)
         self._changed = True
-        if unit.task is not None:
-            self._tasks.fail(unit.task, f"{unit.name} failed: {reason}")
 
     def _stand(self, unit: UnitRecord, now_ns: int, reason: str) -> None:
         """Take the route from a unit that stands still."""

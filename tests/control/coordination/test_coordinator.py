@@ -263,3 +263,27 @@ def test_a_shape_that_does_not_fit_ends_the_mission_with_the_reason(rig: type[Ri
     assert "do not fit" in status.reason
     with pytest.raises(SceneError, match="takes nobody"):
         rig(Mission(shape=Shape.from_tree({"a": "root", "b": "a.front"})), {})
+
+
+def test_a_unit_that_fails_without_a_task_takes_none_from_another(rig: type[Rig]) -> None:
+    """One that a dead unit before it holds has lost its task to a spare, and fails while that one drives."""
+    starts = {"a": SE2(0.9, 0.0, 3.1), "b": SE2(-0.3, 0.8, 0.0), "c": SE2(-1.5, -0.9, 0.0)}
+    run = rig(Mission(shape=build_pattern("line", 2)), {**starts, "dead": SE2(1.7, 1.2, 0.0)})
+    run.units["dead"].dead_s = -10.0
+    units = [run.coordinator._units[name] for name in starts]
+    _run_until(run, lambda: any(unit.task == "p1" for unit in units))
+    held, spare = sorted((unit for unit in units if unit.task != "p0"), key=lambda unit: unit.task is None)
+    run.units[held.name].held_routes = 99
+    _run_until(run, lambda: run.coordinator._recall.is_recalled(held))
+    run.units["dead"].X_WU = run.units[held.name].X_WU @ SE2(0.25, 0.0, 0.0)
+    _run_until(run, lambda: spare.under_way and spare.task == "p1")
+    run.units[held.name].dead_s = 1e-9 * run.now_ns
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert (spare.route, status.replans) == (1, 1)
+
+
+def _run_until(run: Rig, happened: Callable[[], bool]) -> None:
+    while not happened():
+        assert run.now_ns < 100e9
+        run.step()
