@@ -185,7 +185,7 @@ class Coordinator:
     def _fit(self, now_ns: int) -> None:
         """Choose where the shape is built when all are seen; again if its root fails before anybody docks."""
         shape = self._mission.shape
-        if shape is None or (self._fitted and self._mission.holders):
+        if shape is None:
             return
         if self._fitted:
             root = self._dispatcher.wanted.get(shape.root.name)
@@ -204,13 +204,19 @@ class Coordinator:
             self._end(MissionState.INCOMPLETE, f"{error}{missing}")
             return
         self._tasks, self._dispatcher.wanted = TaskList(tasks), wanted
+        for unit in units:
+            unit.evasions = 0  # others are in the way there
         self._changed, self._reason = True, ""
 
     def _may_fit_again(self) -> bool:
-        """Return whether the shape can still be built elsewhere: nobody moves, and nobody has docked."""
+        """Return whether the shape can still be built elsewhere: nobody moves, and nobody has docked.
+
+        One that an assembly is to become is built where that stands, even if all have left its root.
+        """
+        anywhere = self._mission.shape is not None and not self._mission.holders
         standing = not any(unit.under_way for unit in self._units.values())
         docked = any(unit.holder is not None for unit in self._units.values())
-        return self._mission.shape is not None and standing and not docked and self._refits < _MOST_REFITS
+        return anywhere and standing and not docked and self._refits < _MOST_REFITS
 
     # Who gets a route, and who loses it.
 

@@ -265,6 +265,22 @@ def test_a_shape_that_does_not_fit_ends_the_mission_with_the_reason(rig: type[Ri
         rig(Mission(shape=Shape.from_tree({"a": "root", "b": "a.front"})), {})
 
 
+def test_who_has_made_way_does_so_again_where_a_shape_is_placed_anew(rig: type[Rig]) -> None:
+    """In a corridor; the root fails at the start, and for it they have made way as often as they may."""
+    whole = rig(Mission(), {}).knowledge
+    corridor = RouteFinder(whole.lanes.body, RouteParams(), (-1.3, 1.3, -0.5, 0.5))
+    starts = {name: SE2(x, 0.0, 0.0) for name, x in (("a", 0.3), ("b", 1.0), ("c", -0.3), ("d", -1.0))}
+    run = rig(Mission(shape=build_pattern("line", 2)), starts, replace(whole, finder=corridor))
+    run.units["d"].dead_s = 0.0
+    while run.now_ns < 20e9 and not run.coordinator._refits:
+        for unit in run.coordinator._units.values():
+            unit.evasions = 3
+        run.step()
+    assert run.coordinator._refits == 1
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+
+
 def test_a_unit_that_fails_without_a_task_takes_none_from_another(rig: type[Rig]) -> None:
     """One that a dead unit before it holds has lost its task to a spare, and fails while that one drives."""
     starts = {"a": SE2(0.9, 0.0, 3.1), "b": SE2(-0.3, 0.8, 0.0), "c": SE2(-1.5, -0.9, 0.0)}
@@ -281,6 +297,23 @@ def test_a_unit_that_fails_without_a_task_takes_none_from_another(rig: type[Rig]
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
     assert (spare.route, status.replans) == (1, 1)
+
+
+def test_the_root_of_an_assembly_stays_where_it_is(rig: type[Rig]) -> None:
+    """Also when nobody is docked to it any more, and the one that has left cannot come back."""
+    tree = Shape.from_tree({"a": "root", "b": "a.left"})
+    body = rig(Mission(), {}).knowledge.lanes.body
+    X_WA = SE2(0.2, 0.0, 0.0)
+    starts = {"a": X_WA, "b": body.docked(X_WA, "rear"), "dead": SE2(-1.7, 1.2, 0.0)}
+    run = rig(Mission(shape=tree, holders={"b": "a.rear"}), starts)
+    run.units["b"].held_routes, run.units["dead"].dead_s = 1, 0.0
+    _run_until(run, lambda: run.coordinator._recall.is_recalled(run.coordinator._units["b"]))
+    run.units["dead"].X_WU = body.docked(X_WA, "left") @ SE2(-0.2, 0.0, 0.0)
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert "dead closes the lane to a.left" in status.reason
+    root = next(unit for unit in status.units if unit.unit == "a")
+    assert (root.state, root.route) == (UnitState.DOCKED, 0)
 
 
 def _run_until(run: Rig, happened: Callable[[], bool]) -> None:
