@@ -93,13 +93,15 @@ def run_trials(
         raise ValueError(f"expected at least one job, found {jobs}")
     outcomes: dict[tuple[str, int], TrialResult | TrialFailure] = {}
     codes: dict[str, str] = {}
+    asked: set[tuple[str, int]] = set()
     missing: deque[Task] = deque()
     with ExitStack() as stack:
         trial_store = stack.enter_context(TrialStore(store)) if store is not None else None
         for scene, seeds in batches:
             digest, code = scene_hash(scene), code_fingerprint(scene)
             codes[digest] = code
-            wanted = list(dict.fromkeys(index(seed) for seed in seeds if (digest, seed) not in outcomes))
+            wanted = [seed for seed in dict.fromkeys(map(index, seeds)) if (digest, seed) not in asked]
+            asked.update((digest, seed) for seed in wanted)
             stored: dict[int, TrialResult] = {}
             if trial_store is not None:
                 trial_store.put_scene(digest, scene.name, scene.model_dump_json())

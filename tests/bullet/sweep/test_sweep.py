@@ -52,6 +52,20 @@ def test_a_second_sweep_runs_only_what_is_missing(
     assert second == fresh.model_copy(update={"reused": 5})  # whether stored or run makes no difference
 
 
+def test_a_trial_that_two_batches_ask_for_is_run_once(
+    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction
+) -> None:
+    ran: list[int] = []
+
+    def trial(scene: Scene, seed: int) -> TrialResult:
+        ran.append(seed)
+        return made_up(scene, seed)
+
+    finished = run_trials([(scene, [0, 1]), (scene, [1, 2, 2])], executor=inline, trial=trial)
+    assert ran == [0, 1, 2]
+    assert len(finished.outcomes) == 3
+
+
 def test_a_seed_that_is_no_whole_number_is_refused_before_any_trial(
     scene: Scene, inline: SupportsSubmit, made_up: TrialFunction
 ) -> None:
