@@ -36,26 +36,18 @@ _MOST_REFITS = 3
 class Coordinator:
     """A state machine: reports and estimates in, authorities out; the same inputs give the same outputs."""
 
-    def __init__(
-        self,
-        mission: Mission,
-        units: Iterable[str],
-        knowledge: Knowledge,
-        patience: Patience | None = None,
-    ) -> None:
+    def __init__(self, mission: Mission, units: Iterable[str], knowledge: Knowledge) -> None:
         """Begin before anything was seen or heard.
 
         Args:
             mission: What is to be reached.
             units: Names of all units.
             knowledge: Geometry, routes and assumed speeds.
-            patience: How long to wait for what.
 
         Raises:
             SceneError: The shape cannot be built.
         """
-        self._know = knowledge
-        self._patience = patience or Patience()
+        self._know, self._patience = knowledge, Patience()
         self._units = {name: UnitRecord(name, retreat_m=knowledge.retreat_m) for name in units}
         self._interlock = Interlock(knowledge.lanes.body)
         self._dispatcher = Dispatcher(knowledge, self._units, self._interlock, mission.one_by_one)

@@ -111,7 +111,7 @@ def fits(shape: Shape, lanes: Lanes, box: tuple[float, float, float, float]) -> 
     return bool(_fit(places, lanes, box, ()).any())
 
 
-def embeddings(
+def embedding(
     shape: Shape,
     units: Mapping[str, SE2],
     lanes: Lanes,
@@ -120,9 +120,8 @@ def embeddings(
     *,
     named: bool = False,
     keep_out: Sequence[tuple[float, float, float]] = (),
-    count: int = 6,
-) -> list[Embedding]:
-    """Return the best places in the arena for a shape, the best first; none if it does not fit.
+) -> Embedding | None:
+    """Return the best place in the arena for a shape; None if it does not fit.
 
     Args:
         shape: The shape, with at most as many places as there are units.
@@ -132,7 +131,6 @@ def embeddings(
         travel: Assumed speeds.
         named: Whether the places are named by the units that have to take them.
         keep_out: Bodies that will not move: x, y and the radius of each [m].
-        count: Largest number of embeddings.
     """
     names = list(units)
     poses = np.array([X.as_array() for X in units.values()])
@@ -142,7 +140,7 @@ def embeddings(
     fits = _fit(places, lanes, box, keep_out)
     roots, places = roots[fits], places[fits]
     if not len(roots):
-        return []
+        return None
     weighted = _WEIGHT * place_costs(poses, places, travel)
     weighted[:, :, 0] = _ROOT_WEIGHT * travel.times(poses, roots[:, None])
     if named:
@@ -152,18 +150,18 @@ def embeddings(
     stands = _STANDS_S * (apart.min(axis=2) < 2.0 * lanes.body.radius).sum(axis=1)
     # No assignment is cheaper than the cheapest unit for every place, so that most candidates need none.
     bound = weighted.min(axis=1).sum(axis=1) + stands
-    best: list[tuple[float, int, list[tuple[int, int]]]] = []
+    best: tuple[float, int, list[tuple[int, int]]] | None = None
     for k in np.argsort(bound, kind="stable").tolist():
-        if len(best) == count and bound[k] >= best[-1][0]:
+        if best is not None and bound[k] >= best[0]:
             break
         pairs, total = assign(weighted[k])
-        score = total + float(stands[k])
         if total < _FORBIDDEN_S:
-            best = sorted([*best, (score, k, pairs)])[:count]
-    return [
-        Embedding(SE2(*roots[k].tolist()), {shape.places[p].name: names[u] for u, p in pairs}, score)
-        for score, k, pairs in best
-    ]
+            candidate = (total + float(stands[k]), k, pairs)
+            best = candidate if best is None else min(best, candidate)
+    if best is None:
+        return None
+    score, k, pairs = best
+    return Embedding(SE2(*roots[k].tolist()), {shape.places[p].name: names[u] for u, p in pairs}, score)
 
 
 def _root_candidates(poses: Array, box: tuple[float, float, float, float]) -> Array:

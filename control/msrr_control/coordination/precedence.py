@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
@@ -111,7 +110,7 @@ def topological_order(names: Iterable[str], before: Mapping[str, Iterable[str]])
     order: list[str] = []
     ready: list[str] = []
     while sorter.is_active():
-        ready = sorted([*ready, *sorter.get_ready()], key=lambda name: rank.get(name, math.inf))
+        ready = sorted([*ready, *sorter.get_ready()], key=rank.__getitem__)
         first = ready.pop(0)
         order.append(first)
         sorter.done(first)

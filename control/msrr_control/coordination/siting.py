@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from msrr_control.coordination.dispatcher import Knowledge
-from msrr_control.coordination.embedding import embeddings
+from msrr_control.coordination.embedding import embedding
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.precedence import Lanes, precedence
@@ -63,7 +63,7 @@ def site(
     ]
     keep_out += [(o.X_WB.x, o.X_WB.y, o.radius) for o in obstacles]
     part = _part(shape, before, there, mission.named)
-    found = embeddings(
+    found = embedding(
         part,
         there,
         knowledge.lanes,
@@ -71,11 +71,10 @@ def site(
         knowledge.travel,
         named=mission.named,
         keep_out=keep_out,
-        count=1,
     )
-    if not found:
+    if found is None:
         raise SceneError("the shape and the lanes to it do not fit into the arena")
-    return shape_tasks(shape, before, found[0].X_WR, mission.named), dict(found[0].units)
+    return shape_tasks(shape, before, found.X_WR, mission.named), dict(found.units)
 
 
 def check_shapes(mission: Mission, lanes: Lanes) -> None:

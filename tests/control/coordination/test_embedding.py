@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from msrr_control.coordination.dispatcher import Knowledge
-from msrr_control.coordination.embedding import assign, embeddings, place_costs
+from msrr_control.coordination.embedding import assign, embedding, place_costs
 from msrr_control.coordination.shape import build_pattern
 from msrr_scenes.geometry.se2 import SE2
 
@@ -35,40 +35,49 @@ def test_no_other_assignment_is_cheaper(count: int, knowledge: Knowledge, starts
         assert len({u for u, _ in pairs}) == len({p for _, p in pairs}) == count
 
 
-def test_all_places_and_lanes_lie_inside_and_the_best_comes_first(
-    knowledge: Knowledge, starts: Starts
-) -> None:
+def test_all_places_and_lanes_lie_inside(knowledge: Knowledge, starts: Starts) -> None:
     lanes, box = knowledge.lanes, knowledge.finder.box
     shape = build_pattern("comb", 7)
     units = starts(3, 8)
     keep_out = [(0.6, 0.3, 0.2)]
-    found = embeddings(shape, units, lanes, box, knowledge.travel, keep_out=keep_out)
-    assert len(found) == 6
-    scores = [one.score for one in found]
+    found = embedding(shape, units, lanes, box, knowledge.travel, keep_out=keep_out)
+    assert found is not None
+    assert sorted(found.units) == sorted(shape.by_name)
+    assert len(set(found.units.values())) == len(shape.places)
+    poses = shape.poses(found.X_WR, lanes.body)
+    for place in shape.places:
+        ends = [poses[place.name]] + ([lanes.end(poses[place.name])] if place.parent else [])
+        for X in ends:
+            assert box[0] < X.x < box[1]
+            assert box[2] < X.y < box[3]
+            assert math.hypot(X.x - 0.6, X.y - 0.3) > 0.2 + lanes.body.half_width
+
+
+def test_where_the_best_place_is_taken_no_other_one_is_better(knowledge: Knowledge, starts: Starts) -> None:
+    shape, units = build_pattern("comb", 7), starts(3, 8)
+    scores, keep_out = [], []
+    for _ in range(4):
+        arena = knowledge.lanes, knowledge.finder.box, knowledge.travel
+        found = embedding(shape, units, *arena, keep_out=keep_out)
+        assert found is not None
+        scores.append(found.score)
+        keep_out.append((found.X_WR.x, found.X_WR.y, 0.05))
     assert scores == sorted(scores)
-    for one in found:
-        assert sorted(one.units) == sorted(shape.by_name)
-        assert len(set(one.units.values())) == len(shape.places)
-        poses = shape.poses(one.X_WR, lanes.body)
-        for place in shape.places:
-            ends = [poses[place.name]] + ([lanes.end(poses[place.name])] if place.parent else [])
-            for X in ends:
-                assert box[0] < X.x < box[1]
-                assert box[2] < X.y < box[3]
-                assert math.hypot(X.x - 0.6, X.y - 0.3) > 0.2 + lanes.body.half_width
+    assert scores[0] < scores[-1]
 
 
 def test_a_shape_that_is_too_large_has_no_place(knowledge: Knowledge, starts: Starts) -> None:
     small = (-1.1, 1.1, -0.8, 0.8)
-    assert embeddings(build_pattern("cross", 8), starts(0, 8), knowledge.lanes, small, knowledge.travel) == []
+    cross = build_pattern("cross", 8)
+    assert embedding(cross, starts(0, 8), knowledge.lanes, small, knowledge.travel) is None
 
 
 def test_named_places_are_taken_by_those_who_are_named(knowledge: Knowledge, starts: Starts) -> None:
     shape, units = build_pattern("line", 4), starts(1, 4)
     renamed = dict(zip(shape.by_name, units.values(), strict=True))
-    found = embeddings(shape, renamed, knowledge.lanes, knowledge.finder.box, knowledge.travel, named=True)
-    assert found
-    assert all(one.units == {name: name for name in shape.by_name} for one in found)
+    found = embedding(shape, renamed, knowledge.lanes, knowledge.finder.box, knowledge.travel, named=True)
+    assert found is not None
+    assert found.units == {name: name for name in shape.by_name}
 
 
 def test_turning_the_arena_turns_the_result(knowledge: Knowledge, starts: Starts) -> None:
@@ -77,6 +86,7 @@ def test_turning_the_arena_turns_the_result(knowledge: Knowledge, starts: Starts
     half = SE2(0.0, 0.0, math.pi)
     turned = {name: half @ X for name, X in units.items()}
     arguments = (knowledge.lanes, knowledge.finder.box, knowledge.travel)
-    first = embeddings(shape, units, *arguments, count=1)[0]
-    second = embeddings(shape, turned, *arguments, count=1)[0]
+    first, second = embedding(shape, units, *arguments), embedding(shape, turned, *arguments)
+    assert first is not None
+    assert second is not None
     assert second.score == pytest.approx(first.score, abs=1e-6)
