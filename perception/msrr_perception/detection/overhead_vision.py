@@ -19,19 +19,33 @@ from msrr_perception.detection.windows import (
     WindowPolicy,
     fitting_window,
     merged_windows,
-    search_windows,
     tags_in_frame,
 )
 from msrr_perception.kernels.lens import optic_of
 from msrr_perception.pose.global_pose import FlatTag, pose_jacobian
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import NS_PER_S, Detections, Exposure, Fetch, GlobalPose
 
 #: The window policy for the overhead camera of the design.
 OVERHEAD_POLICY = WindowPolicy(quiet_zone=0.15)
+
+#: Time within which the whole frame is searched once, and shortest time between two searches while a unit
+#: that matters is missing [ns].
+_SEARCH_NS, _MISSING_NS = NS_PER_S, 300_000_000
+
+#: Number of sightings in a row after which a body counts as standing still.
+_SETTLE_AFTER = 6
+
+#: Factor on a window's margins when it is read a second time.
+_RETRY_WIDEN = 2.5
+
+#: Largest edge of a window [px]; a body known less well is left to the search.
+_WIDEST_PX = 320
+
+#: Largest motion of an unexpected tag from one exposure to the next [px].
+_STRAY_PX = 24.0
 
 #: Largest distance of a tag from where it was expected that the next window still follows [px].
 _LARGEST_OFFSET_PX = 40.0
@@ -48,14 +62,12 @@ class OverheadVision:
     It reads of an exposure:
 
     1. Windows around the tags that the predictions expect in view: those of units that may drive in every
-       exposure, those of bodies that had not moved from where they were expected ``settle_after`` times in
-       a row only in every ``standing_every``-th, and half as often where no unit comes near meanwhile. A tag
-       that is not found is read for once more in a wider window.
-    2. A part of the frame, searched for unknown bodies, so that within ``search_period_s`` the whole frame is
-       searched once. Nothing is searched for while all tags of the catalogue are read where they are
-       expected.
-    3. The full frame, at most every ``missing_period_s``, when one of the units that matter is unknown or
-       missing.
+       exposure, those of bodies that had not moved from where they were expected six times in a row only in
+       every ``standing_every``-th, and half as often where no unit comes near meanwhile. A tag that is not
+       found is read for once more in a wider window.
+    2. The full frame, searched for unknown bodies once in a second. Nothing is searched for while all tags of
+       the catalogue are read where they are expected.
+    3. The full frame as well, at most every 0.3 s, when one of the units that matter is unknown or missing.
 
     The search only says where to read: a tag that it finds is read again by the detector in a window of its
     own, so that every corner delivered comes from the same kind of image.
@@ -72,14 +84,7 @@ class OverheadVision:
         detector: Detector,
         search_detector: Detector | None = None,
         policy: WindowPolicy = OVERHEAD_POLICY,
-        search_period_s: float = 1.0,
-        search_parts: int = 1,
-        missing_period_s: float = 0.3,
         standing_every: int = 4,
-        settle_after: int = 6,
-        retry_widen: float = 2.5,
-        widest_px: int = 320,
-        stray_px: float = 24.0,
     ) -> None:
         """Create a front end that has seen nothing yet.
 
@@ -90,26 +95,8 @@ class OverheadVision:
             search_detector: Detector that finds tags in large parts of the frame; None takes
                 :func:`~msrr_perception.detection.detector.default_search_detector`.
             policy: Rules by which windows are cut.
-            search_period_s: Time within which the whole frame is searched once [s].
-            search_parts: Number of parts, searched in turn, that the frame is cut into. They overlap, so one
-                part costs the fewest pixels, and many spread them most evenly.
-            missing_period_s: Shortest time between two full frames while a unit that matters is missing [s].
-            standing_every: Period with which bodies that stand still are read [frames].
-            settle_after: Number of sightings in a row after which a body counts as standing still.
-            retry_widen: Factor on a window's margins when it is read a second time.
-            widest_px: Largest edge of a window [px]; a body known less well is left to the search.
-            stray_px: Largest motion of an unexpected tag from one exposure to the next [px].
-
-        Raises:
-            SceneError: A parameter is out of its range.
+            standing_every: Period with which bodies that stand still are read [frames], at least 1.
         """
-        if min(search_parts, standing_every, settle_after) < 1 or retry_widen <= 1.0:
-            raise SceneError(
-                "overhead vision: search_parts, standing_every, settle_after must be at least 1, "
-                "retry_widen above 1"
-            )
-        if min(search_period_s, missing_period_s) <= 0.0:
-            raise SceneError("overhead vision: search_period_s and missing_period_s must be positive")
         self.model = model
         self._optic = optic_of(model.lens)
         self._localizer = model.localizer()
@@ -117,23 +104,15 @@ class OverheadVision:
         self._detectors = detectors_by_size(self._detector)
         self._search_detector = search_detector or default_search_detector(model.tag_family.name)
         self._policy = policy.for_family(model.tag_family)
-        self._parts = search_windows(model, search_parts)
-        self._part_period_ns = round(search_period_s * NS_PER_S / search_parts)
-        self._missing_period_ns = round(missing_period_s * NS_PER_S)
         self._standing_every = standing_every
-        self._settle_after = settle_after
-        self._retry_widen = retry_widen
-        self._widest = widest_px
-        self._stray_px = stray_px
         self._units = tuple(units)
         self._essential = [model.tag_of[unit] for unit in self._units]
         self.reset()
 
     def reset(self) -> None:
         """Forget what earlier exposures showed."""
-        self._next_part = 0
-        self._last_part_ns: int | None = None
-        self._last_frame_ns: int | None = None
+        self._last_search_ns: int | None = None
+        self._last_missing_ns: int | None = None  # of a search while a unit that matters was missing
         self._offsets: dict[int, Array] = {}  # tag -> mean offset of its corners from the prediction [px]
         self._strays: dict[int, Array] = {}  # tag -> corners of a tag that was not expected there [px]
         self._settled: dict[int, int] = {}  # tag -> number of sightings in a row where it was expected
@@ -141,7 +120,7 @@ class OverheadVision:
 
     def restart_search(self) -> None:
         """Search again from the next exposure on, whenever the last search was."""
-        self._last_part_ns = self._last_frame_ns = None
+        self._last_search_ns = self._last_missing_ns = None
 
     def detect(
         self,
@@ -167,13 +146,13 @@ class OverheadVision:
         driving = self._units[:1] if driving is None else driving
         wanted = [i for i in self.model.tags if self._is_due(i, exposure.frame, driving, remote)]
         due = self._expected(predictions, wanted)
-        sigma = np.full((4, 2), self._stray_px / self._policy.sigmas)
+        sigma = np.full((4, 2), _STRAY_PX / self._policy.sigmas)
         strays = [ExpectedTag(i, self.model.lens.distorted(at), sigma) for i, at in self._strays.items()]
         tags = [*due.values(), *strays]
         upright_px = min((e.upright_edge for e in tags), default=0.0)
         self._read(reader, detector_for(self._detectors, upright_px), tags)
         missed = [e for i, e in due.items() if i not in reader.found]
-        self._read(reader, self._detector, missed, self._retry_widen)
+        self._read(reader, self._detector, missed, _RETRY_WIDEN)
         if len(due) < len(wanted) or not self._knows_all():
             self._search(reader, exposure.stamp_ns, predictions)
         self._remember(reader, due, predictions)
@@ -205,7 +184,7 @@ class OverheadVision:
 
     def _is_due(self, tag_id: int, frame: int, driving: Collection[str], remote: Collection[str]) -> bool:
         name = self.model.tags[tag_id].name
-        if name in driving or self._settled.get(tag_id, 0) < self._settle_after:
+        if name in driving or self._settled.get(tag_id, 0) < _SETTLE_AFTER:
             return True
         return (frame + tag_id) % ((2 if name in remote else 1) * self._standing_every) == 0
 
@@ -223,7 +202,7 @@ class OverheadVision:
         found = {}
         for expected in tags_in_frame(ideal, self.model.lens):
             window = expected.window(self._policy)
-            if max(window.width, window.height) <= self._widest:
+            if max(window.width, window.height) <= _WIDEST_PX:
                 found[expected.tag_id] = expected
         return found
 
@@ -248,17 +227,13 @@ class OverheadVision:
             i not in reader.found and (i not in expected or self._settled.get(i, 0) == 0)
             for i in self._essential
         )
-        if missing and _is_past(stamp_ns, self._last_frame_ns, self._missing_period_ns):
-            self._last_frame_ns = self._last_part_ns = stamp_ns
-            part = self.model.camera.frame
-        elif _is_past(stamp_ns, self._last_part_ns, self._part_period_ns):
-            self._last_part_ns = stamp_ns
-            part = self._parts[self._next_part % len(self._parts)]
-            self._next_part += 1
-        else:
+        if missing and _is_past(stamp_ns, self._last_missing_ns, _MISSING_NS):
+            self._last_missing_ns = stamp_ns
+        elif not _is_past(stamp_ns, self._last_search_ns, _SEARCH_NS):
             return
+        self._last_search_ns = stamp_ns
         unread = []
-        for tag_id, pixels in reader.search(part, self._search_detector).items():
+        for tag_id, pixels in reader.search(self.model.camera.frame, self._search_detector).items():
             if tag_id in reader.found or tag_id not in self.model.tags:
                 continue
             e = expected.get(tag_id)

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from msrr_perception.kernels.project import predict_tags, tag_extent
-from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.lens import Lens
@@ -229,12 +228,3 @@ def pose_is_known(prediction: PoseEstimate, position_m: float, yaw: float) -> bo
     (xx, xy, _), (_, yy, _), (_, _, turn) = P.tolist()
     largest = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)  # eigenvalue of the position's part
     return bool(largest < position_m**2 and turn < yaw**2)
-
-
-def search_windows(model: OverheadModel, parts: int) -> tuple[Window, ...]:
-    """Return upright parts of the frame that overlap so far that every tag lies wholly in one of them."""
-    frame = model.camera.frame
-    overlap = math.ceil(model.tag_family.plate_ratio * model.largest_tag_px)
-    step = math.ceil((frame.width - overlap) / parts)
-    windows = (fitting_window(Window(i * step, 0, step + overlap, frame.height), frame) for i in range(parts))
-    return tuple(w for w in windows if w is not None)

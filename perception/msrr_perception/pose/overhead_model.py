@@ -113,18 +113,6 @@ class OverheadModel:
         """Body -> id of the tag on top of it."""
         return MappingProxyType({tag.name: tag_id for tag_id, tag in self.tags.items()})
 
-    @cached_property
-    def largest_tag_px(self) -> float:
-        """Longest diagonal that a tag can have in the image [px]."""
-        above = float(self.X_WC.p[2])
-        return max(
-            self.camera.focal
-            * float(np.ptp(tag.corners_B[:, :2], axis=0).max())
-            * math.sqrt(2.0)
-            / (above - tag.height)
-            for tag in self.tags.values()
-        )
-
     def square(self, middle_W: Array, half_m: float, unit: str) -> Window:
         """Return the window, in the frame or not, of a square at the height of a unit's tag.
 

@@ -148,7 +148,6 @@ def open_arena() -> Iterator[OpenArena]:
             start: SE2 | None = None,
             target: SE2 | None = None,
             others: Mapping[str, SE2] | None = None,
-            **vision: Any,
         ) -> Arena:
             scene = _scene(
                 overhead or {},
@@ -169,7 +168,7 @@ def open_arena() -> Iterator[OpenArena]:
                 scene,
                 BulletPlant(world) if plant == "bullet" else KinematicPlant(scene, placement, world),
                 Camera(OVERHEAD, spec, renderer, lambda: overhead_pose(spec), seed),
-                OverheadVision(model, ("a", "b"), PupilDetector(), **vision),
+                OverheadVision(model, ("a", "b"), PupilDetector()),
                 GlobalEstimator(
                     model,
                     "a",

@@ -67,10 +67,9 @@ def test_a_drive_is_localised_from_few_pixels(open_arena: Callable) -> None:
     assert np.abs(error(known.obstacles[0], SE2(0.1, 0.3))[:2]).max() < 0.001
 
 
-@pytest.mark.parametrize("parts", [1, 4])
-def test_an_obstacle_that_appears_is_found_within_a_second(open_arena: Callable, parts: int) -> None:
+def test_an_obstacle_that_appears_is_found_within_a_second(open_arena: Callable) -> None:
     late = {**POST, "appears_at_s": 1.25, "pose": {"x_m": 0.4, "y_m": -0.7, "yaw_deg": 50}}
-    arena = open_arena(obstacles={"late": late}, search_parts=parts)
+    arena = open_arena(obstacles={"late": late})
     arena.run(1.25)
     assert arena.known is not None
     assert arena.known.obstacles == ()
