@@ -8,7 +8,7 @@ parts are measured that may be the nearest. A pair of bodies of which neither ha
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 
 from msrr_bullet.collision.clearance import Clearance, Pair
@@ -145,7 +145,22 @@ class ClearanceModel:
 
         None if no pair is nearer than ``below`` [m]; from there on nothing is measured.
         """
-        return self._smallest(self._pairs(poses, exempt), below)
+        # In order of lower bounds, as far as needed.
+        pairs = self._pairs(poses, exempt)
+        bounded = [(bound, i, pair) for i, pair in enumerate(pairs) if (bound := pair.lower_bound()) < below]
+        if not bounded:
+            return None
+        best = min(bounded)[2].clearance(below)
+        if best is not None:
+            below = best.distance
+        # Most pairs are farther than this one is, and need not be put in order.
+        for bound, _, pair in sorted(each for each in bounded if each[0] < below):
+            if bound >= below:
+                break
+            nearer = pair.clearance(below)
+            if nearer is not None:
+                best, below = nearer, nearer.distance
+        return best
 
     def nearest(
         self, name: str, X_WB: SE2, others: Mapping[str, SE2], below: float = math.inf
@@ -225,20 +240,3 @@ class ClearanceModel:
             ]
             self._present = names, pairs
         return [pair for pair in self._present[1] if pair.names not in exempt]
-
-    def _smallest(self, pairs: Iterable[_BodyPair], below: float = math.inf) -> Clearance | None:
-        """Return the smallest clearance below ``below`` [m]; in order of lower bounds, as far as needed."""
-        bounded = [(bound, i, pair) for i, pair in enumerate(pairs) if (bound := pair.lower_bound()) < below]
-        if not bounded:
-            return None
-        best = min(bounded)[2].clearance(below)
-        if best is not None:
-            below = best.distance
-        # Most pairs are farther than this one is, and need not be put in order.
-        for bound, _, pair in sorted(each for each in bounded if each[0] < below):
-            if bound >= below:
-                break
-            nearer = pair.clearance(below)
-            if nearer is not None:
-                best, below = nearer, nearer.distance
-        return best

@@ -14,6 +14,9 @@ from msrr_scenes.errors import MsrrError
 
 HOST, PORT = "127.0.0.1", 8765
 
+#: Time on the wall clock for which the first message after the start waits for a client [s].
+_WAIT_S = 20.0
+
 
 class FoxgloveServer:
     """Publishes the messages of a log while they are written, no faster than they were sent.
@@ -21,19 +24,18 @@ class FoxgloveServer:
     A client that connects late gets what is said only at the start: cameras, frames, the shapes of bodies.
     """
 
-    def __init__(self, port: int = PORT, wait_s: float = 20.0) -> None:
+    def __init__(self, port: int = PORT) -> None:
         """Open the server.
 
         Args:
             port: Port; 0 takes one that is free.
-            wait_s: Time on the wall clock for which the first message after the start waits for a client [s].
 
         Raises:
             MsrrError: The port is taken.
         """
         self._channels: dict[str, foxglove.Channel] = {}
         self._first: dict[str, list[bytes]] = {}
-        self._subscribed, self._wait_s = threading.Event(), wait_s
+        self._subscribed = threading.Event()
         self._begun: float | None = None
         self._context = foxglove.Context()
         try:
@@ -56,7 +58,7 @@ class FoxgloveServer:
         """Send a message when its time has come."""
         if stamp_ns > 0:
             if self._begun is None:
-                self._subscribed.wait(self._wait_s)
+                self._subscribed.wait(_WAIT_S)
                 self._begun = time.monotonic()
             time.sleep(max(self._begun + 1e-9 * stamp_ns - time.monotonic(), 0.0))
         if topic not in self._channels:

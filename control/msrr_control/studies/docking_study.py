@@ -16,6 +16,9 @@ from msrr_control.studies.disturbance import Disturbance, DisturbedUnicycles
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Length, Spec, Spread
 
+#: Time before contact in which errors count as the final ones [s].
+_LATE_S = 1.0
+
 
 class StartSet(Spec):
     """A set of starts in front of the port, drawn as a scene's ``PoseSpec`` with frame ``<unit>.<port>``.
@@ -88,24 +91,24 @@ class StudyResult:
         settled = np.where(first < until_contact.sum(axis=0), first * self.dt, np.inf)
         return np.where(np.isnan(self.reference).any(axis=(0, 2)), np.nan, settled)
 
-    def final_error(self, window: float = 1.0) -> Array:
-        """Return the largest error in the last ``window`` [s] before contact, shape (trials,) [m].
+    def final_error(self) -> Array:
+        """Return the largest error in the last second before contact, shape (trials,) [m].
 
         It is NaN under a law that follows no trajectory.
         """
-        return self._largest_late(self.error(), window)
+        return self._largest_late(self.error())
 
-    def port_error(self, window: float = 1.0) -> Array:
+    def port_error(self) -> Array:
         """Return the largest distance from the axis of the port in that time, shape (trials,) [m].
 
         It asks nothing of the law, so that any two laws can be compared by it.
         """
-        return self._largest_late(np.abs(self.tip[..., 1]), window)
+        return self._largest_late(np.abs(self.tip[..., 1]))
 
-    def _largest_late(self, error: Array, window: float) -> Array:
+    def _largest_late(self, error: Array) -> Array:
         steps = np.arange(len(self.pose))[:, None]
         before = np.where(self.docked, self.contact, len(self.pose) - 1)[None, :] - steps
-        late = (before >= 0) & (before * self.dt <= window)
+        late = (before >= 0) & (before * self.dt <= _LATE_S)
         largest: Array = np.max(np.where(late, error, 0.0), axis=0)
         return largest
 

@@ -21,6 +21,9 @@ from msrr_perception.pose.target import YAW, TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import TagDetection
 
+#: Step at which the iteration stops, in standard deviations of the solution.
+_TOLERANCE = 1e-3
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CornerFit:
@@ -70,7 +73,6 @@ def fit_corners(
     prior_mean: Array,
     prior_information: Array,
     max_iterations: int = 10,
-    tolerance: float = 1e-3,
 ) -> CornerFit:
     """Find the state that explains the corners best.
 
@@ -82,7 +84,6 @@ def fit_corners(
         prior_mean: Mean m of the prior, shape (n,).
         prior_information: Information matrix Lambda of the prior, shape (n, n), positive semidefinite.
         max_iterations: Largest number of linearisations.
-        tolerance: Step at which the iteration stops, in standard deviations of the solution.
 
     Returns:
         The best state found, with the covariance about that state.
@@ -91,7 +92,7 @@ def fit_corners(
         numpy.linalg.LinAlgError: Corners and prior together do not fix every direction of the state.
     """
     state, covariance, chi2, cost, converged, solvable = fit(
-        target.optics, layout.tags, seen, start, prior_mean, prior_information, max_iterations, tolerance
+        target.optics, layout.tags, seen, start, prior_mean, prior_information, max_iterations, _TOLERANCE
     )
     if not solvable:
         raise np.linalg.LinAlgError("corners and prior leave a direction of the state open")

@@ -21,6 +21,10 @@ from msrr_scenes.specs.bodies import TAG_PLATE_M
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import OverheadCameraSpec
 
+#: Root mean square distance of the corners from the fitted tag above which a detection is rejected: it is not
+#: this tag at this height [px].
+_MISFIT_PX = 2.0
+
 #: An obstacle's tag lies flat on its top: image right is the body's x, image up its y.
 _R_FLAT_TAG: Array = np.diag([1.0, -1.0, -1.0])
 
@@ -93,12 +97,7 @@ class GlobalLocalizer:
     """Locates bodies by their top tags in overhead detections."""
 
     def __init__(
-        self,
-        camera: PinholeCamera,
-        X_WC: SE3,
-        tags: Mapping[int, FlatTag],
-        errors: CornerErrors,
-        misfit_px: float = 2.0,
+        self, camera: PinholeCamera, X_WC: SE3, tags: Mapping[int, FlatTag], errors: CornerErrors
     ) -> None:
         """Create a localizer.
 
@@ -107,13 +106,10 @@ class GlobalLocalizer:
             X_WC: Pose of the camera, by calibration.
             tags: Tag id -> the body that carries the tag, and the tag's corners on it.
             errors: Errors of the corners.
-            misfit_px: Root mean square distance of the corners from the fitted tag above which a detection
-                is rejected: it is not this tag at this height [px].
         """
         self.camera = camera
         self.X_WC = X_WC
         self.tags = MappingProxyType(dict(tags))
-        self._misfit = misfit_px
         self._covariance_B: dict[str, Array] = {}
         self._modelled: dict[str, float] = {}  # variance of a corner's coordinate [px^2]
         lasting_share = {}
@@ -146,7 +142,7 @@ class GlobalLocalizer:
         points, _ = rays_to_plane(self.camera, self.X_WC, seen.corners, tag.height)
         X_WB = fit_se2(tag.corners_B[:, :2], points)
         misfit = self.pixels(tag, X_WB) - seen.corners
-        if float((misfit**2).sum(axis=1).mean()) > self._misfit**2:
+        if float((misfit**2).sum(axis=1).mean()) > _MISFIT_PX**2:
             return None
         c, s = math.cos(X_WB.yaw), math.sin(X_WB.yaw)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
