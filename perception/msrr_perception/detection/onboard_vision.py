@@ -25,8 +25,18 @@ from msrr_scenes.messages import Detections, Exposure, Fetch, PoseEstimate
 #: Period with which the onboard camera of a robot searches the full frame [frames].
 FULL_FRAME_PERIOD = 100
 
-#: Misses in a row after which a tag rests; one alone may come from a wrong prediction or from noise.
-_MISSES_BEFORE_REST = 2
+#: Period of full frames while no tag is expected in view [frames].
+_SEARCH_PERIOD = 5
+
+#: Misses in a row after which a tag rests; one alone may come from a wrong prediction or from noise. And the
+#: number of frames for which it rests.
+_MISSES_BEFORE_REST, _REST = 2, 5
+
+#: Factor on a window's margins when it is read a second time.
+_RETRY_WIDEN = 2.5
+
+#: Standard deviations of position [m] and yaw [rad] above which a prediction is not used.
+_KNOWN_M, _KNOWN_YAW = 0.15, math.radians(15.0)
 
 
 class OnboardVision:
@@ -36,9 +46,9 @@ class OnboardVision:
 
     1. The full frame if nothing is known, the prediction is poor, or the last exposure showed no tag.
     2. The full frame every ``full_every`` frames, whatever the prediction.
-    3. If the prediction has no tag in view, the full frame every ``search_every`` frames, else nothing.
+    3. If the prediction has no tag in view, the full frame every five frames, else nothing.
     4. Otherwise windows around the tags that :func:`msrr_perception.detection.windows.choose_tags` picks. A
-       tag that is missing twice while others are found (it may be hidden) is skipped for the next ``rest``
+       tag that is missing twice while others are found (it may be hidden) is skipped for the next five
        frames. When none is found, larger windows of all expected tags follow, then the full frame.
 
     Where all tags to be read should be large, the search runs at down to a quarter of the resolution, and
@@ -51,11 +61,6 @@ class OnboardVision:
         detector: Detector,
         policy: WindowPolicy = DEFAULT_POLICY,
         full_every: int = FULL_FRAME_PERIOD,
-        search_every: int = 5,
-        rest: int = 5,
-        retry_widen: float = 2.5,
-        known_m: float = 0.15,
-        known_yaw: float = math.radians(15.0),
     ) -> None:
         """Create a front end that has seen nothing yet.
 
@@ -64,28 +69,18 @@ class OnboardVision:
             detector: Detector that reads tags from pixels.
             policy: Rules by which windows are cut.
             full_every: Period of routine full frames [frames].
-            search_every: Period of full frames while no tag is expected in view [frames].
-            rest: Number of frames for which a missing tag is skipped.
-            retry_widen: Factor on a window's margins when it is read a second time.
-            known_m: Standard deviation of the position above which a prediction is not used [m].
-            known_yaw: Standard deviation of the yaw above which a prediction is not used [rad].
 
         Raises:
-            SceneError: A parameter is out of its range.
+            SceneError: ``full_every`` is less than 1.
         """
-        if min(full_every, search_every, rest) < 1 or retry_widen <= 1.0:
-            raise SceneError("vision: full_every, search_every, rest must be at least 1, retry_widen above 1")
+        if full_every < 1:
+            raise SceneError("vision: full_every must be at least 1")
         self.target = target
         self._optic = optic_of(target.lens)
         self.detector = for_lens(detector, target.lens)
         self._detectors = detectors_by_size(self.detector)
         self.policy = policy.for_family(target.tag_family)
         self._full_every = full_every
-        self._search_every = search_every
-        self._rest = rest
-        self._retry_widen = retry_widen
-        self._known_m = known_m
-        self._known_yaw = known_yaw
         self.reset()
 
     def reset(self) -> None:
@@ -108,7 +103,7 @@ class OnboardVision:
         reader = FrameReader(fetch, self._optic, self.target.to_light)
         frame = (self.target.camera.frame,)
         expected: Sequence[ExpectedTag] = ()
-        known = prediction is not None and pose_is_known(prediction, self._known_m, self._known_yaw)
+        known = prediction is not None and pose_is_known(prediction, _KNOWN_M, _KNOWN_YAW)
         if prediction is not None and known:
             expected = expected_tags(self.target, prediction, self.policy)
         if not known:
@@ -117,7 +112,7 @@ class OnboardVision:
             self._read(reader, frame, expected, self._chosen(expected, exposure.frame))
         elif expected and not self._blank:
             self._read_windows(reader, expected, exposure.frame)
-        elif expected or exposure.frame % self._search_every == 0:
+        elif expected or exposure.frame % _SEARCH_PERIOD == 0:
             reader.read(frame, self.detector)
         found = self._target_tags(reader)
         self._blank = bool(reader.windows) and not found
@@ -136,14 +131,14 @@ class OnboardVision:
         wanted = {e.tag_id for e in chosen}
         self._read(reader, plan_windows(self.target, chosen, self.policy), chosen, chosen)
         if chosen and not self._target_tags(reader):
-            windows = plan_windows(self.target, expected, self.policy, self._retry_widen)
+            windows = plan_windows(self.target, expected, self.policy, _RETRY_WIDEN)
             reader.read(windows, self.detector)
         if not self._target_tags(reader):
             reader.read((self.target.camera.frame,), self.detector)
         for tag in wanted - self._target_tags(reader):
             self._misses[tag] = self._misses.get(tag, 0) + 1
             if self._misses[tag] >= _MISSES_BEFORE_REST:
-                self._resting[tag] = frame + 1 + self._rest
+                self._resting[tag] = frame + 1 + _REST
 
     def _read(
         self,

@@ -107,7 +107,7 @@ def test_routine_looks_come_every_so_many_frames(target: TargetModel, fetch: Fet
 
 
 def test_looking_away_it_searches_now_and_then(target: TargetModel, fetch: Fetch) -> None:
-    vision = OnboardVision(target, PupilDetector(), search_every=5)
+    vision = OnboardVision(target, PupilDetector())
     away = _prediction(SE2(-0.5, 0.0, 2.5))
     looks = [f for f in range(1, 16) if vision.detect(_exposure(f), away, fetch).windows]
     assert looks == [5, 10, 15]
@@ -118,7 +118,7 @@ def test_a_hidden_tag_is_left_alone_for_a_while(target: TargetModel, draw: Draw)
     X = SE2(-0.16, 0.0, 0.0)
     hidden = target.port_tags[0]
     at = {t: i for i, t in enumerate(target.port_tags)}
-    vision = OnboardVision(target, PupilDetector(), rest=6)
+    vision = OnboardVision(target, PupilDetector())
     asked = []
 
     def covered(window: Window) -> Pixels:
@@ -132,7 +132,7 @@ def test_a_hidden_tag_is_left_alone_for_a_while(target: TargetModel, draw: Draw)
         assert hidden not in _ids(found)
         asked.append(any(w.x < 200 and w != target.camera.frame for w in found.windows))
     assert at[hidden] == 0
-    assert 2 <= sum(asked) <= 10  # some frames ask for it, most do not
+    assert 2 <= sum(asked) < 0.5 * len(asked)  # some frames ask for it, most do not
 
 
 def test_the_same_calls_give_the_same_windows_and_corners(target: TargetModel, fetch: Fetch) -> None:
@@ -204,8 +204,6 @@ def test_a_tag_that_half_the_resolution_overlooks_is_found_in_the_same_pixels(
     assert found.windows == tuple(fetched)
 
 
-def test_wrong_parameters_are_refused(target: TargetModel) -> None:
-    with pytest.raises(SceneError):
-        OnboardVision(target, PupilDetector(), retry_widen=1.0)
-    with pytest.raises(SceneError):
+def test_a_wrong_parameter_is_refused(target: TargetModel) -> None:
+    with pytest.raises(SceneError, match="full_every"):
         OnboardVision(target, PupilDetector(), full_every=0)
