@@ -17,7 +17,6 @@ import numpy as np
 from msrr_bullet.plant.lock_actuator import (
     LOCK_REACH,
     MAX_PULL_DISPLACEMENT,
-    SWITCH_TRAVEL,
     PullResult,
 )
 from msrr_bullet.plant.plant import PortMechanism
@@ -56,12 +55,7 @@ class PinLock(PortMechanism):
     """The mechanism between an active port and a passive port in PyBullet."""
 
     def __init__(
-        self,
-        world: BulletWorld,
-        step: DockStep,
-        spec: LockSpec,
-        plant: LockPlant,
-        switch_travel: float = SWITCH_TRAVEL,
+        self, world: BulletWorld, step: DockStep, spec: LockSpec, plant: LockPlant, switch_travel: float
     ) -> None:
         """Look up the pins of the docking unit and the holes of the port that it docks to.
 

@@ -74,7 +74,7 @@ class Dispatcher:
         knowledge: Knowledge,
         units: Mapping[str, UnitRecord],
         interlock: Interlock,
-        one_by_one: bool = False,
+        one_by_one: bool,
     ) -> None:
         """Bind the dispatcher to the ledger, whose records it changes."""
         self._know, self._units, self._interlock = knowledge, units, interlock

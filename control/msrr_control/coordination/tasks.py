@@ -65,9 +65,7 @@ class Task:
         return self.after if self.parent is None else (self.parent, *self.after)
 
 
-def shape_tasks(
-    shape: Shape, before: Mapping[str, Iterable[str]], X_WR: SE2, named: bool = False
-) -> list[Task]:
+def shape_tasks(shape: Shape, before: Mapping[str, Iterable[str]], X_WR: SE2, named: bool) -> list[Task]:
     """Return the tasks that build a shape with its root at ``X_WR``, in an order to grant them in.
 
     Args:
