@@ -11,7 +11,6 @@ import numpy as np
 from msrr_perception.estimation.body_track import BodyTrack, Motion, SeenPose, Sightings, TrackNoise
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import NS_PER_S, OVERHEAD, Detections, GlobalPose, ObstacleEstimate
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -20,9 +19,9 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 
 
 @lru_cache(maxsize=64)
-def _noise(limits: LimitsSpec, gate_probability: float, restart_after: int, clock_s: float) -> TrackNoise:
+def _noise(limits: LimitsSpec, clock_s: float) -> TrackNoise:
     """Return the same object for the same values."""
-    return TrackNoise(limits, gate_probability, restart_after=restart_after, clock_s=clock_s)
+    return TrackNoise(limits, clock_s=clock_s)
 
 
 @lru_cache(maxsize=256)
@@ -45,30 +44,16 @@ class ArenaTracker:
         noise: Assumed motion of the bodies, and the gate for measurements.
     """
 
-    def __init__(
-        self,
-        model: OverheadModel,
-        gate_probability: float = 0.9999,
-        restart_after: int = 3,
-        standing_period_s: float = 0.0,
-    ) -> None:
+    def __init__(self, model: OverheadModel, standing_period_s: float = 0.0) -> None:
         """Create a tracker that knows nothing yet.
 
         Args:
             model: Overhead camera and catalogue of tags.
-            gate_probability: Share of good measurements that pass the gate.
-            restart_after: Number of rejected measurements of a body in a row after which its track starts
-                anew.
             standing_period_s: Period with which the pose of a body that stands is given anew [s]; 0: whenever
                 it is asked for.
-
-        Raises:
-            SceneError: A parameter is out of its range.
         """
-        if restart_after < 1:
-            raise SceneError("arena tracker: restart_after must be at least 1")
         self.model = model
-        self.noise = _noise(model.limits, gate_probability, restart_after, model.errors.clock_s)
+        self.noise = _noise(model.limits, model.errors.clock_s)
         self._standing_period_ns = round(standing_period_s * NS_PER_S)
         self._localizer = model.localizer()
         self._tracks: dict[str, BodyTrack] = {}

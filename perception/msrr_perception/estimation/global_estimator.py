@@ -58,10 +58,6 @@ class GlobalEstimator:
         target: str | None = None,
         X_TD: SE2 | None = None,
         delay_compensation: bool = True,
-        gate_probability: float = 0.9999,
-        reset_after: int = 5,
-        restart_after: int = 3,
-        horizon_s: float = 1.0,
         standing_period_s: float = 0.0,
     ) -> None:
         """Create an estimator that knows nothing yet.
@@ -74,31 +70,16 @@ class GlobalEstimator:
             target: Name of the unit that it docks to; None without a target.
             X_TD: Dock frame of the target port in the frame of that unit.
             delay_compensation: Whether the unit's pose is moved from the last exposure up to now.
-            gate_probability: Share of good measurements that pass the gate.
-            reset_after: Number of rejected measurements of the unit in a row after which its filter starts
-                anew.
-            restart_after: Number of rejected measurements of another body in a row after which its track
-                starts anew.
-            horizon_s: Largest delay of a measurement that still counts [s].
             standing_period_s: Period with which the pose of a body that stands is given anew [s]; 0: whenever
                 it is asked for.
-
-        Raises:
-            SceneError: A parameter is out of its range.
         """
         self.unit, self.target, self._X_TD = unit, target, X_TD
         self.delay_compensation = delay_compensation
         self._units = model.units
         self._own = CornerEkf(
-            drive.without_tags(),
-            odometry,
-            delay_compensation=delay_compensation,
-            gate_probability=gate_probability,
-            reset_after=reset_after,
-            horizon_s=horizon_s,
-            motion=_OWN_MOTION,
+            drive.without_tags(), odometry, delay_compensation=delay_compensation, motion=_OWN_MOTION
         )
-        self._others = ArenaTracker(model, gate_probability, restart_after, standing_period_s)
+        self._others = ArenaTracker(model, standing_period_s)
         self._clock_s, self._strain = model.errors.clock_s, model.errors.strain
         self.reset()
 

@@ -7,9 +7,12 @@ from dataclasses import dataclass
 
 from msrr_perception.estimation.estimator import Estimator
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import NS_PER_S, Detections, LosObservation, LosStatus, PoseMeasurement
+from msrr_scenes.messages import Detections, LosObservation, LosStatus, PoseMeasurement
+
+#: Time for which a measured edge counts as seen, and for which predictions are trusted without any detection
+#: [ns].
+_SEEN_NS, _TRUSTED_NS = 300_000_000, 500_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,22 +67,9 @@ class LosEstimator:
     recent detection of any tag.
     """
 
-    def __init__(self, target: TargetModel, max_age_s: float = 0.3, lost_after_s: float = 0.5) -> None:
-        """Create an estimator that has seen nothing yet.
-
-        Args:
-            target: Camera and map of the tags.
-            max_age_s: Time for which a measured edge counts as seen [s].
-            lost_after_s: Time for which predictions are trusted without any detection [s].
-
-        Raises:
-            SceneError: A parameter is out of its range.
-        """
-        if not 0.0 < max_age_s <= lost_after_s:
-            raise SceneError("los: 0 < max_age_s <= lost_after_s is needed")
+    def __init__(self, target: TargetModel) -> None:
+        """Create an estimator that has seen nothing yet, with the camera and the map of the tags."""
         self.target = target
-        self._max_age_ns = round(max_age_s * NS_PER_S)
-        self._lost_after_ns = round(lost_after_s * NS_PER_S)
         self.reset()
 
     def reset(self) -> None:
@@ -113,7 +103,7 @@ class LosEstimator:
         bearings = {estimate.stamp_ns: predicted}
         seen = [self._advanced(side, now_ns, estimate.stamp_ns, bearings, estimator) for side in (0, 1)]
         left, right = (p if s is None else s for s, p in zip(seen, predicted, strict=True))
-        if now_ns - estimate.last_seen_ns > self._lost_after_ns:
+        if now_ns - estimate.last_seen_ns > _TRUSTED_NS:
             status = LosStatus.LOST
         else:
             status = LosStatus.PREDICTED if None in seen else LosStatus.SEEN
@@ -134,7 +124,7 @@ class LosEstimator:
         ``bearings`` has the bearings by pose at ``stamp_ns``; those at other instants are added.
         """
         last = self._measured[side]
-        if last is None or now_ns - last.stamp_ns > self._max_age_ns:
+        if last is None or now_ns - last.stamp_ns > _SEEN_NS:
             return None
         if last.stamp_ns == stamp_ns:
             return last.bearing

@@ -19,7 +19,6 @@ from msrr_perception.estimation.global_estimator import GlobalEstimator
 from msrr_perception.pose.corner_errors import corners_by_sections
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     ArenaEstimate,
@@ -389,9 +388,3 @@ def test_other_cameras_and_other_wheels_change_nothing(make: Make) -> None:
     arena.estimator.add_odometry(WheelOdometry("b", arena.now_ns, 50.0, -50.0))
     after = arena.estimator.predict(arena.now_ns)
     assert all(before[n].X_WB == after[n].X_WB for n in before)
-
-
-def test_parameters_out_of_range_are_refused(scene: Scene, model: OverheadModel) -> None:
-    for wrong in ({"restart_after": 0}, {"gate_probability": 0.4}, {"reset_after": 0}):
-        with pytest.raises(SceneError):
-            estimator_of(scene, model, **wrong)

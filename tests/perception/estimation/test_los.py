@@ -6,12 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.los import LosEstimator, edge_bearings, measured_bearings
 from msrr_perception.pose.target import TargetModel, pose_vector
-from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.se2 import SE2
@@ -200,8 +198,3 @@ def test_an_older_picture_does_not_replace_a_newer_one(target: TargetModel, scen
     np.testing.assert_allclose(
         los.observe(2, ekf).left, edge_bearings(target, SE2(-0.5, 0.0, 0.0))[0], atol=1e-9
     )
-
-
-def test_wrong_times_are_refused(target: TargetModel) -> None:
-    with pytest.raises(SceneError):
-        LosEstimator(target, max_age_s=0.6, lost_after_s=0.5)
