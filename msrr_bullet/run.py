@@ -30,7 +30,7 @@ from msrr_bullet.trial.check import check_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial
-from msrr_bullet.trial.versions import package_versions
+from msrr_bullet.trial.versions import trial_versions
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure, Pixels
@@ -55,7 +55,8 @@ def run_trial(
 
     Args:
         scene: The scene, from :func:`msrr_scenes.loading.load.load_scene`.
-        seed: Seed of all random streams. Scene, seed and installed versions determine every bit of the log.
+        seed: Seed of all random streams. Scene, seed and
+            :func:`~msrr_bullet.trial.versions.trial_versions` determine every bit of the log.
         out: Run folder for ``trial.mcap``, ``result.json``, ``replay.html`` and ``picture.png``; None writes
             nothing. A run that is in the folder is deleted when the first sensor message of the new one is
             recorded; no other file is touched.
@@ -104,7 +105,7 @@ def _run(
         with suppress(ProgramFailedError):  # the trial ends with that outcome
             check_trial(scene)
         if out is not None:
-            recorder = _RunRecorder(out, LogHeader.of(scene, seed, package_versions()), lock, listener)
+            recorder = _RunRecorder(out, LogHeader.of(scene, seed, trial_versions()), lock, listener)
             stack.callback(recorder.close)
         trial = Trial(scene, seed, recorder=recorder, viewer=viewer, observer=observer, profiler=profiler)
         return trial.run(wall_limit_s)

@@ -74,9 +74,9 @@ def run(arguments: Sequence[str]) -> int:
 
 def _show_versions(requested: bool) -> None:
     if requested:
-        from msrr_bullet.trial.versions import package_versions
+        from msrr_bullet.trial.versions import trial_versions
 
-        typer.echo("\n".join(f"{name} {version}" for name, version in package_versions().items()))
+        typer.echo("\n".join(f"{name} {version}" for name, version in trial_versions().items()))
         raise typer.Exit
 
 

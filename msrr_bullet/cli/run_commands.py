@@ -27,9 +27,8 @@ def replay(
     Perception and control run in a process that cannot import the simulator.
     """
     run = run_or_last(run)
-    from importlib.metadata import version
-
     from msrr_bullet.replay.isolation import replay_isolated
+    from msrr_bullet.trial.versions import trial_versions
 
     report = replay_isolated(run, trust=trust)
     for mismatch in report.mismatches:
@@ -45,12 +44,11 @@ def replay(
         )
     verdict = "identical" if report.identical else "different"
     typer.echo(f"{run}: {verdict} ({counts})")
-    installed = version("msrr-bullet")
-    if not report.identical and report.written_by not in (None, installed):
-        typer.echo(
-            f"{run}: version {report.written_by} wrote this log; the robot of version {installed} may decide "
-            "otherwise"
-        )
+    here = trial_versions()
+    other = {name: was for name, was in report.written_with.items() if was != here.get(name)}
+    if other and not report.identical:
+        then, now = (", ".join(f"{name} {of.get(name, 'none')}" for name in other) for of in (other, here))
+        typer.echo(f"{run}: written with {then}; here with {now}, where robots may round or decide otherwise")
     raise typer.Exit(0 if report.identical else NOT_DOCKED)
 
 

@@ -10,7 +10,7 @@ from statistics import median
 from pydantic import BaseModel, Field
 
 from msrr_bullet.recordings.perceiver import Instant
-from msrr_bullet.trial.versions import package_versions
+from msrr_bullet.trial.versions import trial_versions
 from msrr_scenes.messages import PoseEstimate, seconds
 from msrr_scenes.specs.scene import Scene
 
@@ -68,7 +68,7 @@ class RecordingResult(BaseModel, frozen=True):
     median_sigma: Sigma | None
     last_pose: tuple[float, float, float] | None
     last_sigma: Sigma | None
-    versions: dict[str, str] = Field(default_factory=package_versions)
+    versions: dict[str, str] = Field(default_factory=trial_versions)
 
     def to_json(self) -> str:
         """Return the result as indented JSON."""

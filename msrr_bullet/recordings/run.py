@@ -33,7 +33,7 @@ from msrr_bullet.run_folder import (
 )
 from msrr_bullet.timeline.camera_views import docking_views
 from msrr_bullet.timeline.log_snapshots import read_events, read_snapshots
-from msrr_bullet.trial.versions import package_versions
+from msrr_bullet.trial.versions import trial_versions
 from msrr_bullet.viewer.replay_page import write_replay
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
@@ -179,7 +179,7 @@ def _run(
 def _recorder(out: Path, scene: Scene, recording: Recording, lock: ExitStack) -> Iterator[Recorder]:
     """Open the log of a run folder, which is kept for this run until ``lock`` is closed, and begin it."""
     check_folder(out)
-    header = LogHeader.of(scene, 0, package_versions(), recording.source)
+    header = LogHeader.of(scene, 0, trial_versions(), recording.source)
     make_folder(out)
     lock.enter_context(locked(out))
     delete_run(out)

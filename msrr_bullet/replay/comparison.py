@@ -59,7 +59,7 @@ class ReplayReport(BaseModel, frozen=True):
         statuses: Number of mission statuses of the base station compared.
         authorities: Number of authorities compared.
         mismatches: The first differences.
-        written_by: Version of msrr-bullet that wrote the log; None if the log does not say.
+        written_with: What the header of the log says of versions and machine; see :class:`LogHeader`.
     """
 
     log: Path
@@ -74,7 +74,7 @@ class ReplayReport(BaseModel, frozen=True):
     statuses: int = 0
     authorities: int = 0
     mismatches: tuple[Mismatch, ...]
-    written_by: str | None = None
+    written_with: dict[str, str] = {}
 
     @property
     def identical(self) -> bool:

@@ -105,7 +105,7 @@ class Replayer(ABC):
             log=self._log.path,
             complete=self._log.complete,
             mismatches=tuple(self._comparison.mismatches),
-            written_by=self._log.header.versions.get("msrr-bullet"),
+            written_with=self._log.header.versions,
             **self._counts,
         )
 

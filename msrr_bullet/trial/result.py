@@ -10,7 +10,7 @@ from typing import Annotated, Self
 from pydantic import Field, ValidationError
 
 from msrr_bullet.trial.step_result import Distance, Record, StepResult
-from msrr_bullet.trial.versions import package_versions
+from msrr_bullet.trial.versions import trial_versions
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.html import html_table
 from msrr_scenes.outcome import Outcome
@@ -78,7 +78,7 @@ class TrialResult(Record):
         plant: Kind of the plant.
         perception: Kind of the perception.
         as_built: Grade of the workmanship, with the quantities that are not as the grade has them.
-        versions: Installed versions, from :func:`package_versions`.
+        versions: Installed versions, from :func:`trial_versions`.
         outcome: Verdict of the judge on the whole plan.
         duration_s: Simulated time [s].
         start_redraws: Number of start poses discarded because the target was outside the outer cone.
@@ -94,7 +94,7 @@ class TrialResult(Record):
     plant: Plant
     perception: Perception
     as_built: str = "perfect"
-    versions: dict[str, str] = Field(default_factory=package_versions)
+    versions: dict[str, str] = Field(default_factory=trial_versions)
     outcome: Outcome
     duration_s: Distance
     start_redraws: int = Field(default=0, ge=0)

@@ -6,11 +6,13 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from msrr_bullet.cli import app
 from msrr_bullet.log import (
     CameraWindow,
     Log,
@@ -25,7 +27,8 @@ from msrr_bullet.replay.isolation import replay_isolated
 from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
-from msrr_scenes.messages import Action, Detections, Phase, PoseEstimate
+from msrr_bullet.trial.versions import trial_versions
+from msrr_scenes.messages import Action, Detections, Phase, PoseEstimate, Twist
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
@@ -122,9 +125,9 @@ def test_another_process_writes_the_same_log(run: Path, log: Log, tmp_path: Path
     assert (tmp_path / "result.json").read_text() == (run / "result.json").read_text()
 
 
-def rewritten(log: Log, path: Path, change: type, edit: object) -> Path:
+def rewritten(log: Log, path: Path, change: type, edit: object, header: LogHeader | None = None) -> Path:
     """Copy a log, with every message of one class passed through ``edit``."""
-    with McapRecorder(path, log.header) as recorder:
+    with McapRecorder(path, header or log.header) as recorder:
         for record in log.records():
             if record.topic == "/frames":
                 continue  # the recorder adds these itself
@@ -154,6 +157,29 @@ def test_the_robot_does_not_depend_on_the_truth_of_the_log(log: Log, tmp_path: P
         return TruePose(m.name, m.stamp_ns, m.X_WB.inverse())
 
     assert replay(rewritten(log, tmp_path / "truth.mcap", TruePose, elsewhere)).identical
+
+
+def test_a_replay_that_differs_names_the_versions_and_the_processor_that_do(
+    shipped: Callable[..., Scene], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Another processor rounds otherwise. What is equal is not named, nor anything by a replay that is."""
+    quick = {"perception": "parametric", "plant": "unicycle", "time_limit_s": "0.5"}
+    record(shipped("close_range", quick), 2, tmp_path / "trial.mcap")
+    log, here = read_log(tmp_path), trial_versions()
+    header = replace(log.header, versions={**here, "processor": "z80", "retired": "1.0"})
+
+    def rounded(m: Action) -> Action:
+        return replace(m, twist=Twist(m.twist.v + 1e-15, m.twist.w))
+
+    same = rewritten(log, tmp_path / "same.mcap", Action, lambda m: m, header)
+    assert app.run(["replay", str(same)]) == 0
+    assert "z80" not in capsys.readouterr().out
+    other = rewritten(log, tmp_path / "other.mcap", Action, rounded, header)
+    assert app.run(["replay", str(other)]) == 1
+    assert capsys.readouterr().out.splitlines()[-1] == (
+        f"{other}: written with processor z80, retired 1.0; here with processor {here['processor']}, "
+        "retired none, where robots may round or decide otherwise"
+    )
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import json
 import math
+import platform
 
 import pytest
 from pydantic import ValidationError
@@ -15,7 +16,7 @@ from msrr_bullet.trial.step_result import (
     Seating,
     StepResult,
 )
-from msrr_bullet.trial.versions import package_versions
+from msrr_bullet.trial.versions import package_versions, trial_versions
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
 
@@ -160,3 +161,7 @@ def test_the_result_of_an_earlier_version_is_refused_with_its_version() -> None:
 
 def test_versions_hold_what_can_change_a_trial() -> None:
     assert {"python", "msrr-bullet", "pybullet", "numpy", "python-fcl"} <= set(package_versions())
+    machine = trial_versions()
+    assert machine["processor"].startswith(platform.machine())
+    assert machine["libc"]
+    assert package_versions().items() < machine.items()
