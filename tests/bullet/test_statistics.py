@@ -91,11 +91,10 @@ def test_the_bounds_of_a_quantile_are_the_closest_that_keep_the_level(
     # Of the values 1 .. n, order statistic k is k; the number of values below the quantile is binomial.
     low, high = quantile_interval(np.arange(1.0, n + 1.0), q, confidence)
     miss, below = 0.5 * (1.0 - confidence), binom(n, q)
-    for k in range(n + 2):
-        right_below = below.cdf(k - 1) <= miss  # the quantile is not under value k but with odds of `miss`
-        right_above = below.sf(k - 1) <= miss  # nor over it
-        assert right_below == (k <= (low or 0))
-        assert right_above == (k >= (high or n + 1))
+    k = np.arange(n + 2)
+    # The quantile is under value k, and over it, with odds of at most `miss`.
+    assert np.array_equal(below.cdf(k - 1) <= miss, k <= (low or 0))
+    assert np.array_equal(below.sf(k - 1) <= miss, k >= (high or n + 1))
 
 
 def test_the_interval_of_a_quantile_follows_the_values_wherever_they_go() -> None:
