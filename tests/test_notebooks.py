@@ -13,7 +13,7 @@ import pytest
 
 from msrr_bullet.run import run_trial
 from msrr_bullet.run_folder import PICTURE_NAME, REPLAY_NAME
-from msrr_bullet.sweep.summary import summarise
+from msrr_bullet.sweep.summarise import summarise
 from tests.conftest import ShippedScene
 
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[1] / "examples").glob("*.ipynb"))

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from msrr_bullet.sweep.provenance import code_fingerprint
-from msrr_bullet.sweep.summary import SweepSummary, TrialFailure, summarise
+from msrr_bullet.sweep.summarise import summarise
+from msrr_bullet.sweep.summary import SweepSummary, TrialFailure
 from msrr_bullet.sweep.trials import TrialObserver, one_trial, run_trials
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_bullet.trial.result import TrialResult

@@ -96,7 +96,8 @@ class TrialStore:
             Number of results that were added, and of those that were here already.
 
         Raises:
-            StoreError: The other file is no store, or a result of the same scene, seed and code differs.
+            StoreError: The other file is no store, or a result of the same scene, seed, code and machine
+                differs. One of another processor or C library may differ; that which is here is kept.
         """
         if not other.is_file():
             raise StoreError(f"{other}: no such store")
@@ -108,13 +109,20 @@ class TrialStore:
         for row in trials:
             query = "SELECT result FROM trials WHERE scene_hash = ? AND seed = ? AND code = ?"
             here = self._rows(query, row[:3])
-            if here and here[0][0] != row[4]:
+            if here and here[0][0] != row[4] and self._versions(here[0][0]) == source._versions(row[4]):
                 raise StoreError(f"{other}: its result of seed {row[1]} is another one than in {self._path}")
             if not here:
                 added.append(row)
         self._write("INSERT OR IGNORE INTO scenes VALUES (?, ?, ?)", *scenes)
         self._write("INSERT INTO trials VALUES (?, ?, ?, ?, ?)", *added)
         return len(added), len(trials) - len(added)
+
+    def _versions(self, result: str) -> dict[str, str]:
+        """Return the versions and the machine that a stored result was made with."""
+        try:
+            return TrialResult.from_json(result).versions
+        except ResultError as error:
+            raise StoreError(f"{self._path}: cannot be read: {error}") from None
 
     def _rows(self, query: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
         try:

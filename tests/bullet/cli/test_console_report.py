@@ -13,7 +13,8 @@ from msrr_bullet.cli.console_report import (
     steps_table,
     sweep_table,
 )
-from msrr_bullet.sweep.summary import TrialFailure, summarise
+from msrr_bullet.sweep.summarise import summarise
+from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.trial.result import MissionFigures, TrialResult
 from msrr_bullet.trial.step_result import AttemptRecord, Contact, PlanarPose, Seating, StepResult
 from msrr_scenes import load_scene

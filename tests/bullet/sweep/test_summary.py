@@ -2,7 +2,8 @@
 
 import pytest
 
-from msrr_bullet.sweep.summary import TrialFailure, summarise
+from msrr_bullet.sweep.summarise import summarise
+from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.worker_pool import TrialFunction
 from msrr_scenes import load_scene
 from msrr_scenes.outcome import Outcome

@@ -42,6 +42,21 @@ def test_sweeps_that_begin_at_the_same_time_share_a_new_store(tmp_path: Path) ->
         assert list(threads.map(create, range(3))) == [None] * 3
 
 
+def test_a_result_of_another_processor_contradicts_none(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path
+) -> None:
+    """It rounds otherwise. What is in the store already is kept."""
+    here = made_up(scene, 0)
+    versions = {**here.versions, "processor": "z80"}
+    there = here.model_copy(update={"duration_s": here.duration_s + 1e-9, "versions": versions})
+    with TrialStore(tmp_path / "there.sqlite") as store:
+        store.put(there, "code")
+    with TrialStore(tmp_path / "here.sqlite") as store:
+        store.put(here, "code")
+        assert store.merge(tmp_path / "there.sqlite") == (0, 1)
+        assert store.get(here.scene_hash, "code", [0]) == {0: here}
+
+
 def test_stores_are_merged_and_a_contradiction_changes_nothing(
     scene: Scene,
     inline: SupportsSubmit,

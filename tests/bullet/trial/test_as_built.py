@@ -18,7 +18,7 @@ from msrr_bullet.log.records import BuiltErrors
 from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.simulation.simulation import open_simulation
-from msrr_bullet.sweep.summary import summarise
+from msrr_bullet.sweep.summarise import summarise
 from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.trial import Trial

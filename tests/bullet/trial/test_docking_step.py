@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.run import run_trial
-from msrr_bullet.sweep.summary import summarise
+from msrr_bullet.sweep.summarise import summarise
 from msrr_bullet.trial.docking_step import DockingStep
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.outcome import Outcome
