@@ -155,8 +155,7 @@ class CoordinatedMission(Mission):
         if member.begun != (robot.route, robot.leaving):
             if member.step is not None:
                 member.step.end(Outcome.ABORTED)
-                self._telemetry.verdict(now_ns, member.step)
-                self._active.remove(member.step)
+                self._retire(member.step, now_ns)
             member.begun = (robot.route, robot.leaving)
             self._begin_step(member)
             last = runner.action

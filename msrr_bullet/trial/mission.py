@@ -145,14 +145,18 @@ class Mission(ABC):
             return None
         ended = [step for step in self._active if step.end_if_over(now_ns)]
         for step in ended:
-            self._active.remove(step)
-            if step.outcome is Outcome.DOCKED or (step.undocks and self._plant.lock_engaged(step.step.unit)):
-                self._environment.locked.add(step.step)
-            else:
-                self._unparted.append(step.judge)
-            if step.outcome is not Outcome.DOCKED:  # the pull test has yet to tell
-                self._telemetry.verdict(now_ns, step)
+            self._retire(step, now_ns)
         return ended
+
+    def _retire(self, step: DockingStep, now_ns: int) -> None:
+        """Judge a step that has ended no more; its pair is locked from now on, or has still to part."""
+        self._active.remove(step)
+        if step.outcome is Outcome.DOCKED or (step.undocks and self._plant.lock_engaged(step.step.unit)):
+            self._environment.locked.add(step.step)
+        else:
+            self._unparted.append(step.judge)
+        if step.outcome is not Outcome.DOCKED:  # the pull test has yet to tell
+            self._telemetry.verdict(now_ns, step)
 
     def _clearance_that_matters(self) -> float:
         """Return the clearance below which one would be noted [m]."""

@@ -57,7 +57,7 @@ class Coordinator:
             self._units[name].holder = (holder, passive)
         for name in [*mission.holders, *(port.partition(".")[0] for port in mission.holders.values())]:
             self._units[name].state = UnitState.DOCKED
-        self._state, self._reason = MissionState.RUNNING, "waits for the first sight of the units"
+        self._state = MissionState.RUNNING
         self._begun, self._start_ns = False, 0
         self._sent_ns: int | None = None
         self._tried_ns: int | None = None
@@ -70,6 +70,7 @@ class Coordinator:
     def _set_out(self, mission: Mission) -> None:
         """Begin a mission, or the next one of several."""
         self._mission, self._fitted = mission, mission.shape is None
+        self._reason = "" if self._fitted else "waits for the first sight of the units"
         self._before = {} if mission.shape is None else precedence(mission.shape, self._know.lanes)
         self._tasks = TaskList(mission.tasks)
         for unit in self._units.values():
@@ -155,7 +156,7 @@ class Coordinator:
         elif task.kind is TaskKind.MOVE and not self._watch.is_at_end(unit):
             self._tasks.reopen(task.name)
             self._stand(unit, now_ns, "did not end where it should")
-            self._replans += 1
+            self._plan_anew(now_ns)
         else:
             self._tasks.finish(task.name)
             stays = task.stays or task.kind is TaskKind.DOCK
@@ -233,11 +234,15 @@ class Coordinator:
                 unit.track = None  # its authority must not be renewed: it reaches further than the unit came
             released = self._changed = True
         if released:
-            self._replans += 1
-            self._watch.restart(now_ns)
-            if self._replans > self._most_replans:
-                for name in self._tasks.names(TaskState.OPEN):
-                    self._tasks.give_up(name, f"routes were planned anew {self._patience.replans} times")
+            self._plan_anew(now_ns)
+
+    def _plan_anew(self, now_ns: int) -> None:
+        """Count that routes are planned anew, and give up what is open when that has happened too often."""
+        self._replans += 1
+        self._watch.restart(now_ns)
+        if self._replans > self._most_replans:
+            for name in self._tasks.names(TaskState.OPEN):
+                self._tasks.give_up(name, f"routes were planned anew {self._replans} times")
 
     def _dispatch(self, now_ns: int) -> None:
         """Find routes for what is open, when something has changed and every now and then."""

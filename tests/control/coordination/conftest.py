@@ -67,6 +67,7 @@ class ToyUnit:
     """A unit that follows its track exactly, as far as its authority and its collision monitor let it.
 
     On its first ``held_routes`` routes the monitor holds it ``held_m`` before the end of the leg on a path.
+    When it sets off its wheels slip by ``slips_m``, which it does not know.
     """
 
     name: str
@@ -77,6 +78,7 @@ class ToyUnit:
     dies_in_lane: bool = False
     held_routes: int = 0
     held_m: float = 0.5
+    slips_m: float = 0.0
     progress: float = 0.0
     speed: float = 0.0
     route: int = 0
@@ -150,7 +152,7 @@ class ToyUnit:
             most = min(most, end - self.held_m)
         moved = min(self.speed * dt, max(most - self.progress, 0.0))
         self.progress += moved
-        self.X_WU = self.track.at(self.progress)
+        self.X_WU = self.track.at(self.progress) @ SE2(-self.slips_m * (self.progress > 0.0), 0.0, 0.0)
         if moved < 1e-9:
             self.speed = 0.0
         docks = kind is LegKind.DOCK

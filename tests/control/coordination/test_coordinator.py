@@ -227,6 +227,15 @@ def test_two_that_meet_head_on_pass_each_other(rig: type[Rig]) -> None:
     assert status.state is MissionState.COMPLETE, status.reason
 
 
+def test_a_move_that_never_ends_where_it_should_is_given_up(rig: type[Rig]) -> None:
+    steps = [MoveStep(move="a", pose=PoseSpec(x_m=0.5, y_m=0.0, yaw_deg=0))]
+    run = rig(Mission(tasks=tuple(plan_tasks(steps))), {"a": SE2(-0.5, 0.0, 0.0)})
+    run.units["a"].slips_m = 0.1
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert f"a: routes were planned anew {status.replans} times" in status.reason
+
+
 def test_of_two_that_want_one_port_one_is_refused_with_the_reason(rig: type[Rig]) -> None:
     steps = [DockStep(unit=unit, to="b.rear", after=()) for unit in "ac"]
     starts = {"b": SE2(0.8, 0.0, 0.0), "a": SE2(-1.0, 0.7, 0.0), "c": SE2(-1.0, -0.7, 0.0)}
