@@ -1,7 +1,7 @@
 """The collision monitor: slows and stops commands that bring the docking unit too close to a known body.
 
 It works on estimates alone, between the control law and the drive. It cannot avoid bodies that it does not
-know, and it subtracts the uncertainty of the estimates from every clearance.
+know. From clearances it subtracts the uncertainty of the estimates of bodies that a command could lead to.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class MonitorDecision:
 
     Attributes:
         twist: Command that may be sent to the drive.
-        clearance: Smallest present clearance of the unit by the estimates; None when the monitor is disabled
-            or every known body is too far away to matter.
+        clearance: Smallest present clearance of the unit, by the estimates, from the bodies that the command
+            could lead to; None when there are none or the monitor is disabled.
         state: Whether the command passes unchanged, slower (or in part), or not at all.
         ahead: Smallest clearance along the trajectory of the whole command [m], less the uncertainty of the
             estimates; a lower bound where ``clearance`` is None.
@@ -185,15 +185,20 @@ class CollisionMonitor:
         self, twist: Twist, local_map: LocalMap, X_WU: SE2, slow_m: float, stop_m: float
     ) -> MonitorDecision:
         """Decide on one command by the bodies of one map, with the limits that hold for them."""
-        uncertainty = self._spec.sigmas * local_map.sigma
+        travel = self._trajectory.max_travel(twist, local_map.reach)
+        bounds = {name: c - travel for name, c in local_map.bounds(X_WU, self._spec.sigmas).items()}
+        least = min(bounds.values(), default=math.inf)
+        if least >= slow_m:
+            return MonitorDecision(twist, None, MonitorState.FREE, least)
+        # How badly a body is known counts only for those that the command could lead to.
+        near = local_map.only([name for name, bound in bounds.items() if bound < slow_m])
+        present = near.clearance(X_WU)
+        assert present is not None, "a map with bodies has a smallest clearance"
+        uncertainty = self._spec.sigmas * max(near.sigmas.values())
         slow, stop = slow_m + uncertainty, stop_m + uncertainty
-        lower_bound = local_map.lower_bound(X_WU) - self._trajectory.max_travel(twist, local_map.reach)
-        present = local_map.clearance(X_WU) if lower_bound < slow else None
-        if present is None:
-            return MonitorDecision(twist, None, MonitorState.FREE, lower_bound - uncertainty)
 
         def min_clearance(command: Twist) -> float:
-            return self._trajectory.min_clearance(command, X_WU, present.distance, local_map, slow)
+            return self._trajectory.min_clearance(command, X_WU, present.distance, near, slow)
 
         ahead = min_clearance(twist)
         no_loss = present.distance - _LOSS_M

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from copy import copy
 from functools import lru_cache
 
 from msrr_bullet.collision.clearance import Clearance
@@ -39,8 +40,8 @@ class LocalMap:
 
     Attributes:
         reach: Largest distance of the footprint of the unit from the origin of U [m].
-        sigma: Standard deviation of the distance between the unit and the least known other body, if they are
-            near each other [m].
+        sigmas: For every other body, the standard deviation of the distance between it and the unit, if they
+            are near each other [m].
     """
 
     def __init__(
@@ -68,18 +69,33 @@ class LocalMap:
         bodies = [b for b in others if b is not None and b.name in names]
         self._poses = {b.name: b.X_WB for b in bodies}
         self._intended = [(i.unit, SE2(*pose)) for i in intents if i.unit in self._poses for pose in i.poses]
-        variance = farthest = 0.0
-        for body in bodies:
-            reach = reaches[body.name]
-            variance, farthest = max(variance, _variance(body, reach)), max(farthest, reach)
-        strained = (arena.strain * (self.reach + farthest)) ** 2
-        self.sigma = math.sqrt(_variance(arena.own, self.reach) + variance + strained)
+        own = _variance(arena.own, self.reach)
+        self.sigmas = {
+            b.name: math.sqrt(
+                own + _variance(b, reaches[b.name]) + (arena.strain * (self.reach + reaches[b.name])) ** 2
+            )
+            for b in bodies
+        }
 
-    def lower_bound(self, X_WU: SE2) -> float:
-        """Return a lower bound of the clearance of the unit at ``X_WU`` [m], from circles about bodies."""
-        x, y, reaches, bodies = X_WU.x, X_WU.y, self._reaches, (*self._poses.items(), *self._intended)
-        distances = [math.hypot(X_WB.x - x, X_WB.y - y) - reaches[name] for name, X_WB in bodies]
-        return min(distances, default=math.inf) - self.reach
+    def bounds(self, X_WU: SE2, sigmas: float) -> dict[str, float]:
+        """Return lower bounds of the clearances of the unit at ``X_WU`` from all bodies [m].
+
+        They are those of circles about the bodies, less so many standard deviations. The body may be where it
+        is known to be or where it would still come.
+        """
+        bounds: dict[str, float] = {}
+        for name, X_WB in (*self._poses.items(), *self._intended):
+            bound = self._centre_distance(X_WU, name, X_WB) - self.reach - sigmas * self.sigmas[name]
+            bounds[name] = min(bounds.get(name, math.inf), bound)
+        return bounds
+
+    def only(self, names: Collection[str]) -> LocalMap:
+        """Return the map of some of the bodies."""
+        part = copy(self)
+        part._poses = {name: X_WB for name, X_WB in self._poses.items() if name in names}
+        part._intended = [(name, X_WB) for name, X_WB in self._intended if name in names]
+        part.sigmas = {name: sigma for name, sigma in self.sigmas.items() if name in names}
+        return part
 
     def _centre_distance(self, X_WU: SE2, name: str, X_WB: SE2) -> float:
         """Return the distance from the origin of U to the circle about a body [m]."""

@@ -55,10 +55,12 @@ def _known(X_WA: SE2, own: np.ndarray, target: np.ndarray, post: np.ndarray) -> 
     )
 
 
-def _sigma(scene: Scene, own: np.ndarray, target: np.ndarray = NOTHING, post: np.ndarray = NOTHING) -> float:
+def _sigmas(
+    scene: Scene, own: np.ndarray, target: np.ndarray = NOTHING, post: np.ndarray = NOTHING
+) -> dict[str, float]:
     return LocalMap(
         ClearanceModel.from_scene(scene), _known(SE2(-1.0, 0.0), own, target, post), REACHES, ["b", "post"]
-    ).sigma
+    ).sigmas
 
 
 @pytest.mark.parametrize(
@@ -88,19 +90,39 @@ def test_sigma_is_that_of_the_least_known_point_and_direction(
         px = x + REACHES["a"] * (np.cos(angle + yaw) - math.cos(angle))
         py = y + REACHES["a"] * (np.sin(angle + yaw) - math.sin(angle))
         worst = max(worst, *(float(np.std(math.cos(d) * px + math.sin(d) * py)) for d in directions))
-    assert _sigma(scene, P) == pytest.approx(worst, rel=0.025)
+    assert _sigmas(scene, P)["post"] == pytest.approx(worst, rel=0.025)
 
 
 def test_sigma_of_simple_covariances(scene: Scene) -> None:
-    """A yaw error counts by the reach of the body; of the other bodies the least known one counts."""
+    """A yaw error counts by the reach of the body, and for no body but that one."""
     turn = np.diag([0.0, 0.0, 0.1**2])
-    assert _sigma(scene, turn) == pytest.approx(0.015)  # 0.15 m x 0.1
-    assert _sigma(scene, NOTHING, target=turn) == pytest.approx(0.02)
-    assert _sigma(scene, NOTHING, post=turn) == pytest.approx(0.006)
-    assert _sigma(scene, turn, target=turn, post=turn) == pytest.approx(math.hypot(0.015, 0.02))
+
+    def both(b: float, post: float) -> object:
+        return pytest.approx({"b": b, "post": post})
+
+    assert _sigmas(scene, turn) == both(0.015, 0.015)  # 0.15 m x 0.1
+    assert _sigmas(scene, NOTHING, target=turn) == both(0.02, 0.0)
+    assert _sigmas(scene, NOTHING, post=turn) == both(0.0, 0.006)
+    assert _sigmas(scene, turn, target=turn, post=turn) == both(
+        math.hypot(0.015, 0.02), math.hypot(0.015, 0.006)
+    )
     place = np.diag([0.03**2, 0.0, 0.0])
-    assert _sigma(scene, place, target=turn) == pytest.approx(math.hypot(0.03, 0.02))
-    assert _sigma(scene, place + turn) == pytest.approx(math.hypot(0.03, 0.015))
+    assert _sigmas(scene, place, target=turn) == both(math.hypot(0.03, 0.02), 0.03)
+    assert _sigmas(scene, place + turn) == both(math.hypot(0.03, 0.015), math.hypot(0.03, 0.015))
+
+
+@pytest.mark.parametrize("x_m", [-0.6, -0.3, -0.24])
+def test_a_badly_known_body_elsewhere_does_not_blur_a_near_one(scene: Scene, x_m: float) -> None:
+    """The unit decides on a post as if the other body, 1.8 m away and known to 0.2 m, were not there."""
+    rough = np.diag([0.2**2, 0.2**2, 0.0])
+    for command in (Twist(0.15), Twist(0.4, 0.5), Twist(-0.1)):
+        certain, uncertain = (
+            CollisionMonitor(scene, "a", scene.docks[0]).limit(
+                command, _known(SE2(x_m, 0.0), NOTHING, target, NOTHING), 0
+            )
+            for target in (NOTHING, rough)
+        )
+        assert certain == uncertain
 
 
 def test_the_monitor_subtracts_an_uncertain_heading_from_the_clearance(scene: Scene) -> None:
