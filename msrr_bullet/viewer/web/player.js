@@ -3,6 +3,8 @@ const clock = {time: 0, end: 0, playing: false, shows: []};
 const EPSILON = 1e-6;
 // Length of a step, and the largest one to an image [s].
 const STEP = 0.2, IMAGE_STEP = 0.45;
+// Longest time between two frames that counts [s]: a page that was hidden goes on from where it was.
+const LONGEST_FRAME = 0.25;
 
 // The index of the last of sorted numbers that is at most a limit, or 0.
 function lastUpTo(sorted, limit) {
@@ -72,7 +74,8 @@ function startPlayer({times, values, units, watched, rows, events}) {
   let previous = null;
   requestAnimationFrame(function tick(now) {
     if (clock.playing && previous !== null) {
-      seek(clock.time + Number($("speed").value) * (now - previous) / 1000, true);
+      const elapsed = Math.min((now - previous) / 1000, LONGEST_FRAME);
+      seek(clock.time + Number($("speed").value) * elapsed, true);
     }
     previous = now;
     requestAnimationFrame(tick);

@@ -32,6 +32,12 @@ SHOWN = """(() => {
     images: images.map((image) => ({at: image.dataset.time, file: image.src, ready: image.naturalWidth})),
     slider: Number($("time").value), clock: $("clock").textContent, reading: cells[0].textContent};
 })()"""
+#: Let the page stall for a second, and say how far it has played two frames later.
+STALL = """new Promise((resolve) => {
+  const before = clock.time, end = performance.now() + 1000;
+  while (performance.now() < end);
+  requestAnimationFrame(() => requestAnimationFrame(() => resolve(clock.time - before)));
+})"""
 #: Largest distance of a body in the page from its true pose; the page interpolates on straight lines [m].
 NEAR = 0.001
 
@@ -71,6 +77,8 @@ def test_it_plays_and_steps_and_image_and_bodies_show_the_same_instant(
 ):
     browser.open(run_page.as_uri(), until="clock.time > 0.05")  # it plays by itself
     assert browser.evaluate("clock.playing")
+    # A page that is hidden, or stalls, draws no frames meanwhile; the time of two frames is all that counts.
+    assert 0.0 < browser.evaluate(STALL) <= 2 * 0.25 + 1e-6
     browser.press(" ")
     assert not browser.evaluate("clock.playing")
     seen = [browser.evaluate("clock.time")]
