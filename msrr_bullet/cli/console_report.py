@@ -56,10 +56,10 @@ def _verdict(of: StepResult | TrialResult) -> Text:
 def steps_table(result: TrialResult) -> Table:
     """Return the table of a trial with a row for every step that began."""
     table = Table(title=_title(result), title_justify="left")
-    for column in ("step", "belief", "truth"):
-        table.add_column(column, no_wrap=True)
+    for column in ("step", "belief", "truth"):  # the widest column breaks first where a terminal is narrow
+        table.add_column(column, overflow="fold")
     for column in ("lateral", "attempts", "clearance", "end"):
-        table.add_column(column, justify="right")
+        table.add_column(column, justify="right", overflow="fold")
     for step in result.steps:
         contact = step.contact
         table.add_row(

@@ -33,6 +33,8 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 
 #: Limits of the linear range of logarithmic scales for lateral offset [mm], heading [deg] and clearance [m].
 LINEAR_MM, LINEAR_DEG, LINEAR_M = 1.0, 1.0, 0.1
+#: Values that a logarithmic scale of the clearance names [m]: powers of ten alone would name none above 0.1.
+_CLEARANCE_TICKS_M = (0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 #: Smallest duration of a phase whose name is written, as a fraction of the trial.
 MIN_NAMED_FRACTION = 0.06
 
@@ -165,6 +167,7 @@ def clearance(axes: Axes, series: TrialSeries, guard: GuardSpec, judge: JudgeSpe
     axes.set_ylim(low, 1.3 * max(high, LINEAR_M))
     if high > 3.0 * LINEAR_M:
         axes.set_yscale("symlog", linthresh=LINEAR_M, linscale=1.5)
+        axes.set_yticks([tick for tick in _CLEARANCE_TICKS_M if tick <= 1.3 * high])
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.legend(loc="best", fontsize=8)
     add_grid(axes)

@@ -68,3 +68,16 @@ def test_the_clearance_names_the_limits_of_judge_and_collision_monitor(drive):
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["smallest clearance (truth)"]
     drawn = np.asarray(axes.lines[0].get_ydata())
     assert np.nanmin(drawn) == np.nanmin(series.clearance) > 0.0, "the docking pair is left out"
+
+
+def test_a_scale_of_the_clearance_names_values_about_the_largest(drive):
+    """Powers of ten alone named 0.1 m and nothing above it, so that 0.7 m was read as 0.15 m."""
+    series = TrialSeries.of(drive.scene, drive.snapshots)
+    for largest in (0.05, 0.25, 0.35, 0.7, 1.4, 6.0):
+        axes = Figure().add_subplot()
+        shown = replace(series, clearance=np.full(len(series.time), largest))
+        curves.clearance(axes, shown, drive.scene.control.guard, drive.scene.judge)
+        low, high = axes.get_ylim()
+        named = [float(tick) for tick in axes.get_yticks() if low <= tick <= high]
+        assert max(named) >= largest / 2.5
+        assert len(named) >= 3
