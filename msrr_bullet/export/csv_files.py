@@ -53,7 +53,9 @@ _APPROACH_COLUMNS = columns(
 
 #: Name and columns of the table that describes the columns of the others.
 COLUMNS = "columns"
-_COLUMNS_COLUMNS = columns(table="name of the table", column="name of the column", about="what it holds")
+_COLUMNS_COLUMNS = columns(
+    table="name of the table", column="name of the column, empty for the table itself", about="what it holds"
+)
 
 
 class ExportError(MsrrError):
@@ -93,8 +95,9 @@ def write_csv(log: Log, folder: Path) -> tuple[Path, ...]:
             snapshots = read_snapshots(log)
             for row in _approach_rows(log.header.scene, snapshots) if snapshots else ():
                 files.add(APPROACH, _APPROACH_COLUMNS, row)
-            for name, _, table_columns in documented_tables():
+            for name, about, table_columns in documented_tables():
                 if name in files.names:
+                    files.add(COLUMNS, _COLUMNS_COLUMNS, (name, None, about))
                     for column in table_columns:
                         files.add(COLUMNS, _COLUMNS_COLUMNS, (name, column.name, column.about))
             return files.paths

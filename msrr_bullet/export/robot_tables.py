@@ -173,7 +173,7 @@ ROBOT_TABLES = (
     ),
     Table(
         "paths",
-        "Point of a path that the long-distance phase chose.",
+        "Point, in the world, of a path that the long-distance phase chose.",
         AssemblyPath,
         columns(
             **UNIT,

@@ -62,7 +62,7 @@ def _clearance_rows(record: LogRecord, m: ClearanceRecord) -> Iterator[Row]:
 SENSOR_TABLES = (
     Table(
         "starts",
-        "True pose of a body at the start.",
+        "True pose of a body in the world at the start.",
         StartPoses,
         columns(body="name of the body", **POSE, redraws="number of random starts that were rejected"),
         lambda record, m: [(name, *pose(X_WB), m.redraws) for name, X_WB in m.poses.items()],
@@ -79,7 +79,7 @@ SENSOR_TABLES = (
     ),
     Table(
         "truth",
-        "True pose of a unit at each decision.",
+        "True pose of a unit in the world at each decision.",
         TruePose,
         columns(**TIME, body="name of the unit", **POSE),
         lambda record, m: [(time(record.stamp_ns), m.name, *pose(m.X_WB))],

@@ -61,6 +61,16 @@ def test_columns_are_the_documented_ones(folder):
             assert {(name, column) for column in head} <= listed
 
 
+def test_the_columns_tell_the_frame_of_every_pose(folder):
+    """The columns said "position" of the estimates in the dock frame and of the truth in the world alike."""
+    listed = rows(folder, "columns")
+    poses = {row["table"] for row in listed if row["column"] == "x_m"}
+    assert {"starts", "truth", "estimates"} <= poses
+    meanings = {row["table"]: row["about"] for row in listed if not row["column"]}
+    for table in poses:
+        assert ("in the world" in meanings[table]) != ("dock frame" in meanings[table])
+
+
 def test_numbers_read_back_to_the_bit(short_log, folder):
     actions = [m for _, m in short_log.messages(Action, "/control/*")]
     table = rows(folder, "decisions")
