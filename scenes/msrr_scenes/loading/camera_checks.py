@@ -1,4 +1,4 @@
-"""Checks of cameras: what shutter and lens ask of the renderer, the latency and the rate."""
+"""Checks of cameras: calibration, field of view, what shutter and lens ask of renderer, latency and rate."""
 
 from __future__ import annotations
 
@@ -29,10 +29,26 @@ def camera_problems(scene: Scene) -> Iterator[Problem]:
             continue
         calibration = list(_calibration_problems(name, spec))
         yield from calibration
+        if name == "onboard" and not calibration:
+            yield from _cone_problems(scene)
         if scene.perception == "images":
             yield from _shutter_problems(("cameras", name), spec)
             if not calibration:
                 yield from _lens_problems(scene, name, spec)
+
+
+def _cone_problems(scene: Scene) -> Iterator[Problem]:
+    """Yield that the onboard camera sees less than the cone of the line of sight."""
+    camera, outer_deg = scene.cameras.onboard, scene.los.outer_deg
+    half_fov = math.degrees(camera.lens.half_fov)
+    if outer_deg >= half_fov:
+        calibrated = camera.calibration is not None
+        wider = "use a camera that sees more" if calibrated else "raise cameras.onboard.hfov_deg"
+        text = (
+            f"the outer bound has to be below half the onboard camera's field of view ({half_fov:.4g} deg), "
+            f"found {outer_deg:g}; lower it or {wider}"
+        )
+        yield Problem(("los", "outer_deg"), text)
 
 
 def _calibration_problems(name: str, spec: CameraSpec) -> Iterator[Problem]:

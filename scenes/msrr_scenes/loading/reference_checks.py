@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 from msrr_scenes.errors import nearest
@@ -107,18 +106,10 @@ def value_problems(scene: Scene) -> list[Problem]:
         low, high = getattr(scene.arena, axis)
         if low >= high:
             problems.append(Problem(("arena", axis), f"expected [low, high], found [{low:g}, {high:g}]"))
-    los, half_fov = scene.los, math.degrees(scene.cameras.onboard.lens.half_fov)
+    los = scene.los
     if los.inner_deg >= los.outer_deg:
         text = f"the inner bound has to be below los.outer_deg = {los.outer_deg:g}, found {los.inner_deg:g}"
         problems.append(Problem(("los", "inner_deg"), text))
-    if los.outer_deg >= half_fov:
-        calibrated = scene.cameras.onboard.calibration is not None
-        wider = "use a camera that sees more" if calibrated else "raise cameras.onboard.hfov_deg"
-        text = (
-            f"the outer bound has to be below half the onboard camera's field of view ({half_fov:.4g} deg), "
-            f"found {los.outer_deg:g}; lower it or {wider}"
-        )
-        problems.append(Problem(("los", "outer_deg"), text))
     if scene.limits.v_close_mps > scene.limits.v_max_mps:
         text = f"the close-range speed cannot exceed limits.v_max_mps = {scene.limits.v_max_mps:g}"
         problems.append(Problem(("limits", "v_close_mps"), text))

@@ -146,6 +146,15 @@ def test_errors_add_to_what_is_known() -> None:
     assert true.distortion.aspect == told.distortion.aspect == 412.0 / 417.0
 
 
+def test_a_calibration_of_another_size_is_not_taken_for_a_narrow_camera(tmp_path: Path) -> None:
+    """A field of view of 0.2 degrees was named first, and not where it came from."""
+    write(tmp_path / "head.yaml", ros())
+    changes = {"cameras.onboard.width_px": 320, "cameras.onboard.calibration": str(tmp_path / "head.yaml")}
+    with pytest.raises(SceneError, match="images with width_px = 640") as refused:
+        load_scene("close_range", changes)
+    assert "field of view" not in str(refused.value)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
