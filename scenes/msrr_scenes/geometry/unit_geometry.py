@@ -52,17 +52,24 @@ def urdf_folder() -> Path:
     return installed if installed.is_dir() else _PACKAGE.parents[1] / "urdf"
 
 
+def library_folder() -> Path:
+    """Return the folder of the shipped scene files."""
+    return _PACKAGE / "library"
+
+
 def find_urdf(name: str, beside: Path | None = None) -> Path:
     """Return the path of a URDF file.
 
     Args:
         name: File name.
-        beside: Folder of the scene file, searched before the working folder and the shipped URDFs.
+        beside: Folder of the scene file, searched before the working folder and the shipped URDFs. A shipped
+            scene means the shipped robots, whatever lies in the working folder.
 
     Raises:
         SceneError: None of these folders holds the file.
     """
-    for folder in ([beside] if beside else []) + [Path.cwd(), urdf_folder()]:
+    first = urdf_folder() if beside == library_folder() else beside
+    for folder in ([first] if first else []) + [Path.cwd(), urdf_folder()]:
         path = folder / name
         if path.is_file():
             return path

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 from pydantic import ValidationError
 
 from msrr_scenes.errors import GeometryError, SceneError, UnknownNameError
+from msrr_scenes.geometry.unit_geometry import library_folder
 from msrr_scenes.loading.as_built_checks import as_built_problems
 from msrr_scenes.loading.calibration_file import read_calibration
 from msrr_scenes.loading.camera_checks import camera_problems
@@ -39,7 +40,7 @@ from msrr_scenes.specs.spec import Spec
 MAX_LISTED = 8
 
 #: Folder of the shipped scene files.
-LIBRARY = Path(__file__).resolve().parents[1] / "library"
+LIBRARY = library_folder()
 
 #: What a file says that a scene names.
 _File = TypeVar("_File", bound=Spec)

@@ -55,6 +55,24 @@ def test_every_shipped_scene_loads_and_says_what_it_is(name: str) -> None:
     check_scene(scene)  # and is good as a Python object as well
 
 
+def test_a_shipped_scene_has_the_shipped_robot_wherever_it_is_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A changed copy in the working folder took its place in all shipped scenes, and nothing said so."""
+    shipped = load_scene("close_range")
+    before, track = scene_hash(shipped), shipped.geometry("a").track
+    text = (urdf_folder() / "unit.urdf").read_text()
+    wider = text.replace('"0 0.065 0.033"', '"0 0.075 0.033"').replace('"0 -0.065 0.033"', '"0 -0.075 0.033"')
+    for name in ("unit.urdf", "mine.urdf"):
+        (tmp_path / name).write_text(wider)
+    monkeypatch.chdir(tmp_path)
+    assert scene_hash(load_scene("close_range")) == before
+    mine = load_scene("close_range", {"units.a.urdf": "mine.urdf"})
+    assert mine.geometry("a").track == pytest.approx(track + 0.02)
+    own = load_scene(write(tmp_path, GOOD))
+    assert own.geometry("a").track == pytest.approx(track + 0.02), "beside a file of one's own it counts"
+
+
 def test_a_file_of_ones_own(tmp_path: Path) -> None:
     scene = load_scene(write(tmp_path, GOOD))
     assert scene.name == "scene"
