@@ -28,7 +28,7 @@ from msrr_bullet.cli import (
     tolerance_command,
     trial_commands,
 )
-from msrr_bullet.cli.console import open_console
+from msrr_bullet.cli.console import open_closed_streams, open_console
 from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, os_error_text, report_error
 from msrr_bullet.cli.options import Overrides, naming_overrides, parse_overrides, write_text
 from msrr_scenes.errors import MsrrError
@@ -52,7 +52,10 @@ def main() -> None:
     # Imports make objects that stay. By default the collector looks for garbage among them for every 700 new
     # ones, which takes a tenth of the time of a short command.
     gc.set_threshold(50_000)
+    open_closed_streams()
     signal.signal(signal.SIGTERM, _terminate)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # and not of nohup, which wants it ignored
+        signal.signal(signal.SIGHUP, _terminate)
     sys.exit(run(sys.argv[1:]))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -9,6 +11,20 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:  # loaded by the commands that print with them, so that msrr --help is quick
     from rich.console import Console
     from rich.progress import Progress
+
+
+def open_closed_streams() -> None:
+    """Open the standard streams that were closed when the program was started, on the null device.
+
+    Else the next files would get their descriptors, and with them all that C prints.
+    """
+    for descriptor, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            opened = open(os.devnull, mode, encoding="utf-8")  # noqa: SIM115 - until the process ends
+            os.set_inheritable(opened.fileno(), True)  # the lowest number that is free, which is this one
+            setattr(sys, name, opened)
 
 
 def open_console(*, stderr: bool = False) -> Console:

@@ -155,14 +155,14 @@ class McapRecorder:
         """
         if self._closed:
             return
-        self._closed = True
         try:
             if self._failed is None:
-                self._finish_frame()
+                self._finish_frame()  # a trial that is interrupted may end in the middle of one
                 self._send()
                 self._submit(self._writer.finish)
                 self._await_batches(0)
         finally:
+            self._closed = True
             self._worker.shutdown()
             try:
                 self._file.close()

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 from msrr_bullet.log import topics
 from msrr_bullet.log.reader import Log, LogRecord
-from msrr_bullet.log.records import CameraWindow, Event, Level, StepStart
+from msrr_bullet.log.records import JUDGE, CameraWindow, Event, Level, StepStart
 from msrr_bullet.replay.comparison import COUNTS, Comparison, Diverged, ReplayError, ReplayReport, encoded
 from msrr_bullet.robot.interface import CameraReader, ObservableRobot
 from msrr_scenes.errors import ProgramFailedError
@@ -91,23 +91,23 @@ class Replayer(ABC):
                     raise Diverged
                 last = record
                 self._process(record)
-            if last is not None and self._log.complete:  # else windows or estimates may be missing at the end
+            if last is not None and _is_verdict(last):  # else a trial was ended in the middle of anything
                 self._expose()
                 self._end(last)
         except Diverged:
             pass  # the difference is in the list
-        if not self._counts["steps"] and not self._counts["statuses"]:
-            raise ReplayError(
-                f"{self._log.path}: nothing to replay, the log holds neither a step nor a decision of a base "
-                "station"
-            )
-        return ReplayReport(
+        report = ReplayReport(
             log=self._log.path,
             complete=self._log.complete,
             mismatches=tuple(self._comparison.mismatches),
             written_with=self._log.header.versions,
             **self._counts,
         )
+        if not report.mismatches and not report.identical:
+            raise ReplayError(
+                f"{self._log.path}: nothing to replay, the log holds no decision of a robot or a base station"
+            )
+        return report
 
     def _process(self, record: LogRecord) -> None:
         kind = record.kind
@@ -144,7 +144,7 @@ class Replayer(ABC):
         """Give a message to all that got it in the trial."""
 
     def _end(self, last: LogRecord) -> None:
-        """Report what is still missing at the end of a log that was finished."""
+        """Report what is still missing at the end of a trial that was not ended early."""
         for robot in self._robots.values():
             self._report_unlogged_estimates(last, robot)
 
@@ -222,3 +222,8 @@ class Replayer(ABC):
         for kind, estimate in robot.estimates.items():
             self._comparison.add(_ESTIMATES[kind], record, None, encoded(estimate).decode())
         robot.estimates.clear()
+
+
+def _is_verdict(record: LogRecord) -> bool:
+    """Return whether a message says how a step or the trial ended; that of the trial is its last one."""
+    return record.kind is Event and record.message.source == JUDGE

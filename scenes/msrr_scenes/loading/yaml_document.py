@@ -150,10 +150,12 @@ def _put(document: YamlDocument, parts: list[str], value: Any, option: str) -> N
 
 
 def _compose(text: str, source: str) -> yaml.Node | None:
+    loader: yaml.SafeLoader | None = None
     try:
         # The composer recurses; the parser does not. So depth is measured on events first.
-        depth = 0
-        for event in yaml.parse(text, Loader=yaml.SafeLoader):
+        depth, loader = 0, yaml.SafeLoader(text)
+        while loader.check_event():
+            event = loader.get_event()  # type: ignore[no-untyped-call]
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_DEPTH:
                 raise SceneError(f"{_place(source, event)}: nested more than {MAX_DEPTH} levels deep")
@@ -168,6 +170,10 @@ def _compose(text: str, source: str) -> yaml.Node | None:
         raise SceneError(
             f"{place}: not valid YAML: the character U+{error.character:04X} is not allowed"
         ) from None
+    except (ValueError, OverflowError):  # of chr(), for "\\U00110000" and beyond
+        assert loader is not None
+        place = _position(source, loader.line, loader.column)
+        raise SceneError(f"{place}: not valid YAML: no character has the number of this escape") from None
 
 
 def _position(source: str, line: int, column: int) -> str:
@@ -216,7 +222,7 @@ class _Reader:
             raise SceneError(f"{origin}: a number of more than {MAX_NUMBER} characters is refused")
         try:
             return self._scalars.construct_object(node)
-        except (ValueError, yaml.YAMLError):
+        except (ValueError, KeyError, yaml.YAMLError):  # KeyError: `!!bool maybe`
             raise SceneError(f"{origin}: {node.value!r} is not a value of type {node.tag}") from None
 
     def _mapping(self, node: yaml.MappingNode, path: KeyPath, depth: int) -> dict[str, Any]:

@@ -144,7 +144,8 @@ def test_the_program_starts_without_the_simulator() -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_sigterm_unwinds() -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_end_unwinds(number: int) -> None:
     """The time limit holds from the signal on; how long the program takes to start depends on the machine."""
     code = (
         "import sys, time, msrr_bullet.cli.app as cli, msrr_bullet.run as r\n"
@@ -168,10 +169,28 @@ def test_sigterm_unwinds() -> None:
         try:
             assert program.stdout is not None
             assert "the trial runs\n" in program.stdout, program.communicate()[1]
-            program.send_signal(signal.SIGTERM)
+            program.send_signal(number)
             _, said = program.communicate(timeout=60)
         finally:
             program.kill()
-    assert program.returncode == 128 + signal.SIGTERM
+    assert program.returncode == 128 + number
     assert "closed" in said
     assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_standard_streams_may_be_closed(closed: str) -> None:
+    command = f"{sys.executable} -m msrr_bullet.cli check close_range {closed}"
+    done = subprocess.run(command, shell=True, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_no_file_gets_the_number_of_a_closed_stream() -> None:
+    """What PyBullet prints from C would land in it."""
+    code = (
+        "import os, sys, msrr_bullet.cli.app as cli\n"
+        "cli.run = lambda _: os.open(os.devnull, os.O_WRONLY)\n"
+        "cli.main()\n"
+    )
+    for closed in ("<&-", ">&-", "2>&-"):
+        assert subprocess.run(f"{sys.executable} -c '{code}' {closed}", shell=True).returncode > 2

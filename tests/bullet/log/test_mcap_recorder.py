@@ -9,9 +9,11 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from msrr_bullet.log import (
+    CameraWindow,
     Event,
     LogError,
     LogHeader,
@@ -19,6 +21,8 @@ from msrr_bullet.log import (
     topics,
 )
 from msrr_bullet.log.mcap_recorder import McapRecorder
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.messages import Exposure
 
 Record = Callable[..., None]
 
@@ -74,6 +78,22 @@ def test_a_full_disk_raises_while_recording_and_closing_still_works(
         recorder.write(topics.EVENTS, 0, Event(0, "trial", "on"))
     recorder.close()
     assert recorder._file.closed
+
+
+def test_a_log_that_is_closed_between_the_windows_of_a_frame_is_complete(
+    tmp_path: Path, header: LogHeader
+) -> None:
+    """Ctrl-C, or the limit on the wall clock, ends a trial anywhere."""
+    recorder = McapRecorder(tmp_path / "t.mcap", header)
+    exposure, window = Exposure("a/onboard", 0, 0), Window(3, 5, 60, 40)
+    recorder.write(topics.exposure("a/onboard"), 0, exposure)
+    recorder.window(exposure, window, np.full((40, 60), 7, dtype=np.uint8))
+    recorder.close()
+    log = read_log(tmp_path / "t.mcap")
+    assert log.complete
+    ((_, logged),) = log.messages(CameraWindow)
+    assert logged.window == window
+    assert np.all(logged.pixels == 7)
 
 
 def test_a_missing_folder_is_refused(tmp_path: Path, header: LogHeader) -> None:

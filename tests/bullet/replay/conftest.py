@@ -11,7 +11,7 @@ import pytest
 
 from msrr_bullet.log import LogHeader, topics
 from msrr_bullet.log.mcap_recorder import McapRecorder
-from msrr_bullet.log.records import StepStart, TruePose
+from msrr_bullet.log.records import JUDGE, Event, StepStart, TruePose
 from msrr_bullet.replay.recorded_robot import RecordedRobot
 from msrr_bullet.robot.interface import ObservableRobot
 from msrr_scenes.geometry.pinhole import Window
@@ -36,6 +36,7 @@ from msrr_scenes.messages import (
     Twist,
     WheelOdometry,
 )
+from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
@@ -132,6 +133,7 @@ def record_trial(
                 robot.step(now)
                 recorder.write(topics.true_pose("a"), now, TruePose("a", now, SE2(*rng.normal(size=3))))
     if finish:
+        recorder.write(topics.EVENTS, now, Event(now, JUDGE, Outcome.TIMEOUT.value))
         recorder.close()
     else:
         recorder._send(flush=True)

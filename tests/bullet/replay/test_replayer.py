@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 
 from msrr_bullet.log import LogError, LogHeader, read_log, topics
 from msrr_bullet.log.mcap_recorder import McapRecorder
+from msrr_bullet.log.records import CameraWindow, StepStart
 from msrr_bullet.replay.comparison import ReplayError, ReplayReport
 from msrr_bullet.replay.log_replay import replay
 from msrr_scenes.geometry.pinhole import Window
@@ -136,10 +137,32 @@ def test_the_log_of_a_killed_trial_is_compared_to_its_end(
     assert len(compared) > 2
 
 
-def test_a_log_without_a_step_is_refused(tmp_path: Path, pair: Scene, hash_robot: type) -> None:
+@pytest.mark.parametrize("kind", [Exposure, CameraWindow, Detections, Action, PoseEstimate])
+def test_a_trial_that_was_ended_early_is_compared_to_its_end(
+    tmp_path: Path, recorded_run: Path, hash_robot: type, kind: type
+) -> None:
+    """Ctrl-C ends a trial behind any message, and finishes the log nevertheless."""
+    log, seen = read_log(recorded_run), 0
+    with McapRecorder(tmp_path / "trial.mcap", log.header) as recorder:
+        for record in log.records("/[!f]*"):  # the recorder adds the frames itself
+            recorder.write(record.topic, record.stamp_ns, record.message)
+            seen += record.kind is kind
+            if seen == 20:
+                break
+    report = replay(tmp_path, hash_robot)
+    assert report.complete
+    assert report.mismatches == ()
+    assert report.identical
+
+
+def test_a_log_without_a_decision_is_refused(tmp_path: Path, pair: Scene, hash_robot: type) -> None:
     with McapRecorder(tmp_path / "trial.mcap", LogHeader.of(pair, 0, {})):
         pass
     with pytest.raises(ReplayError, match="nothing to replay"):
+        replay(tmp_path, hash_robot)
+    with McapRecorder(tmp_path / "trial.mcap", LogHeader.of(pair, 0, {})) as recorder:
+        recorder.write(topics.STEPS, 0, StepStart(0, 0, "a"))  # and ended early
+    with pytest.raises(ReplayError, match="nothing to replay, the log holds no decision"):
         replay(tmp_path, hash_robot)
     with McapRecorder(tmp_path / "trial.mcap", LogHeader.of(pair, 0, {})) as recorder:
         recorder.write(topics.sensor("a", m := WheelOdometry("a", 0, 0.0, 0.0)), 0, m)

@@ -73,3 +73,16 @@ def test_a_scene_takes_values_of_python_and_of_numpy_as_it_takes_texts() -> None
 def test_merge_keys_are_refused_with_the_way_without_them() -> None:
     with pytest.raises(SceneError, match=r"file:2:5: b: merge keys are not read; .* `frames: \*frames`"):
         parse_document("a: &a {x: 1}\nb: {<<: *a}\n", "file")
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ('"\\U00110000"', "no character has the number of this escape"),
+        ('"\\UFFFFFFFF"', "no character has the number of this escape"),
+        ("!!bool maybe", "'maybe' is not a value of type tag:yaml.org,2002:bool"),
+    ],
+)
+def test_values_that_the_parser_stumbles_over_are_named(value: str, said: str) -> None:
+    with pytest.raises(SceneError, match=rf"^x\.yaml:2:\d+: .*{said}"):
+        parse_document(f"a: 1\nb: {value}\n", "x.yaml")
