@@ -31,6 +31,10 @@ CREATE TABLE IF NOT EXISTS trials (
 """
 
 
+#: Errors of SQLite. Where a file is damaged, the text of one may hold bytes that Python cannot decode.
+_ERRORS = (sqlite3.Error, UnicodeDecodeError)
+
+
 class StoreError(MsrrError):
     """A store that cannot be read or written."""
 
@@ -59,7 +63,7 @@ class TrialStore:
                     )
                 self._db.execute(f"PRAGMA user_version = {LAYOUT}")
                 self._db.executescript(_TABLES)
-        except (sqlite3.Error, OSError) as error:
+        except (*_ERRORS, OSError) as error:
             raise StoreError(f"{path}: cannot be opened as a store of trials: {error}") from None
 
     def __enter__(self) -> TrialStore:
@@ -83,11 +87,8 @@ class TrialStore:
         """Return the stored results of these seeds, by seed."""
         wanted = set(seeds)
         query = "SELECT seed, result FROM trials WHERE scene_hash = ? AND code = ?"
-        try:
-            rows = self._rows(query, (scene_hash, code))
-            return {seed: TrialResult.from_json(text) for seed, text in rows if seed in wanted}
-        except ResultError as error:
-            raise StoreError(f"{self._path}: cannot be read: {error}") from None
+        rows = self._rows(query, (scene_hash, code))
+        return {seed: self._result(seed, text) for seed, text in rows if seed in wanted}
 
     def merge(self, other: Path) -> tuple[int, int]:
         """Add the scenes and results of another store.
@@ -96,8 +97,9 @@ class TrialStore:
             Number of results that were added, and of those that were here already.
 
         Raises:
-            StoreError: The other file is no store, or a result of the same scene, seed, code and machine
-                differs. One of another processor or C library may differ; that which is here is kept.
+            StoreError: The other file is no store, one of its results cannot be read, or one of the same
+                scene, seed, code and machine differs. Nothing is added then. One of another processor or C
+                library may differ; that which is here is kept.
         """
         if not other.is_file():
             raise StoreError(f"{other}: no such store")
@@ -109,30 +111,35 @@ class TrialStore:
         for row in trials:
             query = "SELECT result FROM trials WHERE scene_hash = ? AND seed = ? AND code = ?"
             here = self._rows(query, row[:3])
-            if here and here[0][0] != row[4] and self._versions(here[0][0]) == source._versions(row[4]):
-                raise StoreError(f"{other}: its result of seed {row[1]} is another one than in {self._path}")
+            if here and here[0][0] == row[4]:
+                continue
+            result = source._result(row[1], row[4])  # read before it is added, for it would spoil this store
             if not here:
                 added.append(row)
+            elif self._result(row[1], here[0][0]).versions == result.versions:
+                raise StoreError(f"{other}: its result of seed {row[1]} is another one than in {self._path}")
         self._write("INSERT OR IGNORE INTO scenes VALUES (?, ?, ?)", *scenes)
         self._write("INSERT INTO trials VALUES (?, ?, ?, ?, ?)", *added)
         return len(added), len(trials) - len(added)
 
-    def _versions(self, result: str) -> dict[str, str]:
-        """Return the versions and the machine that a stored result was made with."""
+    def _result(self, seed: int, text: str) -> TrialResult:
+        """Return a stored result."""
         try:
-            return TrialResult.from_json(result).versions
+            return TrialResult.from_json(text)
         except ResultError as error:
-            raise StoreError(f"{self._path}: cannot be read: {error}") from None
+            raise StoreError(
+                f"{self._path}: the result of seed {seed} cannot be read: {error}; use another store"
+            ) from None
 
     def _rows(self, query: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
         try:
             return self._db.execute(query, values).fetchall()
-        except sqlite3.Error as error:
+        except _ERRORS as error:
             raise StoreError(f"{self._path}: cannot be read: {error}") from None
 
     def _write(self, statement: str, *rows: tuple[object, ...]) -> None:
         try:
             with self._db:  # all rows or none
                 self._db.executemany(statement, rows)
-        except sqlite3.Error as error:
+        except _ERRORS as error:
             raise StoreError(f"{self._path}: cannot be written: {error}") from None

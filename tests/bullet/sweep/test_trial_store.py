@@ -132,8 +132,22 @@ def test_a_result_that_cannot_be_read_is_one_error(
         store.put(result, "code")
         with sqlite3.connect(tmp_path / "trials.sqlite") as db:
             db.execute("UPDATE trials SET result = '{}'")
-        with pytest.raises(StoreError, match=r"cannot be read: not a trial result of this version"):
+        with pytest.raises(StoreError, match=r"seed 0 cannot be read: not a trial result of this version"):
             store.get(result.scene_hash, "code", [0])
+    with TrialStore(tmp_path / "good.sqlite") as store:
+        with pytest.raises(StoreError, match=r"trials\.sqlite: the result of seed 0 cannot be read"):
+            store.merge(tmp_path / "trials.sqlite")
+        assert store.get(result.scene_hash, "code", [0]) == {}, "it would spoil every sweep with this store"
+
+
+def test_a_store_with_a_damaged_layout_is_one_error(tmp_path: Path) -> None:
+    """SQLite's own message then holds what is no text."""
+    path = tmp_path / "trials.sqlite"
+    with TrialStore(path):
+        pass
+    path.write_bytes(path.read_bytes().replace(b"CREATE TABLE trials", b"CREATE \xff\xfe\xfd\xfcE trials"))
+    with pytest.raises(StoreError, match=r"trials\.sqlite: cannot be opened as a store of trials"):
+        TrialStore(path)
 
 
 def test_a_full_disk_is_one_error(
