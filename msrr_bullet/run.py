@@ -73,7 +73,8 @@ def run_trial(
     Raises:
         MsrrError: :func:`~msrr_bullet.trial.check.check_trial` refuses the scene, or the folder cannot be
             written, holds a file of such a name that belongs to no run, or is that of a run under way.
-        TypeError: The seed is no whole number.
+        TypeError: The seed is no whole number, or the scene is none.
+        ValueError: ``wall_limit_s`` is no time that a clock can wait for.
         WallLimitError: The trial took longer than ``wall_limit_s``. The log ends there, and has no result.
     """
     seed = index(seed)  # before the trial, which is done by the time the result would refuse another type

@@ -14,6 +14,9 @@ from msrr_scenes.errors import MsrrError
 #: Limit of the command line [s]. The slowest shipped scene takes about a minute on one core.
 DEFAULT_WALL_LIMIT_S = 600.0
 
+#: Largest limit [s].
+MAX_WALL_LIMIT_S = 1e6
+
 #: Time after which an interrupt is raised again, in case something has swallowed it [s].
 _AGAIN_S = 5.0
 
@@ -39,10 +42,16 @@ def wall_limit(limit_s: float | None) -> Iterator[Callable[[], None]]:
 
     Raises:
         WallLimitError: The limit was reached.
+        ValueError: The limit is no time that a clock can wait for.
     """
     if limit_s is None:
         yield lambda: None
         return
+    if not 0.0 < limit_s <= MAX_WALL_LIMIT_S:
+        raise ValueError(
+            f"expected a limit above 0 s and up to {MAX_WALL_LIMIT_S:g} s on the wall clock, or None for no "
+            f"limit, found {limit_s}"
+        )
     begun = time.monotonic()
     interrupted = False
 

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from msrr_bullet.wall_limit import MAX_WALL_LIMIT_S
 from msrr_scenes.errors import SceneError
 
 SceneName = Annotated[
@@ -30,7 +31,7 @@ WallLimit = Annotated[
         "--wall-limit",
         metavar="SECONDS",
         min=0.1,
-        max=1e6,
+        max=MAX_WALL_LIMIT_S,
         help="Time that a trial may take on the wall clock.",
     ),
 ]

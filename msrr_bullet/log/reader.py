@@ -178,7 +178,7 @@ class Log:
                 yield record.stamp_ns, record.message
 
 
-def read_log(path: Path) -> Log:
+def read_log(path: str | Path) -> Log:
     """Open a log.
 
     Args:
@@ -187,6 +187,7 @@ def read_log(path: Path) -> Log:
     Raises:
         LogError: The file does not exist or is not a log of this program.
     """
+    path = Path(path)
     path = path / LOG_NAME if path.is_dir() else path
     try:
         with path.open("rb") as file:
@@ -232,7 +233,7 @@ def begun_by_msrr(path: Path) -> bool:
 
 
 @contextmanager
-def unpacked_log(path: Path) -> Iterator[Log]:
+def unpacked_log(path: str | Path) -> Iterator[Log]:
     """Open a log and unpack its URDFs into a temporary folder for the duration of the ``with`` block.
 
     Args:

@@ -19,7 +19,7 @@ def sweep(
     scene: Scene,
     seeds: Iterable[int],
     jobs: int | Callable[[], int] = 1,
-    store: Path | None = None,
+    store: str | Path | None = None,
     *,
     executor: SupportsSubmit | None = None,
     trial: TrialFunction = one_trial,
@@ -45,6 +45,7 @@ def sweep(
 
     Raises:
         MsrrError: The scene cannot be run with any seed, or the store cannot be used.
+        TypeError: A seed is no whole number, or the scene is none.
         ValueError: ``jobs`` is not positive.
     """
     wanted = list(dict.fromkeys(seeds))

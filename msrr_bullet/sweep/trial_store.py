@@ -31,6 +31,9 @@ CREATE TABLE IF NOT EXISTS trials (
 """
 
 
+#: Largest seed that a store can hold, as SQLite holds integers.
+MAX_SEED = 2**63 - 1
+
 #: Errors of SQLite. Where a file is damaged, the text of one may hold bytes that Python cannot decode.
 _ERRORS = (sqlite3.Error, UnicodeDecodeError)
 
@@ -84,8 +87,14 @@ class TrialStore:
         self._write("INSERT OR REPLACE INTO trials VALUES (?, ?, ?, ?, ?)", row)
 
     def get(self, scene_hash: str, code: str, seeds: Iterable[int]) -> dict[int, TrialResult]:
-        """Return the stored results of these seeds, by seed."""
+        """Return the stored results of these seeds, by seed.
+
+        Raises:
+            StoreError: The store cannot be read, or could not hold the result of one of the seeds.
+        """
         wanted = set(seeds)
+        if large := [seed for seed in wanted if abs(seed) > MAX_SEED]:
+            raise StoreError(f"{self._path}: no store holds seed {large[0]}; the largest one is {MAX_SEED}")
         query = "SELECT seed, result FROM trials WHERE scene_hash = ? AND code = ?"
         rows = self._rows(query, (scene_hash, code))
         return {seed: self._result(seed, text) for seed, text in rows if seed in wanted}

@@ -62,7 +62,7 @@ def _check(scene: Scene) -> None:
 def run_trials(
     batches: Iterable[tuple[Scene, Iterable[int]]],
     jobs: int | Callable[[], int] = 1,
-    store: Path | None = None,
+    store: str | Path | None = None,
     *,
     executor: SupportsSubmit | None = None,
     trial: TrialFunction = one_trial,
@@ -86,7 +86,7 @@ def run_trials(
 
     Raises:
         MsrrError: A scene cannot be run with any seed, or the store cannot be used.
-        TypeError: A seed is no whole number.
+        TypeError: A seed is no whole number, or a scene is none.
         ValueError: ``jobs`` is not positive.
     """
     if isinstance(jobs, int) and jobs < 1:
@@ -96,7 +96,7 @@ def run_trials(
     asked: set[tuple[str, int]] = set()
     missing: deque[Task] = deque()
     with ExitStack() as stack:
-        trial_store = stack.enter_context(TrialStore(store)) if store is not None else None
+        trial_store = stack.enter_context(TrialStore(Path(store))) if store is not None else None
         for scene, seeds in batches:
             digest, code = scene_hash(scene), code_fingerprint(scene)
             codes[digest] = code

@@ -84,6 +84,9 @@ class Browser(tornado.websocket.WebSocketHandler):
         self.sender = asyncio.create_task(self._send())
         _say(OPENED)
 
+    def on_message(self, message: str | bytes) -> None:
+        """Drop what a client says; the page says nothing."""
+
     def on_close(self) -> None:
         """Remove the browser."""
         self.state.browsers.discard(self)

@@ -146,3 +146,10 @@ def test_an_error_that_compiled_code_makes_of_the_interrupt_is_the_limit() -> No
         interrupted_in_compiled_code()
     with pytest.raises(SystemError), wall_limit(100.0):
         raise SystemError("another one")
+
+
+@pytest.mark.parametrize("limit_s", [0.0, -1.0, float("inf"), float("nan")])
+def test_a_limit_that_is_no_time_is_refused(limit_s: float) -> None:
+    said = r"expected a limit above 0 s .* or None for no limit, found"
+    with pytest.raises(ValueError, match=said), wall_limit(limit_s):
+        pass

@@ -116,7 +116,9 @@ def check_scene(scene: Scene) -> None:
 
     Raises:
         SceneError: The scene is unusable; one message lists every problem.
+        TypeError: It is no scene, but the name of one, for example.
     """
+    _expect_scene(scene)
     refuse(YamlDocument({}), _contradictions(scene))
 
 
@@ -124,7 +126,11 @@ def scene_hash(scene: Scene) -> str:
     """Return a digest of everything in a scene that can change a trial: its values, URDFs and meshes.
 
     The description and the path of the file do not count.
+
+    Raises:
+        TypeError: It is no scene, but the name of one, for example.
     """
+    _expect_scene(scene)
     values = scene.model_dump(mode="json", exclude={"description", "source"})
     digest = hashlib.blake2b(digest_size=16)
     digest.update(json.dumps(values, sort_keys=True, separators=(",", ":")).encode())
@@ -132,6 +138,11 @@ def scene_hash(scene: Scene) -> str:
         for file in _files_of(scene.geometry(unit).urdf):
             digest.update(hashlib.blake2b(file.read_bytes()).digest())
     return digest.hexdigest()
+
+
+def _expect_scene(scene: object) -> None:
+    if not isinstance(scene, Scene):
+        raise TypeError(f"expected a scene, as load_scene returns it, found {type(scene).__name__}")
 
 
 def plain_name(stem: str) -> str:

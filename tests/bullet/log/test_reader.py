@@ -36,7 +36,7 @@ def test_a_log_reads_back_in_its_order(
     with McapRecorder(path, header) as recorder:
         record_trial(recorder, 2.5)
     record_trial(memory, 2.5)
-    log = read_log(tmp_path)
+    log = read_log(str(tmp_path))
     records = list(log.records())
     assert log.complete
     assert [r.sequence for r in records] == list(range(len(memory.messages)))

@@ -140,6 +140,15 @@ def test_a_result_that_cannot_be_read_is_one_error(
         assert store.get(result.scene_hash, "code", [0]) == {}, "it would spoil every sweep with this store"
 
 
+def test_a_seed_that_no_store_holds_is_refused_before_a_trial(
+    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
+) -> None:
+    store = str(tmp_path / "trials.sqlite")
+    with pytest.raises(StoreError, match=rf"no store holds seed {2**64}; the largest one is {2**63 - 1}"):
+        sweep(scene, [0, 2**64], store=store, executor=inline, trial=made_up)
+    assert sweep(scene, [0, 2**63 - 1], store=store, executor=inline, trial=made_up).reused == 0
+
+
 def test_a_store_with_a_damaged_layout_is_one_error(tmp_path: Path) -> None:
     """SQLite's own message then holds what is no text."""
     path = tmp_path / "trials.sqlite"

@@ -197,6 +197,20 @@ def test_a_browser_that_connects_late_gets_the_whole_scene(drive):
     assert final[0]["matrix"][12] == pytest.approx(drive.snapshots[-1].units["a"].x)
 
 
+def test_what_a_client_says_is_dropped(drive, capfd):
+    async def say(url):
+        connection = await tornado.websocket.websocket_connect(url)
+        await connection.write_message("hello")
+        await connection.write_message(b"\x00", binary=True)
+        assert await connection.read_message() is not None
+        connection.close()
+
+    with LiveViewer(drive.scene, port=0) as viewer:
+        viewer.show(drive.snapshots[0])
+        asyncio.run(asyncio.wait_for(say(viewer.url.replace("http:", "ws:") + "feed"), 30.0))
+    assert capfd.readouterr().err == ""
+
+
 def test_pace_holds_the_trial_back(drive):
     with LiveViewer(drive.scene, port=0, pace=8.0) as viewer:
         start = time.monotonic()
