@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -163,8 +164,8 @@ def _matches(exposure: Exposure, camera: CameraChoice) -> bool:
 
 
 def _select(log: Log, camera: CameraChoice, every_s: float | None, count: int) -> list[Exposure]:
-    if (every_s is not None and every_s <= 0.0) or count < 1:
-        raise FramesError("at least one frame, and a time above zero between frames, has to be asked for")
+    if (every_s is not None and not 0.0 < every_s < math.inf) or count < 1:
+        raise FramesError("at least one frame, and a finite time above zero between frames, can be asked for")
     by_camera: dict[str, list[Exposure]] = {}
     for exposure in read_exposures(log):
         if _matches(exposure, camera):

@@ -185,6 +185,6 @@ def docking_views(log: Log, count: int = 3) -> tuple[CameraView, ...]:
 
 def evenly_spaced(exposures: Sequence[Exposure], count: int) -> list[Exposure]:
     """Return at most ``count`` of the exposures, evenly spaced, the first and the last among them."""
-    last = len(exposures) - 1
-    indices = sorted({round(i * last / max(count - 1, 1)) for i in range(count)}) if exposures else []
+    count, last = min(count, len(exposures)), len(exposures) - 1
+    indices = sorted({round(i * last / max(count - 1, 1)) for i in range(count)})
     return [exposures[i] for i in indices]

@@ -38,8 +38,9 @@ def test_frames_have_the_requested_interval(short_log, tmp_path):
 def test_what_cannot_be_drawn_is_refused(short_log, blind_run, tmp_path, capsys):
     with pytest.raises(FramesError, match="no frame of any camera"):
         write_frames(read_log(blind_run), tmp_path)
-    with pytest.raises(FramesError, match="at least one frame"):
-        write_frames(short_log, tmp_path, every_s=0.0)
+    for every_s in (0.0, float("inf"), float("nan")):
+        with pytest.raises(FramesError, match="at least one frame, and a finite time above zero"):
+            write_frames(short_log, tmp_path, every_s=every_s)
     with pytest.raises(FramesError, match="not both"):
         write_frames(short_log, tmp_path, every_s=1.0, count=8)
     (tmp_path / "file").write_text("")

@@ -83,7 +83,7 @@ def test_docking_views_are_onboard_frames_with_tags(short_log):
 def test_evenly_spaced_exposures_include_both_ends():
     exposures = [Exposure("a/onboard", i, i) for i in range(10)]
     assert [e.frame for e in evenly_spaced(exposures, 4)] == [0, 3, 6, 9]
-    assert evenly_spaced(exposures, 20) == exposures
+    assert evenly_spaced(exposures, 10**12) == exposures
     assert evenly_spaced([], 3) == []
 
 
