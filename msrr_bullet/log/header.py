@@ -116,8 +116,20 @@ class LogHeader:
                 urdfs=_texts(fields["urdfs"]),
                 recording=fields.get("recording"),
             )
-        except (KeyError, ValueError, TypeError, ValidationError) as error:
-            raise LogError(f"the header of the log cannot be read: {error}") from error
+        except (KeyError, ValueError, TypeError) as error:
+            raise LogError(f"the header of the log cannot be read: {_mismatch(fields, error)}") from error
+
+
+def _mismatch(fields: dict[str, str], error: Exception) -> str:
+    """Return why fields are no header of this version, and which version wrote them if they say so."""
+    message = f"{error}"
+    if isinstance(error, ValidationError):
+        first = error.errors()[0]
+        message = ": ".join([".".join(map(str, ("scene", *first["loc"]))), first["msg"]])
+    try:
+        return f"{message}; msrr-bullet {_texts(fields['versions'])['msrr-bullet']} wrote it, and reads it"
+    except (KeyError, ValueError, TypeError):
+        return message
 
 
 def _texts(text: str) -> dict[str, str]:

@@ -57,6 +57,17 @@ def test_a_urdf_is_stored_with_its_meshes(tmp_path: Path, scene: Scene) -> None:
     assert back.geometry("a").circumradius > 0.14
 
 
+def test_a_log_of_another_version_is_refused_with_that_version(header: LogHeader) -> None:
+    fields = {**header.metadata(), "versions": '{"msrr-bullet": "9.1"}'}
+    fields["scene"] = fields["scene"].replace('"limits":{', '"limits":{"of_9_1":1,')
+    said = r"^the header .*: scene\.limits\.of_9_1: Extra inputs are not permitted; msrr-bullet 9\.1 wrote it"
+    with pytest.raises(LogError, match=said) as refused:
+        LogHeader.from_metadata(fields, {})
+    assert "pydantic" not in str(refused.value)
+    with pytest.raises(LogError, match="the header of the log cannot be read: 'seed'$"):
+        LogHeader.from_metadata({"scene": header.metadata()["scene"]}, {})
+
+
 def test_a_file_name_outside_of_the_folder_is_refused(tmp_path: Path, header: LogHeader) -> None:
     for name in ("../evil", "/tmp/evil", "a/../../evil"):
         bad = dataclasses.replace(header, files={name: b""})
