@@ -64,7 +64,7 @@ def test_a_log_of_another_version_is_refused_with_that_version(header: LogHeader
     with pytest.raises(LogError, match=said) as refused:
         LogHeader.from_metadata(fields, {})
     assert "pydantic" not in str(refused.value)
-    with pytest.raises(LogError, match="the header of the log cannot be read: 'seed'$"):
+    with pytest.raises(LogError, match=r"the header of the log cannot be read: 'seed'$"):
         LogHeader.from_metadata({"scene": header.metadata()["scene"]}, {})
 
 
