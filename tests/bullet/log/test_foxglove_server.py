@@ -51,14 +51,20 @@ def test_a_client_sees_the_start_and_what_follows(
     with FoxgloveServer(port=0) as server:
         assert server.url.startswith(f"ws://{HOST}:")
 
+        served = threading.Event()
+
         def record() -> None:
             with McapRecorder(tmp_path / "t.mcap", header, listener=server.publish) as recorder:
-                record_trial(recorder, 4.0)  # what a client asks for late is sent often enough
+                while not served.is_set():  # what a client asks for late is sent often enough
+                    record_trial(recorder, 1.0)
 
         trial = threading.Thread(target=record)
         trial.start()
         wanted = {"/camera/a/onboard/calibration": 1, "/scene": 1, "/camera/a/onboard/image": 3}
-        got = asyncio.run(first_of(server.url, wanted))
+        try:
+            got = asyncio.run(first_of(server.url, wanted))
+        finally:
+            served.set()
         trial.join(30.0)
         assert not trial.is_alive()
     from foxglove.messages import CameraCalibration
