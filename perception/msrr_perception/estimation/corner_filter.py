@@ -8,7 +8,8 @@ Measurements take effect at the time of their exposure, however late or in whate
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -138,18 +139,26 @@ class CornerEkf:
         self._head: tuple[FilterState, FilterState] | None = None
 
     def add_odometry(self, reading: WheelOdometry) -> None:
-        """Add an encoder reading."""
-        newest_ns = self._wheels.newest_stamp(reading.stamp_ns)
+        """Add an encoder reading; exposures after the reading before it are processed again."""
+        before_ns = self._wheels.newest_stamp(reading.stamp_ns)
+        if before_ns == reading.stamp_ns:
+            return  # delivered twice
+        newest_ns = self._entries[-1].key[0] if self._entries else None
+        if newest_ns is not None and reading.stamp_ns < newest_ns - self._horizon_ns:
+            return  # too late to matter
         if not self._wheels.add(reading):
-            self._predictions.clear()
-            self._head = None  # a reading from the past changes all later states
-        elif newest_ns is None or not self._entries:
+            self._head = None  # it has passed the time of the reading
+        if newest_ns is None:
             self._predictions.clear()
             # No state begins before what a measurement that still counts can be of.
             self._wheels.forget_before(reading.stamp_ns - self._horizon_ns)
-        else:  # those of exposures up to the reading before stay as they are
-            until_ns = min(newest_ns, self._entries[-1].key[0])
-            self._predictions = {t: pose for t, pose in self._predictions.items() if t <= until_ns}
+        elif before_ns is None or before_ns < newest_ns:  # their motion was interpolated or extrapolated
+            first = 0 if before_ns is None else bisect_right(self._entries, before_ns, key=lambda e: e.key[0])
+            if self._entries[0].key[0] < newest_ns - self._horizon_ns:
+                first = max(first, 1)  # what came before the first entry is forgotten
+            self._process_from(first, [e.measurement for e in self._entries[first:]])
+        else:  # those of exposures up to the newest one stay as they are
+            self._predictions = {t: pose for t, pose in self._predictions.items() if t <= newest_ns}
 
     def add_detections(self, detections: Detections) -> None:
         """Add the tags of one exposure; tags of other units and empty frames change nothing."""
@@ -242,20 +251,23 @@ class CornerEkf:
 
     def _insert(self, measurement: _Measurement) -> None:
         """Insert a measurement at its time and process those that come after it again."""
-        self._predictions.clear()
         key = _key(measurement)
         i = bisect_left(self._entries, key, key=lambda e: e.key)
         if i < len(self._entries) and self._entries[i].key == key:
             return  # delivered twice
         if i == 0 and self._entries and key[0] < self._entries[-1].key[0] - self._horizon_ns:
             return  # too late to matter
-        redo = [measurement, *(e.measurement for e in self._entries[i:])]
-        del self._entries[i:]
+        self._process_from(i, [measurement, *(e.measurement for e in self._entries[i:])])
+        self._forget()
+
+    def _process_from(self, i: int, measurements: Sequence[_Measurement]) -> None:
+        """Process measurements behind the first ``i`` entries, in place of the entries that were there."""
+        self._predictions.clear()
         self._head = None
-        for m in redo:
+        del self._entries[i:]
+        for m in measurements:
             before = self._entries[-1].after if self._entries else None
             self._entries.append(_Entry(_key(m), m, self._process(before, m)))
-        self._forget()
 
     def _forget(self) -> None:
         oldest = self._entries[-1].key[0] - self._horizon_ns

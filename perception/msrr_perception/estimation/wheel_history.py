@@ -26,49 +26,55 @@ class WheelAngles:
     since_right: float = field(default=0.0, compare=False)
 
 
+#: Last angles other than zero by which the left and the right motor turned between two readings [rad].
+_Ways = tuple[float, float]
+
+
 class WheelHistory:
     """Encoder readings in the order of their time stamps, whatever the order of arrival."""
 
     def __init__(self) -> None:
         self._readings: list[WheelAngles] = []
         self._stamps: list[int] = []  # of the readings
-        self._ways = [0.0, 0.0]  # last angle by which each motor turned between two readings [rad]
+        self._ways: list[_Ways] = []  # of the readings
 
     def __len__(self) -> int:
         return len(self._readings)
 
     def add(self, reading: WheelOdometry) -> bool:
         """Store a reading and return whether it is newer than all others. A repeated one is ignored."""
-        if not self._stamps or reading.stamp_ns > self._stamps[-1]:
-            self._readings.append(self._counted(reading))
-            self._stamps.append(reading.stamp_ns)
-            return True
         new = WheelAngles(reading.stamp_ns, reading.left, reading.right)
         i = bisect_left(self._stamps, new.stamp_ns)
-        if self._stamps[i] != new.stamp_ns:
-            later = self._readings[i]
-            between = replace(new, since_left=later.since_left, since_right=later.since_right)
-            self._readings.insert(i, between)
-            self._stamps.insert(i, new.stamp_ns)
-        return False
+        later = self._readings[i:]
+        if later and later[0].stamp_ns == new.stamp_ns:
+            return False
+        if later and i == 0:  # how far the wheels had turned before the first reading stays as it is known
+            new = replace(new, since_left=later[0].since_left, since_right=later[0].since_right)
+            self._readings.insert(0, new)
+            self._ways.insert(0, self._ways[0])
+        else:
+            del self._readings[i:], self._ways[i:]
+            for angles in (new, *later):
+                self._append(angles)
+        self._stamps.insert(i, new.stamp_ns)
+        return not later
 
-    def _counted(self, new: WheelOdometry) -> WheelAngles:
-        """Return the newest reading with the angles since both wheels began to turn the way they do."""
+    def _append(self, new: WheelAngles) -> None:
+        """Append the newest angles, with those since both wheels began to turn the way they do."""
         if not self._readings:
-            return WheelAngles(new.stamp_ns, new.left, new.right)
-        last = self._readings[-1]
-        since = [last.since_left, last.since_right]
-        for i, way in enumerate((new.left - last.left, new.right - last.right)):
-            if way == 0.0:
-                continue
-            since[i] = abs(way) + (since[i] if way * self._ways[i] > 0.0 else 0.0)
-            self._ways[i] = way
-        return WheelAngles(new.stamp_ns, new.left, new.right, *since)
+            self._readings.append(new)
+            self._ways.append((0.0, 0.0))
+            return
+        last, (way_left, way_right) = self._readings[-1], self._ways[-1]
+        since_left, way_left = _counted(new.left - last.left, last.since_left, way_left)
+        since_right, way_right = _counted(new.right - last.right, last.since_right, way_right)
+        self._readings.append(WheelAngles(new.stamp_ns, new.left, new.right, since_left, since_right))
+        self._ways.append((way_left, way_right))
 
     def forget_before(self, stamp_ns: int) -> None:
         """Drop readings that are not needed for instants from ``stamp_ns`` on."""
         keep = max(bisect_right(self._stamps, stamp_ns) - 1, 0)
-        del self._readings[:keep], self._stamps[:keep]
+        del self._readings[:keep], self._stamps[:keep], self._ways[:keep]
 
     def angles_at(self, stamp_ns: int) -> WheelAngles | None:
         """Return the angles at an instant; None before any reading is known.
@@ -107,6 +113,19 @@ class WheelHistory:
             return replace(newest, stamp_ns=stamp_ns)
         until = min(stamp_ns, newest.stamp_ns + _EXTRAPOLATION_NS)
         return _interpolated(self._readings[-2], newest, until, stamp_ns)
+
+
+def _counted(way: float, since: float, last_way: float) -> tuple[float, float]:
+    """Return the angle since a wheel began to turn the way it does, and its last way [rad].
+
+    Args:
+        way: Angle turned since the last reading.
+        since: Angle at the last reading since the wheel began to turn the way it did.
+        last_way: Last angle other than zero by which it turned between two readings.
+    """
+    if way == 0.0:
+        return since, last_way
+    return abs(way) + (since if way * last_way > 0.0 else 0.0), way
 
 
 def _interpolated(a: WheelAngles, b: WheelAngles, time_ns: int, stamp_ns: int) -> WheelAngles:

@@ -7,6 +7,7 @@ import random
 import time
 import tracemalloc
 from collections.abc import Callable
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -117,6 +118,34 @@ def test_late_and_disordered_pictures_give_the_ordered_result_bit_for_bit(
     assert a.X_DU == b.X_DU
     assert np.array_equal(a.covariance, b.covariance)
     assert a.last_seen_ns == b.last_seen_ns
+
+
+@pytest.mark.parametrize("odometry_ticks", [3, 12])
+def test_late_odometry_gives_the_ordered_result_bit_for_bit(
+    target: TargetModel, scene: Scene, make_drive: MakeDrive, odometry_ticks: int
+) -> None:
+    """Pictures arrive before the readings that tell how the unit moved until their exposure."""
+    ordered, disordered = _ekf(target, scene), _ekf(target, scene)
+    drive, shuffled = make_drive(3), random.Random(5)
+    messages: list[tuple[float, int, WheelOdometry | Detections]] = []
+    for _ in range(250):
+        reading, picture = drive.step()
+        for _ in range(2):  # some networks deliver twice
+            messages.append((drive.tick + shuffled.uniform(0, odometry_ticks), 2 * drive.tick, reading))
+        if picture is not None:
+            messages.append((drive.tick + 0.5, 2 * drive.tick + 1, picture))
+    for ekf, order in ((ordered, 1), (disordered, 0)):
+        for arrival, _, message in sorted(messages, key=itemgetter(order)):
+            if isinstance(message, Detections):
+                ekf.add_detections(message)
+            else:
+                ekf.add_odometry(message)
+            ekf.predict(round(10 * arrival) * MS)  # what is kept of it must not outlast the next message
+    a, b = (ekf.estimate(drive.now_ns) for ekf in (ordered, disordered))
+    assert a is not None
+    assert b is not None
+    assert a.X_DU == b.X_DU
+    assert np.array_equal(a.covariance, b.covariance)
 
 
 def test_the_past_can_be_asked_for(target: TargetModel, scene: Scene, make_drive: MakeDrive) -> None:
