@@ -168,7 +168,8 @@ def map_tags(
     if refine_lens:
         bundle = adjust_robustly(replace(bundle, refines_lens=True), seen)
     consistent = adjust_consistently(bundle, seen)
-    if not has_inverse(bundle.lens.camera, bundle.lens.distortion):
+    found = consistent.adjusted.bundle.lens
+    if not has_inverse(found.camera, found.distortion):
         raise AdjustmentError("the pictures do not determine the lens; map without refining it")
     return _summary(consistent, seen, names, ids, tuple(sorted(alone)))
 

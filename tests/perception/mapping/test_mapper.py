@@ -16,7 +16,7 @@ from msrr_perception.mapping.consistency import adjust_consistently
 from msrr_perception.mapping.initial_map import alternatives, initial_bundle
 from msrr_perception.mapping.mapper import TaggedPicture, TagMap, map_tags
 from msrr_scenes.arrays import Array
-from msrr_scenes.geometry.distortion import Distortion
+from msrr_scenes.geometry.distortion import Distortion, has_inverse
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se3 import SE3
@@ -40,17 +40,21 @@ def wall(rng: np.random.Generator) -> dict[int, SE3]:
 
 
 def photographed(
-    tags: dict[int, SE3], rng: np.random.Generator, sigma: float = SIGMA_PX
+    tags: dict[int, SE3],
+    rng: np.random.Generator,
+    sigma: float = SIGMA_PX,
+    lens: Lens = LENS,
+    views: int = VIEWS,
 ) -> list[TaggedPicture]:
     """Pictures of the tags from 2 m away, with the corners of those that are in the frame."""
     pictures = []
-    for view in range(VIEWS):
+    for view in range(views):
         X_WC = SE3(rotation(rng.normal(0.0, 0.15, 3)), [rng.uniform(-0.8, 0.8), rng.uniform(-0.5, 0.5), -1.6])
         found = []
         for tag, X_WT in tags.items():
-            ideal = LENS.camera.project((X_WC.inverse() @ X_WT).act(tag_corners(TAG_SIZE)))
-            corners = LENS.distorted(ideal) + rng.normal(0.0, sigma, (4, 2))
-            if LENS.camera.contains(corners).all():
+            ideal = lens.camera.project((X_WC.inverse() @ X_WT).act(tag_corners(TAG_SIZE)))
+            corners = lens.distorted(ideal) + rng.normal(0.0, sigma, (4, 2))
+            if lens.camera.contains(corners).all():
                 found.append(TagDetection(tag, corners, 100.0, 0))
         pictures.append(TaggedPicture(f"view_{view}", tuple(found)))
     return pictures
@@ -152,6 +156,18 @@ def test_least_squares_agree_with_those_of_scipy(scale_px: float) -> None:
 def test_what_determines_no_map_is_refused() -> None:
     with pytest.raises(AdjustmentError, match="no tag was found"):
         map_tags([TaggedPicture("empty", ())], LENS, TAG_SIZE)
+
+
+def test_a_refined_lens_that_folds_the_picture_is_refused() -> None:
+    """It is the lens of the map that counts: that of the robust adjustment before has an inverse here."""
+    rng, lens = np.random.default_rng(9), Lens(LENS.camera, Distortion(k1=-0.27))
+    pictures = photographed(wall(rng), rng, 0.5, lens, views=4)
+    seen = sightings(pictures)
+    poses = adjust_robustly(initial_bundle(seen, lens, TAG_SIZE), seen)
+    robust = adjust_robustly(replace(poses, refines_lens=True), seen).lens
+    assert has_inverse(robust.camera, robust.distortion)
+    with pytest.raises(AdjustmentError, match="do not determine the lens"):
+        map_tags(pictures, lens, TAG_SIZE, refine_lens=True)
 
 
 def test_pictures_without_a_common_tag_are_named() -> None:
