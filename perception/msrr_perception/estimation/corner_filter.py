@@ -143,22 +143,23 @@ class CornerEkf:
         before_ns = self._wheels.newest_stamp(reading.stamp_ns)
         if before_ns == reading.stamp_ns:
             return  # delivered twice
-        newest_ns = self._entries[-1].key[0] if self._entries else None
-        if newest_ns is not None and reading.stamp_ns < newest_ns - self._horizon_ns:
-            return  # too late to matter
         if not self._wheels.add(reading):
             self._head = None  # it has passed the time of the reading
-        if newest_ns is None:
+        if not self._entries:
             self._predictions.clear()
             # No state begins before what a measurement that still counts can be of.
             self._wheels.forget_before(reading.stamp_ns - self._horizon_ns)
-        elif before_ns is None or before_ns < newest_ns:  # their motion was interpolated or extrapolated
+            return
+        newest_ns = self._entries[-1].key[0]
+        if before_ns is not None and before_ns >= newest_ns:  # all exposures stay as they are
+            self._predictions = {t: pose for t, pose in self._predictions.items() if t <= newest_ns}
+        elif reading.stamp_ns >= newest_ns - self._horizon_ns:  # the motion up to some was guessed
             first = 0 if before_ns is None else bisect_right(self._entries, before_ns, key=lambda e: e.key[0])
             if self._entries[0].key[0] < newest_ns - self._horizon_ns:
                 first = max(first, 1)  # what came before the first entry is forgotten
             self._process_from(first, [e.measurement for e in self._entries[first:]])
-        else:  # those of exposures up to the newest one stay as they are
-            self._predictions = {t: pose for t, pose in self._predictions.items() if t <= newest_ns}
+        else:  # too late to process exposures again
+            self._predictions.clear()
 
     def add_detections(self, detections: Detections) -> None:
         """Add the tags of one exposure; tags of other units and empty frames change nothing."""
