@@ -31,7 +31,10 @@ Bearings = tuple[float | None, float | None]
 
 
 class OnboardSight:
-    """The sight of the target port by the onboard camera of a unit."""
+    """The sight of the target port by the onboard camera of a unit.
+
+    Nothing hides a tag, and one that faces away from the camera is seen as if its print shone through.
+    """
 
     def __init__(self, scene: Scene, built: AsBuilt, step: DockStep) -> None:
         """Prepare the true and the told geometry of a step.

@@ -39,8 +39,9 @@ _OWN_MOTION = MotionNoise(slip=3e-4, sideways=2e-4, contact_zone=-math.inf, drif
 class GlobalEstimator:
     """Estimates the poses of a unit that drives, its target, other units and obstacles in W.
 
-    A measurement takes effect at the time of its exposure, however late it arrives. Between exposures the
-    wheels move the unit, and its covariance grows with the distance driven.
+    A measurement of the unit takes effect at the time of its exposure, however late it arrives; of another
+    body that drives, only measurements count that are newer than the last. Between exposures the wheels move
+    the unit, and its covariance grows with the distance driven.
 
     Attributes:
         unit: Name of the unit whose wheels are known.
