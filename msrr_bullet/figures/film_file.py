@@ -75,7 +75,7 @@ class FilmFile:
             with _silent_standard_error():
                 self._writer = cv2.VideoWriter(str(self._path), cv2.CAP_FFMPEG, code, RATE, size)
             if not self._writer.isOpened():
-                raise FilmError(f"{self._path}: OpenCV cannot begin a film; is the folder writable, and the disk full?")
+                raise FilmError(f"{self._path}: no film can be begun here; is the disk full?")
         self._writer.write(picture)
         self._written += 1
 
