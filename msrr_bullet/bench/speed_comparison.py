@@ -12,6 +12,7 @@ from rich.table import Table
 
 from msrr_bullet.bench.trial_speed import BenchError, TrialSpeed, measure_trial_speed
 from msrr_bullet.figures.style import new_figure, save, styled
+from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_bullet.sweep.worker_pool import SpawnedPool
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.loading.load import load_scene
@@ -111,9 +112,11 @@ def compare_speeds(
 ) -> SpeedComparison:
     """Measure all variants, each in a process of its own, so that its memory is its own.
 
+    Kernels are compiled here, before: a process that has compiled some is larger, and slower.
+
     Args:
         variants: Scenes by their names.
-        observer: Called with the name of each before it is measured.
+        observer: Called with the name of each before it is measured, and with what is compiled.
         before: Earlier comparison. A variant that costs more than it allows is measured again, up to three
             times in all, and the time at which it cost least counts.
 
@@ -125,6 +128,7 @@ def compare_speeds(
         _common(scene_name, variants, before)
     found: dict[str, TrialSpeed] = {}
     for name, scene in variants.items():
+        prepare_cameras(scene, observer)
         observer(name)
         earlier = None if before is None else before.variants.get(name)
         speeds = [_measured(scene)]

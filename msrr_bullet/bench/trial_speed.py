@@ -5,6 +5,7 @@ from __future__ import annotations
 import resource
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 from pydantic import BaseModel
 from rich.table import Table
@@ -126,7 +127,7 @@ def measure_trial_speed(scene: Scene, seed: int = 0, *, naive: bool = True) -> T
     turns = [(_run_timed(scene, seed), commanded.replay()[0]) for _ in range(3)]
     trial = min((run for run, _ in turns), key=lambda run: run.ms_per_s)
     alone_ms_per_s = min(alone for _, alone in turns)
-    peak = _peak_mb()
+    peak = peak_mb()
     slow = coarse = None
     if naive and not scene.coordinated:
         slow = coarse = _run_timed(naive_loop(scene), seed)
@@ -200,6 +201,9 @@ def _ms_per_s(scene: Scene, seed: int) -> float:
     return _run_timed(scene, seed).ms_per_s
 
 
-def _peak_mb() -> float:
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak * (1.0 if sys.platform == "darwin" else 1024.0) * 1e-6  # macOS counts bytes, Linux kibibytes
+def peak_mb() -> float:
+    """Return the largest memory that this process has taken [10^6 bytes]."""
+    if sys.platform == "linux":  # where the resource usage of a process begins with the memory of its parent
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:")) * 1024e-6
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1e-6

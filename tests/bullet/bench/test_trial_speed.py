@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+import mmap
 from collections.abc import Callable
 
 import pytest
 
 from msrr_bullet.bench.naive_loop import naive_loop
-from msrr_bullet.bench.trial_speed import BenchError, measure_trial_speed, trial_speed_table
+from msrr_bullet.bench.trial_speed import BenchError, measure_trial_speed, peak_mb, trial_speed_table
 from msrr_bullet.bench.unit_cost import measure_unit_cost, pair_of
 from msrr_bullet.log import CameraWindow, MemoryRecorder
 from msrr_bullet.profiler import StageProfiler
+from msrr_bullet.sweep.worker_pool import SpawnedPool
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.plan import DockStep
@@ -99,3 +101,13 @@ def test_the_guard_is_a_stage_of_its_own(shipped: Callable[..., Scene]) -> None:
 def test_a_scene_without_images_cannot_be_measured(scene: Scene) -> None:
     with pytest.raises(BenchError, match="parametric"):
         measure_trial_speed(scene.model_copy(update={"perception": "parametric"}))
+
+
+def test_the_memory_of_a_process_is_its_own() -> None:
+    """What a parent takes counts for a child that it starts, where the resource usage is asked for."""
+    with mmap.mmap(-1, 700_000_000) as taken, SpawnedPool(1) as pool:
+        for _ in range(700):
+            taken.write(bytes(1_000_000))
+        child_mb = pool.submit(peak_mb).result()
+        assert peak_mb() > 700.0
+    assert 10.0 < child_mb < 500.0
