@@ -65,7 +65,8 @@ def load_script(path: Path) -> ModuleType:
 def photographs() -> Path:
     """Folder of photographs: ``mapping`` with its ``tags.txt``, ``rotation``, ``chessboard``."""
     if "MSRR_PHOTOGRAPHS" not in os.environ:
-        pytest.skip(reason="MSRR_PHOTOGRAPHS names no folder")  # others' pictures, which may not be shipped
+        # The photographs belong to others and may not be shipped; whoever has them names their folder.
+        pytest.skip(reason="MSRR_PHOTOGRAPHS names no folder")
     return Path(os.environ["MSRR_PHOTOGRAPHS"])
 
 

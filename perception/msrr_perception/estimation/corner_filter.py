@@ -8,15 +8,14 @@ Measurements take effect at the time of their exposure, however late or in whate
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.dock_frame import in_seat
 from msrr_perception.estimation.knowledge import Knowledge
+from msrr_perception.estimation.measurement_history import Measurement, MeasurementHistory
 from msrr_perception.estimation.motion import DEFAULT_NOISE, DriveMotion, FilterState, MotionNoise
 from msrr_perception.estimation.wheel_history import WheelHistory
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
@@ -38,8 +37,6 @@ from msrr_scenes.specs.sensors import OdometrySpec
 #: End of the errors of the drive in a state.
 _DRIVE_END = POSE_SIZE + DRIVE_SIZE
 
-_Measurement = Detections | PoseMeasurement
-
 #: Ranges of the parameters. Ten pixels are most of a tag's cell, a unit that is tilted by 30 deg has fallen,
 #: a gate that passes half of all good tags or all of any starves or believes anything, an older measurement
 #: than ten seconds is of another approach, and slip of a metre on a metre is no drive.
@@ -52,18 +49,6 @@ _RANGES = {
     "start_inflation": (1.0, 1e4),
     "slip": (1e-6, 1.0),
 }
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Entry:
-    """A measurement and the state after it; None before the filter has started.
-
-    The measurements are ordered by ``key``: time of exposure, frame number, camera.
-    """
-
-    key: tuple[int, int, str]
-    measurement: _Measurement
-    after: FilterState | None
 
 
 class CornerEkf:
@@ -135,7 +120,7 @@ class CornerEkf:
     def reset(self) -> None:
         """Forget everything but the encoder readings."""
         self._predictions: dict[int, PoseEstimate | None] = {}
-        self._entries: list[_Entry] = []
+        self._history = MeasurementHistory(self._process, self._horizon_ns)
         self._head: tuple[FilterState, FilterState] | None = None
 
     def add_odometry(self, reading: WheelOdometry) -> None:
@@ -145,21 +130,17 @@ class CornerEkf:
             return  # delivered twice
         if not self._wheels.add(reading):
             self._head = None  # it has passed the time of the reading
-        if not self._entries:
-            self._predictions.clear()
+        newest_ns = self._history.newest_ns
+        if newest_ns is not None and before_ns is not None and before_ns >= newest_ns:
+            self._predictions = {t: pose for t, pose in self._predictions.items() if t <= newest_ns}
+            return  # all exposures stay as they are
+        self._predictions.clear()
+        if newest_ns is None:
             # No state begins before what a measurement that still counts can be of.
             self._wheels.forget_before(reading.stamp_ns - self._horizon_ns)
-            return
-        newest_ns = self._entries[-1].key[0]
-        if before_ns is not None and before_ns >= newest_ns:  # all exposures stay as they are
-            self._predictions = {t: pose for t, pose in self._predictions.items() if t <= newest_ns}
-        elif reading.stamp_ns >= newest_ns - self._horizon_ns:  # the motion up to some was guessed
-            first = 0 if before_ns is None else bisect_right(self._entries, before_ns, key=lambda e: e.key[0])
-            if self._entries[0].key[0] < newest_ns - self._horizon_ns:
-                first = max(first, 1)  # what came before the first entry is forgotten
-            self._process_from(first, [e.measurement for e in self._entries[first:]])
-        else:  # too late to process exposures again
-            self._predictions.clear()
+        elif reading.stamp_ns >= newest_ns - self._horizon_ns:  # the motion up to some exposures was guessed
+            self._head = None
+            self._history.process_again(before_ns)
 
     def add_detections(self, detections: Detections) -> None:
         """Add the tags of one exposure; tags of other units and empty frames change nothing."""
@@ -177,17 +158,16 @@ class CornerEkf:
         return self._predictions[stamp_ns]
 
     def _predict(self, stamp_ns: int) -> PoseEstimate | None:
-        state = self._state_before(stamp_ns)
+        state = self._history.state_before(stamp_ns)
         if state is None:
             return None
-        newest = self._entries[-1].after
-        if state is newest:
+        if state is self._history.newest:
             state = self._advance_head(state, stamp_ns)
         return self._motion.predict(state, self._wheels, stamp_ns)
 
     def velocity(self, stamp_ns: int) -> Array:
         """Return the velocity of (x, y, yaw) in D, shape (3,) [m/s, rad/s], by the wheels; 0 when lost."""
-        state = self._state_before(stamp_ns)
+        state = self._history.state_before(stamp_ns)
         if state is None:
             return np.zeros(3)
         return self._motion.rates(self._advance_head(state, stamp_ns), self._wheels)
@@ -196,7 +176,7 @@ class CornerEkf:
         """Return the pose for control: of now, or without delay compensation of the last exposure."""
         if self.delay_compensation:
             return self.predict(now_ns)
-        state = self._state_before(now_ns)
+        state = self._history.state_before(now_ns)
         return None if state is None else self._motion.predict(state, self._wheels, state.stamp_ns)
 
     def drive_errors(self) -> tuple[float, float, float]:
@@ -205,7 +185,7 @@ class CornerEkf:
         They are those of the motion by a command. An error of the encoders is left out as far as the data
         sheets tell one from the other: by the share of its variance.
         """
-        state = self._entries[-1].after if self._entries else None
+        state = self._history.newest
         known = self._known.mean[:DRIVE_SIZE] if state is None else state.mean[POSE_SIZE:_DRIVE_END]
         (left, right, track), (by_left, by_right, by_track) = known.tolist(), self._motion.in_motion
         return by_left * left, by_right * right, by_track * track
@@ -226,18 +206,12 @@ class CornerEkf:
             seated: Whether the unit is locked in its seat. Then it knows how far it is from the face of the
                 port and how it is turned, but hardly where to the side: the throat of the holes leaves play.
         """
-        state = self._entries[-1].after if self._entries else None
+        state = self._history.newest
         if state is None:
             return None
         if seated:
             state = in_seat(self.target, state)
         return Knowledge(state.mean[POSE_SIZE:], state.covariance[POSE_SIZE:, POSE_SIZE:], self.drawn.shared)
-
-    def _state_before(self, stamp_ns: int) -> FilterState | None:
-        for entry in reversed(self._entries):
-            if entry.key[0] <= stamp_ns:
-                return entry.after
-        return None
 
     def _advance_head(self, base: FilterState, stamp_ns: int) -> FilterState:
         """Return the state at the newest reading before ``stamp_ns``, cached to do no step twice."""
@@ -250,33 +224,13 @@ class CornerEkf:
             self._head = (base, head)
         return head
 
-    def _insert(self, measurement: _Measurement) -> None:
-        """Insert a measurement at its time and process those that come after it again."""
-        key = _key(measurement)
-        i = bisect_left(self._entries, key, key=lambda e: e.key)
-        if i < len(self._entries) and self._entries[i].key == key:
-            return  # delivered twice
-        if i == 0 and self._entries and key[0] < self._entries[-1].key[0] - self._horizon_ns:
-            return  # too late to matter
-        self._process_from(i, [measurement, *(e.measurement for e in self._entries[i:])])
-        self._forget()
+    def _insert(self, measurement: Measurement) -> None:
+        if self._history.insert(measurement):
+            self._predictions.clear()
+            self._head = None
+            self._wheels.forget_before(self._history.needed_from_ns)
 
-    def _process_from(self, i: int, measurements: Sequence[_Measurement]) -> None:
-        """Process measurements behind the first ``i`` entries, in place of the entries that were there."""
-        self._predictions.clear()
-        self._head = None
-        del self._entries[i:]
-        for m in measurements:
-            before = self._entries[-1].after if self._entries else None
-            self._entries.append(_Entry(_key(m), m, self._process(before, m)))
-
-    def _forget(self) -> None:
-        oldest = self._entries[-1].key[0] - self._horizon_ns
-        keep = max(bisect_left(self._entries, oldest, key=lambda e: e.key[0]) - 1, 0)
-        del self._entries[:keep]
-        self._wheels.forget_before(min(self._entries[0].key[0], oldest))
-
-    def _process(self, before: FilterState | None, measurement: _Measurement) -> FilterState | None:
+    def _process(self, before: FilterState | None, measurement: Measurement) -> FilterState | None:
         if before is None:
             return self._start(measurement)
         prior = self._motion.propagate(before, self._wheels, measurement.exposure.stamp_ns)
@@ -290,7 +244,7 @@ class CornerEkf:
         lost = replace(prior, rejected=prior.rejected + 1)
         return (self._start(measurement) or lost) if lost.rejected >= self._reset_after else lost
 
-    def _start(self, measurement: _Measurement) -> FilterState | None:
+    def _start(self, measurement: Measurement) -> FilterState | None:
         """Return a state from one measurement alone; None when it does not determine one."""
         found = self._update.start(
             measurement if isinstance(measurement, PoseMeasurement) else self._of_target(measurement)
@@ -303,8 +257,3 @@ class CornerEkf:
 
     def _of_target(self, detections: Detections) -> list[TagDetection]:
         return [t for t in detections.tags if t.tag_id in self.target.corners_D]
-
-
-def _key(measurement: _Measurement) -> tuple[int, int, str]:
-    exposure = measurement.exposure
-    return exposure.stamp_ns, exposure.frame, exposure.camera

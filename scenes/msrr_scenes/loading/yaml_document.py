@@ -154,8 +154,7 @@ def _compose(text: str, source: str) -> yaml.Node | None:
     try:
         # The composer recurses; the parser does not. So depth is measured on events first.
         depth, loader = 0, yaml.SafeLoader(text)
-        while loader.check_event():
-            event = loader.get_event()  # type: ignore[no-untyped-call]
+        for event in iter(loader.get_event, None):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_DEPTH:
                 raise SceneError(f"{_place(source, event)}: nested more than {MAX_DEPTH} levels deep")

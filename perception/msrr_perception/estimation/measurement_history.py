@@ -1,0 +1,109 @@
+"""Measurements in the order of their exposures, whatever the order of arrival, and the state after each."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from msrr_perception.estimation.motion import FilterState
+from msrr_scenes.messages import Detections, PoseMeasurement
+
+Measurement = Detections | PoseMeasurement
+
+#: Returns the state after a measurement from the state before it: both None before the filter has started.
+Process = Callable[[FilterState | None, Measurement], FilterState | None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Entry:
+    """A measurement and the state after it; None before the filter has started.
+
+    The measurements are ordered by ``key``: time of exposure, frame number, camera.
+    """
+
+    key: tuple[int, int, str]
+    measurement: Measurement
+    after: FilterState | None
+
+
+class MeasurementHistory:
+    """The measurements that still count, each with the state after it.
+
+    A measurement that arrives late is inserted at its time, and those after it are processed again, so that
+    the result is that of ordered measurements, bit for bit.
+    """
+
+    def __init__(self, process: Process, horizon_ns: int) -> None:
+        """Begin without measurements.
+
+        Args:
+            process: Computes the state after a measurement.
+            horizon_ns: Largest time by which a measurement may be older than the newest one [ns].
+        """
+        self._process, self._horizon_ns = process, horizon_ns
+        self._entries: list[_Entry] = []
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Time of the newest measurement [ns]; None without one."""
+        return self._entries[-1].key[0] if self._entries else None
+
+    @property
+    def newest(self) -> FilterState | None:
+        """State after the newest measurement; None before the filter has started."""
+        return self._entries[-1].after if self._entries else None
+
+    @property
+    def needed_from_ns(self) -> int:
+        """Time from which on a measurement may be processed again [ns]; there has to be a measurement."""
+        return min(self._entries[0].key[0], self._oldest_ns)
+
+    @property
+    def _oldest_ns(self) -> int:
+        """Time before which no measurement counts any more [ns]."""
+        return self._entries[-1].key[0] - self._horizon_ns
+
+    def state_before(self, stamp_ns: int) -> FilterState | None:
+        """Return the state after the last measurement up to an instant; None where there is none."""
+        for entry in reversed(self._entries):
+            if entry.key[0] <= stamp_ns:
+                return entry.after
+        return None
+
+    def insert(self, measurement: Measurement) -> bool:
+        """Insert a measurement; return False if it is too old to count, or was delivered before."""
+        key = _key(measurement)
+        i = bisect_left(self._entries, key, key=lambda e: e.key)
+        if i < len(self._entries) and self._entries[i].key == key:
+            return False
+        if i == 0 and self._entries and key[0] < self._oldest_ns:
+            return False
+        self._process_from(i, [measurement, *(e.measurement for e in self._entries[i:])])
+        del self._entries[: self._forgotten()]
+        return True
+
+    def process_again(self, after_ns: int | None) -> None:
+        """Process all measurements again that are newer than an instant; None for all that count.
+
+        The first one whose predecessors are forgotten stays as it is.
+        """
+        first = 0 if after_ns is None else bisect_right(self._entries, after_ns, key=lambda e: e.key[0])
+        if self._entries[0].key[0] < self._oldest_ns:
+            first = max(first, 1)
+        self._process_from(first, [e.measurement for e in self._entries[first:]])
+
+    def _forgotten(self) -> int:
+        """Return the number of measurements that no other one is processed from any more."""
+        return max(bisect_left(self._entries, self._oldest_ns, key=lambda e: e.key[0]) - 1, 0)
+
+    def _process_from(self, i: int, measurements: Iterable[Measurement]) -> None:
+        """Process measurements behind the first ``i`` entries, in place of the entries that were there."""
+        del self._entries[i:]
+        for m in measurements:
+            self._entries.append(_Entry(_key(m), m, self._process(self.newest, m)))
+
+
+def _key(measurement: Measurement) -> tuple[int, int, str]:
+    exposure = measurement.exposure
+    return exposure.stamp_ns, exposure.frame, exposure.camera
