@@ -271,11 +271,17 @@ def make_scene(port: str = "rear", **keys: Any) -> Scene:
 
 
 def place(scene: Scene, X_DP: SE2) -> Placement:
-    """Place ``a`` so that its front port stands at ``X_DP`` in the dock frame of its target."""
+    """Place ``a`` so that its front port stands at ``X_DP`` in the dock frame of its target.
+
+    Units that are assembled with ``b`` stand in their seats.
+    """
     step = scene.plan[0]
     X_WD = X_WB @ scene.geometry("b").dock_frame(step.target_port)
-    X_WA = X_WD @ X_DP @ scene.geometry("a").port(step.port).inverse()
-    return Placement({"a": X_WA, "b": X_WB}, {})
+    poses = {"a": X_WD @ X_DP @ scene.geometry("a").port(step.port).inverse(), "b": X_WB}
+    for seat in scene.assembled_docks:
+        X_WS = poses[seat.target_unit] @ scene.geometry(seat.target_unit).dock_frame(seat.target_port)
+        poses[seat.unit] = X_WS @ scene.geometry(seat.unit).port(seat.port).inverse()
+    return Placement(poses, {})
 
 
 @contextmanager

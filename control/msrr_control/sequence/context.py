@@ -63,6 +63,8 @@ class StateMemory:
         arrived: Timer of the unit standing at the end of its retreat.
         leg: Leg of the calibration drive under way, counted from 0.
         limited: Timer of the collision monitor slowing or stopping the unit.
+        sigma_lateral: Standard deviation of the lateral estimate [m] when the pins came to the port, in which
+            spinning wheels make it larger; 0 in a stay that begins there.
     """
 
     def __init__(self, since_ns: int) -> None:
@@ -71,6 +73,7 @@ class StateMemory:
         self.turned, self.leg = 0.0, 0
         self.unseen, self.switches, self.arrived = HoldTimer(), HoldTimer(), HoldTimer()
         self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
+        self.sigma_lateral = 0.0
         self._best, self._best_ns = math.inf, since_ns
         self._frames, self._last_frame_ns = 0, since_ns
 
@@ -95,6 +98,40 @@ class StateMemory:
         return self._frames
 
 
+class Aim:
+    """Where a unit docks beside the axis after its pins have jammed, most likely as sight is wrong about it.
+
+    A funnel that pushes the pins to one side turns the unit to that side, so each jam tells on which side of
+    the place that was aimed at the port is. Beyond a jam on either side the next place is halfway.
+
+    Attributes:
+        lateral: Distance from the axis of the dock frame, to its left [m].
+    """
+
+    def __init__(self) -> None:
+        """Begin on the axis."""
+        self.lateral = 0.0
+        self._right, self._left = -math.inf, math.inf  # places that the port is between
+
+    def jammed(self, step: float, to_left: bool) -> None:
+        """Aim elsewhere after a jam.
+
+        Args:
+            step: Way to the next place while the port is known to be on one side only [m].
+            to_left: Whether the unit was turned to the left.
+        """
+        if to_left:
+            self._right = self.lateral
+        else:
+            self._left = self.lateral
+        if math.isinf(self._left):
+            self.lateral += step
+        elif math.isinf(self._right):
+            self.lateral -= step
+        else:
+            self.lateral = 0.5 * (self._right + self._left)
+
+
 @dataclass(slots=True)
 class DockingContext:
     """What the states go by, and what outlasts a stay in one of them.
@@ -111,8 +148,7 @@ class DockingContext:
         undocking: Whether the unit was commanded to undock.
         reassemble: Whether the next attempt begins with the long-distance phase.
         calibrate: Whether the unit has yet to calibrate before it docks.
-        aim: Distance from the axis of the dock frame, to its left, at which the unit docks [m]: not 0 after
-            its pins have jammed.
+        aim: Where the unit docks beside the axis.
         last_gap: Last known distance between the faces [m], updated by odometry; None while unknown.
     """
 
@@ -131,7 +167,7 @@ class DockingContext:
     undocking: bool = False
     reassemble: bool = False
     calibrate: bool = False
-    aim: float = 0.0
+    aim: Aim = field(default_factory=Aim)
     last_gap: float | None = None
     _previous_ns: int | None = None
 
@@ -161,7 +197,7 @@ class DockingContext:
 
     def control_inputs(self, pose: PoseEstimate) -> ControlInputs:
         """Return what the controller is given at this instant."""
-        if self.aim:
+        if self.aim.lateral:
             x, y, yaw = pose.X_DU.as_array().tolist()
-            pose = replace(pose, X_DU=SE2(x, y - self.aim, yaw))
+            pose = replace(pose, X_DU=SE2(x, y - self.aim.lateral, yaw))
         return ControlInputs(self.now_ns, self.dt, pose, self.observation.los, self.observation.twist)

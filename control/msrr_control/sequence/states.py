@@ -26,14 +26,17 @@ from msrr_control.sequence.evidence import (
     with_doubt,
 )
 from msrr_control.sequence.observation import GiveUp
-from msrr_control.sequence.port_view import PortView
 from msrr_control.sequence.search import scan_angle, turn_rate
-from msrr_scenes.messages import Belief, Conviction, FailureReason, LockPosition, Phase, Twist
+from msrr_scenes.messages import Belief, Conviction, FailureReason, LockPosition, MonitorState, Phase, Twist
 
 STILL = Twist()
 
-#: Standard deviations of the side by which the next attempt aims beside the axis after pins have jammed.
+#: Standard deviations of the side by which the next attempt aims elsewhere after pins have jammed.
 _ASIDE = 2.0
+
+#: Share of the pins' length: at a smaller gap the pins are in the holes, and where the unit is to the side is
+#: no matter of sight, which goes wrong there with wheels that spin while the unit stands.
+_IN_HOLES = 0.5
 
 
 def assemble(c: DockingContext) -> Twist | Transition:
@@ -105,6 +108,8 @@ def dock(c: DockingContext) -> Twist | Transition:
     if view is None or pose is None or view.age > spec.lost_time_s:
         return _fail(f"target lost for {spec.lost_time_s:.2f} s", FailureReason.TARGET_LOST)
     at_port = view.gap <= c.setup.pin_reach + tuning.contact_m
+    if not at_port:
+        c.memory.sigma_lateral = view.sigma_lateral
     closed = switches is not None and switches.both
     near = with_doubt(tuning.near_m, view.sigma_gap)
     agrees = in_seat_range(view.gap - tuning.seated_gap_m, near) or not spec.verify.by_sight
@@ -116,18 +121,21 @@ def dock(c: DockingContext) -> Twist | Transition:
     idle = c.memory.without_progress(view.off_seat(tuning.seated_gap_m), tuning.progress_m, way, c.now_ns)
     monitor = c.observation.monitor
     limited_s = c.memory.limited.update(monitor is not None and monitor.limits, c.now_ns)
+    pressed = at_port and (monitor is None or monitor.state is not MonitorState.STOP)
     if idle > spec.stall_time_s:
         reason = f"no progress for {idle:.1f} s at {view}"
         if limited_s >= idle:
             reason = f"held for {idle:.1f} s by the collision monitor: {monitor}, at {view}"
-        elif at_port and not closed:
-            c.aim = _aim_after_jam(c.aim, view)
+        if pressed and not closed:
+            c.aim.jammed(_ASIDE * c.memory.sigma_lateral, to_left=view.yaw > 0.0)
         return _fail(reason, FailureReason.STALLED)
     twist = c.controller.step(c.control_inputs(pose))
     if not at_port:
         return twist
-    if abs(view.lateral) > tuning.capture_m or abs(view.yaw) > math.radians(tuning.capture_deg):
-        return _fail(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
+    if view.gap > _IN_HOLES * c.setup.pin_reach:
+        off_yaw, off_lateral = abs(view.yaw), abs(view.lateral - c.aim.lateral)
+        if off_lateral > tuning.capture_m or off_yaw > math.radians(tuning.capture_deg):
+            return _fail(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
     turn = min(max(twist.w, -tuning.press_turn_radps), tuning.press_turn_radps)
     return Twist(spec.press_mps, turn)
 
@@ -255,15 +263,6 @@ def _after_retreat(c: DockingContext) -> Transition:
     c.last_gap = None  # the unit goes far away
     c.assembler.reset(c.belief.reason)
     return Transition(Phase.ASSEMBLE, reason)
-
-
-def _aim_after_jam(aim: float, view: PortView) -> float:
-    """Return where to aim after pins have jammed, most likely because sight is wrong about the side.
-
-    A funnel that pushes the pins to one side turns the unit to that side: so the next attempt is made there,
-    by two standard deviations of the side, and the one after it on the other side.
-    """
-    return -aim if aim else math.copysign(_ASIDE * view.sigma_lateral, view.yaw)
 
 
 def _fail(reason: str, failure: FailureReason, reassemble: bool = False) -> Transition:

@@ -118,3 +118,32 @@ def test_a_line_becomes_a_tee_and_a_line_again(shipped: Callable[..., Scene]) ->
     assert all(step.succeeded for step in result.steps)
     assert sum(step.outcome is Outcome.UNDOCKED for step in result.steps) == 4
     assert sum(step.docked for step in result.steps) == 4
+
+
+STANDS_FAST = """\
+time_limit_s: 60
+arena: {x_m: [-2.2, 2.2], y_m: [-1.7, 1.7]}
+units:
+  a: {number: 1, pose: {x_m: -1.2, spread: {y_m: 0.2, yaw_deg: 20}}}
+  b: {number: 2}
+  c: {number: 3}
+  d: {number: 4}
+cameras: {overhead: {height_m: 4.0}}
+assembled: [c.front-b.left, d.front-b.right]
+plan: [{unit: a, to: b.rear}]
+"""
+
+
+@pytest.mark.parametrize("off_m", [-0.005, 0.005])
+def test_pins_that_jam_in_an_assembly_are_in_its_holes_at_the_next_attempt(
+    tmp_path: Path, off_m: float
+) -> None:
+    """The marker is glued on 5 mm to the side, and an assembly stands fast: the jam tells which side."""
+    (tmp_path / "fast.yaml").write_text(STANDS_FAST)
+    as_built = f"{{bracket: {{y_m: {{error: {off_m}, sigma: 0.002}}}}}}"
+    result = Trial(load_scene(tmp_path / "fast.yaml", {"as_built": as_built}), 1).run(300.0)
+    assert result.outcome is Outcome.COMPLETE
+    jam, seat = result.steps[0].attempts
+    assert jam.contact is not None
+    assert seat.contact is not None
+    assert jam.contact.lateral_m > 0.003 > 2.0 * seat.contact.lateral_m

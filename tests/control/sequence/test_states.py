@@ -18,12 +18,14 @@ from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
+    CollisionMonitorState,
     Conviction,
     FailureReason,
     LockFeedback,
     LockPosition,
     LosObservation,
     LosStatus,
+    MonitorState,
     Phase,
     PoseEstimate,
     SeatSwitches,
@@ -68,6 +70,7 @@ class Desk:
         closed: bool | None = None,
         lock: tuple[LockPosition, int] | None = None,
         twist: Twist | None = None,
+        monitor: CollisionMonitorState | None = None,
     ) -> Action:
         """Let 20 ms go by and ask; the pose was exposed now unless told otherwise.
 
@@ -85,6 +88,7 @@ class Desk:
                 switches=None if closed is None else SeatSwitches("a", now, closed, closed),
                 lock=self.lock,
                 twist=twist or Twist(),
+                monitor=monitor,
             )
         )
 
@@ -227,10 +231,20 @@ def test_it_presses_only_from_where_the_funnel_captures(
         assert desk.machine.belief.setback is FailureReason.OFF_AXIS
 
 
-def _turn_after_jam(desk: Desk, yaw: float, sigma_y: float) -> float:
+def test_pins_in_the_holes_are_pressed_whatever_sight_says_of_the_side(desk: Desk) -> None:
+    desk.to_dock()
+    action = desk.ask(desk.at(0.4 * desk.facts.pin_reach, 2.0 * TUNING.capture_m, 0.0), closed=False)
+    assert (action.phase, action.twist.v) == (Phase.DOCK, desk.spec.press_mps)
+
+
+def _turn_after_jam(
+    desk: Desk, yaw: float, sigma_y: float, monitor: CollisionMonitorState | None = None
+) -> float:
     """Let pins jam in the port, and return how a unit on the axis turns in the next attempt."""
+    covariance = _wide(sigma_y, 1e-3)
+    desk.ask(desk.at(0.1), covariance=covariance)
     for _ in range(400):
-        at_port = desk.ask(desk.at(0.003, 0.0, yaw), closed=False, covariance=_wide(sigma_y, 1e-3))
+        at_port = desk.ask(desk.at(0.003, 0.0, yaw), closed=False, covariance=covariance, monitor=monitor)
         if at_port.phase is Phase.RETREAT:
             break
     assert desk.machine.belief.setback is FailureReason.STALLED
@@ -242,14 +256,28 @@ def _turn_after_jam(desk: Desk, yaw: float, sigma_y: float) -> float:
 
 
 @pytest.mark.parametrize("yaw", [-0.02, 0.02])
-def test_after_a_jam_it_aims_beside_the_axis_and_then_on_the_other_side(facts: DockSetup, yaw: float) -> None:
-    """First to the side to which the funnel has turned it; not at all where sight knows the side."""
+def test_after_a_jam_it_aims_to_the_side_to_which_the_funnel_has_turned_it(
+    facts: DockSetup, yaw: float
+) -> None:
+    """Not at all where sight knows the side; and halfway back when the next jam turns it the other way."""
     sure, desk = Desk(facts), Desk(facts)
     for each in (sure, desk):
         each.to_dock()
     straight = _turn_after_jam(sure, yaw, 0.0)
-    assert (_turn_after_jam(desk, yaw, 0.001) - straight) * yaw > 0.0
-    assert (_turn_after_jam(desk, yaw, 0.001) - straight) * yaw < 0.0
+    first = (_turn_after_jam(desk, yaw, 0.001) - straight) * yaw
+    second = (_turn_after_jam(desk, -yaw, 0.001) - straight) * yaw
+    assert 0.0 < second < first
+
+
+@pytest.mark.parametrize(("state", "aims"), [(MonitorState.SLOW, True), (MonitorState.STOP, False)])
+def test_a_unit_that_the_monitor_stops_does_not_press(
+    facts: DockSetup, state: MonitorState, aims: bool
+) -> None:
+    """So that it has stopped in the port is no jam; one that it slows down presses."""
+    desk = Desk(facts)
+    desk.to_dock()
+    monitor = CollisionMonitorState(desk.now_ns, state, None, None, 1.0)
+    assert (_turn_after_jam(desk, 0.02, 0.001, monitor) != 0.0) is aims
 
 
 def _phases(desk: Desk, gap: float, steps: int, closed: bool = True) -> Sequence[Phase]:
