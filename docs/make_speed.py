@@ -24,7 +24,7 @@ COMPARED = (
     ("close_range", "Docking from 0.7 m", "close_range --grade perfect --grade careful"),
     ("two_units", "The way around an obstacle, and docking", "two_units --grade perfect --grade careful"),
     ("assemble_cross", "Eight units that build a cross", "assemble_cross --grade perfect --grade careful"),
-    ("units", "By the number of units", "sixteen --units 2 --units 4 --units 8 --units 16"),
+    ("units", "By the number of units, built with care", "sixteen --units 2 --units 4 --units 8 --units 16"),
 )
 
 INTRODUCTION = """\

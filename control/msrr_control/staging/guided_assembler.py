@@ -35,6 +35,10 @@ _HOLD_M, _HOLD_AFTER_S = 0.005, 2.0
 #: Heading error at which a turn on the spot ends [rad].
 _ALIGNED_RAD = math.radians(2.0)
 
+#: Way before the end of a route in the open that is not covered before the unit stands there as it is to [m]:
+#: one that reports the whole way, and stands, has arrived.
+_LAST_M = 0.02
+
 
 class GuidedAssembler(Generic[State]):
     """Drives the legs of granted routes one after the other; an ``Assembler`` of the phase machine.
@@ -77,6 +81,7 @@ class GuidedAssembler(Generic[State]):
         self.covered = 0.0
         self.finished = False
         self._leg: int | None = None  # leg that is being driven
+        self._end_yaw: float | None = None  # heading at the end of the route in the open, once it is driven
         self._previous_ns: int | None = None
         self._unseen_ns: int | None = None
         self._waits: tuple[float, int] | None = None  # where the unit waits on the path [m], since when [ns]
@@ -87,7 +92,7 @@ class GuidedAssembler(Generic[State]):
     def receive(self, authority: Authority) -> None:
         """Take in an authority; one of another route replaces the route."""
         if self.authority.receive(authority):
-            self._leg, self.covered, self.finished = None, 0.0, False
+            self._leg, self._end_yaw, self.covered, self.finished = None, None, 0.0, False
             self._follower.drop_route()
 
     def reset(self, reason: str) -> None:
@@ -115,6 +120,8 @@ class GuidedAssembler(Generic[State]):
                 self._follower.restart(estimate.own.X_WB, observation.twist, now)
         # To drive a route only these matter of what is known; all of it when the next leg begins.
         arena = ArenaMap(estimate.own.X_WB, estimate.own.X_WB, (), estimate.obstacles)
+        if self._end_yaw is not None:
+            return self._face_end(observation, arena.X_WU.yaw)
         legs = self.authority.legs
         for _ in range(len(legs) + 1):  # a leg with nothing left is passed in the same instant
             if self._leg is None and not self._begin_next(estimate, now):
@@ -131,10 +138,10 @@ class GuidedAssembler(Generic[State]):
                 twist = self._drive(observation, arena, limit, share)
             if twist is not None:
                 return twist
-            self.covered = legs[self._leg].end
             if self._leg + 1 == len(legs):
-                self._stage, self._reason, self.finished = "settle", "at the end of the route", True
-                return STILL
+                self._end_yaw = self._heading_at_end(self._leg)
+                return self._face_end(observation, arena.X_WU.yaw)
+            self.covered = legs[self._leg].end
             self._begin(self._leg + 1, estimate, now)
         return STILL
 
@@ -180,11 +187,37 @@ class GuidedAssembler(Generic[State]):
         self.covered = max(self.covered, min(leg.end - left, leg.end))
         if abs(error) < _ALIGNED_RAD and abs(observation.twist.w) < _STILL_RADPS:
             return None
-        allowed = max(limit - max(self.covered, begin), 0.0) / self._setup.offset
-        speed = min(
-            self.params.turn_per_s * min(abs(error), allowed), 0.7 * self._setup.limits.w_max_radps, 1.0
-        )
+        return self._turning(error, max(limit - max(self.covered, begin), 0.0) / self._setup.offset)
+
+    def _turning(self, error: float, allowed: float) -> Twist:
+        """Return the command that turns the unit on the spot by ``error``, no farther than allowed [rad]."""
+        fastest = min(0.7 * self._setup.limits.w_max_radps, 1.0)
+        speed = min(self.params.turn_per_s * min(abs(error), allowed), fastest)
         return Twist(0.0, math.copysign(speed, error))
+
+    def _heading_at_end(self, index: int) -> float:
+        """Return the heading in which a route in the open ends, by the number of its last leg [rad]."""
+        leg = self.authority.legs[index]
+        if leg.kind is LegKind.TURN:
+            return leg.start[2] + leg.turn
+        return float(self.authority.route_of(index).path.at(math.inf).heading)
+
+    def _face_end(self, observation: Observation, yaw: float) -> Twist:
+        """Turn to the heading in which the route ends, then stand.
+
+        The law has brought the controlled point to the end of the path, whatever heading it came in with; and
+        others count on the place in which the unit is to stand.
+        """
+        assert self._end_yaw is not None
+        error, end = wrap_angle(self._end_yaw - yaw), self.authority.legs[-1].end
+        if self.authority.limit(observation.now_ns, self.covered, 0.0) < end - 1e-9:
+            return STILL  # the authority has not been renewed
+        if not self.finished and (abs(error) >= _ALIGNED_RAD or not self._rests(observation)):
+            self._stage = "turn"
+            return self._turning(error, math.inf)
+        self.covered, self.finished = end, True
+        self._stage, self._reason = "settle", "at the end of the route"
+        return STILL
 
     def _drive(self, observation: Observation, arena: ArenaMap, limit: float, share: float) -> Twist | None:
         """Follow the path of the leg, and come to rest where the authority or the path ends.
@@ -210,7 +243,9 @@ class GuidedAssembler(Generic[State]):
         twist = follower.step(arena, follower.s, (share or 1.0) * self._dt, limit=allowed)
         self._asked = twist
         lag = math.dist(follower.tip(arena.X_WU), follower.position)
-        self.covered = max(self.covered, min(begin + follower.s - offset - lag, leg.end))
+        last = self._leg + 1 == len(self.authority.legs)
+        end = leg.end - _LAST_M if last else leg.end
+        self.covered = max(self.covered, min(begin + follower.s - offset - lag, end))
         remaining = float(follower.route.path.length) - follower.s
         if remaining > 2e-3:
             return twist

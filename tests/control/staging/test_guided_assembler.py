@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from msrr_control.coordination import Body, Coordinator, Knowledge, Mission, RouteParams, Shape
+from msrr_control.coordination.ledger import SAME_M
 from msrr_control.coordination.track import track_of
 from msrr_control.kinematics.unicycle import advance_pose, drive
 from msrr_control.path_following.c1 import C1PathFollowingLaw
@@ -310,6 +311,28 @@ def test_a_unit_that_the_collision_monitor_holds_or_slows_stays_on_its_path(pass
         most_off = max(most_off, float(np.hypot(*(points - tip).T).min()))
     assert unit.assembler.finished
     assert most_off < 0.015
+
+
+@pytest.mark.parametrize("turn", [-1.0, 1.0])
+def test_at_the_end_of_a_route_in_the_open_it_turns_to_the_heading_in_which_that_ends(
+    turn: float,
+) -> None:
+    """The route ends in a bend, out of which the law comes in askew; only then the whole way is reported."""
+    unit = Fleet(STARTS, Mission())._unit("a", SE2(), ("b", "c", "d"))
+    lengths, curvature = (0.3, 0.9), (0.0, 2.5 * turn)
+    end = sum(lengths) - unit.assembler._setup.offset
+    leg = RouteLeg(LegKind.PATH, (0.0, 0.0, 0.0), curvature, lengths, 0.0, end)
+    message = Authority("a", 1, 1, 0, 3_000_000_000, end, (leg,), None, False)
+    now_ns, askew = 0, []
+    while not unit.assembler.finished:
+        assert unit.assembler.covered < end - SAME_M
+        now_ns = follow(unit, message, end, 0.1, now_ns)
+        assert now_ns < 30e9
+        if unit.assembler.progress is not None and unit.assembler.progress.stage == "turn":
+            askew.append(abs(wrap_angle(2.25 * turn - unit.X_WU.yaw)))
+    assert max(askew) > math.radians(4.0)
+    assert abs(wrap_angle(2.25 * turn - unit.X_WU.yaw)) < math.radians(2.5)
+    assert unit.assembler.covered == end
 
 
 def test_the_dock_leg_is_entered_whole_or_not_at_all(granted: tuple[Unit, Authority]) -> None:
