@@ -148,8 +148,10 @@ def test_the_program_starts_without_the_simulator() -> None:
 def test_a_signal_to_end_unwinds(number: int) -> None:
     """The time limit holds from the signal on; how long the program takes to start depends on the machine."""
     code = (
-        "import sys, time, msrr_bullet.cli.app as cli, msrr_bullet.run as r\n"
+        "import signal, sys, time, msrr_bullet.cli.app as cli, msrr_bullet.run as r\n"
         "import msrr_bullet.sensors.preparation as preparation\n"
+        # These tests may run under nohup, whose programs are to go on at SIGHUP, this one too.
+        f"signal.signal({int(number)}, signal.SIG_DFL)\n"
         "def trial(*a, **k):\n"
         "    try:\n"
         "        print('the trial runs', flush=True)\n"
