@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import MappingProxyType
 
 from msrr_control.coordination.track import path_of
@@ -55,6 +56,14 @@ class MovementAuthority:
         if not legs or legs[-1].kind is not LegKind.DOCK:
             return self.length
         return legs[-2].end if len(legs) > 1 else 0.0
+
+    @property
+    def end_yaw(self) -> float:
+        """Heading in which a route in the open ends, by its last leg [rad]; there has to be a route."""
+        last = self.legs[-1]
+        if last.kind is LegKind.TURN:
+            return last.start[2] + last.turn
+        return float(path_of(last).at(math.inf).heading)
 
     def receive(self, authority: Authority) -> bool:
         """Take in an authority unless a newer one is known; return whether it begins another route."""

@@ -14,6 +14,7 @@ from msrr_control.sequence.states import STILL
 from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
+from msrr_control.staging.spot_turn import spot_turn
 from msrr_scenes.geometry.se2 import wrap_angle
 from msrr_scenes.messages import (
     ArenaEstimate,
@@ -139,7 +140,7 @@ class GuidedAssembler(Generic[State]):
             if twist is not None:
                 return twist
             if self._leg + 1 == len(legs):
-                self._end_yaw = self._heading_at_end(self._leg)
+                self._end_yaw = self.authority.end_yaw
                 return self._face_end(observation, arena.X_WU.yaw)
             self.covered = legs[self._leg].end
             self._begin(self._leg + 1, estimate, now)
@@ -187,20 +188,8 @@ class GuidedAssembler(Generic[State]):
         self.covered = max(self.covered, min(leg.end - left, leg.end))
         if abs(error) < _ALIGNED_RAD and abs(observation.twist.w) < _STILL_RADPS:
             return None
-        return self._turning(error, max(limit - max(self.covered, begin), 0.0) / self._setup.offset)
-
-    def _turning(self, error: float, allowed: float) -> Twist:
-        """Return the command that turns the unit on the spot by ``error``, no farther than allowed [rad]."""
-        fastest = min(0.7 * self._setup.limits.w_max_radps, 1.0)
-        speed = min(self.params.turn_per_s * min(abs(error), allowed), fastest)
-        return Twist(0.0, math.copysign(speed, error))
-
-    def _heading_at_end(self, index: int) -> float:
-        """Return the heading in which a route in the open ends, by the number of its last leg [rad]."""
-        leg = self.authority.legs[index]
-        if leg.kind is LegKind.TURN:
-            return leg.start[2] + leg.turn
-        return float(self.authority.route_of(index).path.at(math.inf).heading)
+        allowed = max(limit - max(self.covered, begin), 0.0) / self._setup.offset
+        return spot_turn(error, self.params, self._setup.limits, allowed)
 
     def _face_end(self, observation: Observation, yaw: float) -> Twist:
         """Turn to the heading in which the route ends, then stand.
@@ -214,7 +203,7 @@ class GuidedAssembler(Generic[State]):
             return STILL  # the authority has not been renewed
         if not self.finished and (abs(error) >= _ALIGNED_RAD or not self._rests(observation)):
             self._stage = "turn"
-            return self._turning(error, math.inf)
+            return spot_turn(error, self.params, self._setup.limits)
         self.covered, self.finished = end, True
         self._stage, self._reason = "settle", "at the end of the route"
         return STILL

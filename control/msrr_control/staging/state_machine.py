@@ -30,6 +30,7 @@ from msrr_control.sequence.states import STILL
 from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
+from msrr_control.staging.spot_turn import spot_turn
 from msrr_scenes.geometry.se2 import wrap_angle
 from msrr_scenes.messages import AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
 
@@ -219,8 +220,7 @@ class LongDistanceAssembler(Generic[State]):
         if time > _TURN_S:
             self._caution += 1
             return _Transition(AssemblyState.BRAKE, "could not turn on the spot")
-        max_w = min(0.7 * self._setup.limits.w_max_radps, 1.0)
-        return Twist(0.0, min(max(self.params.turn_per_s * error, -max_w), max_w))
+        return spot_turn(error, self.params, self._setup.limits)
 
     def _drive(self, observation: Observation, arena: ArenaMap) -> _Decision:
         """Follow the path."""
