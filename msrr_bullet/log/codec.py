@@ -88,7 +88,9 @@ def _nested(convert: Callable[[float], Json], values: Json) -> Json:
 
 
 def _array_in(values: Json) -> Array:
-    return np.array(_nested(float, values), dtype=np.float64)
+    array: Array = np.array(values)
+    # NaN and the infinities are strings in the log.
+    return array if array.dtype == np.float64 else np.array(_nested(float, values), dtype=np.float64)
 
 
 _SCALARS: dict[Any, Codec[Any]] = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -14,16 +13,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
-import zstandard
-from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
-from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.records import Attachment, Channel, Message, Metadata
 
 from msrr_bullet.log import topics
 from msrr_bullet.log.codec import LogError
 from msrr_bullet.log.formats import Format, format_named, window_in
 from msrr_bullet.log.frames import FRAMES_OF, LoggedFrame
 from msrr_bullet.log.header import LIBRARY, METADATA, LogHeader
+from msrr_bullet.log.mcap_records import mcap_records
 from msrr_bullet.log.records import CameraWindow
 
 T = TypeVar("T")
@@ -33,9 +30,6 @@ LOG_NAME = "trial.mcap"
 
 #: First and last bytes of an MCAP file.
 MAGIC = b"\x89MCAP0\r\n"
-
-#: Errors that the MCAP reader raises when a record is cut off or damaged.
-_DAMAGE = (McapError, CRCValidationError, struct.error, zstandard.ZstdError, UnicodeDecodeError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,19 +151,20 @@ class Log:
 
     def _raw_records(self, patterns: tuple[str, ...]) -> Iterator[LogRecord | _Frame]:
         """Iterate over exact messages on topics that match, and over the frames of all cameras."""
-        channels: dict[int, Channel] = {}
-        formats: dict[int, Format | None] = {}
-        for record in _records(self.path, self.complete):
+        topic_and_format: dict[int, tuple[str, Format | None]] = {}  # of the channels that are read
+        for record in mcap_records(self.path, self.complete, topic_and_format):
             if isinstance(record, Channel):
-                channels[record.id], formats[record.id] = record, _format_of(record, patterns)
-            elif isinstance(record, Message) and record.channel_id in channels:
-                channel, message_format = channels[record.channel_id], formats[record.channel_id]
+                message_format, camera = _format_of(record, patterns), record.metadata.get(FRAMES_OF)
                 if message_format is not None:
-                    yield LogRecord(
-                        channel.topic, record.log_time, record.sequence, record.data, message_format
-                    )
-                elif FRAMES_OF in channel.metadata:
-                    yield _Frame(channel.metadata[FRAMES_OF], record.log_time, record.data)
+                    topic_and_format[record.id] = record.topic, message_format
+                elif camera is not None:
+                    topic_and_format[record.id] = camera, None
+            elif isinstance(record, Message):
+                name, message_format = topic_and_format[record.channel_id]
+                if message_format is None:
+                    yield _Frame(name, record.log_time, record.data)
+                else:
+                    yield LogRecord(name, record.log_time, record.sequence, record.data, message_format)
 
     def messages(self, kind: type[T], *patterns: str) -> Iterator[tuple[int, T]]:
         """Iterate over (stamp, message) of all messages of one class, on topics that match the patterns."""
@@ -201,7 +196,7 @@ def read_log(path: str | Path) -> Log:
         raise LogError(f"{path}: not an MCAP file")
     metadata: dict[str, str] | None = None
     files: dict[str, bytes] = {}
-    for record in _records(path, complete):
+    for record in mcap_records(path, complete, ()):
         if isinstance(record, Metadata) and record.name == METADATA:
             metadata = record.metadata
         elif isinstance(record, Attachment):
@@ -245,18 +240,6 @@ def unpacked_log(path: str | Path) -> Iterator[Log]:
     log = read_log(path)
     with TemporaryDirectory(prefix="msrr-log-") as folder:
         yield replace(log, header=log.header.unpacked(Path(folder)))
-
-
-def _records(path: Path, complete: bool) -> Iterator[McapRecord]:
-    """Iterate over the MCAP records. A file that is not complete may end anywhere."""
-    try:
-        with path.open("rb") as file:
-            yield from StreamReader(file, validate_crcs=True).records
-    except OSError as error:
-        raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
-    except _DAMAGE as error:
-        if complete:
-            raise LogError(f"{path}: the log is damaged: {error!r}") from error
 
 
 def _format_of(channel: Channel, patterns: tuple[str, ...]) -> Format | None:
