@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from msrr_bullet.simulation.simulation import camera_pose, overhead_camera_pose
 from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
@@ -26,6 +26,9 @@ from msrr_scenes.specs.scene import Scene
 
 #: Distance from the camera below which everything is cut off [m].
 NEAR = 0.01
+
+#: Width of the rim about a frame in which an area is still drawn, for the sake of its edge [px].
+_RIM = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,18 +68,33 @@ class Perspective:
 
         The part behind the camera is cut off. K is 0 when nothing is left.
         """
-        p = self._in_camera(points_W)
-        front = p[:, 2] > NEAR
-        if not front.any():
-            return np.empty((0, 2))
-        if not front.all():
-            # Every corner of the cut lies on a line from a point in front of the plane to one behind it.
-            a, b = p[front][:, None], p[~front][None]
-            fraction = (a[..., 2:] - NEAR) / (a[..., 2:] - b[..., 2:])
-            p = np.concatenate([p[front], (a + fraction * (b - a)).reshape(-1, 3)])
-        outline = cv2.convexHull(self.camera.project(p).astype(np.float32))
-        hull: Array = outline.reshape(-1, 2).astype(np.float64)
-        return hull
+        return self._hull(self._in_camera(points_W))
+
+    def areas(self, areas: Sequence[Array]) -> Iterator[tuple[float, Array]]:
+        """Yield depth and outline of every area whose hull the camera may show; K is 0 for the others.
+
+        Args:
+            areas: Points in W, whose convex hull an area is, each of shape (N, 3) [m].
+
+        Yields:
+            The depth of the centroid along the axis of the camera [m], and the outline as of :meth:`hull`.
+        """
+        p, counts = self._in_camera(np.concatenate(areas)), np.array([len(points) for points in areas])
+        starts = np.cumsum(counts) - counts
+        depths = np.add.reduceat(p[:, 2], starts) / counts
+        in_front = np.minimum.reduceat(p[:, 2], starts) > NEAR
+        with np.errstate(divide="ignore", invalid="ignore"):  # of points behind the camera
+            pixels = self.camera.project(p).astype(np.float32)
+            low, high = (bound.reduceat(pixels, starts) for bound in (np.minimum, np.maximum))
+            ends = np.array([self.camera.width, self.camera.height]) + _RIM
+            outside = np.any((high < -_RIM) | (low > ends), axis=1)
+        for n, (start, count, depth) in enumerate(zip(starts, counts, depths.tolist(), strict=True)):
+            if not in_front[n]:
+                yield depth, self._hull(p[start : start + count])
+            elif outside[n]:
+                yield depth, np.empty((0, 2))
+            else:
+                yield depth, _convex_outline(pixels[start : start + count])
 
     def line(self, points_W: ArrayLike) -> Iterator[Array]:
         """Yield the pieces of a line, shape (N, 3) [m], in front of the camera, each in pixels (2, 2)."""
@@ -89,10 +107,6 @@ class Perspective:
                 a, b = (cut, b) if a[2] <= NEAR else (a, cut)
             yield self.camera.project(np.stack([a, b]))
 
-    def depth(self, points_W: ArrayLike) -> float:
-        """Return the depth of the centroid of points along the axis of the camera [m]."""
-        return float(self._in_camera(points_W)[:, 2].mean())
-
     def sees_front(self, X_WT: SE3) -> bool:
         """Return whether the camera is on the side from which tag T can be read."""
         away: Array = X_WT.p - self.X_WC.p
@@ -100,6 +114,22 @@ class Perspective:
 
     def _in_camera(self, points_W: ArrayLike) -> Array:
         return self.X_WC.inverse().act(np.asarray(points_W, dtype=np.float64).reshape(-1, 3))
+
+    def _hull(self, p: Array) -> Array:
+        front = p[:, 2] > NEAR
+        if not front.any():
+            return np.empty((0, 2))
+        if not front.all():
+            # Every corner of the cut lies on a line from a point in front of the plane to one behind it.
+            a, b = p[front][:, None], p[~front][None]
+            fraction = (a[..., 2:] - NEAR) / (a[..., 2:] - b[..., 2:])
+            p = np.concatenate([p[front], (a + fraction * (b - a)).reshape(-1, 3)])
+        return _convex_outline(self.camera.project(p).astype(np.float32))
+
+
+def _convex_outline(pixels: NDArray[np.float32]) -> Array:
+    outline: Array = cv2.convexHull(pixels).reshape(-1, 2).astype(np.float64)
+    return outline
 
 
 @dataclass(frozen=True, eq=False)

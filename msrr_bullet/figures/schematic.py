@@ -69,28 +69,41 @@ def draw_scene(
         hidden: Name of a body that the camera does not see: the unit that carries it; None without one.
     """
     draw_floor(drawing, arena)
-    faces = _faces(drawing.perspective, solids, poses, hidden)
-    for _, points_W, colour, edge in sorted(faces, key=lambda f: -f[0]):
-        drawing.canvas.fill(drawing.perspective.hull(points_W), colour, edge)
+    faces = list(_faces(drawing.perspective, solids, poses, hidden))
+    if not faces:
+        return
+    outlines = drawing.perspective.areas([points_W for points_W, *_ in faces])
+    seen = [
+        (depth - ahead, outline, colour, edge)
+        for (depth, outline), (_, ahead, colour, edge) in zip(outlines, faces, strict=True)
+        if len(outline)
+    ]
+    for _, outline, colour, edge in sorted(seen, key=lambda face: -face[0]):
+        drawing.canvas.fill(outline, colour, edge)
 
 
 def _faces(
     perspective: Perspective, solids: Mapping[str, Solids], poses: Mapping[str, SE2], hidden: str | None
-) -> Iterator[tuple[float, Array, int, int | None]]:
-    """Yield areas to fill: depth [m], points (N, 3) in W whose hull it is, colour, colour of the edge."""
+) -> Iterator[tuple[Array, float, int, int | None]]:
+    """Yield areas to fill.
+
+    Yields:
+        Points (N, 3) in W whose hull the area is, by how much it is drawn in front of its place [m], its
+        colour, and the colour of its edge.
+    """
     for name, X_WB in poses.items():
         if name == hidden:
             continue
-        X = SE3.from_se2(X_WB)
+        points_W, end = SE3.from_se2(X_WB).act(solids[name].points), 0
         for points_B, colour in solids[name].shapes:
-            points_W = X.act(points_B)
-            yield perspective.depth(points_W), points_W, _pale(colour), colour
+            start, end = end, end + len(points_B)
+            yield points_W[start:end], 0.0, _pale(colour), colour
         for X_WT, plate, square in solids[name].squares(X_WB):
             if perspective.sees_front(X_WT):
                 # The square lies on the plate and the plate on the body, so each is drawn after the one
                 # below.
-                yield perspective.depth(plate) - _TAG_OFFSET, plate, PLATE, SQUARE
-                yield perspective.depth(square) - 2.0 * _TAG_OFFSET, square, SQUARE, None
+                yield plate, _TAG_OFFSET, PLATE, SQUARE
+                yield square, 2.0 * _TAG_OFFSET, SQUARE, None
 
 
 def draw_floor(drawing: Drawing, arena: ArenaSpec) -> None:
