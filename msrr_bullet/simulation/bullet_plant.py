@@ -47,7 +47,7 @@ class BulletPlant(Plant):
     def step_freewheeling(self) -> None:
         """Advance by one tick with all wheels released."""
         self._sleeping.watch()
-        self._solver.expect_contact()
+        self._solver.step(self._sleeping.awake, self._sleeping.groups)
         for name in self._sleeping.awake:
             self._motors[name].release()
         self._advance()

@@ -36,7 +36,7 @@ class SolverEffort:
         self._period = max(round(_PERIOD_S * world.scene.physics_hz), 1)
         self._tick = 0
         self._iterations = 0
-        self.expect_contact()
+        self._choose(CONTACT_ITERATIONS)
         self._radius = {name: unit.geometry.circumradius for name, unit in world.units.items()}
 
     def step(self, awake: Collection[str], groups: Mapping[str, tuple[str, ...]]) -> None:
@@ -49,10 +49,6 @@ class SolverEffort:
         self._tick += 1
         if self._tick % self._period == 0:
             self._choose(CONTACT_ITERATIONS if self._may_touch(awake, groups) else FREE_ITERATIONS)
-
-    def expect_contact(self) -> None:
-        """Do as many iterations as contact needs, up to the next look."""
-        self._choose(CONTACT_ITERATIONS)
 
     def _choose(self, iterations: int) -> None:
         if iterations != self._iterations:
