@@ -31,12 +31,12 @@ def crossing(u: Array, v: Array, k: int, guess: int, a: float, b: float, c: floa
     """
     end = u.shape[1]
     i = min(max(guess, 0), end - 1)
-    value = a * u[k, i] + (b * v[k, i] + c)
-    if abs(value) > 3.0 * abs(a):  # a step of Newton's method; pixels are about 1 wide
-        i = int(min(max(i - value / a, 0.0), float(end)))
-    while i < end and (a * u[k, i] + (b * v[k, i] + c) >= 0.0) != (a > 0.0):
+    rises = a > 0.0
+    # A step of Newton's method; pixels are about 1 wide. From there a corner or two decide.
+    i = int(min(max(i + 1.0 - (a * u[k, i] + (b * v[k, i] + c)) / a, 0.0), float(end)))
+    while i < end and (a * u[k, i] + (b * v[k, i] + c) >= 0.0) != rises:
         i += 1
-    while i > 0 and (a * u[k, i - 1] + (b * v[k, i - 1] + c) >= 0.0) == (a > 0.0):
+    while i > 0 and (a * u[k, i - 1] + (b * v[k, i - 1] + c) >= 0.0) == rises:
         i -= 1
     return i
 
