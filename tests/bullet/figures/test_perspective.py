@@ -56,3 +56,26 @@ def test_a_solid_around_the_camera_is_cut_off_in_front_of_it():
     assert len(camera.hull(cube - np.array([0.0, 0.0, 5.0]))) == 0
     (piece,) = camera.line([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
     np.testing.assert_allclose(piece, np.full((2, 2), [camera.camera.cx, camera.camera.cy]))
+
+
+def test_areas_have_the_outlines_of_their_hulls_and_none_outside_the_frame():
+    """Some cubes are cut by the near plane. Each is as drawn alone, or left out."""
+    camera = Perspective(
+        PinholeCamera.from_hfov(640, 480, 1.2), SE3.from_xyz_rpy([0.3, -0.2, 0.1], [0.4, 1.1, -2.0])
+    )
+    rng = np.random.default_rng(8)
+    cube = np.array([[x, y, z] for x in (-0.2, 0.2) for y in (-0.2, 0.2) for z in (-0.2, 0.2)])
+    areas = [cube[: 4 + n % 5] + rng.uniform(-1.0, 1.0, 3) for n in range(200)]
+    drawn = outside = 0
+    for points, (depth, outline) in zip(areas, camera.areas(areas), strict=True):
+        alone = camera.hull(points)
+        np.testing.assert_allclose(depth, camera.X_WC.inverse().act(points)[:, 2].mean(), atol=1e-12)
+        if len(outline):
+            np.testing.assert_array_equal(outline, alone)
+            drawn += 1
+        elif len(alone):
+            low, high = alone.min(axis=0), alone.max(axis=0)
+            assert (high < -1.0).any() or (low > [641.0, 481.0]).any()
+            outside += 1
+    assert drawn > 30
+    assert outside > 30

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from msrr_bullet.log import (
     LogError,
@@ -48,6 +49,19 @@ def test_a_log_reads_back_in_its_order(
     assert {r.topic for r in some} == {"/camera/a/onboard/exposure", "/camera/a/onboard/window"}
     assert len(some) == 50
     assert {r.topic for r in log.records()} == {topic for topic, _, _ in memory.messages}
+
+
+def test_messages_are_those_that_the_reader_of_mcap_finds(
+    tmp_path: Path, header: LogHeader, record_trial: Record
+) -> None:
+    path = tmp_path / "trial.mcap"
+    with McapRecorder(path, header, flush_every_s=0.5) as recorder:
+        record_trial(recorder, 2.5)
+    with path.open("rb") as file:
+        found = list(make_reader(file, validate_crcs=True).iter_messages(log_time_order=False))
+    exact = [(c.topic, m.log_time, m.sequence, m.data) for _, c, m in found if "type" in c.metadata]
+    assert len(exact) < len(found)  # the others are for display
+    assert [(r.topic, r.stamp_ns, r.sequence, r.data) for r in read_log(path).records()] == exact
 
 
 def test_a_file_that_was_cut_off_anywhere_is_read_up_to_the_cut(
