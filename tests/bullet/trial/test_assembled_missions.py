@@ -134,7 +134,7 @@ plan: [{unit: a, to: b.rear}]
 """
 
 
-@pytest.mark.parametrize("off_m", [-0.005, 0.005])
+@pytest.mark.parametrize("off_m", [-0.005, pytest.param(0.005, marks=pytest.mark.nightly)])
 def test_pins_that_jam_in_an_assembly_are_in_its_holes_at_the_next_attempt(
     tmp_path: Path, off_m: float
 ) -> None:
