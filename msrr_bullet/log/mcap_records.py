@@ -9,7 +9,7 @@ from pathlib import Path
 
 import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
+from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, McapRecord, Message
 from mcap.stream_reader import CRCValidationError, StreamReader, get_chunk_data_stream
@@ -51,7 +51,7 @@ def mcap_records(path: Path, complete: bool, channels: Container[int]) -> Iterat
 def _in_chunk(chunk: Chunk, channels: Container[int]) -> Iterator[McapRecord]:
     """Iterate over the channels of a chunk, and over its messages on ``channels``.
 
-    mcap makes an object of every message, also of those that nobody asks for: that takes ten times as long.
+    mcap makes an object of every message, also of those that nobody asks for, which takes most of the time.
     """
     stream, size = get_chunk_data_stream(chunk, validate_crc=True)
     data, end = stream.read(size), 0
@@ -59,6 +59,8 @@ def _in_chunk(chunk: Chunk, channels: Container[int]) -> Iterator[McapRecord]:
         opcode, length = _HEAD.unpack_from(data, end)
         start = end + _HEAD.size
         end = start + length
+        if end > size:
+            raise EndOfFile()
         if opcode == Opcode.MESSAGE:
             channel, sequence, logged, published = _MESSAGE_HEAD.unpack_from(data, start)
             if channel in channels:
