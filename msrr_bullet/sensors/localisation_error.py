@@ -78,7 +78,7 @@ def _moved(model: OverheadModel, detected: TagDetection, error: Array) -> TagDet
     if not error.any():
         return detected
     tag = model.tags[detected.tag_id]
-    points, _ = rays_to_plane(model.camera, model.X_WC, detected.corners, tag.height)
+    points = rays_to_plane(model.camera, model.X_WC, detected.corners, tag.height)
     return replace(detected, corners=_pixels(model, tag, points, error))
 
 

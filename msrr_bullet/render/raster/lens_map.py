@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import astuple
 
 import numpy as np
@@ -95,7 +96,7 @@ class LensMap:
         self._lens = Lens(camera.focal, camera.cx, camera.cy, *astuple(distortion))
         if not has_inverse(camera, distortion):
             raise self._error(camera.frame)
-        self._latest: tuple[Window, LensView] | None = None
+        self._latest: tuple[Window, LensView, Window] | None = None
         self._memory = np.empty((2, 0))
         self._searched: set[Window] = set()
         self._cover(camera.frame.padded(_MARGIN))
@@ -103,15 +104,12 @@ class LensMap:
     def view(self, window: Window) -> LensView:
         """Return the places of the corners of the pixels of ``window``.
 
-        The latest view is kept, for the next instant of the exposure. The view of another window is written
-        over it, for fresh memory costs more than to fill it.
+        It is written over by the view of another window, for fresh memory costs more than to fill it.
 
         Raises:
             GeometryError: The window reaches beyond the frame to where the lens has no inverse.
         """
-        if self._latest is None or self._latest[0] != window:
-            self._latest = window, self._searched_view(window) or self._view(window)
-        return self._latest[1]
+        return self._look(window)[0]
 
     def bounds(self, window: Window) -> Window:
         """Return the smallest window of the image of an ideal lens that holds all that ``window`` shows.
@@ -119,10 +117,16 @@ class LensMap:
         Raises:
             GeometryError: The window reaches beyond the frame to where the lens has no inverse.
         """
-        view = self.view(window)
-        left, right = int(np.floor(view.u[:, 0].min())), int(np.ceil(view.u[:, -1].max()))
-        top, bottom = int(np.floor(view.v[0].min())), int(np.ceil(view.v[-1].max()))
-        return Window(left, top, right - left, bottom - top)
+        return self._look(window)[1]
+
+    def _look(self, window: Window) -> tuple[LensView, Window]:
+        """Return view and bounds of a window; the latest are kept, for the next instant of the exposure."""
+        if self._latest is None or self._latest[0] != window:
+            view = self._searched_view(window) or self._view(window)
+            left, right = math.floor(view.u[:, 0].min()), math.ceil(view.u[:, -1].max())
+            top, bottom = math.floor(view.v_low[0]), math.ceil(view.v_high[-1])
+            self._latest = window, view, Window(left, top, right - left, bottom - top)
+        return self._latest[1:]
 
     def _searched_view(self, window: Window) -> LensView | None:
         """Return the view of a wide window that is asked for the first time, and keep no place in it.
@@ -185,8 +189,10 @@ class LensMap:
             slice(y // _TILE, (y + window.height) // _TILE + 1),
             slice(x // _TILE, (x + window.width) // _TILE + 1),
         )
-        for j, i in np.argwhere(~self._known[tiles]):
-            self._compute(int(j) + tiles[0].start, int(i) + tiles[1].start)
+        known = self._known[tiles]
+        if not known.all():
+            for j, i in np.argwhere(~known):
+                self._compute(int(j) + tiles[0].start, int(i) + tiles[1].start)
         return x, y
 
     def _cover(self, window: Window) -> None:

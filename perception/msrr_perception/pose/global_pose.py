@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -29,7 +30,7 @@ _MISFIT_PX = 2.0
 _R_FLAT_TAG: Array = np.diag([1.0, -1.0, -1.0])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class FlatTag:
     """A level tag on top of a body.
 
@@ -41,7 +42,7 @@ class FlatTag:
     name: str
     corners_B: Array
 
-    @property
+    @cached_property
     def height(self) -> float:
         """Height above the floor [m]."""
         return float(self.corners_B[:, 2].mean())
@@ -52,7 +53,7 @@ def overhead_pose(spec: OverheadCameraSpec) -> SE3:
     return SE3(np.diag([1.0, -1.0, -1.0]), np.array([spec.x_m, spec.y_m, spec.height_m]))
 
 
-def rays_to_plane(camera: PinholeCamera, X_WC: SE3, pixels: Array, height: float) -> tuple[Array, Array]:
+def rays_to_plane(camera: PinholeCamera, X_WC: SE3, pixels: Array, height: float) -> Array:
     """Return the points where pixel rays meet the plane z = ``height`` of W.
 
     Args:
@@ -62,20 +63,35 @@ def rays_to_plane(camera: PinholeCamera, X_WC: SE3, pixels: Array, height: float
         height: Height of the plane [m].
 
     Returns:
-        Points in W, shape (N, 2) [m], and their derivatives by the pixel, shape (N, 2, 2) [m/px].
+        Points in W, shape (N, 2) [m].
 
     Raises:
         SceneError: A ray does not meet the plane in front of the camera.
     """
     d = camera.rays(pixels) @ X_WC.R.T
-    t = (height - X_WC.p[2]) / d[:, 2]
+    return X_WC.p[:2] + _range(X_WC, d, height)[:, None] * d[:, :2]
+
+
+def rays_to_plane_jacobian(camera: PinholeCamera, X_WC: SE3, pixels: Array, height: float) -> Array:
+    """Return the derivatives of :func:`rays_to_plane` by the pixel, shape (N, 2, 2) [m/px].
+
+    Raises:
+        SceneError: A ray does not meet the plane in front of the camera.
+    """
+    d = camera.rays(pixels) @ X_WC.R.T
+    t = _range(X_WC, d, height)
+    # The ray turns by the rotation's first two columns over f, sliding along the plane.
+    turn = X_WC.R[:, :2] / camera.focal
+    by_pixel: Array = t[:, None, None] * (turn[:2] - d[:, :2, None] * (turn[2] / d[:, 2:3])[:, None, :])
+    return by_pixel
+
+
+def _range(X_WC: SE3, directions: Array, height: float) -> Array:
+    """Return the multiples of directions in W, shape (N, 3), at which rays of the camera meet a plane."""
+    t: Array = (height - X_WC.p[2]) / directions[:, 2]
     if not np.all(np.isfinite(t)) or float(t.min()) <= 0.0:
         raise SceneError(f"the camera does not look at the plane z = {height} m")
-    points = X_WC.p[:2] + t[:, None] * d[:, :2]
-    # d(point)/d(pixel): the ray turns by the rotation's first two columns over f, sliding along the plane.
-    turn = X_WC.R[:, :2] / camera.focal
-    jacobian = t[:, None, None] * (turn[None, :2, :] - d[:, :2, None] * (turn[2] / d[:, 2:3])[:, None, :])
-    return points, jacobian
+    return t
 
 
 def flat_tags(scene: Scene) -> dict[int, FlatTag]:
@@ -109,6 +125,7 @@ class GlobalLocalizer:
         """
         self.camera = camera
         self.X_WC = X_WC
+        self._X_CW = X_WC.inverse()
         self.tags = MappingProxyType(dict(tags))
         self._covariance_B: dict[str, Array] = {}
         self._modelled: dict[str, float] = {}  # variance of a corner's coordinate [px^2]
@@ -136,10 +153,10 @@ class GlobalLocalizer:
     def pixels(self, tag: FlatTag, X_WB: SE2) -> Array:
         """Return the pixels of a tag's corners, shape (4, 2), when its body stands at ``X_WB``."""
         p_W = SE3.from_se2(X_WB).act(tag.corners_B)
-        return self.camera.project(self.X_WC.inverse().act(p_W))
+        return self.camera.project(self._X_CW.act(p_W))
 
     def _locate(self, seen: TagDetection, tag: FlatTag, stamp_ns: int) -> GlobalPose | None:
-        points, _ = rays_to_plane(self.camera, self.X_WC, seen.corners, tag.height)
+        points = rays_to_plane(self.camera, self.X_WC, seen.corners, tag.height)
         X_WB = fit_se2(tag.corners_B[:, :2], points)
         misfit = self.pixels(tag, X_WB) - seen.corners
         if float((misfit**2).sum(axis=1).mean()) > _MISFIT_PX**2:
@@ -159,7 +176,7 @@ class GlobalLocalizer:
         """
         X_WB = SE2(float(self.X_WC.p[0]), float(self.X_WC.p[1]), 0.0)
         corners = self.pixels(tag, X_WB)
-        _, by_pixel = rays_to_plane(self.camera, self.X_WC, corners, tag.height)
+        by_pixel = rays_to_plane_jacobian(self.camera, self.X_WC, corners, tag.height)
         moved = (by_pixel @ corners_by_sections(corners).reshape(4, 2, 8)).reshape(8, 8)
         # Both sides are linear near the solution: the pose's covariance follows from the corners'.
         A = pose_jacobian(X_WB, tag.corners_B[:, :2])

@@ -81,7 +81,7 @@ class SE3:
     @classmethod
     def from_se2(cls, X: SE2, z: float = 0.0) -> SE3:
         """Lift a planar pose to height ``z`` [m]."""
-        return cls(rotation_from_rpy(0.0, 0.0, X.yaw), np.array([X.x, X.y, z]))
+        return cls._of(rotation_from_rpy(0.0, 0.0, X.yaw), np.array([X.x, X.y, z]))
 
     def to_se2(self) -> SE2:
         """Project to the plane: x, y and the heading of the x axis."""

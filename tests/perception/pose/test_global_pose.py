@@ -9,7 +9,14 @@ from scipy.stats import chi2
 
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.pose.corner_errors import CornerErrors, corners_by_sections
-from msrr_perception.pose.global_pose import GlobalLocalizer, fit_se2, flat_tags, overhead_pose, rays_to_plane
+from msrr_perception.pose.global_pose import (
+    GlobalLocalizer,
+    fit_se2,
+    flat_tags,
+    overhead_pose,
+    rays_to_plane,
+    rays_to_plane_jacobian,
+)
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se2 import SE2
@@ -114,11 +121,11 @@ def test_ray_derivatives_equal_central_differences() -> None:
     camera = PinholeCamera(1280, 960, 900.0)
     X_WC = SE3(SE3.from_xyz_rpy([0, 0, 0], [math.pi - 0.2, 0.15, 0.3]).R, np.array([0.3, -0.4, 2.5]))
     pixels = np.array([[100.0, 200.0], [640.0, 480.0], [1200.0, 30.0]])
-    _, J = rays_to_plane(camera, X_WC, pixels, 0.23)
+    J = rays_to_plane_jacobian(camera, X_WC, pixels, 0.23)
     h = 1e-4
     for axis in range(2):
         e = h * np.eye(2)[axis]
-        ahead, behind = (rays_to_plane(camera, X_WC, pixels + s * e, 0.23)[0] for s in (1, -1))
+        ahead, behind = (rays_to_plane(camera, X_WC, pixels + s * e, 0.23) for s in (1, -1))
         np.testing.assert_allclose(J[:, :, axis], (ahead - behind) / (2 * h), atol=1e-8)
 
 
