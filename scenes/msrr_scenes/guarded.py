@@ -105,7 +105,9 @@ def failure(kind: str, name: str, cls: type, member: str, error: BaseException) 
     """Return the error that names the place in a user's class at which ``error`` was raised."""
     if isinstance(error, ProgramFailedError):
         return error  # from another guarded object, and already named
-    place = raised_at(error.__traceback__, _file(cls))
+    trace = error.__traceback__
+    called = trace is None or trace.tb_next is not None  # else it was the call itself that does not fit
+    place = raised_at(trace, _file(cls)) if called else _definition(cls, member)
     return ProgramFailedError(f"{kind} {name!r}, {place}: {member} raised {in_one_line(error)}")
 
 

@@ -81,6 +81,16 @@ def test_a_failure_names_class_file_and_line(argument: object, says: str) -> Non
         raise caught.value
 
 
+def test_a_method_with_other_arguments_is_named_where_it_is_defined() -> None:
+    class Narrow(Doubler):
+        def double(self) -> Any:  # type: ignore[override]
+            return 2
+
+    line = Narrow.double.__code__.co_firstlineno
+    with pytest.raises(ProgramFailedError, match=rf"test_guarded\.py line {line}: double raised TypeError"):
+        guarded(Narrow()).double(1)
+
+
 def test_a_property_that_fails_is_not_a_missing_one() -> None:
     """Else an AttributeError inside of it would pass for a class without the property."""
     with pytest.raises(ProgramFailedError, match="state raised AttributeError: no state"):
