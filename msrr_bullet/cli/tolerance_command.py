@@ -16,6 +16,7 @@ from msrr_bullet.cli.options import (
     Overrides,
     SceneName,
     WallLimit,
+    naming_overrides,
     parse_overrides,
     parse_seeds,
     use_one_thread_per_process,
@@ -70,7 +71,9 @@ def tolerance(
     from msrr_scenes.loading.load import load_scene
 
     use_one_thread_per_process()
-    loaded = load_scene(scene, parse_overrides(overrides))
+    given = parse_overrides(overrides)
+    with naming_overrides(given):
+        loaded = load_scene(scene, given)
     folder = out if out is not None else Path("runs") / "tolerance" / loaded.name
     arguments = {"seeds": parse_seeds(seeds), "grade_seeds": parse_seeds(grade_seeds)}
     if len(arguments["seeds"]) < 2:

@@ -75,7 +75,8 @@ def dock(
     from msrr_scenes.loading.load import load_scene, scene_hash
 
     given = parse_overrides(overrides)
-    loaded = load_scene(scene, given)
+    with naming_overrides(given):
+        loaded = load_scene(scene, given)
     folder = out if out is not None else RUNS / f"{loaded.name}-{seed}-{scene_hash(loaded)[:6]}"
     from msrr_bullet.run import run_trial
     from msrr_bullet.sensors.preparation import prepare_cameras
@@ -209,7 +210,8 @@ def sweep(
         raise SceneError("--json - and --csv -: only one of them can be standard output")
     wanted = parse_seeds(seeds)
     given = parse_overrides(overrides)
-    loaded = load_scene(scene, given)
+    with naming_overrides(given):
+        loaded = load_scene(scene, given)
     check_writable(json_file)
     check_writable(csv_file, "--csv")
     from msrr_bullet.cli.console_report import goal, sweep_table

@@ -149,6 +149,15 @@ def test_dock_sweep_and_check_refuse_alike(
         assert told in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("command", ["check", "dock", "sweep", "tolerance"])
+def test_a_set_value_that_contradicts_the_scene_is_named(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The line of the file that is named does not hold it."""
+    assert run([command, "close_range", "--set", "units.a.pose.x_m=-70"]) == 2
+    assert "msrr: with --set units.a.pose.x_m=-70: " in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["close_range", "four_units_tee"])
 def test_with_contact_and_pixels_a_good_scene_is_accepted(name: str) -> None:
     check_trial(load_scene(name))
