@@ -94,7 +94,7 @@ def _lines(result: RecordingResult) -> list[str]:
         f"{result.with_target}, used {result.used}; line of sight: {sights or 'none'}"
     )
     if result.last_pose is None or result.last_sigma is None or result.median_sigma is None:
-        return [*lines, "no estimate: nowhere did tags of the target determine a pose"]
+        return [*lines, f"no estimate: {_why_none(result)}"]
     x, y, yaw = result.last_pose
     lines.append(
         f"{result.estimates} of {result.instants} instants with an estimate, ± {_text(result.median_sigma)} "
@@ -102,6 +102,18 @@ def _lines(result: RecordingResult) -> list[str]:
         f"± {_text(result.last_sigma)}"
     )
     return lines
+
+
+def _why_none(result: RecordingResult) -> str:
+    """Return why there is no estimate, and what to do about it."""
+    if result.with_target:
+        return "nowhere did tags of the target determine a pose"
+    wanted = ", ".join(map(str, result.target_tags))
+    if not result.tags:
+        return f"no tag was found; the target has {wanted}"
+    found = ", ".join(map(str, result.tags))
+    which = "the target file has to name what carries these"
+    return f"the target has the tags {wanted}, and only {found} were found; {which}"
 
 
 def _text(sigma: Sigma) -> str:

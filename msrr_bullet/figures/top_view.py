@@ -104,7 +104,7 @@ def _draw_paths(axes: Axes, snapshots: Sequence[Snapshot]) -> None:
             points = np.array([(X.x, X.y) if X else (np.nan, np.nan) for X in poses])
             if np.isfinite(points).any():  # a recording has no truth
                 axes.plot(*points.T, color=css(colour), linewidth=width, label=None if i else label)
-    if histories:
+    if axes.get_legend_handles_labels()[1]:  # none in a recording whose target was not found
         axes.legend(loc="best", fontsize=8, framealpha=0.9)
 
 

@@ -42,6 +42,7 @@ class RecordingResult(BaseModel, frozen=True):
         with_target: Number of frames in which tags of the target were found.
         used: Number of frames whose tags agreed with the estimate, or began it.
         tags: Number of frames in which each tag was found, by id; others than the target's included.
+        target_tags: Ids of the tags of the target.
         instants: Number of instants for which estimates were wanted.
         estimates: Number of instants with an estimate.
         line_of_sight: Number of instants by where the line of sight came from.
@@ -62,6 +63,7 @@ class RecordingResult(BaseModel, frozen=True):
     with_target: int
     used: int
     tags: dict[int, int]
+    target_tags: tuple[int, ...]
     instants: int
     estimates: int
     line_of_sight: dict[str, int]
@@ -138,6 +140,7 @@ class Tally:
             with_target=self._with_target,
             used=self._used,
             tags=dict(sorted(self._tags.items())),
+            target_tags=tuple(sorted(self.target_tags)),
             instants=self._sights.total(),
             estimates=len(sigmas),
             line_of_sight=dict(sorted(self._sights.items())),

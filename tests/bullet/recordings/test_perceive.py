@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 
+from msrr_bullet.cli.app import run
 from msrr_bullet.recordings.perceiver import Instant
 from msrr_bullet.recordings.recording import RecordingError
 from msrr_bullet.recordings.run import Options, perceive
@@ -58,6 +60,19 @@ def test_the_log_of_a_trial_whose_camera_delivered_windows_is_refused(
     run_trial_quietly(shipped("close_range", {"time_limit_s": "0.3"}), tmp_path)
     with pytest.raises(RecordingError, match="readout=frames"):
         perceive(tmp_path, trial.target)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_target_that_is_another_unit_is_told_by_the_tags(
+    trial: Trial, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = yaml.safe_load(trial.target.read_text())
+    other["unit"]["number"] += 1
+    target = tmp_path / "other.yaml"
+    target.write_text(yaml.safe_dump(other))
+    assert run(["perceive", str(trial.folder), "--target", str(target), "--out", str(tmp_path / "out")]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"no estimate: the target has the tags 20, 21, .* and only 1\d, .* were found; ", told)
 
 
 @pytest.mark.parametrize("kind", ["json", "protobuf", "ros2", "ros2_raw"])
