@@ -34,7 +34,7 @@ def map_pictures(
     calibration: Annotated[Path, typer.Option(metavar="FILE", help="Calibration by OpenCV or ROS.")],
     tag_size: Annotated[
         float,
-        typer.Option(metavar="M", min=1e-3, max=100.0, help="Edge of the black square of the tags [m]."),
+        typer.Option(metavar="M", min=1e-3, max=10.0, help="Edge of the black square of the tags [m]."),
     ],
     family: Annotated[str, typer.Option(help="Tag family.")] = "tag36h11",
     refine_lens: Annotated[

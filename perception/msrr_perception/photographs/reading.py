@@ -20,6 +20,9 @@ from msrr_scenes.specs.sensors import CalibrationSpec, CameraSpec
 #: Numbers that a pose leaves free of the eight coordinates of a tag's corners.
 _FREE = 2
 
+#: Largest edge of a tag [m], that of scenes. A larger number is one of millimetres.
+_LARGEST_M = 10.0
+
 
 @dataclass(frozen=True, eq=False)
 class PictureTags:
@@ -56,13 +59,14 @@ class PictureReader:
             tag_size: Edge of the black square of all tags [m]; None if it is not known.
 
         Raises:
-            SceneError: There is a size without a calibration, or it is not positive.
+            SceneError: There is a size without a calibration, or it is that of no tag.
             DetectorError: There is no such family.
         """
         if tag_size is not None and calibration is None:
             raise SceneError("the size of a tag gives poses only with the calibration of the camera")
-        if tag_size is not None and not 0.0 < tag_size < math.inf:
-            raise SceneError(f"the edge of a tag is more than 0 m, found {tag_size}")
+        if tag_size is not None and not 0.0 < tag_size <= _LARGEST_M:
+            bounds = f"more than 0 m and {_LARGEST_M:g} m at most"
+            raise SceneError(f"the edge of a tag is {bounds}, found {tag_size:g}")
         self.tag_size = tag_size
         self._calibration = calibration
         self._finder = TagFinder(families)

@@ -59,6 +59,7 @@ def test_good_pictures_are_read_and_bad_ones_reported(
         (["--tag-size", "0.1"], "give --calibration"),
         (["--family", "tag36h1"], "did you mean 'tag36h11'"),
         (["--calibration", "missing.yaml"], "missing.yaml"),
+        (["--calibration", "camera.yaml", "--tag-size", "30"], "10 m at most, found 30"),
         (["--json", "no/folder.json"], "existing folder"),
     ],
 )
