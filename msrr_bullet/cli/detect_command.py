@@ -97,6 +97,9 @@ def detect(
     if work.pictures:
         console.print(_table(work.pictures))
         console.print(_summary(work), highlight=False)
+        if not any(picture.tags for picture in work.pictures):
+            searched = ", ".join(reader.families)
+            console.print(f"no tag of {searched} was found; --family names another family", highlight=False)
     write_output(json_file, json.dumps(_report(work), indent=1) + "\n")
     raise typer.Exit(BAD_INPUT if work.failed else 0)
 

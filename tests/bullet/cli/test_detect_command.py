@@ -72,6 +72,14 @@ def test_wrong_options_are_one_message(
     assert error.count("\n") == 1
 
 
+def test_without_any_tag_the_families_are_named(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["detect", str(folder / "tag.png"), "--family", "tagStandard41h12"]) == 0
+    told = " ".join(capfd.readouterr().out.split())
+    assert "no tag of tagStandard41h12 was found; --family names another family" in told
+    assert run(["detect", str(folder / "tag.png")]) == 0
+    assert "--family" not in capfd.readouterr().out
+
+
 def test_a_calibration_of_another_size_is_refused(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     cv2.imwrite(str(folder / "tag.png"), np.full((100, 100), 200, np.uint8))
     assert run(["detect", str(folder / "tag.png"), "--calibration", "camera.yaml"]) == BAD_INPUT
