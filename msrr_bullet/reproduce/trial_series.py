@@ -12,9 +12,8 @@ from msrr_bullet.log import topics
 from msrr_bullet.log.records import TruePose
 from msrr_bullet.studies.docking_studies import docking_law
 from msrr_bullet.timeline.path_following_series import Instant
-from msrr_control.docking.c1 import C1DockingState
-from msrr_control.docking.c2 import C2DockingState
 from msrr_control.docking.controller import ControlInputs, law_inputs
+from msrr_control.docking.corrected_law import CorrectedLawState
 from msrr_control.docking.law import DockSetup
 from msrr_control.feedback.visibility_cone import edge_angles
 from msrr_control.kinematics.controlled_point import offset_point
@@ -186,7 +185,7 @@ def _guidance(instants: list[Instant], scene: Scene, setup: DockSetup) -> tuple[
         state = law.start(sensed) if state is None else state
         _, state = law.step(state, sensed, dt)
         points.append(law.reference(state))
-        shift = state.cone.shift if isinstance(state, (C1DockingState, C2DockingState)) else 0.0
+        shift = state.cone.shift if isinstance(state, CorrectedLawState) else 0.0
         corrected.append(points[-1] + shift)
         previous_ns = now_ns
     return np.array(points), np.array(corrected)

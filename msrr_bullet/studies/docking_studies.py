@@ -12,9 +12,8 @@ from msrr_bullet.studies.measures import CAPTURE_DEG, CAPTURE_M, SETTLED_M, meas
 from msrr_bullet.studies.model import Measured, Row, count_within_paper, rates_of
 from msrr_bullet.studies.series import Series
 from msrr_bullet.studies.settings import PAPER_TRAJECTORY, Setting, merge_params
-from msrr_control.docking.c1 import C1DockingState
-from msrr_control.docking.c2 import C2DockingState
 from msrr_control.docking.controller import LawController, build_controller
+from msrr_control.docking.corrected_law import CorrectedLawState
 from msrr_control.docking.law import DockingLaw, DockSetup
 from msrr_control.studies.docking_study import StudyResult, run_study
 from msrr_scenes.arrays import Array
@@ -120,7 +119,7 @@ def docking_series(controller: Choice, setting: Setting, seed: int) -> Series:
     off = tip - reference if follows else tip * [0.0, 1.0]
     corrected: Array | tuple[()] = ()
     auxiliary = {}
-    if isinstance(states[0], (C1DockingState, C2DockingState)):
+    if isinstance(states[0], CorrectedLawState):
         shift = np.stack([s.cone.shift[0] for s in states[:end]])
         corrected = reference + shift
         auxiliary = {"xi": np.stack([s.xi[0] for s in states[:end]]), "cone shift [m]": shift}

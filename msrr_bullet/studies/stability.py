@@ -24,7 +24,8 @@ from msrr_bullet.studies.docking_studies import run_docking, with_paper_trajecto
 from msrr_bullet.studies.model import ConditionShare, StabilityCheck
 from msrr_bullet.studies.path_following_studies import OFFSET, run_path_following
 from msrr_bullet.studies.settings import NO_LAG, STANDARD, Setting
-from msrr_control.docking.c1 import C1DockingParams, C1DockingState
+from msrr_control.docking.c1 import C1DockingParams
+from msrr_control.docking.corrected_law import CorrectedLawState
 from msrr_control.feedback.composite import composite_feedback
 from msrr_control.path_following.c1 import C1PathFollowingParams, C1PathFollowingState
 from msrr_control.path_following.tracking import LEAST_K_L
@@ -167,7 +168,7 @@ def path_following_descents(setting: Setting, seeds: range) -> tuple[Descent, De
 
 def docking_descent(setting: Setting, seeds: range) -> Descent:
     """Return V of the close phase (eq. 29) under C1 on the paper's trajectory, from start to contact."""
-    states: list[C1DockingState] = []
+    states: list[CorrectedLawState] = []
     params = C1DockingParams()
     result = run_docking(with_paper_trajectory(Choice(name="c1")), setting, seeds, observer=states.append)
     before, after = states[:-1], states[1:]
