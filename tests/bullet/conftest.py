@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import resource
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -44,6 +45,24 @@ class Drive:
 
     scene: Scene
     snapshots: tuple[Snapshot, ...]
+
+
+class InlineExecutor:
+    """Runs everything at once, in the main thread of this process."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args))
+        except Exception as error:  # noqa: BLE001 - as every executor does
+            future.set_exception(error)
+        return future
+
+
+@pytest.fixture(scope="session")
+def inline() -> InlineExecutor:
+    """An executor for sweeps without other processes."""
+    return InlineExecutor()
 
 
 @pytest.fixture

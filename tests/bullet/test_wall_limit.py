@@ -6,10 +6,8 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
 from pathlib import Path
 from types import FrameType
-from typing import Any
 
 import pytest
 
@@ -17,6 +15,7 @@ from msrr_bullet.cli.app import run
 from msrr_bullet.log import read_log
 from msrr_bullet.run import run_trial
 from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.worker_pool import SupportsSubmit
 from msrr_bullet.wall_limit import WallLimitError, wall_limit
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -60,20 +59,8 @@ def test_a_controller_that_never_answers_is_ended_and_its_log_stays(stuck: Scene
     assert read_log(tmp_path / "run").header.seed == 1
 
 
-class InThisThread:
-    """An executor of the main thread, as the pool of a sweep runs its trials in main threads."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        try:
-            future.set_result(fn(*args))
-        except WallLimitError as error:
-            future.set_exception(error)
-        return future
-
-
-def test_a_sweep_counts_what_takes_too_long_and_goes_on(stuck: Scene) -> None:
-    summary = sweep(stuck, range(2), executor=InThisThread(), wall_limit_s=0.5)
+def test_a_sweep_counts_what_takes_too_long_and_goes_on(stuck: Scene, inline: SupportsSubmit) -> None:
+    summary = sweep(stuck, range(2), executor=inline, wall_limit_s=0.5)
     assert summary.trials == 2
     assert [(f.seed, f.stopped) for f in summary.failures] == [(0, True), (1, True)]
     assert summary.outcomes == {}

@@ -1,38 +1,20 @@
-"""Trials that take no time: made-up results, an executor that runs them at once, and a short real trial."""
+"""Trials that take no time: made-up results, and a short real trial."""
 
 import math
 from collections.abc import Callable
-from concurrent.futures import Future
 from functools import partial
-from typing import Any
 
 import pytest
 
 from msrr_bullet.sweep.summary import SweepSummary
 from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.worker_pool import SupportsSubmit
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import AttemptRecord, Contact, PlanarPose, Seating, StepResult
 from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
-
-
-class InlineExecutor:
-    """Runs everything at once, in this process."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        try:
-            future.set_result(fn(*args))
-        except Exception as error:  # noqa: BLE001 - as every executor does
-            future.set_exception(error)
-        return future
-
-
-@pytest.fixture
-def inline() -> InlineExecutor:
-    return InlineExecutor()
 
 
 @pytest.fixture(scope="session")
@@ -95,7 +77,7 @@ def made_up() -> Callable[[Scene, int], TrialResult]:
 
 @pytest.fixture
 def made_up_sweep(
-    scene: Scene, inline: InlineExecutor, made_up: Callable[[Scene, int], TrialResult]
+    scene: Scene, inline: SupportsSubmit, made_up: Callable[[Scene, int], TrialResult]
 ) -> Callable[..., SweepSummary]:
     """A sweep of made-up trials in this process."""
     return partial(sweep, scene, executor=inline, trial=made_up)

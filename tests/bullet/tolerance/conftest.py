@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import Future
-from typing import Any
 
 import pytest
 
+from msrr_bullet.sweep.worker_pool import SupportsSubmit
 from msrr_bullet.tolerance.effects import Effect, effects_of, select_effects
 from msrr_bullet.tolerance.model import ToleranceStudy
 from msrr_bullet.tolerance.study import tolerance_study
@@ -42,15 +41,6 @@ class Law:
         lateral_mm = own_mm + self.mm_per_deg * yaw + side * self.mm_per_percent * wheel
         outcome = Outcome.DOCKED if abs(yaw) <= self.docks_to_deg else Outcome.FALSE_ABORT
         return made_up(scene, seed, outcome, 1e-3 * lateral_mm, math.radians(0.1 * yaw))
-
-
-class InlineExecutor:
-    """Runs everything at once, in this process."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        future.set_result(fn(*args))
-        return future
 
 
 def made_up(scene: Scene, seed: int, outcome: Outcome, lateral_m: float, yaw_rad: float) -> TrialResult:
@@ -98,13 +88,8 @@ def law() -> Law:
     return Law()
 
 
-@pytest.fixture
-def inline() -> InlineExecutor:
-    return InlineExecutor()
-
-
 @pytest.fixture(scope="session")
-def study(law: Law, scene: Scene, effects: tuple[Effect, ...]) -> ToleranceStudy:
+def study(law: Law, scene: Scene, effects: tuple[Effect, ...], inline: SupportsSubmit) -> ToleranceStudy:
     """A study of the law, with the effects that it knows and one that it does not."""
     names = ["onboard.yaw_deg", "drive.radius_left_percent", "drive.track_percent"]
     return tolerance_study(
@@ -113,6 +98,6 @@ def study(law: Law, scene: Scene, effects: tuple[Effect, ...]) -> ToleranceStudy
         ["perfect", "careful"],
         seeds=range(20),
         grade_seeds=range(5),
-        executor=InlineExecutor(),
+        executor=inline,
         trial=law,
     )
