@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import pybullet
+import pybullet_data
 import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
@@ -69,6 +71,15 @@ def inline() -> InlineExecutor:
 def undrawn_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs get no page and no picture: drawing them takes longer than a short trial."""
     monkeypatch.setattr("msrr_bullet.run._draw_run", lambda out, result: None)
+
+
+@pytest.fixture
+def client() -> Iterator[int]:
+    """An empty client that finds PyBullet's own models."""
+    client = pybullet.connect(pybullet.DIRECT)
+    pybullet.setAdditionalSearchPath(pybullet_data.getDataPath(), physicsClientId=client)
+    yield client
+    pybullet.disconnect(client)
 
 
 @pytest.fixture(scope="session")

@@ -1,25 +1,15 @@
-"""An empty PyBullet client, boxes to put into it, and a floor without texture."""
+"""Boxes to put into a PyBullet client, and a floor without texture."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pybullet
-import pybullet_data
 import pytest
 
 from msrr_bullet.render.floor import Floor
 from msrr_scenes.geometry.se3 import SE3
-
-
-@pytest.fixture
-def client() -> Iterator[int]:
-    """An empty client that finds PyBullet's own models."""
-    client = pybullet.connect(pybullet.DIRECT)
-    pybullet.setAdditionalSearchPath(pybullet_data.getDataPath(), physicsClientId=client)
-    yield client
-    pybullet.disconnect(client)
 
 
 @pytest.fixture(scope="session")

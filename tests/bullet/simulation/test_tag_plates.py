@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 import numpy as np
-import pybullet
 import pytest
 
 from msrr_bullet.render.floor import Floor
@@ -28,13 +26,6 @@ KNOWN_CODES = {0: 0xD5D628584, 1: 0xD97F18B49, 2: 0xDD280910E, 3: 0xE479E9C98, 4
 
 CAMERA = PinholeCamera(320, 240, 300.0)
 GREY = Floor(lambda: np.full((1, 1), 100.0, dtype=np.float32), 1.0, 100.0)
-
-
-@pytest.fixture
-def client() -> Iterator[int]:
-    client = pybullet.connect(pybullet.DIRECT)
-    yield client
-    pybullet.disconnect(client)
 
 
 def upright_corners(h: float) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -27,13 +26,6 @@ from msrr_scenes.specs.scene import Scene
 
 CAMERA = PinholeCamera(320, 240, 300.0)
 GREY = Floor(lambda: np.full((1, 1), 100.0, dtype=np.float32), 1.0, 100.0)
-
-
-@pytest.fixture
-def client() -> Iterator[int]:
-    client = pybullet.connect(pybullet.DIRECT)
-    yield client
-    pybullet.disconnect(client)
 
 
 def measured_marker() -> dict[str, object]:
