@@ -1,10 +1,12 @@
 """The measures: the paper's values as the paper has them, units, and targets."""
 
 import math
+from collections.abc import Callable
 
 import pytest
 
 from msrr_bullet.plant.kinematic_port import CaptureRange
+from msrr_bullet.studies.docking_studies import docking_row
 from msrr_bullet.studies.measures import (
     CAPTURE_DEG,
     CAPTURE_M,
@@ -14,6 +16,10 @@ from msrr_bullet.studies.measures import (
     measure,
     paper_measures,
 )
+from msrr_bullet.studies.model import Row
+from msrr_bullet.studies.path_following_studies import path_following_row
+from msrr_bullet.studies.settings import STANDARD
+from msrr_scenes.specs.spec import Choice
 
 ALL = [m for measures in MEASURES.values() for m in measures]
 
@@ -48,6 +54,22 @@ def test_the_targets_are_stricter_than_the_papers_values() -> None:
     assert {m.key: (m.target_p50, m.target_p95) for m in ALL if m.target_p50 is not None} == TARGETS
     for key, (p50, p95) in TARGETS.items():
         assert p50 < p95 < PAPER[key][0]
+
+
+@pytest.mark.parametrize(("phase", "row_of"), [("close", docking_row), ("long", path_following_row)])
+def test_c1_meets_its_targets(phase: str, row_of: Callable[..., Row]) -> None:
+    """100 trials at a fixed seed: no chance is involved, and the bounds leave a tenth of room or more."""
+    row = row_of(Choice(name="c1"), "C1", STANDARD, range(100))
+    for m in MEASURES[phase]:
+        if m.target_p50 is None or m.target_p95 is None:
+            continue
+        q = row.measures[m.key].quantiles
+        assert q.p50 is not None
+        assert q.p50 <= m.target_p50, m.key
+        assert q.p95 is not None
+        assert q.p95 <= m.target_p95, m.key
+    assert row.success.rate == 1.0
+    assert row.within_paper == 100
 
 
 def test_the_measures_of_each_phase() -> None:
