@@ -20,7 +20,9 @@ from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.coordinator import Coordinator
 from msrr_control.coordination.dispatcher import Knowledge
 from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.reconfiguration import assembly_ports, shape_ports
 from msrr_control.coordination.route_finder import RouteParams
+from msrr_control.coordination.shape import Shape
 from msrr_control.coordination.track import Track, track_of
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
@@ -248,6 +250,10 @@ class Rig:
     def joints(self) -> dict[str, str]:
         """Port of each unit that is docked, as the truth has it."""
         return {name: unit.holder for name, unit in self.units.items() if unit.holder is not None}
+
+    def is_built(self, shape: Shape) -> bool:
+        """Whether the units are docked to each other as the shape says, by truth."""
+        return sorted(assembly_ports(self.joints).values()) == sorted(shape_ports(shape).values())
 
     def bound_s(self) -> float:
         """Least time [s] in which the docked units could have driven their last routes, all at the same time.

@@ -13,7 +13,7 @@ from typing import Any, get_args
 import pytest
 
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.reconfiguration import assembly_ports, shape_ports
+from msrr_control.coordination.reconfiguration import shape_ports
 from msrr_control.coordination.route_finder import RouteFinder, RouteParams
 from msrr_control.coordination.shape import Shape, build_pattern
 from msrr_control.coordination.tasks import plan_tasks
@@ -32,18 +32,13 @@ BAD_RADIO = RadioSpec.model_validate(
 )
 
 
-def _is_built(run: Rig, shape: Shape) -> bool:
-    """Whether the units are docked to each other as the shape says, by truth."""
-    return sorted(assembly_ports(run.joints).values()) == sorted(shape_ports(shape).values())
-
-
 @pytest.mark.parametrize("pattern", get_args(Pattern))
 def test_a_shape_is_built_in_parallel(pattern: Pattern, rig: type[Rig], starts: Starts) -> None:
     shape = build_pattern(pattern, 5)
     run = rig(Mission(shape=shape), starts(11, 5))
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
-    assert _is_built(run, shape)
+    assert run.is_built(shape)
     assert run.moving_s[1] > 0.25 * run.moving_s[0], "units did not move at the same time"
 
 
@@ -75,7 +70,7 @@ def test_a_bad_radio_costs_time_and_nothing_else(rig: type[Rig], starts: Starts)
         run = rig(Mission(shape=shape), starts(2, 5), radio=radio, seed=1)
         status = run.run()
         assert status.state is MissionState.COMPLETE, status.reason
-        assert _is_built(run, shape)
+        assert run.is_built(shape)
         times.append(run.last_lock_s)
     assert times[0] < times[1] < times[0] + 25.0
 
@@ -86,7 +81,7 @@ def test_a_unit_that_fails_is_replaced_by_a_spare(rig: type[Rig], starts: Starts
     status = run.run()
     assert run.units["u3"].dead_s is not None
     assert status.state is MissionState.COMPLETE, status.reason
-    assert _is_built(run, shape)
+    assert run.is_built(shape)
     assert "u3" not in run.joints
 
 
@@ -98,7 +93,7 @@ def test_a_unit_that_its_collision_monitor_holds_gets_another_route(rig: type[Ri
         run.units["u2"].held_routes = 1
         status = run.run()
         assert status.state is MissionState.COMPLETE, status.reason
-        assert _is_built(run, shape)
+        assert run.is_built(shape)
         assert run.units["u2"].route > 1
         assert status.replans > 0
 
@@ -146,7 +141,7 @@ def test_an_assembly_takes_another_shape(rig: type[Rig]) -> None:
     run = rig(Mission(shape=tee, holders=holders), {names[k]: X for k, X in poses.items()})
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
-    assert _is_built(run, tee)
+    assert run.is_built(tee)
     stayed = [name for name, unit in run.units.items() if unit.route == 0]
     assert len(stayed) == len(line.places) - len(status.done)
 
@@ -162,7 +157,7 @@ def test_shapes_are_built_one_after_the_other_from_what_the_units_report(
     seen: list[str] = []
     while run.now_ns < 400e9 and run.status.state is MissionState.RUNNING:
         if run.status.shape not in seen:
-            assert not seen or _is_built(run, shapes[seen[-1]]), (
+            assert not seen or run.is_built(shapes[seen[-1]]), (
                 "the next begins when the one before is complete"
             )
             seen.append(run.status.shape)
@@ -170,7 +165,7 @@ def test_shapes_are_built_one_after_the_other_from_what_the_units_report(
     status = run.status
     assert status.state is MissionState.COMPLETE, status.reason
     assert seen == list(shapes)
-    assert _is_built(run, line)
+    assert run.is_built(line)
     assert len(status.done) == 4 + 2 * (len(set(shape_ports(tee).values()) - set(shape_ports(line).values())))
 
 

@@ -16,7 +16,6 @@ import pytest
 
 from msrr_control.coordination.dispatcher import Knowledge
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.reconfiguration import assembly_ports, shape_ports
 from msrr_control.coordination.route_finder import RouteParams, Standing
 from msrr_control.coordination.shape import Shape, build_pattern
 from msrr_scenes.geometry.se2 import SE2
@@ -42,15 +41,11 @@ RADIOS = {
 }
 
 
-def _is_built(run: Rig, shape: Shape) -> bool:
-    return sorted(assembly_ports(run.joints).values()) == sorted(shape_ports(shape).values())
-
-
 def _complete(run: Rig, shape: Shape) -> float:
     """Run a mission, which has to be completed; return the time of the last lock [s]."""
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
-    assert _is_built(run, shape)
+    assert run.is_built(shape)
     last: float = run.last_lock_s
     return last
 
