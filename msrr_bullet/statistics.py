@@ -7,15 +7,13 @@ from collections.abc import Iterable, Sequence
 from statistics import NormalDist
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from msrr_scenes.arrays import Array
 
 
-class Rate(BaseModel):
+class Rate(BaseModel, frozen=True):
     """A rate with its Wilson interval; each value lies in 0 .. 1."""
-
-    model_config = ConfigDict(frozen=True)
 
     rate: float
     low: float
@@ -26,7 +24,7 @@ class Rate(BaseModel):
 Interval = tuple[float | None, float | None]
 
 
-class Quantiles(BaseModel):
+class Quantiles(BaseModel, frozen=True, ser_json_inf_nan="strings"):
     """Median, 95th percentile and largest of some values; each is None when there are no values.
 
     A quantile may be infinite. JSON has no such number and gets the string ``Infinity``.
@@ -39,8 +37,6 @@ class Quantiles(BaseModel):
             :func:`quantile_interval`.
         p95_interval: That of the 95th percentile; fewer than 72 values do not bound it above.
     """
-
-    model_config = ConfigDict(frozen=True, ser_json_inf_nan="strings")
 
     p50: float | None
     p95: float | None

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from msrr_bullet.reproduce.trial_series import DockingSeries, SeriesRecorder
 from msrr_bullet.studies.measures import SETTLED_M
@@ -20,7 +20,7 @@ from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.specs.scene import Scene
 
 
-class MeasuredTrial(TrialResult):
+class MeasuredTrial(TrialResult, ser_json_inf_nan="strings"):
     """A trial's result with the measures of both phases of its last step.
 
     Attributes:
@@ -32,8 +32,6 @@ class MeasuredTrial(TrialResult):
             than the field of view; None without an approach.
         code: :func:`msrr_bullet.sweep.provenance.code_fingerprint` in the process that ran the trial.
     """
-
-    model_config = ConfigDict(ser_json_inf_nan="strings")
 
     measures: dict[str, Annotated[float, Field(allow_inf_nan=True)]] = Field(default_factory=dict)
     kept_in_view: bool | None = None

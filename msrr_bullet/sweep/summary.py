@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from msrr_bullet.statistics import Quantiles, Rate, interval_text
 from msrr_scenes.html import html_table
@@ -10,7 +10,7 @@ from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import Perception, Plant
 
 
-class TrialFailure(BaseModel):
+class TrialFailure(BaseModel, frozen=True):
     """A trial without a result, because the program failed and not the robot, or because it took too long.
 
     Attributes:
@@ -19,14 +19,12 @@ class TrialFailure(BaseModel):
         stopped: Whether it was stopped because it took too long on the wall clock.
     """
 
-    model_config = ConfigDict(frozen=True)
-
     seed: int
     error: str
     stopped: bool = False
 
 
-class Unsuccessful(BaseModel):
+class Unsuccessful(BaseModel, frozen=True):
     """A trial that ended otherwise than ``docked`` or, for missions, ``complete``.
 
     Attributes:
@@ -35,14 +33,12 @@ class Unsuccessful(BaseModel):
         reason: Why, in words.
     """
 
-    model_config = ConfigDict(frozen=True)
-
     seed: int
     outcome: Outcome
     reason: str
 
 
-class StepFigures(BaseModel):
+class StepFigures(BaseModel, frozen=True):
     """Figures of one step over the trials that began it, or of many steps, each of which counts as a trial.
 
     Quantiles have intervals if every step is of another trial: those of one trial depend on each other.
@@ -62,8 +58,6 @@ class StepFigures(BaseModel):
         docked_by_attempt: Number of trials in which the step docked, by the attempt that succeeded.
         min_clearance_m: Smallest clearance; None when there was no body to come near.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     trials: int
     outcomes: dict[str, int]
@@ -90,7 +84,7 @@ class StepSummary(StepFigures):
     target: str
 
 
-class MissionSummary(BaseModel):
+class MissionSummary(BaseModel, frozen=True):
     """Summary of the missions that a base station led; see :class:`msrr_bullet.trial.result.MissionFigures`.
 
     Attributes:
@@ -103,8 +97,6 @@ class MissionSummary(BaseModel):
         replans: Number of routes that were planned because an earlier one could not be driven to its end.
     """
 
-    model_config = ConfigDict(frozen=True)
-
     docks: StepFigures
     docks_again: StepFigures
     makespan_s: Quantiles
@@ -114,7 +106,7 @@ class MissionSummary(BaseModel):
     replans: Quantiles
 
 
-class SweepSummary(BaseModel):
+class SweepSummary(BaseModel, frozen=True):
     """Summary of many trials of one scene.
 
     Attributes:
@@ -139,8 +131,6 @@ class SweepSummary(BaseModel):
         failures: Trials without a result.
         interrupted: Whether the sweep was stopped before all seeds were run.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     scene: str
     scene_hash: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Phase
@@ -16,10 +16,8 @@ Belief = Literal["docked", "undocked", "gave_up", "undecided"]
 Distance = Annotated[float, Field(ge=0.0)]
 
 
-class Record(BaseModel):
+class Record(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """A frozen record without NaN or unknown keys, so that a stored record is read back as it was written."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class PlanarPose(Record):

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.distortion import COEFFICIENTS
@@ -29,20 +29,16 @@ _MODEL = "plumb_bob"
 _HEADER, _MATRIX_TAG = "%YAML:1.0", "!!opencv-matrix"
 
 
-class _Matrix(Spec):
+class _Matrix(Spec, extra="ignore"):
     """A matrix, row by row."""
-
-    model_config = ConfigDict(extra="ignore")
 
     rows: int = Field(ge=1, le=100)
     cols: int = Field(ge=1, le=100)
     data: tuple[Annotated[float, between(-1e9, 1e9)], ...] = Field(max_length=100)
 
 
-class _CalibrationFile(Spec):
+class _CalibrationFile(Spec, extra="ignore"):
     """What is read of a calibration file."""
-
-    model_config = ConfigDict(extra="ignore")
 
     image_width: int = Field(ge=1, le=100_000)
     image_height: int = Field(ge=1, le=100_000)
