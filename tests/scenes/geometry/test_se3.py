@@ -93,11 +93,8 @@ def test_the_plane_lifts_and_projects_back(x: float, y: float, yaw: float, z: fl
 def test_arrays_of_a_pose_cannot_be_written() -> None:
     X = SE3.from_xyz_rpy([1.0, 2.0, 3.0], [0.0, 0.0, 0.0])
     for array in (X.R, X.p):
-        try:
+        with pytest.raises(ValueError, match="read-only"):
             array[...] = 0.0
-        except ValueError:
-            continue
-        raise AssertionError("a pose was changed in place")
 
 
 @pytest.mark.parametrize("pitch", [0.0, 0.4, -1.5, math.pi / 2.0, -math.pi / 2.0])
