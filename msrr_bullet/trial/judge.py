@@ -67,7 +67,6 @@ class Judge:
             step: The step of the plan.
         """
         scene = simulation.scene
-        self._simulation = simulation
         self._clearance = clearance
         self._locked = locked
         self._scene = scene
