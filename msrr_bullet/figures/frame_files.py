@@ -16,12 +16,7 @@ from msrr_bullet.figures.canvas import PAPER, Image, bgr, titled, write_png
 from msrr_bullet.figures.onboard_frame import draw_onboard
 from msrr_bullet.figures.overhead_frame import draw_overhead
 from msrr_bullet.log.reader import Log
-from msrr_bullet.timeline.camera_views import (
-    CameraView,
-    evenly_spaced,
-    read_camera_views,
-    read_exposures,
-)
+from msrr_bullet.timeline.camera_views import CameraView, evenly_spaced, read_camera_views, read_exposures
 from msrr_bullet.timeline.interpolation import SnapshotInterpolator
 from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.snapshot import Snapshot

@@ -13,13 +13,7 @@ from matplotlib.patches import Patch
 
 from msrr_bullet.figures import curves
 from msrr_bullet.figures.drawing import add_grid, halo
-from msrr_bullet.timeline.mission_series import (
-    EventKind,
-    Span,
-    activity_spans,
-    silent_spans,
-    unit_events,
-)
+from msrr_bullet.timeline.mission_series import EventKind, Span, activity_spans, silent_spans, unit_events
 from msrr_bullet.timeline.mission_snapshot import Activity
 from msrr_bullet.timeline.palette import ACTIVITY_COLOURS, ALARM, BLACK, DARK, PLAN, css, unit_colours
 from msrr_bullet.timeline.series import TrialSeries

@@ -21,17 +21,7 @@ from msrr_bullet.figures.perspective import Perspective, on_floor
 from msrr_bullet.figures.schematic import Drawing, ring
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.mission_snapshot import Activity, MissionSnapshot
-from msrr_bullet.timeline.palette import (
-    ALARM,
-    BELIEF,
-    BLACK,
-    CLEARANCE,
-    DARK,
-    PATH,
-    PLAN,
-    SIGHT,
-    SIGHT_RANGE,
-)
+from msrr_bullet.timeline.palette import ALARM, BELIEF, BLACK, CLEARANCE, DARK, PATH, PLAN, SIGHT, SIGHT_RANGE
 from msrr_bullet.timeline.snapshot import Snapshot, step_histories
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3

@@ -21,14 +21,7 @@ from msrr_perception.estimation.motion import DEFAULT_NOISE, MotionNoise
 from msrr_perception.photographs.picture_files import PictureError
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.messages import (
-    Detections,
-    Exposure,
-    LosObservation,
-    Pixels,
-    PoseEstimate,
-    WheelOdometry,
-)
+from msrr_scenes.messages import Detections, Exposure, LosObservation, Pixels, PoseEstimate, WheelOdometry
 from msrr_scenes.registry import build, resolve
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.target import ROBOT, RobotSpec

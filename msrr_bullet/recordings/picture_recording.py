@@ -7,12 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from msrr_bullet.recordings.recording import RecordedFrame, Recording, RecordingError
-from msrr_perception.photographs.picture_files import (
-    FILMS,
-    picture_files,
-    read_film,
-    read_picture,
-)
+from msrr_perception.photographs.picture_files import FILMS, picture_files, read_film, read_picture
 from msrr_scenes.messages import NS_PER_S, Pixels
 
 

@@ -14,11 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from msrr_bullet.plant.lock_actuator import (
-    LOCK_REACH,
-    MAX_PULL_DISPLACEMENT,
-    PullResult,
-)
+from msrr_bullet.plant.lock_actuator import LOCK_REACH, MAX_PULL_DISPLACEMENT, PullResult
 from msrr_bullet.plant.plant import PortMechanism
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.pin_depth import SIDES, PinDepths

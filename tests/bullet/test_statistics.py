@@ -8,14 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, binomtest
 
-from msrr_bullet.statistics import (
-    Quantiles,
-    interval_text,
-    quantile,
-    quantile_interval,
-    quantiles,
-    wilson,
-)
+from msrr_bullet.statistics import Quantiles, interval_text, quantile, quantile_interval, quantiles, wilson
 from msrr_scenes.random_streams import stream
 
 

@@ -14,12 +14,7 @@ from msrr_control.path_following.reference import (
     reference_start,
     reference_step,
 )
-from msrr_control.path_following.tracking import (
-    TrackingGains,
-    TrackingState,
-    tracking_start,
-    tracking_step,
-)
+from msrr_control.path_following.tracking import TrackingGains, TrackingState, tracking_start, tracking_step
 from msrr_control.path_following.walls import WallSpec
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Spec

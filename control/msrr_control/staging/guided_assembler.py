@@ -16,14 +16,7 @@ from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
 from msrr_control.staging.spot_turn import spot_turn
 from msrr_scenes.geometry.se2 import wrap_angle
-from msrr_scenes.messages import (
-    ArenaEstimate,
-    AssemblyPath,
-    AssemblyProgress,
-    FailureReason,
-    Twist,
-    seconds,
-)
+from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
 from msrr_scenes.messages.coordination import Authority, LegKind
 
 #: Speed below which a unit stands still [m/s], [rad/s].

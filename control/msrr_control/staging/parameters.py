@@ -9,15 +9,7 @@ from msrr_control.path_following.c2 import C2PathFollowingParams
 from msrr_control.path_following.path import PaceSpec
 from msrr_control.path_following.walls import WallSpec
 from msrr_control.planning.route import RouteSpec
-from msrr_scenes.specs.spec import (
-    Duration,
-    Gain,
-    Length,
-    Spec,
-    Time,
-    Tolerance,
-    TurnRate,
-)
+from msrr_scenes.specs.spec import Duration, Gain, Length, Spec, Time, Tolerance, TurnRate
 
 
 class WatchSpec(Spec):

@@ -3,14 +3,7 @@
 What runs on a robot cannot reach this package; an import contract keeps it.
 """
 
-from msrr_scenes.as_built.as_built import (
-    AsBuilt,
-    BuiltCamera,
-    BuiltDrive,
-    BuiltFloor,
-    BuiltTag,
-    BuiltUnit,
-)
+from msrr_scenes.as_built.as_built import AsBuilt, BuiltCamera, BuiltDrive, BuiltFloor, BuiltTag, BuiltUnit
 from msrr_scenes.as_built.draw import JOINT_SPACING_M, as_drawn, draw_as_built
 
 __all__ = [

@@ -12,14 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from msrr_scenes.as_built.as_built import (
-    AsBuilt,
-    BuiltCamera,
-    BuiltDrive,
-    BuiltFloor,
-    BuiltTag,
-    BuiltUnit,
-)
+from msrr_scenes.as_built.as_built import AsBuilt, BuiltCamera, BuiltDrive, BuiltFloor, BuiltTag, BuiltUnit
 from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3

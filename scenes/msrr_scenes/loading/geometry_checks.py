@@ -16,12 +16,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.loading.problems import KeyPath, Problem
-from msrr_scenes.placement.placement import (
-    close_range_steps,
-    draw_placement,
-    nominal_units,
-    target_in_cone,
-)
+from msrr_scenes.placement.placement import close_range_steps, draw_placement, nominal_units, target_in_cone
 from msrr_scenes.placement.start_regions import ancestors, outline, region, smallest_distance
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.bodies import TAG_PLATE_M

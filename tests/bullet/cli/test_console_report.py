@@ -6,13 +6,7 @@ import pytest
 from rich.table import Table
 
 from msrr_bullet.cli.console import open_console
-from msrr_bullet.cli.console_report import (
-    mission_table,
-    scenes_table,
-    step_table,
-    steps_table,
-    sweep_table,
-)
+from msrr_bullet.cli.console_report import mission_table, scenes_table, step_table, steps_table, sweep_table
 from msrr_bullet.sweep.summarise import summarise
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.trial.result import MissionFigures, TrialResult

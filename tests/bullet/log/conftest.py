@@ -9,12 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from msrr_bullet.log import (
-    LogHeader,
-    MemoryRecorder,
-    TruePose,
-    topics,
-)
+from msrr_bullet.log import LogHeader, MemoryRecorder, TruePose, topics
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2

@@ -8,15 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from msrr_bullet.log import (
-    LogError,
-)
+from msrr_bullet.log import LogError
 from msrr_bullet.log.codec import codec, to_bytes
 from msrr_bullet.log.formats import format_of
-from msrr_scenes.messages import (
-    TagDetection,
-    WheelOdometry,
-)
+from msrr_scenes.messages import TagDetection, WheelOdometry
 
 
 def test_equal_bytes_mean_equal_bits() -> None:

@@ -19,19 +19,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import msrr_scenes.messages as messages
-from msrr_bullet.log import (
-    CameraWindow,
-    LogError,
-)
+from msrr_bullet.log import CameraWindow, LogError
 from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_named, format_of, message_types
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import (
-    Exposure,
-)
+from msrr_scenes.messages import Exposure
 
 #: The pixels of a window are in a frame, by which a reader gives them back.
 WITHOUT_PIXELS = [kind for kind in message_types() if kind is not CameraWindow]

@@ -11,14 +11,7 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from msrr_bullet.log import (
-    LOG_NAME,
-    Event,
-    Level,
-    LogHeader,
-    StepStart,
-    topics,
-)
+from msrr_bullet.log import LOG_NAME, Event, Level, LogHeader, StepStart, topics
 from msrr_bullet.log.frame_tree import scene_frames, step_frames
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_scenes.loading.load import load_scene

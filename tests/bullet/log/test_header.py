@@ -9,11 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.log import (
-    LogError,
-    LogHeader,
-    read_log,
-)
+from msrr_bullet.log import LogError, LogHeader, read_log
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_scenes.specs.scene import Scene
 

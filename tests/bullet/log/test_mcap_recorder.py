@@ -12,14 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.log import (
-    CameraWindow,
-    Event,
-    LogError,
-    LogHeader,
-    read_log,
-    topics,
-)
+from msrr_bullet.log import CameraWindow, Event, LogError, LogHeader, read_log, topics
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure

@@ -9,21 +9,11 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from msrr_bullet.log import (
-    LogError,
-    LogHeader,
-    MemoryRecorder,
-    read_log,
-    topics,
-)
+from msrr_bullet.log import LogError, LogHeader, MemoryRecorder, read_log, topics
 from msrr_bullet.log.frame_tree import scene_frames
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import (
-    Exposure,
-    PoseMeasurement,
-    WheelOdometry,
-)
+from msrr_scenes.messages import Exposure, PoseMeasurement, WheelOdometry
 
 Record = Callable[..., None]
 

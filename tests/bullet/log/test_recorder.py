@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.log import (
-    CameraWindow,
-    MemoryRecorder,
-)
+from msrr_bullet.log import CameraWindow, MemoryRecorder
 from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.messages import (
-    Exposure,
-)
+from msrr_scenes.messages import Exposure
 
 
 def test_pixels_are_copied() -> None:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import typing
 
 import msrr_scenes.messages as messages
-from msrr_bullet.log import (
-    topics,
-)
+from msrr_bullet.log import topics
 
 
 def test_every_sensor_message_has_a_topic_of_its_unit() -> None:

@@ -13,13 +13,7 @@ import numpy as np
 import pytest
 
 from msrr_bullet.cli import app
-from msrr_bullet.log import (
-    CameraWindow,
-    Log,
-    LogHeader,
-    TruePose,
-    read_log,
-)
+from msrr_bullet.log import CameraWindow, Log, LogHeader, TruePose, read_log
 from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_of
 from msrr_bullet.log.mcap_recorder import McapRecorder

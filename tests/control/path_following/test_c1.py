@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams
 from msrr_control.path_following.obstacle_forces import Obstacles
 from msrr_control.path_following.path import Path
-from msrr_control.path_following.reference import (
-    SideWall,
-)
+from msrr_control.path_following.reference import SideWall
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 DT = 0.02

@@ -1,10 +1,7 @@
 import numpy as np
 
 from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams
-from msrr_control.path_following.c2 import (
-    C2PathFollowingLaw,
-    C2PathFollowingParams,
-)
+from msrr_control.path_following.c2 import C2PathFollowingLaw, C2PathFollowingParams
 from msrr_control.path_following.path import PaceSpec
 from msrr_control.studies.path_following_study import run_path_following_study
 from msrr_scenes.specs.vehicle import LimitsSpec

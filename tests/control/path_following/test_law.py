@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams
-from msrr_control.path_following.c2 import (
-    C2PathFollowingLaw,
-    C2PathFollowingParams,
-)
+from msrr_control.path_following.c2 import C2PathFollowingLaw, C2PathFollowingParams
 from msrr_control.path_following.obstacle_forces import Obstacles
 from msrr_control.path_following.path import Path
 from msrr_control.path_following.reference import SideWall

@@ -11,11 +11,7 @@ from hypothesis import strategies as st
 
 from msrr_control.feedback.auxiliary import AuxiliaryGains
 from msrr_control.path_following.obstacle_forces import Obstacles, SpringGains
-from msrr_control.path_following.reference import (
-    ReferenceState,
-    SideWall,
-    reference_start,
-)
+from msrr_control.path_following.reference import ReferenceState, SideWall, reference_start
 from msrr_control.path_following.tracking import TrackingGains, TrackingState, tracking_start, tracking_step
 from msrr_scenes.specs.vehicle import LimitsSpec
 

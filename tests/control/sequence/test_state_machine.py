@@ -12,14 +12,7 @@ from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.sequence.state_machine import STATES, PhaseMachine
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import (
-    Conviction,
-    FailureReason,
-    LosStatus,
-    Phase,
-    SeatSwitches,
-    Twist,
-)
+from msrr_scenes.messages import Conviction, FailureReason, LosStatus, Phase, SeatSwitches, Twist
 from msrr_scenes.specs.plan import DockingSpec, VerifySpec
 from msrr_scenes.specs.spec import Choice
 

@@ -13,13 +13,7 @@ from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams
 from msrr_control.docking.guidance import GuidanceSpec
 from msrr_control.docking.law import DockSetup
 from msrr_control.studies.disturbance import Disturbance
-from msrr_control.studies.docking_study import (
-    CLOSE,
-    CLOSE_HARD,
-    StudyResult,
-    draw_starts,
-    run_study,
-)
+from msrr_control.studies.docking_study import CLOSE, CLOSE_HARD, StudyResult, draw_starts, run_study
 
 #: The trajectory of the paper: no slowing down before contact, its end beyond it.
 STEADY = C1DockingParams(guidance=GuidanceSpec(contact_mps=0.11, overrun_m=0.08))

@@ -7,12 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from msrr_perception.photographs.picture_files import (
-    PictureError,
-    picture_files,
-    read_picture,
-    read_pictures,
-)
+from msrr_perception.photographs.picture_files import PictureError, picture_files, read_picture, read_pictures
 from msrr_perception.photographs.tag_finder import TagFinder
 from msrr_scenes.messages import Pixels
 

@@ -6,10 +6,7 @@ from msrr_bullet.render.raster.kernels.compiler import kernel
 from msrr_bullet.render.raster.kernels.floor import project_floor
 from msrr_bullet.render.raster.kernels.lens_mixed_pixels import cover_lens_samples, shade_lens_mixed_pixels
 from msrr_bullet.render.raster.kernels.lens_simple_pixels import shade_lens_simple_pixels
-from msrr_bullet.render.raster.kernels.lens_visibility import (
-    clear_lens_corners,
-    cover_lens_corners,
-)
+from msrr_bullet.render.raster.kernels.lens_visibility import clear_lens_corners, cover_lens_corners
 from msrr_bullet.render.raster.kernels.pipeline import BAND, place_frames
 from msrr_bullet.render.raster.kernels.projection import project
 from msrr_bullet.render.raster.kernels.records import (

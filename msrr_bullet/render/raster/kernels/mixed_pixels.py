@@ -30,11 +30,7 @@ from msrr_bullet.render.raster.kernels.records import (
 )
 from msrr_bullet.render.raster.kernels.sample_positions import CELL_SAMPLES, SAMPLES
 from msrr_bullet.render.raster.kernels.simple_pixels import quantised
-from msrr_bullet.render.raster.kernels.textures import (
-    cell_index,
-    filtered_reflectance,
-    mean_cell_reflectance,
-)
+from msrr_bullet.render.raster.kernels.textures import cell_index, filtered_reflectance, mean_cell_reflectance
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
 

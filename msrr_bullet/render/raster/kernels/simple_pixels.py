@@ -24,11 +24,7 @@ from msrr_bullet.render.raster.kernels.records import (
     Textures,
     View,
 )
-from msrr_bullet.render.raster.kernels.textures import (
-    cell_index,
-    filtered_reflectance,
-    mean_cell_reflectance,
-)
+from msrr_bullet.render.raster.kernels.textures import cell_index, filtered_reflectance, mean_cell_reflectance
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
 
