@@ -83,7 +83,7 @@ def test_a_failure_names_class_file_and_line(argument: object, says: str) -> Non
 
 def test_a_method_with_other_arguments_is_named_where_it_is_defined() -> None:
     class Narrow(Doubler):
-        def double(self) -> Any:  # type: ignore[override]
+        def double(self) -> Any:  # type: ignore[override]  # the mistake of a user
             return 2
 
     line = Narrow.double.__code__.co_firstlineno
