@@ -65,8 +65,7 @@ def load_script(path: Path) -> ModuleType:
 def photographs() -> Path:
     """Folder of photographs: ``mapping`` with its ``tags.txt``, ``rotation``, ``chessboard``."""
     if "MSRR_PHOTOGRAPHS" not in os.environ:
-        # The photographs belong to others and may not be shipped; whoever has them names their folder.
-        pytest.skip(reason="MSRR_PHOTOGRAPHS names no folder")
+        pytest.skip(reason="MSRR_PHOTOGRAPHS names no folder")  # they belong to others and may not be shipped
     return Path(os.environ["MSRR_PHOTOGRAPHS"])
 
 

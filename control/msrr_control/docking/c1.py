@@ -31,7 +31,7 @@ class C1DockingLaw(CorrectedLaw[C1DockingParams]):
     """The close-range law C1 (Zheng et al., eqs. 21 to 29) in its corrected form."""
 
     def feedback(self, error: Array) -> Array:
-        """Return the composite feedback, shape (..., 2) [m/s]."""
+        """Return the composite feedback (eqs. 26, 27), shape (..., 2) [m/s]."""
         return composite_feedback(error, self.params.feedback)
 
 

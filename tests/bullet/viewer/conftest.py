@@ -195,8 +195,7 @@ class Browser:
 def chromium(tmp_path_factory):
     """Chromium without a window. Tests that use it are skipped where there is none."""
     if CHROMIUM is None and not os.environ.get("MSRR_REQUIRE_CHROMIUM"):
-        # pip cannot install a browser. CI installs one and sets the variable: nothing is skipped there.
-        pytest.skip(reason="Chromium is not installed")
+        pytest.skip(reason="Chromium is not installed")  # pip cannot install it; CI does, and skips nothing
     started = Browser(tmp_path_factory.mktemp("chromium"))
     yield started
     started.close()
