@@ -6,7 +6,6 @@ import math
 from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from copy import copy
-from functools import lru_cache
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
@@ -69,13 +68,7 @@ class LocalMap:
         bodies = [b for b in others if b is not None and b.name in names]
         self._poses = {b.name: b.X_WB for b in bodies}
         self._intended = [(i.unit, SE2(*pose)) for i in intents if i.unit in self._poses for pose in i.poses]
-        own = _variance(arena.own, self.reach)
-        self.sigmas = {
-            b.name: math.sqrt(
-                own + _variance(b, reaches[b.name]) + (arena.strain * (self.reach + reaches[b.name])) ** 2
-            )
-            for b in bodies
-        }
+        self.sigmas = {b.name: arena.sigma_between(b, self.reach, reaches[b.name]) for b in bodies}
 
     def bounds(self, X_WU: SE2, sigmas: float) -> dict[str, float]:
         """Return lower bounds of the clearances of the unit at ``X_WU`` from all bodies [m].
@@ -115,16 +108,6 @@ class LocalMap:
         """Return the smallest clearance of the unit at ``X_WU`` [m]; infinite when there is no other body."""
         clearance = self.clearance(X_WU)
         return math.inf if clearance is None else clearance.distance
-
-
-@lru_cache(maxsize=256)  # estimates never change, and that of a body that stands is the same for a while
-def _variance(body: GlobalPose | ObstacleEstimate, reach: float) -> float:
-    """Return the largest variance [m^2], over points of a body and directions, of the position of a point.
-
-    It is that against bodies that are near, and not that in the world.
-    """
-    (xx, xy, _), (_, yy, _), (_, _, yaw) = body.relative.tolist()
-    return float(0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy) + reach**2 * yaw)
 
 
 class StoppingTrajectory:

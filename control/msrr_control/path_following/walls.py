@@ -25,7 +25,7 @@ class WallSpec(Spec):
 
     Attributes:
         margin_m: Distance added to the obstacle's radius and half the body's width; it covers overshoot,
-            tracking error and the error of the estimates.
+            tracking error and the error of the estimates of robots that are built with care.
         ahead_m: Distance before the obstacle, along the path's tangent there, at which the wall rises.
         early_m: Largest depth of the path inside the wall when the wall rises, beyond the depth where path
             and obstacle are nearest. On the outside of a bend the wall rises later by this rule; otherwise

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
@@ -105,3 +107,26 @@ class ArenaEstimate:
     obstacles: tuple[ObstacleEstimate, ...]
     last_seen_ns: int
     strain: float = 0.0
+
+    def sigma_between(self, body: GlobalPose | ObstacleEstimate, own_reach: float, reach: float) -> float:
+        """Return the standard deviation of the distance between a body and the docking unit [m].
+
+        It holds where they are near each other: an error that they share shifts both.
+
+        Args:
+            body: The body.
+            own_reach: Largest distance of the footprint of the unit from the origin of its frame [m].
+            reach: That of the body [m].
+        """
+        strain = self.strain * (own_reach + reach)
+        return math.sqrt(_variance(self.own, own_reach) + _variance(body, reach) + strain**2)
+
+
+@lru_cache(maxsize=256)  # estimates never change, and that of a body that stands is the same for a while
+def _variance(body: GlobalPose | ObstacleEstimate, reach: float) -> float:
+    """Return the largest variance [m^2], over points of a body and directions, of the position of a point.
+
+    It is that against bodies that are near, and not that in the world.
+    """
+    (xx, xy, _), (_, yy, _), (_, _, yaw) = body.relative.tolist()
+    return float(0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy) + reach**2 * yaw)

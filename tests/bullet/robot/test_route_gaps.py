@@ -10,11 +10,14 @@ import pytest
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
 from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.track import GAP_M
+from msrr_control.planning.route_planner import RoutePlanner
+from msrr_control.staging.parameters import AssemblyParams
+from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.estimation.arena_tracker import ArenaTracker
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import ArenaEstimate, GlobalPose, MonitorState, Twist
+from msrr_scenes.messages import ArenaEstimate, GlobalPose, MonitorState, ObstacleEstimate, Twist
 
 #: How far two units that were built with care overshot the places at which they stopped [m].
 STRAY_M = 0.024
@@ -41,3 +44,27 @@ def test_a_unit_may_turn_where_a_route_passes_another_one(grade: str) -> None:
         for twist in (Twist(0.0, 0.05), Twist(0.0, -0.05)):
             decision = CollisionMonitor(scene.told(), "a").limit(twist, arena, 0)
             assert decision.state is not MonitorState.STOP, (grade, yaw, twist, decision)
+
+
+@pytest.mark.parametrize("sigma_m", [0.0, 0.005, 0.01, 0.02, 0.04])
+def test_a_unit_may_drive_along_its_route_past_a_post_however_badly_that_is_known(sigma_m: float) -> None:
+    """Its collision monitor, which takes the post to be nearer by two standard deviations, never stops it."""
+    scene = load_scene("two_units").told()
+    setup, params = AssemblySetup.of(scene, scene.docks[0]), AssemblyParams()
+    planner = RoutePlanner(params.route, params.walls, params.pace, setup.box, setup.offset, setup.half_width)
+    certain, known_to = 1e-10 * np.eye(3), np.diag([sigma_m**2, sigma_m**2, 0.0]) + 1e-10 * np.eye(3)
+    post = ObstacleEstimate("post", 0, SE2(-0.3, 0.0), known_to, scene.obstacles["post"].radius_m)
+    target = GlobalPose("b", 0, SE2(1.5, 0.0), certain)
+
+    def seen_from(X_WU: SE2) -> ArenaEstimate:
+        return ArenaEstimate(0, GlobalPose("a", 0, X_WU, certain), target, (), (post,), 0)
+
+    route = planner.plan(setup.map_of(seen_from(SE2(-1.5, 0.02))), caution=1)
+    assert route is not None
+    for s in np.arange(setup.offset, float(route.path.length), 0.02):
+        at = route.path.at(np.asarray(s))
+        heading = float(at.heading)
+        axle = at.point - setup.offset * np.array([np.cos(heading), np.sin(heading)])
+        here = SE2(float(axle[0]), float(axle[1]), heading)
+        decision = CollisionMonitor(scene, "a", scene.docks[0]).limit(Twist(0.2), seen_from(here), 0)
+        assert decision.state is not MonitorState.STOP, (s, here, decision)

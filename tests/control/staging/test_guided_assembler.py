@@ -51,6 +51,7 @@ def setup_of(unit: str, others: tuple[str, ...]) -> AssemblySetup:
         in_view=None,
         limits=LIMITS,
         rate_hz=50.0,
+        sigmas=2.0,
     )
 
 

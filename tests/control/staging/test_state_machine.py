@@ -47,6 +47,7 @@ def make_setup(limits: str = "normal", **obstacles: float) -> AssemblySetup:
         in_view=None,
         limits=LimitsSpec.model_validate({"setting": limits}),
         rate_hz=50.0,
+        sigmas=2.0,
     )
 
 
