@@ -65,7 +65,8 @@ def load_script(path: Path) -> ModuleType:
 def photographs() -> Path:
     """Folder of photographs: ``mapping`` with its ``tags.txt``, ``rotation``, ``chessboard``."""
     if "MSRR_PHOTOGRAPHS" not in os.environ:
-        pytest.skip(reason="MSRR_PHOTOGRAPHS names no folder")  # they belong to others and may not be shipped
+        # Only who has the photographs can run the tests on them; the folder is named by the environment.
+        pytest.skip(reason="MSRR_PHOTOGRAPHS names no folder of the photographs, which may not be shipped")
     return Path(os.environ["MSRR_PHOTOGRAPHS"])
 
 

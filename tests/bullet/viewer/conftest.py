@@ -195,7 +195,8 @@ class Browser:
 def chromium(tmp_path_factory):
     """Chromium without a window. Tests that use it are skipped where there is none."""
     if CHROMIUM is None and not os.environ.get("MSRR_REQUIRE_CHROMIUM"):
-        pytest.skip(reason="Chromium is not installed")  # pip cannot install it; CI does, and skips nothing
+        # CI installs a browser and sets MSRR_REQUIRE_CHROMIUM, so that a missing one fails there.
+        pytest.skip(reason="Chromium, which pip cannot install, is not on this machine")
     started = Browser(tmp_path_factory.mktemp("chromium"))
     yield started
     started.close()
