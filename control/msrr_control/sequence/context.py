@@ -56,6 +56,7 @@ class StateMemory:
     Attributes:
         since_ns: Time at which the phase was entered.
         turned: Heading turned since the target was last seen, by odometry [rad].
+        seen_s: Time for which the target has been seen, all in all [s].
         unseen: Timer of the target being unseen.
         switches: Timer of the seat switches saying what the phase waits for.
         opened: Timer of the lock being open.
@@ -70,7 +71,7 @@ class StateMemory:
     def __init__(self, since_ns: int) -> None:
         """Begin a stay."""
         self.since_ns = since_ns
-        self.turned, self.leg = 0.0, 0
+        self.turned, self.seen_s, self.leg = 0.0, 0.0, 0
         self.unseen, self.switches, self.arrived = HoldTimer(), HoldTimer(), HoldTimer()
         self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
         self.sigma_lateral = 0.0

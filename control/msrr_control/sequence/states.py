@@ -26,7 +26,7 @@ from msrr_control.sequence.evidence import (
     with_doubt,
 )
 from msrr_control.sequence.observation import GiveUp
-from msrr_control.sequence.search import scan_angle, turn_rate
+from msrr_control.sequence.search import scan, turn_rate
 from msrr_scenes.messages import Belief, Conviction, FailureReason, LockPosition, MonitorState, Phase, Twist
 
 STILL = Twist()
@@ -67,16 +67,17 @@ def hand_over(c: DockingContext) -> Twist | Transition:
                 return Transition(Phase.FAILED, reason, FailureReason.NEVER_DETECTED)
             return _fail(reason, FailureReason.NEVER_DETECTED, reassemble=True)
         middle = view.bearing if view is not None else -memory.turned
-        wanted = middle + scan_angle(unseen, c.spec.search_time_s, tuning.search)
-        return Twist(0.0, turn_rate(wanted, tuning.search, max_w))
+        heading, rate = scan(unseen, c.spec.search_time_s, tuning.search, max_w)
+        return Twist(0.0, turn_rate(middle + heading, tuning.search, max_w, rate))
     memory.turned = 0.0
+    memory.seen_s += c.dt
     in_cone = view.widest_edge < c.setup.los.outer
     ready_sigma_yaw = math.radians(tuning.ready_sigma_deg)
     certain = view.sigma_lateral <= tuning.ready_sigma_m and view.sigma_yaw <= ready_sigma_yaw
     if in_cone and certain:
         to = Phase.CALIBRATE if c.calibrate else Phase.DOCK
         return Transition(to, f"target seen at {view}")
-    if memory.lasted(c.now_ns) > tuning.ready_time_s:
+    if memory.seen_s > tuning.ready_time_s:
         obstacle = "uncertain" if in_cone else "outside the cone"
         return _fail(f"target seen but {obstacle} at {view}", FailureReason.UNREADY, reassemble=True)
     creep = tuning.search.creep_mps if in_cone and view.gap > tuning.search.creep_gap_m else 0.0

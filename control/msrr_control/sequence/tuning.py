@@ -42,8 +42,8 @@ class PhaseTuning(Spec):
     Attributes:
         ready_sigma_m: Largest standard deviation of the lateral estimate at the hand-over.
         ready_sigma_deg: Largest standard deviation of the heading at the hand-over.
-        ready_time_s: Time for which a seen target may be uncertain or outside the cone before the attempt
-            ends.
+        ready_time_s: Time for which a target may be seen, but uncertain or outside the cone, before the
+            attempt ends; a search in between does not count.
         contact_m: Gap beyond the pins' length at which pressing replaces the controller.
         capture_m: Largest lateral error from which the funnel still centres a pin.
         capture_deg: Largest heading error from which the funnel still centres the pins.

@@ -221,7 +221,7 @@ class DockingSpec(Spec):
 
     attempts: int = Field(default=3, ge=1, le=20)
     """Number of attempts before the robot gives up."""
-    search_time_s: Duration = 4.0
+    search_time_s: Duration = 7.0
     """How long the marker may stay unseen before hand-over fails [s]."""
     lost_time_s: Duration = 0.6
     """How long the target may be lost while docking before the robot retreats [s]."""

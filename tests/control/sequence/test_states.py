@@ -160,6 +160,18 @@ def test_a_look_that_stays_unready_ends_the_attempt(desk: Desk, outside: bool, s
     assert says in desk.machine.belief.reason
 
 
+def test_a_target_that_is_found_late_still_has_all_its_time_to_become_certain(desk: Desk) -> None:
+    uncertain, los = _wide(0.1, 0.1), _edges(0.5 * desk.facts.los.outer, 0.0)
+    while desk.now_ns < 0.9e9 * DockingSpec().search_time_s:
+        assert desk.ask(None).phase is Phase.HAND_OVER
+    found_s = 1e-9 * desk.now_ns
+    assert found_s > TUNING.ready_time_s
+    while desk.machine.phase is Phase.HAND_OVER:
+        desk.ask(desk.at(0.6), covariance=uncertain, los=los)
+    assert 1e-9 * desk.now_ns - found_s == pytest.approx(TUNING.ready_time_s, abs=0.05)
+    assert desk.machine.belief.setback is FailureReason.UNREADY
+
+
 def _unready(desk: Desk, X_DU: SE2) -> Action:
     return desk.ask(X_DU, covariance=_wide(0.1, 0.1))
 
