@@ -69,6 +69,12 @@ class DrawingContext:
         return unit_colours(self.scene)
 
     @cached_property
+    def top_tags_m(self) -> float:
+        """Height of the highest top tag of a unit [m], where lines in an overhead frame are drawn; else 0."""
+        units = map(self.scene.geometry, self.scene.units)
+        return max((float(u.frame("tag_top").p[2]) for u in units if "tag_top" in u.tag_slots), default=0.0)
+
+    @cached_property
     def routes(self) -> Routes:
         """Routes that the base station has granted."""
         return Routes(self.scene)

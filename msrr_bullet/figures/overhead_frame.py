@@ -27,8 +27,6 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import LosStatus
 
-#: Height at which lines are drawn [m], about that of the top tags, so that the lines meet them in the image.
-PLANE = 0.2
 #: Size of the names of the units of a mission.
 NAME_SCALE = 0.85
 #: Every which snapshot is a point of a driven way, of which there are many in every frame of a film.
@@ -76,7 +74,7 @@ def draw_overhead(
     else:
         _draw_steps(drawing, context, snapshot, past)
     if snapshot.clearance is not None and snapshot.clearance.distance > 0.0:
-        a, b = on_floor([snapshot.clearance.point_a, snapshot.clearance.point_b], PLANE)
+        a, b = on_floor([snapshot.clearance.point_a, snapshot.clearance.point_b], context.top_tags_m)
         drawing.line(np.stack([a, b]), CLEARANCE, 2)
         text = f"{1e3 * snapshot.clearance.distance:.0f} mm"
         drawing.canvas.text(drawing.perspective.pixels(0.5 * (a + b)[None])[0], text, CLEARANCE)
@@ -91,15 +89,15 @@ def _draw_steps(
     """Draw the units under way, one after the other."""
     histories = step_histories(past)
     for single in snapshot.apart():
-        draw_plan(drawing, single)
+        draw_plan(drawing, single, context.top_tags_m)
         for step in single.steps:
             unit = step.unit
             driven = [at.units[unit].translation for at, _ in histories.get(step.key, ())]
             points = [*driven, single.units[unit].translation]
-            drawing.line(on_floor(points, PLANE), PATH, 2)
+            drawing.line(on_floor(points, context.top_tags_m), PATH, 2)
             draw_outline(drawing, context, unit, single.units[unit], PATH, 2)
         _draw_belief(drawing, context, single)
-        draw_sight(drawing, context, single)
+        draw_sight(drawing, context, single, context.top_tags_m)
 
 
 def _draw_mission(
@@ -112,17 +110,17 @@ def _draw_mission(
     """Draw the ways and routes of all units, who waits for whom, and docked pairs."""
     for unit, colour in context.colours.items():
         way = driven_way([*past[::_WAY_EVERY], snapshot], unit)
-        drawing.line(on_floor(way, PLANE), colour, 3, halo=PAPER)
-        draw_route(drawing, context, mission, unit)
+        drawing.line(on_floor(way, context.top_tags_m), colour, 3, halo=PAPER)
+        draw_route(drawing, context, mission, unit, context.top_tags_m)
     for step in snapshot.steps:
         if step.estimate is not None:
             draw_outline(drawing, context, step.unit, step.estimate, BELIEF, 1)
-    _draw_obstacle_beliefs(drawing, snapshot)
+    _draw_obstacle_beliefs(drawing, context, snapshot)
     draw_links(drawing, context, snapshot, mission)
     for unit, colour in context.colours.items():
         X_WU = snapshot.units[unit]
         draw_outline(drawing, context, unit, X_WU, colour, 2)
-        middle = drawing.perspective.pixels(on_floor(X_WU.translation, PLANE))[0]
+        middle = drawing.perspective.pixels(on_floor(X_WU.translation, context.top_tags_m))[0]
         failed = mission.activity(unit) is Activity.FAILED
         below = drawing.perspective.hull(SE3.from_se2(X_WU).act(context.solids[unit].points))[:, 1].max()
         text, ink = (f"{unit} failed", ALARM) if failed else (unit, BLACK)
@@ -130,7 +128,7 @@ def _draw_mission(
 
 
 def draw_route(
-    drawing: Drawing, context: DrawingContext, mission: MissionSnapshot, unit: str, plane: float = PLANE
+    drawing: Drawing, context: DrawingContext, mission: MissionSnapshot, unit: str, plane: float
 ) -> None:
     """Draw the route of a unit that is under way, thick as far as it is granted."""
     authority = mission.granted(unit)
@@ -148,11 +146,11 @@ def draw_links(
 ) -> None:
     """Draw a bar across every docked pair, and an arrow from a unit that waits to the one it waits for."""
     for ends in docked_pairs(context.scene, snapshot).values():
-        drawing.line(on_floor(ends, PLANE), BLACK, 4, halo=PAPER)
+        drawing.line(on_floor(ends, context.top_tags_m), BLACK, 4, halo=PAPER)
     for unit, X_WU in snapshot.units.items():
         other = mission.waits_for(unit)
         if other is not None:
-            ends = on_floor([X_WU.translation, snapshot.units[other].translation], PLANE)
+            ends = on_floor([X_WU.translation, snapshot.units[other].translation], context.top_tags_m)
             start, end = drawing.perspective.pixels(ends)
             drawing.canvas.arrow(start, end, ALARM, 2, halo=PAPER)
 
@@ -177,10 +175,10 @@ def _draw_belief(drawing: Drawing, context: DrawingContext, snapshot: Snapshot) 
     target = () if first.situation.target is None else (first.situation.target,)
     for other in (*target, *first.situation.others):
         draw_outline(drawing, context, other.name, other.X_WB, BELIEF, 1)
-    _draw_obstacle_beliefs(drawing, snapshot)
+    _draw_obstacle_beliefs(drawing, context, snapshot)
 
 
-def _draw_obstacle_beliefs(drawing: Drawing, snapshot: Snapshot) -> None:
+def _draw_obstacle_beliefs(drawing: Drawing, context: DrawingContext, snapshot: Snapshot) -> None:
     """Draw a circle about the believed footprint of every obstacle, with its name."""
     situation, assembly = snapshot.first.situation, snapshot.first.assembly
     if situation is None:
@@ -188,13 +186,13 @@ def _draw_obstacle_beliefs(drawing: Drawing, snapshot: Snapshot) -> None:
     avoiding = assembly.avoiding if assembly else None
     for obstacle in situation.obstacles:
         avoided = obstacle.name == avoiding
-        drawing.line(ring(obstacle.X_WB, obstacle.radius, PLANE), BELIEF, 3 if avoided else 2)
+        drawing.line(ring(obstacle.X_WB, obstacle.radius, context.top_tags_m), BELIEF, 3 if avoided else 2)
         edge = obstacle.X_WB.translation - np.array([0.0, obstacle.radius + 0.07])
         text = f"{obstacle.name} (avoided)" if avoided else obstacle.name
-        drawing.canvas.text(drawing.perspective.pixels(on_floor(edge, PLANE))[0], text, BELIEF)
+        drawing.canvas.text(drawing.perspective.pixels(on_floor(edge, context.top_tags_m))[0], text, BELIEF)
 
 
-def draw_plan(drawing: Drawing, snapshot: Snapshot, plane: float = PLANE) -> None:
+def draw_plan(drawing: Drawing, snapshot: Snapshot, plane: float) -> None:
     """Draw the planned path of the first step under way, with its desired point and the controlled one."""
     assembly, path = snapshot.first.assembly, snapshot.first.path
     if assembly is None:
@@ -207,7 +205,7 @@ def draw_plan(drawing: Drawing, snapshot: Snapshot, plane: float = PLANE) -> Non
     drawing.canvas.dot(tip, BELIEF, 3.5, halo=PAPER)
 
 
-def draw_sight(drawing: Drawing, context: DrawingContext, snapshot: Snapshot, plane: float = PLANE) -> None:
+def draw_sight(drawing: Drawing, context: DrawingContext, snapshot: Snapshot, plane: float) -> None:
     """Draw the angles of the target's edges as lines from the estimated position of the camera."""
     first = snapshot.first
     if first.los is None or first.estimate is None or first.step is None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from msrr_bullet.figures.canvas import bgr
 from msrr_bullet.figures.overhead_frame import draw_overhead
-from msrr_bullet.figures.perspective import Perspective, scene_solids
+from msrr_bullet.figures.perspective import Perspective, on_floor, scene_solids
 from msrr_bullet.timeline import palette
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_scenes.geometry.se2 import SE2
@@ -25,6 +25,19 @@ def test_an_overhead_frame_shows_truth_belief_plan_and_detections(count_pixels, 
     title = " ".join(picture.title)
     for text in ("two_units, seed 3", "overhead", "assemble", "attempt 1", "mm off"):
         assert text in title
+
+
+def test_lines_are_drawn_where_they_meet_the_tags(views, trial, context):
+    """The middle of a unit, drawn as lines are, is in the image where its top tag was detected."""
+    perspective = Perspective.overhead(context.scene, context.built)
+    tags = {ids["tag_top"]: u for u in context.scene.units if "tag_top" in (ids := context.scene.tag_ids(u))}
+    view = [v for v in views if v.exposure.camera == OVERHEAD and v.tags][5]
+    found = {tags[t.tag_id]: t.corners.mean(axis=0) for t in view.tags if t.tag_id in tags}
+    assert len(found) == 2
+    for unit, middle in found.items():
+        at = trial.at(view.stamp_ns).units[unit].translation
+        drawn = perspective.pixels(on_floor(at, context.top_tags_m))[0]
+        np.testing.assert_allclose(drawn, middle, atol=1.5)
 
 
 def test_belief_is_drawn_where_it_is(views, trial, context, with_step):
