@@ -37,8 +37,9 @@ independent.
 FIRST = """\
 ## One by one
 *Docks to, and no longer*: two sizes found by bisection, with at least 95 % docked and with fewer. An effect
-uses up as much of *what docking tolerates* as its standard deviation is of that size; the share is that of
-its square in the squares of all. First come the effects that use up most of it.
+uses up as much of *what docking tolerates* as its standard deviation is of that size, or of 1.96 times that
+size where it is drawn for each tag; the share is that of its square in the squares of all. First come the
+effects that use up most of it.
 """
 
 FIGURE_TEXT = """\

@@ -25,8 +25,8 @@ if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
     from msrr_scenes.geometry.lens import Lens
     from msrr_scenes.messages import Pixels
 
-#: Relative uncertainty of the focal length and share of the picture with boards that call for more pictures.
-_POOR_FOCAL, _POOR_COVERAGE = 0.02, 0.6
+#: Relative uncertainty of the focal length that calls for more pictures.
+_POOR_FOCAL = 0.02
 
 
 class Kind(StrEnum):

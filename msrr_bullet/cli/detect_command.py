@@ -113,7 +113,7 @@ def _read_file(file: Path, reader: PictureReader, out: Path | None, work: _Work)
             start = time.process_time()
             picture = reader.read(name, pixels)
             work.own_s += time.process_time() - start
-            _ask_the_library(pixels, picture, reader, work)
+            _ask_the_library(pixels, reader, work)
             work.pictures.append(picture)
             if out is not None:
                 _draw(picture, pixels, reader, out, work)
@@ -122,7 +122,7 @@ def _read_file(file: Path, reader: PictureReader, out: Path | None, work: _Work)
         report_error(str(error), BAD_INPUT)
 
 
-def _ask_the_library(pixels: Pixels, picture: PictureTags, reader: PictureReader, work: _Work) -> None:
+def _ask_the_library(pixels: Pixels, reader: PictureReader, work: _Work) -> None:
     """Measure what the library takes and finds with its own defaults."""
     from msrr_perception.detection.native_apriltag import LIBRARY_BITS, LIBRARY_SETTINGS, detect
 

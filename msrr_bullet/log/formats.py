@@ -71,7 +71,7 @@ def _plain(kind: type) -> Format:
 
 
 def _exact(value: Json) -> Json:
-    """Return an exact message, which logs of version 0.2 or earlier carry inside one of Foxglove's."""
+    """Return an exact message, which logs of version 0.1.0 carry inside one of Foxglove's."""
     return value["msrr"] if isinstance(value, dict) and "msrr" in value else value
 
 
@@ -94,7 +94,7 @@ def window_in(value: Json, frame: LoggedFrame) -> CameraWindow:
 
 
 def _decode_window(value: Json) -> CameraWindow:
-    """Return a window of a log of version 0.2 or earlier, which holds the pixels of each window by itself."""
+    """Return a window of a log of version 0.1.0, which holds the pixels of each window by itself."""
     exact = value["msrr"]
     window = _WINDOW.decode(exact["window"])
     pixels = from_png(binascii.a2b_base64(value["data"]))

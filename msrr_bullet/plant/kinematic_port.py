@@ -32,8 +32,7 @@ _FACE_DEPTH = 1e-3
 class CaptureRange:
     """The idealised funnel.
 
-    The defaults are those of the shipped unit in PyBullet, which is drawn in from up to 13 mm and 8 degrees
-    and stopped at the mouth from 16 mm on.
+    The defaults stay within what the shipped unit in PyBullet is drawn in from: 14 mm and 8 degrees.
 
     Attributes:
         lateral_m: Largest lateral error that is drawn in when the tips of the pins pass the mouth [m].

@@ -2,7 +2,8 @@
 
 An exposure is centred on the instant at which it is taken, and the renderer sees the world at that instant.
 Before and after it every body is where its velocity of that instant takes it. A unit under the limits of the
-shipped scenes changes its speed by 4 mm/s in 10 ms, which is 0.02 mm from its place: far below a pixel.
+shipped scenes changes its speed by 5 mm/s at most in 10 ms, which is 0.03 mm from its place: far below a
+pixel.
 """
 
 from __future__ import annotations

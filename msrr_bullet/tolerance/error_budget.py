@@ -23,7 +23,8 @@ class Contribution:
         lateral_mm: Lateral error at contact that it adds at one standard deviation, root mean square [mm];
             0 without a contact.
         lateral_share: Share of its square in the squares of all effects.
-        used: Standard deviation over the size at which docking falls below 95 %; 0 without such a size.
+        used: Standard deviation over the size at which docking falls below 95 %, or over 1.96 times that size
+            where it is drawn for each tag; 0 without such a size.
         used_share: Share of its square in the squares of all effects.
     """
 

@@ -33,7 +33,7 @@ _BELIEFS: dict[Conviction, BeliefName] = {
 _WATCH_S = 0.5
 
 #: Time for which a trial goes on after the program of the unit has failed, so that the unit comes to rest
-#: [s]: the largest speed over the largest deceleration of the shipped limits, and the delay of the drive.
+#: [s]: more than the longest stop under the shipped limits, with the delay of the drive, takes (1.3 s).
 STOP_TIME_S = 1.5
 
 

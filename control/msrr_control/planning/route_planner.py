@@ -59,8 +59,9 @@ class RoutePlanner:
 
         Args:
             arena: What is known.
-            caution: Number of times that the unit was stopped on earlier routes. From 1 on, obstacles are not
-                left to walls, and each adds to the margin at which they are driven around.
+            caution: Number of times that the unit was stopped on earlier routes. From 1 on, obstacles are
+                left to walls only where nothing else leads there, and each adds to the margin at which they
+                are driven around.
         """
         if caution == 0:
             arc = next(self._arcs(arena, self.spec.lead_in_m), None)

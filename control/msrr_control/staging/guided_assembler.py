@@ -233,13 +233,13 @@ class GuidedAssembler(Generic[State]):
             return twist
         self._stage = "settle"
         near = follower.distance_to_end(arena.X_WU) < 0.5 * self._watch.there_m
-        if (near and self._rests(observation)) or self._stalled(now, remaining):
+        if (near and self._rests(observation)) or self._stalled(now):
             return None
         return twist
 
     # What the legs share.
 
-    def _stalled(self, now: int, remaining: float) -> bool:
+    def _stalled(self, now: int) -> bool:
         return self._follower.time_without_progress(self._follower.s, now) > self._watch.settle_s
 
     def _has_waited(self, allowed: float, now: int) -> bool:

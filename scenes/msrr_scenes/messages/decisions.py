@@ -44,7 +44,7 @@ class AssemblyPath:
     Attributes:
         stamp_ns: Time of the decision.
         number: Number of the path, counted from 1.
-        shape: ``arc``, ``around`` or ``staged``.
+        shape: ``arc``, ``around`` or ``staged``; ``granted`` where a base station has planned it.
         points: Points of the controlled point's path in W, every few centimetres [m].
         reason: Why the path was chosen, in words.
     """
