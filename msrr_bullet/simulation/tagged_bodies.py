@@ -12,7 +12,7 @@ import numpy as np
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.built_urdf import build
 from msrr_bullet.simulation.tag_plates import load_tag_plate, set_texture, write_plate
-from msrr_bullet.simulation.urdf_welding import weld
+from msrr_bullet.simulation.urdf_welding import weld, write_welded
 from msrr_scenes.as_built import AsBuilt, BuiltTag, as_drawn
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
@@ -77,7 +77,7 @@ class TagVisuals:
         build(tree, read_unit(geometry.urdf, geometry.frame_map), built, plates)
         weld(tree, geometry.pins)
         path = self._folder / f"{unit}.urdf"
-        tree.write(path, encoding="utf-8", xml_declaration=True)
+        write_welded(tree, path)
         return path
 
     def add_to_unit(self, client: int, body: int, unit: str) -> None:

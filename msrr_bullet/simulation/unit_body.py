@@ -10,7 +10,7 @@ from pathlib import Path
 
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.built_urdf import build
-from msrr_bullet.simulation.urdf_welding import weld
+from msrr_bullet.simulation.urdf_welding import weld, write_welded
 from msrr_scenes.as_built import BuiltUnit
 from msrr_scenes.errors import GeometryError, UnknownNameError
 from msrr_scenes.geometry.se3 import SE3
@@ -74,7 +74,7 @@ def load_unit(
     Raises:
         GeometryError: PyBullet cannot load the URDF.
     """
-    body = _weld_and_load(geometry, client, built) if welded is None else _load(welded, client)
+    body = _weld_and_load(geometry, client, built) if welded is None else _load(welded, client, geometry.urdf)
     root = pybullet.getBodyInfo(body, physicsClientId=client)[0].decode()
     links = {root: ROOT}
     for joint in range(pybullet.getNumJoints(body, physicsClientId=client)):
@@ -99,15 +99,15 @@ def _weld_and_load(geometry: UnitGeometry, client: int, built: BuiltUnit | None)
     weld(tree, geometry.pins)
     with tempfile.TemporaryDirectory(prefix="msrr-") as folder:
         path = Path(folder) / geometry.urdf.name
-        tree.write(path, encoding="utf-8", xml_declaration=True)
-        return _load(path, client)
+        write_welded(tree, path)
+        return _load(path, client, geometry.urdf)
 
 
-def _load(urdf: Path, client: int) -> int:
+def _load(urdf: Path, client: int, drawn: Path) -> int:
     try:
         body: int = pybullet.loadURDF(
             str(urdf), useFixedBase=False, flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client
         )
     except pybullet.error as error:
-        raise GeometryError(f"{urdf}: PyBullet cannot load this URDF ({error})") from None
+        raise GeometryError(f"{drawn}: PyBullet cannot load this URDF ({error})") from None
     return body

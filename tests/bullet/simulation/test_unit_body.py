@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pybullet
@@ -69,5 +70,33 @@ def test_a_welded_link_adds_its_mass_or_none_and_one_apart_would_get_a_kilogram(
 def test_a_file_that_is_no_urdf_is_refused(client: int, geometry: UnitGeometry, tmp_path: Path) -> None:
     broken = tmp_path / "broken.urdf"
     broken.write_text("no URDF")
-    with pytest.raises(GeometryError, match=r"broken\.urdf: PyBullet cannot load this URDF"):
+    with pytest.raises(GeometryError, match=r"unit\.urdf: PyBullet cannot load this URDF"):
         load_unit(client, geometry, broken)
+
+
+def _as_loaded(client: int, geometry: UnitGeometry) -> list[object]:
+    """Return what PyBullet has read: mass, inertia and contact of every link, and all collision shapes."""
+    body = load_unit(client, geometry).body
+    links = range(-1, pybullet.getNumJoints(body, physicsClientId=client))
+    return [
+        (
+            pybullet.getDynamicsInfo(body, link, physicsClientId=client),
+            [shape[2:] for shape in pybullet.getCollisionShapeData(body, link, physicsClientId=client)],
+        )
+        for link in links
+    ]
+
+
+@pytest.mark.parametrize("pad", [0, 3, 7, 11])
+def test_a_urdf_on_a_single_line_is_loaded_with_the_same_numbers(
+    client: int, geometry: UnitGeometry, tmp_path: Path, pad: int
+) -> None:
+    """PyBullet reads long lines in pieces, and loses digits between them."""
+    tree = ElementTree.parse(geometry.urdf)
+    for element in tree.iter():
+        element.text = element.tail = None
+    tree.getroot().set("name", "x" * (1 + pad))
+    path = tmp_path / "one_line.urdf"
+    tree.write(path)
+    assert len(path.read_text().splitlines()) == 1
+    assert _as_loaded(client, read_unit(path)) == _as_loaded(client, geometry)
