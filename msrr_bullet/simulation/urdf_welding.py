@@ -9,17 +9,15 @@ of one of them, and contacts can no longer be assigned to a pin.
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 import numpy as np
 
 from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.inertial import INERTIA, Inertial
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.urdf_tree import set_origin, urdf_origin
-
-_INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 def weld(tree: ElementTree[Element], separate: Collection[str]) -> None:
@@ -95,55 +93,16 @@ def _copy_contact(carrier: Element, link: Element) -> None:
     carrier.extend(link.findall("contact"))
 
 
-@dataclass(frozen=True, eq=False)
-class _Mass:
-    """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m^2], in the frame of a link."""
-
-    mass: float
-    centre: Array
-    inertia: Array
-
-    @classmethod
-    def of(cls, inertial: Element | None) -> _Mass:
-        if inertial is None:
-            return cls(0.0, np.zeros(3), np.zeros((3, 3)))
-        X_LI = urdf_origin(inertial.find("origin"))
-        mass, inertia = inertial.find("mass"), inertial.find("inertia")
-        m = 0.0 if mass is None else float(mass.attrib["value"])
-        xx, xy, xz, yy, yz, zz = (
-            0.0 if inertia is None else float(inertia.get(name, "0")) for name in _INERTIA
-        )
-        J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        return cls(m, X_LI.p, X_LI.R @ J @ X_LI.R.T)
-
-    def in_frame(self, X_CL: SE3) -> _Mass:
-        """Return the mass expressed in frame C, given that it is expressed in frame L."""
-        return _Mass(self.mass, X_CL.act(self.centre), X_CL.R @ self.inertia @ X_CL.R.T)
-
-    def inertia_about(self, point: Array) -> Array:
-        """Return the inertia (3, 3) about another point, by the parallel axis theorem."""
-        d = self.centre - point
-        shifted: Array = self.inertia + self.mass * (d @ d * np.eye(3) - np.outer(d, d))
-        return shifted
-
-    def __add__(self, other: _Mass) -> _Mass:
-        mass = self.mass + other.mass
-        if mass == 0.0:
-            return self
-        centre = (self.mass * self.centre + other.mass * other.centre) / mass
-        return _Mass(mass, centre, self.inertia_about(centre) + other.inertia_about(centre))
-
-
 def _add_mass(carrier: Element, link: Element, X_CL: SE3) -> None:
     inertial = carrier.find("inertial")
-    total = _Mass.of(inertial) + _Mass.of(link.find("inertial")).in_frame(X_CL)
+    total = Inertial.of(inertial) + Inertial.of(link.find("inertial")).in_frame(X_CL)
     if inertial is not None:
         carrier.remove(inertial)
     inertial = SubElement(carrier, "inertial")
     SubElement(inertial, "origin", xyz=_numbers(total.centre), rpy="0 0 0")
     SubElement(inertial, "mass", value=repr(float(total.mass)))
     upper = total.inertia[np.triu_indices(3)]
-    SubElement(inertial, "inertia", {name: repr(float(j)) for name, j in zip(_INERTIA, upper, strict=True)})
+    SubElement(inertial, "inertia", {name: repr(float(j)) for name, j in zip(INERTIA, upper, strict=True)})
 
 
 def joint_of(robot: Element, link: str) -> Element:

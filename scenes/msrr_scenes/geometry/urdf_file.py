@@ -93,7 +93,7 @@ def _turn_wheels_forward(path: Path, tree: LinkTree) -> None:
     for name in _WHEELS:
         joint = tree.joints.get(name)
         kind = None if joint is None else joint.get("type")
-        if joint is None or kind not in ("continuous", "revolute"):
+        if joint is None or kind != "continuous":
             raise GeometryError(f"{path}: the joint of {name!r} has to be continuous, found {kind}")
         axis = joint.find("axis")
         if axis is None:

@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.inertial import Inertial
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import LinkTree
@@ -24,6 +25,9 @@ _LEAST_FACING = math.cos(math.radians(85.0))
 
 #: Rounding of a place that a URDF and a scene give together [m].
 _ROUNDING_M = 1e-6
+
+#: Relative rounding of moments of inertia.
+_ROUNDING = 1e-9
 
 #: Directions along x, y and z of U, and against them.
 _DIRECTIONS = (("forward", "backward"), ("to the left", "to the right"), ("up", "down"))
@@ -41,7 +45,8 @@ def robot_problems(scene: Scene, unit: str) -> Iterator[Problem]:
     geometry = scene.geometry(unit)
     # Without contact and pixels there is no world in PyBullet, and nothing asks for a mass.
     weighs = scene.plant == "bullet" or scene.perception == "images"
-    found = [*(_without_mass(geometry) if weighs else ()), *_passive_ports(geometry)]
+    masses = (_without_mass(geometry) or _impossible_inertia(geometry)) if weighs else ()
+    found = [*masses, *_passive_ports(geometry)]
     if scene.cameras.overhead is not None:
         found += _top(geometry)
     for port in _docking_ports(scene, unit):
@@ -93,6 +98,40 @@ def _without_mass(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
         "PyBullet would make up 1 kg for a wheel, a caster or a pin"
     )
     return (_Mistake(text),)
+
+
+@lru_cache(maxsize=32)
+def _impossible_inertia(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
+    """Find bodies with an inertia that none can have; PyBullet would take it to be zero."""
+    tree = LinkTree(geometry.urdf, geometry.tree().getroot())
+    bodies = defaultdict[str, list[str]](list)
+    for name in tree.links:
+        bodies[_body(tree, name)].append(name)
+    for names in bodies.values():
+        try:
+            each = {name: Inertial.of(tree.links[name].find("inertial")) for name in names}
+        except (ValueError, KeyError):
+            return (_Mistake(f"an <inertial> of {', '.join(names)} has a value that is no number"),)
+        whole = Inertial.of(None)
+        for name, inertial in each.items():
+            whole += inertial.in_frame(tree.pose(name))
+        if whole.mass > 0.0 and not _is_possible(whole):
+            # One that is impossible by itself is to blame, or else a body of links that have no inertia.
+            wrong = next((n for n in names if each[n].mass > 0.0 and not _is_possible(each[n])), names[0])
+            moments = ", ".join(f"{moment:.3g}" for moment in each[wrong].moments)
+            link = {frame.name: frame.link for frame in geometry.frame_map}.get(wrong, wrong)
+            return (
+                _Mistake(
+                    f"link {link!r} has an <inertia> that no body has: its principal moments are {moments} "
+                    "kg m^2. Each of them is above 0, and less than the sum of the other two"
+                ),
+            )
+    return ()
+
+
+def _is_possible(inertial: Inertial) -> bool:
+    least, middle, greatest = inertial.moments.tolist()
+    return bool(least > 0.0 and greatest < (least + middle) * (1.0 - _ROUNDING))
 
 
 def _body(tree: LinkTree, name: str) -> str:

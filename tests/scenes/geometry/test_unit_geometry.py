@@ -130,3 +130,11 @@ def test_the_height_of_the_pins_is_that_of_their_middle():
     without = replace(UNIT, solids=tuple(s for s in UNIT.solids if not s.link.startswith("pin_")))
     with pytest.raises(GeometryError, match="pin_"):
         _ = without.pin_height
+
+
+@pytest.mark.parametrize("kind", ["revolute", "fixed"])
+def test_a_wheel_that_does_not_turn_on_and_on_is_refused(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "stiff.urdf"
+    path.write_text(UNIT.urdf.read_text().replace('type="continuous"', f'type="{kind}"', 1))
+    with pytest.raises(GeometryError, match=rf"the joint of 'wheel_\w+' has to be continuous, found {kind}"):
+        read_unit(path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -110,6 +111,30 @@ def test_inertial_data_have_a_mass_and_an_inertia(old: str, new: str, tmp_path: 
     (tmp_path / "light.urdf").write_text(head + caster + rest.replace(old, new, 1))
     with pytest.raises(SceneError, match=r"light\.urdf: no <inertial> .*: caster_rear\."):
         load_scene("round_robots", {"units.a.urdf": str(tmp_path / "light.urdf")})
+
+
+@pytest.mark.parametrize(
+    ("link", "values"),
+    [
+        ("base_link", {"ixx": "3"}),
+        ("base_link", {"ixy": "3"}),
+        ("left_wheel_link", {"iyy": "0"}),
+        ("left_wheel_link", {"ixx": "-1e-4"}),
+        ("right_wheel_link", {"ixx": "1e-4", "iyy": "1e-4", "izz": "2e-4"}),  # of a disc without a thickness
+    ],
+)
+def test_an_inertia_that_no_body_has_is_named_with_its_link(
+    link: str, values: dict[str, str], tmp_path: Path
+) -> None:
+    tree = ElementTree.parse(ROUND)
+    inertia = tree.getroot().find(f"link[@name='{link}']/inertial/inertia")
+    assert inertia is not None
+    inertia.attrib.update(values)
+    tree.write(tmp_path / "bad.urdf")
+    bad = {"units.a.urdf": str(tmp_path / "bad.urdf")}
+    with pytest.raises(SceneError, match=rf"units\.a\.urdf: bad\.urdf: link '{link}' has an <inertia>"):
+        load_scene("round_robots", bad)
+    load_scene("round_robots", {**bad, "plant": "unicycle", "perception": "parametric"})  # not weighed
 
 
 def test_parts_without_collision_shapes_need_no_mass(tmp_path: Path) -> None:
