@@ -105,10 +105,10 @@ class LogHeader:
         """Build the header from a metadata record and the attachments of a log.
 
         Raises:
-            LogError: A field is missing or invalid.
+            LogError: A field is missing or invalid, or the URDF of a unit is missing.
         """
         try:
-            return cls(
+            header = cls(
                 scene=Scene.model_validate_json(fields["scene"]),
                 seed=int(fields["seed"]),
                 versions=_texts(fields["versions"]),
@@ -118,6 +118,10 @@ class LogHeader:
             )
         except (KeyError, ValueError, TypeError) as error:
             raise LogError(f"the header of the log cannot be read: {_mismatch(fields, error)}") from error
+        missing = [unit for unit in header.scene.units if header.urdfs.get(unit) not in files]
+        if missing:
+            raise LogError(f"the header of the log cannot be read: it holds no URDF of {', '.join(missing)}")
+        return header
 
 
 def _mismatch(fields: dict[str, str], error: Exception) -> str:

@@ -164,6 +164,10 @@ def map_tags(
     together = largest_connected(seen, np.ones(len(seen), dtype=np.bool_))
     alone = {names[view] for view in seen.view[~together]}
     seen, names, ids = _sightings([p for p in pictures if p.name not in alone])
+    if len(ids) < 2:
+        raise AdjustmentError(
+            f"a map needs pictures that show two tags or more together; tag {ids[0]} was only seen alone"
+        )
     bundle = adjust_robustly(initial_bundle(seen, lens, tag_size), seen)
     if refine_lens:
         bundle = adjust_robustly(replace(bundle, refines_lens=True), seen)

@@ -33,6 +33,9 @@ FILMS = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".webm")
 #: Smallest and largest edge of a picture [px]; smaller ones hold no tag.
 _LEAST_EDGE, _GREATEST_EDGE = 16, 32_768
 
+#: Largest size of the file of a picture: colours of 16 bits without compression [bytes].
+_GREATEST_BYTES = 8 * MOST_PIXELS
+
 
 class PictureError(MsrrError):
     """A file that cannot be read as a picture or a film."""
@@ -80,6 +83,10 @@ def read_picture(file: Path) -> Pixels:
         PictureError: The file cannot be read, holds no picture, or one of an impossible size.
     """
     try:
+        if file.exists() and not file.is_file():  # a device may never end
+            raise PictureError(f"{file}: not a file")
+        if file.stat().st_size > _GREATEST_BYTES:
+            raise PictureError(f"{file}: more than {_GREATEST_BYTES // 2**20} MB, too large for a picture")
         content = np.fromfile(file, dtype=np.uint8)
     except OSError as error:
         raise PictureError(f"{file}: cannot be read: {error.strerror or error}") from None

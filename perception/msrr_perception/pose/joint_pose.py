@@ -23,6 +23,9 @@ _YAW_RANGE = 0.5
 _YAW_STEP = 0.035
 _YAW_HOLD = 1e-5
 
+#: Variance of the pose [m^2, rad^2] above which corners say nothing of it.
+_LARGEST_VARIANCE = 1e6
+
 #: Distance in standard deviations below which two solutions count as one.
 _SAME_SIGMAS = 0.5
 
@@ -126,7 +129,7 @@ def joint_pose(
             fit = fit_corners(target, target.layout, seen, vector, np.zeros(5), prior, max_iterations=40)
         except np.linalg.LinAlgError:  # there is no solution near this start; there may be one near the other
             continue
-        if np.all(np.isfinite(fit.state)) and np.all(np.isfinite(fit.covariance)):
+        if _is_determined(fit):
             fits.append(fit)
     if not fits:
         return None
@@ -185,6 +188,14 @@ def good_fit(chi2: float, tags: int) -> bool:
     """
     # The bound is above twice the degrees of freedom because rendered corners are not quite independent.
     return chi2 <= 2.0 * (8 * tags - 3) + 12.0
+
+
+def _is_determined(fit: CornerFit) -> bool:
+    """Return whether a fit says where the unit is, which corners in an order that no tag has do not."""
+    if not (np.isfinite(fit.state).all() and np.isfinite(fit.covariance).all()):
+        return False
+    least, _, greatest = np.linalg.eigvalsh(fit.covariance[:3, :3]).tolist()
+    return bool(least > 0.0 and greatest < _LARGEST_VARIANCE)
 
 
 def _report(fits: list[CornerFit], tags: tuple[int, ...]) -> JointPose:

@@ -88,6 +88,8 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, object] = _NONE
             what was expected, and the nearest valid key.
         UnknownNameError: No shipped scene has this name.
     """
+    if not isinstance(overrides, Mapping) or not all(isinstance(key, str) for key in overrides):
+        raise SceneError(f"{name_or_path}: expected overrides as a dict of dotted keys, found {overrides!r}")
     path = find_scene(str(name_or_path))
     document = read_document(path)
     texts = {key: override_text(key, value) for key, value in overrides.items()}

@@ -54,14 +54,22 @@ def read_text(path: Path) -> str:
     """Return the text of a file.
 
     Raises:
-        SceneError: The file cannot be read, or is no text in UTF-8.
+        SceneError: The file cannot be read, is too large, or is no text in UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8") as file:
+            text = file.read(MAX_CHARACTERS + 1)  # an endless one would fill the memory
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
+    _refuse_large(text, str(path))
+    return text
+
+
+def _refuse_large(text: str, source: str) -> None:
+    if len(text) > MAX_CHARACTERS:
+        raise SceneError(f"{source}: a file of more than {MAX_CHARACTERS} characters is refused")
 
 
 def parse_document(text: str, source: str) -> YamlDocument:
@@ -75,8 +83,7 @@ def parse_document(text: str, source: str) -> YamlDocument:
         SceneError: The text is no YAML, no mapping or too large, gives a key twice, or holds a type that is
             not plain.
     """
-    if len(text) > MAX_CHARACTERS:
-        raise SceneError(f"{source}: a scene file of more than {MAX_CHARACTERS} characters is refused")
+    _refuse_large(text, source)
     node = _compose(text, source)
     if not isinstance(node, yaml.MappingNode):
         found = "nothing" if node is None else "a list" if isinstance(node, yaml.SequenceNode) else "a value"
@@ -102,6 +109,8 @@ def override_text(key: str, value: object) -> str:
             f"{key}: expected a text, a number, true, false or null, or a list or a dict of these, found an "
             f"object of type {type(value).__name__}"
         ) from None
+    except ValueError as error:  # a whole number of thousands of digits
+        raise SceneError(f"{key}: {error}") from None
     return text.removesuffix("...\n").strip()
 
 
@@ -221,7 +230,7 @@ class _Reader:
             raise SceneError(f"{origin}: a number of more than {MAX_NUMBER} characters is refused")
         try:
             return self._scalars.construct_object(node)
-        except (ValueError, KeyError, yaml.YAMLError):  # KeyError: `!!bool maybe`
+        except (ValueError, LookupError, yaml.YAMLError):  # LookupError: `!!bool maybe`, `!!int ""`
             raise SceneError(f"{origin}: {node.value!r} is not a value of type {node.tag}") from None
 
     def _mapping(self, node: yaml.MappingNode, path: KeyPath, depth: int) -> dict[str, Any]:

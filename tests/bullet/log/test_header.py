@@ -64,6 +64,17 @@ def test_a_log_of_another_version_is_refused_with_that_version(header: LogHeader
         LogHeader.from_metadata({"scene": header.metadata()["scene"]}, {})
 
 
+def test_a_header_that_holds_no_urdf_of_a_unit_is_refused(header: LogHeader) -> None:
+    fields = header.metadata()
+    for damaged in ({"urdfs": fields["urdfs"].replace('"b"', '"f"')}, {"urdfs": "{}"}):
+        with pytest.raises(
+            LogError, match=r"the header of the log cannot be read: it holds no URDF of (a, )?b"
+        ):
+            LogHeader.from_metadata({**fields, **damaged}, header.files)
+    with pytest.raises(LogError, match="it holds no URDF of"):
+        LogHeader.from_metadata(fields, {})
+
+
 def test_a_file_name_outside_of_the_folder_is_refused(tmp_path: Path, header: LogHeader) -> None:
     for name in ("../evil", "/tmp/evil", "a/../../evil"):
         bad = dataclasses.replace(header, files={name: b""})

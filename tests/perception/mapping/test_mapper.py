@@ -158,6 +158,19 @@ def test_what_determines_no_map_is_refused() -> None:
         map_tags([TaggedPicture("empty", ())], LENS, TAG_SIZE)
 
 
+def test_tags_that_are_only_seen_alone_make_no_map() -> None:
+    rng = np.random.default_rng(3)
+    pictures = photographed(wall(rng), rng)
+    for tags in ((0,), (0, 3)):
+        apart = [
+            TaggedPicture(f"{p.name}{i}", tuple(t for t in p.tags if t.tag_id == i))
+            for p in pictures
+            for i in tags
+        ]
+        with pytest.raises(AdjustmentError, match=r"two tags or more together; tag [03] was only"):
+            map_tags(apart, LENS, TAG_SIZE)
+
+
 def test_a_refined_lens_that_folds_the_picture_is_refused() -> None:
     """It is the lens of the map that counts: that of the robust adjustment before has an inverse here."""
     rng, lens = np.random.default_rng(9), Lens(LENS.camera, Distortion(k1=-0.27))

@@ -139,3 +139,13 @@ def test_two_thousand_damaged_files_are_read_or_refused(
     tmp_path: Path, plate: Callable[[int], Pixels], two_tags: Pixels
 ) -> None:
     assert 0 < _fuzz(tmp_path, two_tags, 2000) < 2000
+
+
+def test_what_is_endless_or_too_large_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    with pytest.raises(PictureError, match="/dev/zero: not a file"):
+        read_picture(Path("/dev/zero"))
+    large = tmp_path / "large.png"
+    with large.open("wb") as file:
+        file.truncate(2**31)  # a hole, which takes no room
+    with pytest.raises(PictureError, match=r"large\.png: more than 1024 MB, too large for a picture"):
+        read_picture(large)

@@ -74,6 +74,19 @@ def test_corners_that_are_those_of_no_tag_give_a_finite_pose_or_none(target: Tar
     assert none > 0, "some are refused"
 
 
+def test_corners_in_the_order_of_another_library_give_a_finite_pose_or_none(
+    target: TargetModel, see: See
+) -> None:
+    """Turned by 180 degrees, as OpenCV has them, three tags ended in a LinAlgError."""
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        X = SE2(*rng.uniform([-0.9, -0.15, -0.2], [-0.25, 0.15, 0.2]))
+        for order in ([3, 2, 1, 0], [2, 3, 0, 1], [1, 2, 3, 0], [1, 0, 3, 2]):
+            tags = [TagDetection(t.tag_id, t.corners[order]) for t in see(pose_vector(X), target.port_tags)]
+            for pose in (joint_pose(target, tags), consistent_pose(target, tags)):
+                assert pose is None or np.isfinite(pose.covariance).all()
+
+
 def test_order_of_tags_does_not_matter(target: TargetModel, see: See) -> None:
     tags = see(pose_vector(SE2(-0.5, 0.05, -0.1)), target.port_tags, np.random.default_rng(1))
     a, b = joint_pose(target, tags), joint_pose(target, tags[::-1])

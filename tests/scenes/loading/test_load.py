@@ -1,13 +1,14 @@
 """Scene files: what is read, what is overridden, and what a mistake is answered with."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from msrr_scenes import check_scene, load_scene, scene_hash
 from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
 from msrr_scenes.geometry.unit_geometry import urdf_folder
-from msrr_scenes.loading.load import shipped_scenes
+from msrr_scenes.loading.load import read_document, shipped_scenes
 from msrr_scenes.specs.plan import ControlSpec
 
 GOOD = """\
@@ -229,6 +230,25 @@ def test_numbers_and_texts_are_bounded_in_length(tmp_path: Path, old: str, new: 
     text = message(tmp_path, GOOD.replace(old, new, 1))
     assert expected in text
     assert len(text) < 1000
+
+
+def test_an_endless_file_is_refused() -> None:
+    with pytest.raises(SceneError, match="/dev/zero: a file of more than 500000 characters is refused"):
+        read_document(Path("/dev/zero"))
+
+
+@pytest.mark.parametrize("overrides", [None, ["seed=3"], {3: 4}, "plant=unicycle"])
+def test_overrides_that_are_no_dict_of_keys_are_refused(overrides: Any) -> None:
+    with pytest.raises(SceneError, match="close_range: expected overrides as a dict of dotted keys, found"):
+        load_scene("close_range", overrides)
+
+
+@pytest.mark.parametrize(
+    "value", ['!!int ""', '!!float "_"', "!!int _", pytest.param(10**5000, id="5001 digits")]
+)
+def test_numbers_without_digits_or_with_too_many_are_refused(value: object) -> None:
+    with pytest.raises(SceneError, match="time_limit_s"):
+        load_scene("close_range", {"time_limit_s": value})
 
 
 def test_overrides_reach_everything(tmp_path: Path) -> None:
