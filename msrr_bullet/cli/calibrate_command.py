@@ -90,18 +90,21 @@ def calibrate(
     from msrr_perception.photographs.picture_files import picture_files
     from msrr_scenes.loading.calibration_file import write_calibration
 
-    check_writable(json_file)
     if coefficients not in (None, *MODELS):
         raise SceneError(f"--coefficients {coefficients}: expected one of {', '.join(map(str, MODELS))}")
     pattern = _board(kind, board, square_mm, marker_mm, family)
     files = picture_files(images)
     file = out if out.suffix in (".yaml", ".yml") else out / "camera.yaml"
+    written = [file, file.with_stem(f"{file.stem}_opencv"), file.with_suffix(".png")]
+    for name in written:
+        if name.exists():
+            check_writable(name, "--out", files)
+    check_writable(json_file, "--json", [*files, *written])
     console = open_console(stderr=json_file == STANDARD_OUTPUT)
     with status_line(console, "reading the pictures") as show:
         found, missed = _calibrated(pattern, files, coefficients, show)
         file.parent.mkdir(parents=True, exist_ok=True)
         write_calibration(file, found.told)
-        written = [file, file.with_stem(f"{file.stem}_opencv"), file.with_suffix(".png")]
         write_calibration(written[1], found.told, "opencv")
         draw_coverage(found, written[2])
     _report(console, found, missed)

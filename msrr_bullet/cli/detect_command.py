@@ -75,12 +75,12 @@ def detect(
     from msrr_perception.photographs.reading import PictureReader
     from msrr_scenes.loading.calibration_file import read_calibration
 
-    check_writable(json_file)
     if tag_size is not None and calibration is None:
         raise SceneError("--tag-size: poses need the camera as well; give --calibration FILE")
     told = None if calibration is None else read_calibration(calibration)
     reader = PictureReader(family or ["tag36h11"], told, tag_size)
     files = picture_files(images)
+    check_writable(json_file, "--json", [*files, calibration])
     if out is not None:
         if any(given.is_dir() and given.resolve() == out.resolve() for given in images):
             raise SceneError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -161,10 +161,21 @@ def _seed(text: str, part: str) -> int:
     return seed
 
 
-def check_writable(file: Path | None, option: str = "--json") -> None:
-    """Raise a :class:`SceneError` before the work begins if its result could not be written to a file."""
+def check_writable(file: Path | None, option: str = "--json", taken: Iterable[Path | None] = ()) -> None:
+    """Refuse a file before the work begins if its result could not be written there.
+
+    Args:
+        file: File that an option names; None or ``-`` for standard output is not checked.
+        option: The option.
+        taken: Files that the command reads or writes as well.
+
+    Raises:
+        SceneError: The file is one of ``taken``, or cannot be written.
+    """
     if file is None or file == STANDARD_OUTPUT:
         return
+    if file.resolve() in {other.resolve() for other in taken if other is not None}:
+        raise SceneError(f"{option} {file}: the command uses this file already; name another one")
     folder = file.absolute().parent
     if file.is_dir() or not folder.is_dir():
         raise SceneError(f"{option} {file}: not a file in an existing folder")
@@ -178,6 +189,19 @@ def write_output(file: Path | None, text: str) -> None:
         sys.stdout.write(text)
     elif file is not None:
         write_text(file, text)
+
+
+def write_outputs(outputs: Iterable[tuple[Path | None, Callable[[], str]]]) -> None:
+    """Write texts as :func:`write_output` does, those to files first; one that fails costs no other one."""
+    failed: SceneError | None = None
+    for file, text in sorted(outputs, key=lambda output: output[0] == STANDARD_OUTPUT):
+        try:
+            if file is not None:
+                write_output(file, text())
+        except SceneError as error:
+            failed = failed or error
+    if failed is not None:
+        raise failed
 
 
 def write_text(file: Path, text: str) -> None:

@@ -29,7 +29,7 @@ from msrr_bullet.cli.options import (
     parse_overrides,
     parse_seeds,
     use_one_thread_per_process,
-    write_output,
+    write_outputs,
 )
 from msrr_bullet.cli.run_commands import FRAMES_NAME, PLOT_NAME, TABLES_NAME
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
@@ -212,8 +212,9 @@ def sweep(
     given = parse_overrides(overrides)
     with naming_overrides(given):
         loaded = load_scene(scene, given)
-    check_writable(json_file)
-    check_writable(csv_file, "--csv")
+    used = [loaded.source, None if fresh else store or STORE]
+    check_writable(json_file, "--json", used)
+    check_writable(csv_file, "--csv", [*used, json_file])
     from msrr_bullet.cli.console_report import goal, sweep_table
     from msrr_bullet.sensors.preparation import prepare_cameras
     from msrr_bullet.sweep.dask_cluster import dask_cluster
@@ -258,12 +259,11 @@ def sweep(
         else:
             with dask_cluster(dask) as cluster:
                 summary = run(cluster.slots, executor=cluster.executor)
-    console.print(sweep_table(summary))
-    write_output(json_file, summary.to_json())
-    if csv_file is not None:
-        from msrr_bullet.sweep.trial_table import trials_csv
+    from msrr_bullet.sweep.trial_table import trials_csv
 
-        write_output(csv_file, trials_csv(ended[seed] for seed in wanted if seed in ended))
+    rows = (ended[seed] for seed in wanted if seed in ended)
+    write_outputs([(json_file, summary.to_json), (csv_file, lambda: trials_csv(rows))])
+    console.print(sweep_table(summary))
     if summary.interrupted:
         raise KeyboardInterrupt
     for failure in summary.failures:

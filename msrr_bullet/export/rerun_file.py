@@ -54,6 +54,8 @@ def write_rerun(log: Log, path: Path) -> None:
         import rerun  # noqa: F401 - is it there?
     except ImportError:
         raise MsrrError("the package rerun-sdk is not installed; pip install 'msrr-bullet[rerun]'") from None
+    if path.suffix != ".rrd":
+        raise MsrrError(f"{path}: the name of a recording of Rerun ends in .rrd")
     if not log.complete:
         raise MsrrError(
             f"{log.path}: the log ends early, and Rerun reads only whole ones; export it with --csv"
@@ -65,6 +67,7 @@ def write_rerun(log: Log, path: Path) -> None:
     try:
         _write(log, path)
     except RuntimeError as error:
+        path.unlink()
         raise MsrrError(f"{path}: Rerun cannot write it: {error}") from None
     # A thread of Rerun writes the file, and does not report that it cannot; the footer comes last.
     if not path.read_bytes()[-_FOOTER_SIZE:].startswith(_FOOTER):

@@ -25,6 +25,7 @@ from msrr_bullet.run_folder import (
     PICTURE_NAME,
     REPLAY_NAME,
     RESULT_NAME,
+    RUN_FILES,
     RunFolderError,
     check_folder,
     delete_run,
@@ -88,6 +89,8 @@ def perceive(
     """
     options = options or Options()
     spec = read_target(target)
+    if out is not None and _would_delete(out, path):
+        raise RunFolderError(f"{out}: the recording is read from there; choose another --out")
     recording = _opened(path, spec, target, options)
     calibration = options.calibration
     if calibration is None and not {"calibration", "hfov_deg"} & spec.camera.model_fields_set:
@@ -102,6 +105,12 @@ def perceive(
             result = _run(scene, spec, recording, recorder, report, observer)
         _write_derived_files(out, result)
     return result
+
+
+def _would_delete(out: Path, path: Path) -> bool:
+    """Return whether a new run in a folder would replace the recording that it is made of."""
+    source = path.resolve()
+    return out.resolve() == (source.parent if source.name in RUN_FILES else source)
 
 
 def _opened(path: Path, spec: TargetSpec, target: Path, options: Options) -> Recording:

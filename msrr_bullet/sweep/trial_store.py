@@ -54,7 +54,7 @@ class TrialStore:
         self._path = path
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._db = sqlite3.connect(path, timeout=30.0)
+            self._db = sqlite3.connect(path.absolute(), timeout=30.0)  # SQLite has names of its own
             with self._db:
                 # In this order a store that another process is creating is never seen without its layout.
                 known = self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] > 0
@@ -64,8 +64,9 @@ class TrialStore:
                         f"{path}: not a store of this version (layout {layout}, now {LAYOUT});"
                         " delete the file, or name another one with --store"
                     )
-                self._db.execute(f"PRAGMA user_version = {LAYOUT}")
-                self._db.executescript(_TABLES)
+                if not known:  # one that may only be read has its tables
+                    self._db.execute(f"PRAGMA user_version = {LAYOUT}")
+                    self._db.executescript(_TABLES)
         except (*_ERRORS, OSError) as error:
             raise StoreError(f"{path}: cannot be opened as a store of trials: {error}") from None
 

@@ -31,6 +31,15 @@ def folder(tmp_path: Path) -> Path:
     return pictures
 
 
+def test_numbers_are_not_written_over_a_picture(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    before = (folder / "tag.png").read_bytes()
+    for file in (str(folder / "tag.png"), "camera.yaml"):
+        options = ["--calibration", "camera.yaml", "--tag-size", "0.1", "--json", file]
+        assert run(["detect", str(folder), *options]) == BAD_INPUT
+        assert f"--json {file}: the command uses this file already" in capfd.readouterr().err
+    assert (folder / "tag.png").read_bytes() == before
+
+
 def test_good_pictures_are_read_and_bad_ones_reported(
     folder: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -43,6 +43,28 @@ def test_the_same_trial_goes_to_the_same_folder(short_trial: list[str], tmp_path
     assert len(list((tmp_path / "runs").iterdir())) == 2
 
 
+def test_a_sweep_never_writes_over_what_it_uses(
+    short_trial: list[str], tmp_path: Path, capsys: Capture
+) -> None:
+    arguments = ["sweep", "close_range", *short_trial, "--seeds", "0:1", "--jobs", "1", "--store", "s.sqlite"]
+    assert run(arguments) == 0
+    stored = (tmp_path / "s.sqlite").read_bytes()
+    for files in (["--json", "s.sqlite"], ["--csv", "s.sqlite"], ["--json", "a", "--csv", "a"]):
+        assert run([*arguments, *files]) == 2
+        assert "the command uses this file already; name another one" in capsys.readouterr().err
+    assert (tmp_path / "s.sqlite").read_bytes() == stored
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_file_that_cannot_be_written_costs_no_other_one(
+    short_trial: list[str], tmp_path: Path, capsys: Capture
+) -> None:
+    arguments = ["sweep", "close_range", *short_trial, "--seeds", "0:1", "--jobs", "1", "--fresh"]
+    assert run([*arguments, "--json", "/dev/full", "--csv", "trials.csv"]) == 2
+    assert "/dev/full: cannot be written" in capsys.readouterr().err
+    assert len(list(csv.reader((tmp_path / "trials.csv").open()))) == 2
+
+
 def test_sweep_writes_the_numbers(short_trial: list[str], tmp_path: Path, capsys: Capture) -> None:
     arguments = ["sweep", "close_range", *short_trial, "--seeds", "0:2", "--jobs", "1"]
     assert run([*arguments, "--json", "numbers.json"]) == 0

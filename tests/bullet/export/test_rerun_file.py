@@ -54,13 +54,14 @@ def test_a_recording_that_cannot_be_written_whole_is_an_error_and_leaves_no_file
     short_run: Path, tmp_path: Path, room: Callable[[int], AbstractContextManager[None]]
 ) -> None:
     pytest.importorskip("rerun")
+    (tmp_path / "folder.rrd").mkdir()
     with unpacked_log(short_run) as log:
-        for path in (tmp_path, tmp_path / "no" / "t.rrd"):
+        for path in (tmp_path / "folder.rrd", tmp_path / "no" / "t.rrd"):
             with pytest.raises(MsrrError, match=f"{path}: cannot be written"):
                 write_rerun(log, path)
         with pytest.raises(MsrrError, match=r"t\.rrd: cannot be written to its end"), room(65_536):
             write_rerun(log, tmp_path / "t.rrd")
-    assert not list(tmp_path.iterdir())
+    assert list(tmp_path.iterdir()) == [tmp_path / "folder.rrd"]
 
 
 def test_rerun_is_not_given_a_log_that_ends_early(short_run: Path, tmp_path: Path) -> None:
@@ -71,3 +72,10 @@ def test_rerun_is_not_given_a_log_that_ends_early(short_run: Path, tmp_path: Pat
     with unpacked_log(cut) as log, pytest.raises(MsrrError, match="the log ends early"):
         write_rerun(log, tmp_path / "t.rrd")
     assert not (tmp_path / "t.rrd").exists()
+
+
+def test_a_recording_is_not_written_over_a_file_of_another_kind(short_run: Path) -> None:
+    size = (short_run / "trial.mcap").stat().st_size
+    with unpacked_log(short_run) as log, pytest.raises(MsrrError, match=r"ends in \.rrd"):
+        write_rerun(log, short_run / "trial.mcap")
+    assert (short_run / "trial.mcap").stat().st_size == size

@@ -18,6 +18,7 @@ from msrr_bullet.recordings.perceiver import Instant
 from msrr_bullet.recordings.recording import RecordingError
 from msrr_bullet.recordings.run import Options, perceive
 from msrr_bullet.recordings.wheels import ODOMETRY, WheelReader
+from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, PoseEstimate
 from msrr_scenes.specs.scene import Scene
@@ -141,3 +142,11 @@ def test_wheels_follow_from_the_pose_of_an_odometry() -> None:
         pose = SimpleNamespace(position=SimpleNamespace(x=X.x, y=X.y), orientation=q)
         angles = reader.angles(ODOMETRY, SimpleNamespace(pose=SimpleNamespace(pose=pose)))
     assert angles == pytest.approx(((0.4 - 0.065) / 0.033, (0.4 + 0.065) / 0.033), abs=1e-9)
+
+
+def test_a_recording_is_not_replaced_by_what_is_made_of_it(trial: Trial) -> None:
+    before = {f.name: f.stat().st_size for f in trial.folder.iterdir()}
+    for path in (trial.folder, trial.folder / "trial.mcap"):
+        with pytest.raises(MsrrError, match="the recording is read from there; choose another --out"):
+            perceive(path, trial.target, out=trial.folder)
+    assert {f.name: f.stat().st_size for f in trial.folder.iterdir()} == before

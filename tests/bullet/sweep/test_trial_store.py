@@ -29,6 +29,35 @@ def test_results_are_found_by_scene_code_and_seed(
         assert store.get("other", "code", range(3)) == {}
 
 
+def test_a_name_that_sqlite_gives_a_meaning_is_a_file_as_any_other(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = made_up(scene, 0)
+    with TrialStore(Path(":memory:")) as store:
+        store.put(result, "code")
+    with TrialStore(Path(":memory:")) as store:
+        assert store.get(result.scene_hash, "code", [0]) == {0: result}
+
+
+def test_a_store_that_may_only_be_read_is_read(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result = made_up(scene, 0)
+    with TrialStore(tmp_path / "trials.sqlite") as store:
+        store.put(result, "code")
+    connect = sqlite3.connect
+
+    def read_only(path: Path, timeout: float) -> sqlite3.Connection:
+        return connect(f"file:{path}?mode=ro", timeout=timeout, uri=True)
+
+    monkeypatch.setattr(sqlite3, "connect", read_only)
+    with TrialStore(tmp_path / "trials.sqlite") as store:
+        assert store.get(result.scene_hash, "code", [0]) == {0: result}
+        with pytest.raises(StoreError, match="readonly"):
+            store.put(result, "other")
+
+
 def test_sweeps_that_begin_at_the_same_time_share_a_new_store(tmp_path: Path) -> None:
     """One took the store that another one was creating for that of another version, to be deleted."""
     together = Barrier(3)
