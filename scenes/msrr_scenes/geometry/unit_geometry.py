@@ -243,7 +243,7 @@ def _check_wheels(path: Path, frames: Mapping[str, SE3], radius: float) -> None:
     left, right = frames["wheel_left"].p, frames["wheel_right"].p
     x, y, z = 0.5 * (left + right) - [0.0, 0.0, radius]
     if max(abs(x), abs(y), abs(z)) > _AXLE_TOLERANCE_M or left[1] <= right[1]:
-        found = f"the left wheel is at y = {left[1]:.4f} m, the right one at {right[1]:.4f}"
+        found = f"the left wheel is at y = {left[1]:.4f} m, the right one at {right[1]:.4f}: swap the two"
         if left[1] > right[1]:
             found = f"that point is at ({x:.4f}, {y:.4f}, {z:.4f}) m in it"
         raise GeometryError(

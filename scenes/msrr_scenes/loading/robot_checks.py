@@ -23,6 +23,9 @@ from msrr_scenes.specs.scene import Scene
 #: twelfth of its width, so nothing reads it from in front of the port.
 _LEAST_FACING = math.cos(math.radians(85.0))
 
+#: Least cosine between two directions that are meant to be one.
+_LEAST_ALONG = math.cos(math.radians(45.0))
+
 #: Rounding of a place that a URDF and a scene give together [m].
 _ROUNDING_M = 1e-6
 
@@ -50,7 +53,10 @@ def robot_problems(scene: Scene, unit: str) -> Iterator[Problem]:
     if scene.cameras.overhead is not None:
         found += _top(geometry)
     for port in _docking_ports(scene, unit):
-        found += [*_pins(geometry, port), *_camera(geometry, port, scene.cameras.onboard.lens.half_fov)]
+        found += _backward(geometry, port) or [
+            *_pins(geometry, port),
+            *_camera(geometry, port, scene.cameras.onboard.lens.half_fov),
+        ]
     for mistake in found:
         yield Problem(_key(scene, unit, mistake.frame), f"{geometry.urdf.name}: {mistake.text}")
 
@@ -179,6 +185,19 @@ def _passive_ports(geometry: UnitGeometry) -> Iterator[_Mistake]:
                 "left is the left of the robot that docks, which looks into the port; swap the two",
                 left,
             )
+
+
+def _backward(geometry: UnitGeometry, port: str) -> list[_Mistake]:
+    """Find a port that faces away from the pins and from what the camera looks at: it is turned, not they."""
+    X_UP = geometry.frame(f"port_{port}")
+    y = _sides(geometry, X_UP, "pin_left", "pin_right")
+    if y is None or y[0] > y[1] or geometry.frame("camera").R[:, 0] @ X_UP.R[:, 0] > -_LEAST_ALONG:
+        return []
+    text = (
+        f"port_{port} faces {_direction(X_UP.R[:, 0])}, away from what the camera looks at, and has pin_left "
+        "on its right: x of a port points out of its face, so turn it about z by yaw_deg: 180"
+    )
+    return [_Mistake(text, f"port_{port}")]
 
 
 def _pins(geometry: UnitGeometry, port: str) -> Iterator[_Mistake]:

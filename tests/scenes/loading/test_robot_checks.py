@@ -68,6 +68,11 @@ def without_inertial(folder: Path, *links: str) -> Mapping[str, str]:
             "camera",
             "the camera looks to the right, and port_front, by which this robot docks, faces forward. Is it",
         ),
+        (
+            {"port_front.yaw_deg": "180"},
+            "port_front",
+            "port_front faces backward, away from what the camera looks at, and has pin_left on its right",
+        ),
         ({"tag_top.roll_deg": "0"}, "tag_top", "does not face up, but down"),
     ],
 )
