@@ -64,9 +64,12 @@ class TrialStore:
                         f"{path}: not a store of this version (layout {layout}, now {LAYOUT});"
                         " delete the file, or name another one with --store"
                     )
-                if not known:  # one that may only be read has its tables
+                try:
                     self._db.execute(f"PRAGMA user_version = {LAYOUT}")
                     self._db.executescript(_TABLES)
+                except sqlite3.OperationalError as error:
+                    if not known or error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_READONLY:
+                        raise  # a store that may only be read has its tables
         except (*_ERRORS, OSError) as error:
             raise StoreError(f"{path}: cannot be opened as a store of trials: {error}") from None
 

@@ -35,6 +35,7 @@ class Inertial:
 
         Raises:
             ValueError: A value is no number.
+            KeyError: A ``<mass>`` has no value.
         """
         if inertial is None:
             return cls(0.0, np.zeros(3), np.zeros((3, 3)))
