@@ -9,7 +9,7 @@ from msrr_scenes.as_built import BuiltDrive
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.messages import Twist
 
-#: Speed of a wheel below which a motor that is to stop has stopped [rad/s]: a tenth of a millimetre a second.
+#: Speed of a wheel below which a motor is to stop, and has stopped [rad/s]: a tenth of a millimetre a second.
 STOPPED_RADPS = 3e-3
 
 Sides = tuple[float, float]
@@ -86,7 +86,7 @@ class Drivetrain:
         if abs(wanted) < self._built.dead_zone_radps:
             wanted = 0.0
         motor = wanted + (motor - wanted) * kept
-        if abs(motor) < STOPPED_RADPS:
+        if abs(wanted) < STOPPED_RADPS and abs(motor) < STOPPED_RADPS:
             motor = 0.0
         limit = 0.5 * self._built.backlash_rad
         ahead = play + motor * dt

@@ -63,6 +63,19 @@ def test_a_lagging_motor_has_made_63_percent_of_a_step_after_its_time_constant(u
     assert lagging.at_rest
 
 
+@pytest.mark.parametrize("lag_s", [0.02, 0.1, 0.65, 3.0])
+@pytest.mark.parametrize("v", [0.0005, -0.002, 0.01])
+def test_a_lagging_motor_gets_to_any_speed(unit: UnitGeometry, lag_s: float, v: float) -> None:
+    """It once stood for good where the first tick of a slow start was taken for the end of a stop."""
+    drivetrain, twist = Drivetrain(unit, BuiltDrive(lag_s=lag_s)), Twist(v, 0.0)
+    for _ in range(math.ceil(6.0 * lag_s / DT)):
+        speeds = drivetrain.step(twist, DT)
+    assert speeds == pytest.approx(wheel_speeds(twist, unit), rel=0.01)
+    for _ in range(math.ceil(20.0 * lag_s / DT)):
+        drivetrain.step(Twist(), DT)
+    assert drivetrain.at_rest
+
+
 def test_a_motor_does_not_turn_in_its_dead_zone(unit: UnitGeometry) -> None:
     stiff = Drivetrain(unit, BuiltDrive(dead_zone_radps=0.5))
     slow, fast = Twist(0.49 * unit.wheel_radius, 0.0), Twist(0.51 * unit.wheel_radius, 0.0)
