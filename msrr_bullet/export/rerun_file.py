@@ -48,14 +48,15 @@ def write_rerun(log: Log, path: Path) -> None:
         path: File to write, ending in ``.rrd``.
 
     Raises:
-        MsrrError: The package rerun-sdk is not installed, the log ends early, or the file cannot be written.
+        MsrrError: The name does not end in ``.rrd``, the package rerun-sdk is not installed, the log ends
+            early, or the file cannot be written.
     """
+    if path.suffix != ".rrd":
+        raise MsrrError(f"{path}: the name of a recording of Rerun ends in .rrd")
     try:
         import rerun  # noqa: F401 - is it there?
     except ImportError:
         raise MsrrError("the package rerun-sdk is not installed; pip install 'msrr-bullet[rerun]'") from None
-    if path.suffix != ".rrd":
-        raise MsrrError(f"{path}: the name of a recording of Rerun ends in .rrd")
     if not log.complete:
         raise MsrrError(
             f"{log.path}: the log ends early, and Rerun reads only whole ones; export it with --csv"
