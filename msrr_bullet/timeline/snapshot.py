@@ -43,7 +43,7 @@ class StepSnapshot:
         attempt: Number of the docking attempt, from 1; 0 on a recording.
         los: Line of sight of the unit to its target.
         twist: Velocity command of the unit.
-        reason: Why the phase was entered.
+        reason: Why the phase was entered; in the long-distance phase why the unit does what it does.
         covariance: Covariance of the estimate (x, y, yaw) in the dock frame D, shape (3, 3) [m, rad]; None
             for one that is not relative to a port.
         situation: Estimates of all bodies in the arena; None without an overhead camera in use.

@@ -30,7 +30,7 @@ class WallSpec(Spec):
         early_m: Largest depth of the path inside the wall when the wall rises, beyond the depth where path
             and obstacle are nearest. On the outside of a bend the wall rises later by this rule; otherwise
             the unit would swing out twice.
-        past_m: Distance behind the obstacle at which the wall is released.
+        past_m: Distance of the axle behind the obstacle at which the wall is released.
         widest_m: Largest distance of a wall from the obstacle's middle; a unit cannot move further out within
             ``ahead_m``.
         before_end_m: Smallest distance from the obstacle to the end of the path that leaves room to come back
@@ -40,7 +40,7 @@ class WallSpec(Spec):
     margin_m: Distance = 0.055
     ahead_m: Length = 0.65
     early_m: Length = 0.12
-    past_m: Length = 0.12
+    past_m: Distance = 0.02
     widest_m: Length = 0.32
     before_end_m: Length = 0.8
 
@@ -52,6 +52,10 @@ class WallSpec(Spec):
                 f"obstacle; at most {0.6 * self.ahead_m:.2f}"
             )
         return self
+
+    def release_m(self, offset: float) -> float:
+        """Return how far the controlled point, ``offset`` [m] ahead, is behind the obstacle by then [m]."""
+        return offset + self.past_m
 
     def half_width(self, radius: float, body_half_width: float) -> float:
         """Return d, the distance [m] of the wall from the middle of an obstacle.
@@ -126,7 +130,13 @@ def find_encounter(path: Path, centre: Array, half_width: Array, spec: WallSpec)
 
 
 def side_wall(
-    encounter: Encounter, side: Array, tip: Array, centre: Array, half_width: Array, spec: WallSpec
+    encounter: Encounter,
+    side: Array,
+    tip: Array,
+    centre: Array,
+    half_width: Array,
+    spec: WallSpec,
+    offset: float,
 ) -> SideWall:
     """Return the wall beside an obstacle; it stands from before the obstacle until the unit has passed.
 
@@ -142,6 +152,7 @@ def side_wall(
         centre: Middle of the obstacle, as estimated now, shape (..., 2) [m].
         half_width: d, distance of the wall from that middle, shape (...) [m].
         spec: When walls stand.
+        offset: l, distance of the controlled point ahead of the axle [m].
     """
     heading, side, d = number(encounter.heading), number(side), number(half_width)
     (x, y), (centre_x, centre_y) = split(tip), split(centre)
@@ -149,5 +160,5 @@ def side_wall(
     along = cos(heading) * (x - centre_x) + sin(heading) * (y - centre_y)
     normal = heading + 0.5 * np.pi * side
     foot = join(centre_x + d * cos(normal), centre_y + d * sin(normal))
-    stands = np.asarray(encounter.blocked & (along >= -rise) & (along <= spec.past_m))
+    stands = np.asarray(encounter.blocked & (along >= -rise) & (along <= spec.release_m(offset)))
     return SideWall(stands, foot, np.asarray(normal))

@@ -27,7 +27,8 @@ class RouteSpec(Spec):
         turn_radius_m: Radii of the last arc of a path around obstacles, in the order in which they are tried.
         stage_m: Distances before the end of the path at which the unit may stop and turn on the spot.
         unit_margin_m: Distance kept from other units, beyond both bodies.
-        around_margin_m: Distance kept from an obstacle that is driven around, beyond that of a wall.
+        around_margin_m: Distance kept from an obstacle that is driven around, beyond that of a wall, for each
+            time that the unit was stopped on an earlier route.
         border_m: Distance of the controlled point from the border of the arena.
         least_run_m: Smallest distance along the path to an obstacle that can still be left to a wall.
         turn_radps: Turn rate that is assumed for turns on the spot.
@@ -38,7 +39,7 @@ class RouteSpec(Spec):
     short_lead_in_m: tuple[Length, ...] = Field(default=(0.1, 0.05), max_length=20)
     least_radius_m: Length = 0.5
     most_sweep_deg: float = Field(default=200.0, gt=0.0, lt=360.0)
-    turn_radius_m: tuple[Length, ...] = Field(default=(0.6, 0.4), min_length=1, max_length=20)
+    turn_radius_m: tuple[Length, ...] = Field(default=(0.6, 0.4, 0.25), min_length=1, max_length=20)
     stage_m: tuple[Length, ...] = Field(default=(0.5, 0.75, 1.0, 0.3, 0.2), min_length=1, max_length=20)
     unit_margin_m: Distance = 0.08
     around_margin_m: Distance = 0.02

@@ -34,7 +34,13 @@ class RouteMonitor:
     """Compares one route with what is known while the unit drives along it."""
 
     def __init__(
-        self, route: Route, planner: RoutePlanner, arena: ArenaMap, walls: WallSpec, half_width: float
+        self,
+        route: Route,
+        planner: RoutePlanner,
+        arena: ArenaMap,
+        walls: WallSpec,
+        half_width: float,
+        offset: float,
     ) -> None:
         """Begin with the map in which the route was planned.
 
@@ -44,9 +50,11 @@ class RouteMonitor:
             arena: What was known.
             walls: When walls stand.
             half_width: Half the width of the unit's body [m].
+            offset: l [m].
         """
         self.route = route
-        self._planner, self._walls, self._half_width = planner, walls, half_width
+        self._planner, self._walls = planner, walls
+        self._half_width, self._offset = half_width, offset
         self._end = planner.spec.handover(arena.X_WD)
         self._units = {unit.name: unit for unit in arena.units}
         self._passages: dict[str, _Passage] = {}
@@ -95,7 +103,11 @@ class RouteMonitor:
             side = known_side  # too near to choose again: the wall of the known side moves with the estimate
         self._passages[obstacle.name] = _Passage(X_WB, encounter, side)
         ahead = float(encounter.s) - s
-        if side is not None or not bool(encounter.blocked) or float(encounter.s) < s - self._walls.past_m:
+        if (
+            side is not None
+            or not bool(encounter.blocked)
+            or float(encounter.s) < s - self._walls.release_m(self._offset)
+        ):
             return None
         return f"{obstacle.name} {'appeared' if known is None else 'moved'} on the path, {ahead:.2f} m ahead"
 
@@ -117,7 +129,13 @@ class RouteMonitor:
                 continue
             d = np.asarray(obstacle.radius + self._half_width + self._walls.margin_m)
             wall = side_wall(
-                known.encounter, np.asarray(known.side), tip, obstacle.X_WB.translation, d, self._walls
+                known.encounter,
+                np.asarray(known.side),
+                tip,
+                obstacle.X_WB.translation,
+                d,
+                self._walls,
+                self._offset,
             )
             if bool(wall.active):
                 standing.append((float(known.encounter.s), wall, obstacle.name))

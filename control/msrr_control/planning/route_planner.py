@@ -20,6 +20,10 @@ from msrr_scenes.messages import ObstacleEstimate
 #: Distance between the points of a path that are checked for being free [m].
 _SPACING_M = 0.04
 
+#: Ways straight back and ahead that are tried where a unit has no room to turn on the spot [m]. Back comes
+#: first: the unit has most probably come from there.
+_STRAIGHT_M = (0.0, *(sign * 0.05 * n for n in range(1, 11) for sign in (-1.0, 1.0)))
+
 
 class RoutePlanner:
     """Plans routes for one unit.
@@ -67,7 +71,7 @@ class RoutePlanner:
             arc = next(self._arcs(arena, self.spec.lead_in_m), None)
             if arc is not None:
                 return arc
-        margin = self.spec.around_margin_m * (1 + caution)
+        margin = self.spec.around_margin_m * caution
         routes = [*self._routes_around(arena, margin), *self._staged_routes(arena, margin)]
         if not routes:
             # Where a unit has turned near the border, the error of its stop may have used up the room.
@@ -79,6 +83,28 @@ class RoutePlanner:
         ahead = np.linspace(0.0, self._offset + distance, 2 + math.ceil(distance / _SPACING_M))
         space = FreeSpace(self._box, tuple(map(self.obstacle_disc, obstacles))).opened_at(X_WU.x, X_WU.y)
         return space.allows(X_WU.act(np.stack([ahead, np.zeros_like(ahead)], axis=-1)))
+
+    def way_to_turn(self, arena: ArenaMap, radius: float) -> float | None:
+        """Return the shortest way straight to where the unit may turn on the spot: back < 0, ahead > 0 [m].
+
+        Args:
+            arena: What is known.
+            radius: Radius of the circle that the unit covers when it turns on the spot [m].
+
+        Returns:
+            0 where the unit may turn already; None if no place within reach lets it turn.
+        """
+        bodies = (*arena.units, *(Disc(o.name, o.X_WB.x, o.X_WB.y, o.radius) for o in arena.obstacles))
+        beside, around = (
+            FreeSpace(self._box, tuple(b._replace(radius=b.radius + reach) for b in bodies))
+            for reach in (self._half_width + self._walls.margin_m, radius + self._walls.margin_m)
+        )
+        beside = beside.opened_at(arena.X_WU.x, arena.X_WU.y)
+        for distance in _STRAIGHT_M:
+            way = arena.X_WU.act(np.stack([np.linspace(0.0, distance, 10), np.zeros(10)], axis=-1))
+            if around.allows(way[-1:]) and beside.allows(way):
+                return distance
+        return None
 
     def obstruction(self, arena: ArenaMap) -> str:
         """Return what most probably leaves no route: a body before the port, or the border of the arena."""
@@ -97,10 +123,19 @@ class RoutePlanner:
         """Return the disc that the controlled point keeps out of because of another unit."""
         return disc._replace(radius=disc.radius + self._half_width + self.spec.unit_margin_m)
 
-    def obstacle_disc(self, obstacle: ObstacleEstimate, margin: float = 0.0) -> Disc:
-        """Return the disc that the controlled point keeps out of when it drives around an obstacle."""
-        radius = obstacle.radius + self._half_width + self._walls.margin_m + margin
+    def obstacle_disc(self, obstacle: ObstacleEstimate) -> Disc:
+        """Return the disc that the controlled point keeps out of when it drives past an obstacle."""
+        radius = obstacle.radius + self._half_width + self._walls.margin_m
         return Disc(obstacle.name, obstacle.X_WB.x, obstacle.X_WB.y, radius)
+
+    def _around_disc(self, obstacle: ObstacleEstimate, margin: float) -> Disc:
+        """Return the disc that the controlled point keeps out of when it drives around an obstacle.
+
+        While the controlled point drives an arc of radius R, the axle, l behind it, cuts the corner: it
+        drives one of radius sqrt(R^2 - l^2).
+        """
+        disc = self.obstacle_disc(obstacle)
+        return disc._replace(radius=math.hypot(disc.radius + margin, self._offset))
 
     def passing_side(
         self,
@@ -145,7 +180,7 @@ class RoutePlanner:
         heading = float(encounter.heading)
         forward = np.array([math.cos(heading), math.sin(heading)])
         outward = side * np.array([-forward[1], forward[0]])
-        along = np.linspace(-0.5 * self._walls.ahead_m, 2.0 * self._walls.past_m, 12)
+        along = np.linspace(-0.5 * self._walls.ahead_m, 2.0 * self._walls.release_m(self._offset), 12)
         lane = centre + (half_width + 0.02) * outward + along[:, None] * forward
         others = [self.obstacle_disc(o) for o in arena.obstacles if o.name != name]
         return self._free_space(arena, others).allows(lane)
@@ -169,7 +204,7 @@ class RoutePlanner:
                 if not bool(encounter.blocked):
                     continue
                 distance = min((abs(float(encounter.s) - s) for s in stations), default=math.inf)
-                if side is None or distance < self._walls.ahead_m + self._walls.past_m:
+                if side is None or distance < self._walls.ahead_m + self._walls.release_m(self._offset):
                     break
                 sides[obstacle.name] = side
                 stations.append(float(encounter.s))
@@ -200,11 +235,13 @@ class RoutePlanner:
 
     def _routes_around(self, arena: ArenaMap, margin: float) -> Iterator[Route]:
         """Yield routes of lines and arcs around everything, one for each lead-in that allows one."""
-        space = self._free_space(arena, [self.obstacle_disc(o, margin) for o in arena.obstacles])
+        space = self._free_space(arena, [self._around_disc(o, margin) for o in arena.obstacles])
         end = self.spec.handover(arena.X_WD)
         for lead_in in self.spec.lead_in_m:
             X_WL = end @ SE2(-lead_in, 0.0, 0.0)
             for radius in self.spec.turn_radius_m:
+                if radius <= self._offset:  # the axle cannot follow such an arc
+                    continue
                 path = self._path_around(space, arena, Goal(X_WL.x, X_WL.y, X_WL.yaw, radius), lead_in)
                 if path is not None:
                     yield self._route(path, "around", arena)
@@ -212,7 +249,7 @@ class RoutePlanner:
 
     def _staged_routes(self, arena: ArenaMap, margin: float) -> Iterator[Route]:
         """Yield routes to a place on the docking axis where the unit turns on the spot."""
-        space = self._free_space(arena, [self.obstacle_disc(o, margin) for o in arena.obstacles])
+        space = self._free_space(arena, [self._around_disc(o, margin) for o in arena.obstacles])
         end = self.spec.handover(arena.X_WD)
         for distance in self.spec.stage_m:
             X_WP = end @ SE2(-distance - self._offset, 0.0, 0.0)

@@ -164,8 +164,16 @@ class PhaseMachine:
             attempt=context.attempt,
             twist=self._limited(twist),
             lock=STATES[self._phase].holds_lock and not context.undocking,
-            reason=self._reason,
+            reason=self._reason_now(),
         )
+
+    def _reason_now(self) -> str:
+        """Return why the phase was entered; in the long-distance phase why the unit does what it does."""
+        assembler = self._context.assembler
+        progress = None if assembler is None else assembler.progress
+        if self._phase is not Phase.ASSEMBLE or not self._entered or progress is None:
+            return self._reason
+        return f"{progress.stage}: {progress.reason}"
 
     def _change(self, transition: Transition) -> None:
         """Change to another phase and update the belief."""

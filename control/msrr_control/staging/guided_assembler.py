@@ -11,10 +11,10 @@ from msrr_control.planning.route import ArenaMap
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.sequence.states import STILL
+from msrr_control.staging.manoeuvres import spot_turn
 from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
-from msrr_control.staging.spot_turn import spot_turn
 from msrr_scenes.geometry.se2 import wrap_angle
 from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
 from msrr_scenes.messages.coordination import Authority, LegKind

@@ -25,7 +25,8 @@ class WatchSpec(Spec):
         moved_m: Motion of an obstacle's or unit's estimate after which the route is checked against it again.
         target_moved_m: Motion of the end of the path after which another path is planned.
         target_moved_deg: Turn of the end of the path after which another path is planned.
-        stuck_s: Time without ``stuck_m`` of progress along the path after which another path is planned.
+        stuck_s: Time without ``stuck_m`` of progress along the path, or without progress of a turn on the
+            spot, after which another path is planned.
         stuck_m: Distance along the path that counts as progress.
         astray_m: Deviation from the reference at which another path is planned.
         there_m: Distance from the end of the path at which the unit has arrived.

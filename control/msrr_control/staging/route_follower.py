@@ -41,7 +41,10 @@ class RouteFollower(Generic[State]):
     def set_route(self, route: Route, arena: ArenaMap) -> None:
         """Take up a route that was planned in ``arena``, without moving along it yet."""
         self._state = None
-        self._monitor = RouteMonitor(route, self._planner, arena, self._params.walls, self._setup.half_width)
+        setup = self._setup
+        self._monitor = RouteMonitor(
+            route, self._planner, arena, self._params.walls, setup.half_width, setup.offset
+        )
 
     def drop_route(self) -> None:
         """Give up the route."""

@@ -7,8 +7,11 @@ LOCALISE  stands until it and its target are     BRAKE; done if it stands in fro
           localised
 BRAKE     comes to rest                          PLAN
 PLAN      chooses a route, or waits for one      TURN; gives up after too many routes or too long
-TURN      turns on the spot to the path's start  DRIVE; BRAKE if another route is needed
-DRIVE     follows the path                       SETTLE; BRAKE if another route is needed
+TURN      turns on the spot to the path's start  DRIVE; CLEAR if something stops the turn; BRAKE if
+                                                 another route is needed
+CLEAR     drives straight to where it can turn   BRAKE
+DRIVE     follows the path                       SETTLE; CLEAR if something stops the unit; BRAKE if
+                                                 another route is needed
 SETTLE    comes to rest at the end of the path   done; BRAKE if it is not in front of the port
 ========  =====================================  ================================================
 
@@ -27,18 +30,18 @@ from msrr_control.planning.route import ArenaMap
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.sequence.states import STILL
+from msrr_control.staging.manoeuvres import StraightDrive, spot_turn
 from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
-from msrr_control.staging.spot_turn import spot_turn
 from msrr_scenes.geometry.se2 import wrap_angle
 from msrr_scenes.messages import AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
 
 #: Speeds below which the unit stands still [m/s], [rad/s], and the longest wait for it [s].
 _STILL_MPS, _STILL_RADPS, _BRAKE_S = 0.02, 0.08, 1.5
 
-#: Longest turn on the spot [s].
-_TURN_S = 10.0
+#: Loss of heading error that counts as progress of a turn on the spot [rad].
+_TURNED_RAD = math.radians(3.0)
 
 
 class AssemblyState(Enum):
@@ -48,6 +51,7 @@ class AssemblyState(Enum):
     BRAKE = "brake"
     PLAN = "plan"
     TURN = "turn"
+    CLEAR = "clear"
     DRIVE = "drive"
     SETTLE = "settle"
 
@@ -96,6 +100,8 @@ class LongDistanceAssembler(Generic[State]):
         self._previous_ns: int | None = None
         self._unseen_ns: int | None = None
         self._planned_ns: int | None = None
+        self._least_error = (math.inf, 0)  # of a turn on the spot [rad], and the time at which it was reached
+        self._straight: StraightDrive | None = None  # the way to where the unit can turn
         self._dt = 1.0 / setup.rate_hz
         self._paths, self._caution, self._came_back = 0, 0, False
 
@@ -151,6 +157,8 @@ class LongDistanceAssembler(Generic[State]):
                 return self._plan(observation.now_ns, arena)
             case AssemblyState.TURN:
                 return self._turn(observation, arena)
+            case AssemblyState.CLEAR:
+                return self._clear(observation, arena)
             case AssemblyState.DRIVE:
                 return self._drive(observation, arena)
             case AssemblyState.SETTLE:
@@ -217,10 +225,22 @@ class LongDistanceAssembler(Generic[State]):
         tolerance = watch.aligned_deg if time > 0.0 else watch.askew_deg
         if abs(error) <= math.radians(tolerance) and abs(observation.twist.w) < 0.15:
             return _Transition(AssemblyState.DRIVE, self._reason)
-        if time > _TURN_S:
+        if time == 0.0 or abs(error) < self._least_error[0] - _TURNED_RAD:
+            self._least_error = abs(error), observation.now_ns
+        if seconds(observation.now_ns - self._least_error[1]) > watch.stuck_s:
             self._caution += 1
-            return _Transition(AssemblyState.BRAKE, "could not turn on the spot")
+            return _Transition(AssemblyState.CLEAR, f"could not turn on the spot{_held(observation)}")
         return spot_turn(error, self.params, self._setup.limits)
+
+    def _clear(self, observation: Observation, arena: ArenaMap) -> _Decision:
+        """Drive straight, back or ahead, to where there is room to turn on the spot."""
+        if self._straight is None:
+            way = self._planner.way_to_turn(arena, self._setup.unit_radius[self._setup.unit])
+            self._straight = StraightDrive(arena.X_WU, way or 0.0)
+        twist = self._straight.step(arena.X_WU, self._setup.limits)
+        if twist is None or self._time_in_state(observation.now_ns) > self._straight.longest_s:
+            return _Transition(AssemblyState.BRAKE, self._reason)
+        return twist
 
     def _drive(self, observation: Observation, arena: ArenaMap) -> _Decision:
         """Follow the path."""
@@ -238,10 +258,8 @@ class LongDistanceAssembler(Generic[State]):
             return _Transition(AssemblyState.SETTLE, self._reason)
         if idle > watch.stuck_s:
             self._caution += 1
-            monitor, cause = observation.monitor, f"no progress for {watch.stuck_s:.1f} s"
-            if monitor is not None and monitor.limits:
-                cause = f"held by the collision monitor: {monitor}"
-            return _Transition(AssemblyState.BRAKE, f"{cause}, {remaining:.2f} m before the end")
+            cause = f"no progress for {watch.stuck_s:.1f} s{_held(observation)}"
+            return _Transition(AssemblyState.CLEAR, f"{cause}, {remaining:.2f} m before the end")
         return twist
 
     def _settle(self, observation: Observation, arena: ArenaMap) -> _Decision:
@@ -268,7 +286,7 @@ class LongDistanceAssembler(Generic[State]):
         return near and abs(wrap_angle(arena.X_WU.yaw - end.yaw)) <= math.radians(self._watch.there_deg)
 
     def _change(self, state: AssemblyState, reason: str) -> None:
-        self._state, self._reason, self._since_ns = state, reason, None
+        self._state, self._reason, self._since_ns, self._straight = state, reason, None, None
         self._follower.clear_avoided()
         if state in (AssemblyState.LOCALISE, AssemblyState.BRAKE):
             self._follower.drop_route()
@@ -285,3 +303,9 @@ class LongDistanceAssembler(Generic[State]):
         self.progress = self._follower.progress(
             observation.arena.own.X_WB, observation.now_ns, self._state.value, number, self._reason
         )
+
+
+def _held(observation: Observation) -> str:
+    """Return for a reason that the collision monitor holds the unit, and for what; nothing if it does not."""
+    monitor = observation.monitor
+    return "" if monitor is None or not monitor.limits else f", held by the collision monitor: {monitor}"

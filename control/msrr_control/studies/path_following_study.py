@@ -192,7 +192,7 @@ def run_path_following_study(
         _, measured = units.measure()
         state = law.start(measured, units.twist) if state is None else state
         tip = offset_point(measured, offset)
-        wall = side_wall(encounter, encounter.side, tip, centre, half_width, walls)
+        wall = side_wall(encounter, encounter.side, tip, centre, half_width, walls, offset)
         wall = wall._replace(active=wall.active & obstacles.present[:, 0])
         poses[k], twists[k], walled[k] = units.pose, units.twist, wall.active
         commands[k], state = law.step(state, path, measured, wall, obstacles, dt)

@@ -12,7 +12,7 @@ class AssemblyProgress:
 
     Attributes:
         stamp_ns: Time of the decision.
-        stage: ``localise``, ``brake``, ``plan``, ``turn``, ``drive`` or ``settle``.
+        stage: ``localise``, ``brake``, ``plan``, ``turn``, ``clear``, ``drive`` or ``settle``.
         path: Number of the current path, counted from 1; 0 before the first.
         tip: Estimated position of the controlled point [m].
         desired: Point p_d of the path at which the controlled point should be now [m].
@@ -146,7 +146,8 @@ class Action:
         attempt: Number of the attempt, counted from 1.
         twist: Velocity command.
         lock: Command to the lock: True closes it, False opens it.
-        reason: Why the phase was entered, in words.
+        reason: Why the phase was entered, in words; in the long-distance phase why the unit does
+            what it does.
     """
 
     stamp_ns: int

@@ -30,7 +30,7 @@ def test_it_passes_on_the_side_of_the_smaller_detour(y: float, side: float) -> N
 def test_an_obstacle_beside_the_path_has_no_wall() -> None:
     encounter, centre = _encounter(_straight(), 1.5, 0.24)
     assert not bool(encounter.blocked)
-    wall = side_wall(encounter, encounter.side, np.array([1.5, 0.0]), centre, D, SPEC)
+    wall = side_wall(encounter, encounter.side, np.array([1.5, 0.0]), centre, D, SPEC, 0.1)
     assert not bool(wall.active)
 
 
@@ -39,8 +39,16 @@ def test_an_obstacle_beside_the_path_has_no_wall() -> None:
 )
 def test_the_wall_stands_from_before_the_obstacle_until_it_is_passed(x: float, stands: bool) -> None:
     encounter, centre = _encounter(_straight(), 1.5, 0.0)
-    wall = side_wall(encounter, np.array(1.0), np.array([x, 0.0]), centre, D, SPEC)
+    wall = side_wall(encounter, np.array(1.0), np.array([x, 0.0]), centre, D, SPEC, 0.1)
     assert bool(wall.active) is stands
+
+
+@pytest.mark.parametrize("offset", [0.05, 0.1, 0.3])
+def test_the_wall_stands_until_the_axle_is_past(offset: float) -> None:
+    encounter, centre = _encounter(_straight(), 1.5, 0.0)
+    for axle, stands in ((1.5, True), (1.51, True), (1.53, False)):
+        tip = np.array([axle + offset, 0.0])
+        assert bool(side_wall(encounter, np.array(1.0), tip, centre, D, SPEC, offset).active) is stands
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -49,7 +57,7 @@ def test_the_wall_is_beside_the_obstacle_across_the_path(side: float, turn: floa
     path = Path(np.array([0.5, 0.2, 1.0]), np.array([turn]), np.array([2.5]))
     nearest = path.at(1.3)
     encounter = find_encounter(path, nearest.point, D, SPEC)
-    wall = side_wall(encounter, np.array(side), nearest.point, nearest.point, D, SPEC)
+    wall = side_wall(encounter, np.array(side), nearest.point, nearest.point, D, SPEC, 0.1)
     out = np.array([np.cos(wall.normal), np.sin(wall.normal)])
     along = np.array([np.cos(nearest.heading), np.sin(nearest.heading)])
     assert out @ along == pytest.approx(0.0, abs=0.02)

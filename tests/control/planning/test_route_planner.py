@@ -173,3 +173,44 @@ def test_where_there_is_no_way_there_is_no_route() -> None:
     fence = [_obstacle(f"f{k}", -0.3, y, 0.1) for k, y in enumerate(np.arange(-1.4, 1.45, 0.28))]
     assert PLANNER.plan(_arena(SE2(-1.4, 0.2, 0.0), *fence)) is None
     assert PLANNER.plan(_arena(SE2(-1.4, 0.2, 0.0), _obstacle("o", 0.4, 0.0))) is None
+
+
+@pytest.mark.parametrize("offset", [0.05, 0.1, 0.2, 0.3])
+def test_the_body_that_trails_keeps_the_margin_as_well(offset: float) -> None:
+    """On an arc the axle cuts the corner, the more the farther it is behind the controlled point."""
+    planner = RoutePlanner(RouteSpec(), WallSpec(), PaceSpec(), (-3.0, 3.0, -2.0, 2.0), offset, 0.1)
+    arena = _arena(SE2(-2.0, 0.05, 0.0), _obstacle("o", -1.0, 0.0))
+    route = planner.plan(arena, caution=1)
+    assert route is not None
+    assert route.shape == "around"
+    stations, _ = route.path.sample(0.002)
+    x, y, yaw = -2.0, 0.05, float(route.path.start[2])
+    nearest = math.inf
+    for px, py in (route.path.at(s).point for s in stations[stations > offset]):
+        yaw = math.atan2(py - y, px - x)
+        x, y = px - offset * math.cos(yaw), py - offset * math.sin(yaw)
+        nearest = min(nearest, math.hypot(x + 1.0, y))
+    assert nearest >= 0.08 + 0.1 + WallSpec().margin_m
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_it_drives_straight_to_where_it_can_turn(seed: int) -> None:
+    """Away from a post that is too near for a turn, and never nearer to it than it is or a wall would be."""
+    rng = np.random.default_rng(seed)
+    X_WU = SE2(*rng.uniform([-0.3, -0.3, -3.1], [0.3, 0.3, 3.1]))
+    bearing, apart, radius = rng.uniform(-math.pi, math.pi), 0.28, 0.3
+    post = X_WU.translation + apart * np.array([math.cos(bearing), math.sin(bearing)])
+    way = PLANNER.way_to_turn(_arena(X_WU, _obstacle("o", *post.tolist(), radius=0.05)), radius)
+    assert way is not None
+    assert way != 0.0
+    passed = X_WU.act(np.stack([np.linspace(0.0, way, 100), np.zeros(100)], axis=-1))
+    distance = np.hypot(*(passed - post).T)
+    assert distance[-1] >= 0.05 + radius + WallSpec().margin_m - 2e-3
+    assert distance.min() >= min(apart, 0.05 + 0.1 + WallSpec().margin_m) - 2e-3
+
+
+def test_it_turns_where_it_stands_if_it_can_and_nowhere_without_room() -> None:
+    free, fence = _arena(SE2(0.0, 0.0, 1.0)), np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)
+    assert PLANNER.way_to_turn(free, 0.3) == 0.0
+    posts = [_obstacle(f"o{k}", 0.3 * math.cos(a), 0.3 * math.sin(a), 0.05) for k, a in enumerate(fence)]
+    assert PLANNER.way_to_turn(_arena(SE2(0.0, 0.0, 1.0), *posts), 0.3) is None

@@ -12,7 +12,15 @@ from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.sequence.state_machine import STATES, PhaseMachine
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Conviction, FailureReason, LosStatus, Phase, SeatSwitches, Twist
+from msrr_scenes.messages import (
+    AssemblyProgress,
+    Conviction,
+    FailureReason,
+    LosStatus,
+    Phase,
+    SeatSwitches,
+    Twist,
+)
 from msrr_scenes.specs.plan import DockingSpec, VerifySpec
 from msrr_scenes.specs.spec import Choice
 
@@ -186,6 +194,8 @@ def test_it_presses_no_harder_than_commanded(toy) -> None:
 class _Drives:
     """A long-distance phase that drives for a while."""
 
+    progress = path = None
+
     def __init__(self, steps: int) -> None:
         self.left = steps
 
@@ -271,13 +281,20 @@ def test_a_whole_decision_is_fast(toy) -> None:
 class _Scripted:
     """An assembler that returns scripted decisions and counts its resets."""
 
+    path = None
+
     def __init__(self, *decisions: Twist | GiveUp | None) -> None:
         self.decisions, self.resets = list(decisions), list[str]()
+        self.progress: AssemblyProgress | None = None
 
     def reset(self, reason: str) -> None:
         self.resets.append(reason)
 
     def step(self, observation: Observation) -> Twist | GiveUp | None:
+        at, stamp_ns = (0.0, 0.0), observation.now_ns
+        self.progress = AssemblyProgress(
+            stamp_ns, "turn", 1, at, at, at, 0.0, 1.0, 1.0, None, "held by a post"
+        )
         return self.decisions.pop(0) if self.decisions else None
 
 
@@ -292,7 +309,8 @@ def test_the_phase_machine_assembles_first(toy) -> None:
     _with(robot, _Scripted(Twist(0.35, 0.0), Twist(0.0, 0.1)))
     first = robot.step()
     assert (first.phase, first.twist) == (Phase.ASSEMBLE, Twist(0.35, 0.0))
-    robot.run()
+    assert first.reason == "turn: held by a post"
+    assert "held by a post" not in robot.run().reason
     assert robot.phases() == [Phase.ASSEMBLE, Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.DONE]
 
 

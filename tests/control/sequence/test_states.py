@@ -581,6 +581,8 @@ Pictures = Callable[[int, int], int | None]
 class _InPlace:
     """A long-distance phase that finds the unit where it should be."""
 
+    progress = path = None
+
     def reset(self, reason: str) -> None: ...
 
     def step(self, observation: Observation) -> Twist | None:

@@ -34,14 +34,16 @@ CERTAIN = 1e-6 * np.eye(3)
 HALF = 0.1  # the unit is a square
 
 
-def make_setup(limits: str = "normal", **obstacles: float) -> AssemblySetup:
+def make_setup(
+    limits: str = "normal", half: float = HALF, offset: float = 0.1, **obstacles: float
+) -> AssemblySetup:
     return AssemblySetup(
         unit="a",
         target="b",
-        offset=0.1,
-        half_width=HALF,
+        offset=offset,
+        half_width=half,
         X_TD=SE2(-0.1, 0.0, 0.0),
-        unit_radius={"a": 0.128, "b": 0.128, "c": 0.128},
+        unit_radius={"a": max(0.128, math.hypot(half, offset)), "b": 0.128, "c": 0.128},
         obstacle_radius=obstacles,
         arena=ArenaSpec(),
         in_view=None,
@@ -64,9 +66,12 @@ class Arena:
     seed: int | None = 0
     hidden: tuple[float, float] = (math.inf, math.inf)
     held: tuple[float, float] = (math.inf, math.inf)
+    monitored: bool = False
+    half: float = HALF
+    offset: float = 0.1
 
     def __post_init__(self) -> None:
-        self.setup = make_setup(self.limits)
+        self.setup = make_setup(self.limits, self.half, self.offset)
         built = build_assembler(Choice(name="c1", params=self.params), self.setup)
         assert isinstance(built, LongDistanceAssembler)
         self.assembler = built
@@ -117,15 +122,25 @@ class Arena:
         assert abs(decision.v) <= self.setup.limits.v_max_mps
         assert abs(decision.w) <= self.setup.limits.w_max_radps
         held = self.held[0] <= 1e-9 * self.now_ns < self.held[1]
+        if self.monitored:
+            ahead = advance_pose(self.X_WU.as_array(), 0.1 * decision.v, 0.1 * decision.w)
+            held = self._gap(SE2(*ahead)) < min(0.03, self._gap(self.X_WU) - 1e-6)
         limits = self.setup.limits
         command = np.zeros(2) if held else np.array([decision.v, decision.w])
         self.twist = nested_limit_twist(self.twist, command, limits, limits.kappa_per_s, 0.02)
         self.X_WU = SE2(*advance_pose(self.X_WU.as_array(), 0.02 * self.twist[0], 0.02 * self.twist[1]))
         self.now_ns += DT_NS
+        self.gap = min(self.gap, self._gap(self.X_WU))
+
+    def _gap(self, X_WU: SE2) -> float:
+        """Smallest distance of the unit at a pose to what stands [m]."""
         bodies = [*self.standing().values(), *((X.x, X.y, 0.128) for X in (self.X_WT, *self.others.values()))]
+        gap = math.inf
         for x, y, r in bodies:
-            ahead, left = self.X_WU.inverse().act([x, y])
-            self.gap = min(self.gap, math.hypot(max(abs(ahead) - HALF, 0), max(abs(left) - HALF, 0)) - r)
+            ahead, left = X_WU.inverse().act([x, y])
+            beside = max(abs(ahead) - self.offset, 0), max(abs(left) - self.half, 0)
+            gap = min(gap, math.hypot(*beside) - r)
+        return gap
 
     def run(self, seconds: float = 90.0) -> Arena:
         while not self.arrived and self.outcome is None and self.now_ns < 1e9 * seconds:
@@ -138,7 +153,8 @@ class Arena:
     def error(self) -> tuple[float, float, float]:
         """Of the controlled point and the heading at the hand-over [m, m, deg]."""
         X = (self.X_WT @ self.setup.X_TD).inverse() @ self.X_WU
-        return X.x + 0.1 * math.cos(X.yaw) + 0.7, X.y + 0.1 * math.sin(X.yaw), math.degrees(X.yaw)
+        tip = X.act([self.offset, 0.0])
+        return tip[0] + 0.7, tip[1], math.degrees(X.yaw)
 
     def stands_before_the_port(self) -> bool:
         x, y, yaw = self.error()
@@ -304,6 +320,38 @@ def test_a_unit_that_was_stopped_drives_around_instead_of_along_walls(
     assert shapes[1] == "arc"
     assert shapes[2] != "arc"
     assert arena.stands_before_the_port()
+
+
+@pytest.mark.parametrize(
+    ("held", "shape", "gap"), [((math.inf, math.inf), "arc", 0.042), ((0.5, 7.5), "around", 0.09)]
+)
+@pytest.mark.parametrize("y", [0.0, 0.1, 0.2])
+def test_a_large_unit_keeps_its_distance_while_its_axle_trails(
+    y: float, held: tuple[float, float], shape: str, gap: float
+) -> None:
+    """0.5 m long and 0.3 m wide: along a wall, and around the obstacle after something has held it.
+
+    If it left the wall, or drove around, as a unit with l = 0.1 m does, it would come 7 and 30 mm nearer.
+    """
+    X_WU, post = SE2(-1.7, y, 0.0), (-0.9, 0.05, 0.08, 0.0)
+    arena = Arena(X_WU, obstacles={"o": post}, half=0.15, offset=0.25, held=held).run()
+    assert arena.arrived, arena.reasons()
+    assert arena.assembler.path is not None
+    assert arena.assembler.path.shape == shape
+    assert arena.gap > gap
+
+
+@pytest.mark.parametrize("along", [0.03, 0.05, 0.08])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_unit_without_room_to_turn_drives_straight_first(side: float, along: float) -> None:
+    """A post stands 35 mm beside the body: the monitor stops a turn, in which a corner would touch it."""
+    X_WU = SE2(-1.0, 0.0, math.radians(90.0 * side))
+    x, y = X_WU.act([along, -side * 0.215])
+    arena = Arena(X_WU, obstacles={"o": (float(x), float(y), 0.08, 0.0)}, monitored=True).run()
+    assert any("could not turn on the spot" in reason for reason in arena.reasons())
+    assert "clear" in {p.stage for p in arena.log}
+    assert arena.stands_before_the_port(), arena.reasons()
+    assert arena.gap > 0.02
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
