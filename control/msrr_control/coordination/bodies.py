@@ -90,6 +90,14 @@ class Body:
         result: Array = np.maximum(self._strip(first, second), self._strip(second, first))
         return result
 
+    def gaps_to_disc(self, poses: Array, x: float, y: float, radius: float) -> Array:
+        """Return the gaps between bodies at ``poses``, shape (N, 3), and a disc [m], as :meth:`gaps` does."""
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        dx, dy = x - poses[:, 0], y - poses[:, 1]
+        middle = np.stack([c * dx + s * dy, c * dy - s * dx], axis=-1)
+        beyond: Array = (middle @ self._normals.T - self._offsets).max(axis=1) - radius
+        return beyond
+
     def near(self, a: Array, b: Array, gap: Array | float) -> NDArray[np.bool_]:
         """Return which bodies at poses ``a`` and ``b``, shapes (..., 3), are nearer than ``gap`` [m]."""
         first, second = np.broadcast_arrays(a, b)

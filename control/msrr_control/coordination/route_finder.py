@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +20,7 @@ from msrr_control.planning.route import ArenaMap, RouteSpec
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
+from msrr_scenes.messages.coordination import LegKind
 
 #: Distance of the axle from its goal up to which a unit that stands there only turns [m].
 STANDS_THERE_M = 0.02
@@ -26,7 +29,7 @@ STANDS_THERE_M = 0.02
 BACK_OUT_M = (0.30, 0.45, 0.60)
 
 #: Ways straight ahead that are tried, in the open, before a route is planned from there [m].
-_AHEAD_M = (0.0, 0.1, 0.2)
+_AHEAD_M = (0.1, 0.2)
 
 #: Gap to a body beside the start up to which a route may only lead away [m]: what the collision monitor keeps
 #: (30 mm), the uncertainty of robots that are built with care (10 mm), and some millimetres off the path.
@@ -109,21 +112,46 @@ class RouteFinder:
             if turned is not None:
                 return turned
         others = [s for s in standing if s.name not in (leaves, enters)]
-        ahead = _AHEAD_M if any(self._is_beside(X_WU, other) for other in others) else (0.0,)
-        for distance in ahead if leaves is None else BACK_OUT_M:
+        tight: Track | None = None  # the collision monitor holds a unit that turns beside an obstacle
+        for distance in self._straight_first(X_WU, others, obstacles) if leaves is None else BACK_OUT_M:
             builder = TrackBuilder(X_WU, self.body.offset)
             if leaves is not None:
                 builder.back(distance)
             elif distance > 0.0:
-                if not self._planner.may_drive_ahead(X_WU, obstacles, distance):
-                    break
                 builder.ahead(distance)
+            elif distance < 0.0:
+                builder.reverse(-distance)
             if X_WE is not None and not self._plan(builder, X_WE, standing, obstacles, dock):
                 continue
             track = builder.track()
             if self.contact(track, others) is None:
-                return track
-        return None
+                if leaves is not None or self._begins_freely(track, obstacles):
+                    return track
+                tight = tight or track
+        return tight
+
+    def _straight_first(
+        self, X_WU: SE2, others: Sequence[Standing], obstacles: tuple[ObstacleEstimate, ...]
+    ) -> list[float]:
+        """Return the straight ways that are tried before a route is planned: ahead > 0, back < 0 [m]."""
+        ways = [0.0]
+        if any(self._is_beside(X_WU, other) for other in others):
+            may_drive = partial(self._planner.may_drive_ahead, X_WU, obstacles)
+            ways += takewhile(may_drive, _AHEAD_M)
+        way = self._planner.way_to_turn(ArenaMap(X_WU, X_WU, (), obstacles), self.body.radius)
+        return ways if way is None or way in ways else [*ways, way]
+
+    def _begins_freely(self, track: Track, obstacles: tuple[ObstacleEstimate, ...]) -> bool:
+        """Return whether no turn on the spot at the start brings the unit too near to an obstacle."""
+        turns = [leg.end for leg in track.legs[:2] if leg.kind is LegKind.TURN]
+        if not turns:
+            return True
+        poses = track.poses[track.s <= turns[0]]
+        for o in obstacles:
+            gaps = self.body.gaps_to_disc(poses, o.X_WB.x, o.X_WB.y, o.radius)
+            if gaps.min() < min(float(gaps[0]), _BESIDE_GAP_M) - _LOSS_M:
+                return False
+        return True
 
     def contact(self, track: Track, standing: Sequence[Standing]) -> tuple[float, str] | None:
         """Return where a track first comes too near to a standing body [m], and to which; None if never.

@@ -124,14 +124,21 @@ class TrackBuilder:
 
     def back(self, distance: float) -> None:
         """Drive backwards by ``distance`` [m], out of a port."""
-        count = math.ceil(distance / SPACING_M)
-        start, s = self.pose, self._s[-1]
         if not self._legs:
             self._at_port[0] = True
+        self._backwards(distance, LegKind.BACK)
+
+    def reverse(self, distance: float) -> None:
+        """Drive backwards by ``distance`` [m], in the open."""
+        self._backwards(distance, LegKind.REVERSE)
+
+    def _backwards(self, distance: float, kind: LegKind) -> None:
+        count = math.ceil(distance / SPACING_M)
+        start, s = self.pose, self._s[-1]
         for k in range(1, count + 1):
             way = distance * k / count
-            self._append(s + way, (start @ SE2(-way, 0.0, 0.0)).as_array(), True)
-        self._finish(LegKind.BACK, start)
+            self._append(s + way, (start @ SE2(-way, 0.0, 0.0)).as_array(), kind is LegKind.BACK)
+        self._finish(kind, start)
 
     def ahead(self, distance: float) -> None:
         """Drive straight ahead by ``distance`` [m]."""
@@ -226,6 +233,8 @@ def track_of(legs: Sequence[RouteLeg], X_WU: SE2, offset: float) -> Track:
     for leg in legs:
         if leg.kind is LegKind.BACK:
             builder.back(leg.end - begin)
+        elif leg.kind is LegKind.REVERSE:
+            builder.reverse(leg.end - begin)
         elif leg.kind is LegKind.TURN:
             builder.turn_by(leg.turn)
         else:

@@ -11,11 +11,11 @@ from msrr_control.planning.route import ArenaMap
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.sequence.states import STILL
-from msrr_control.staging.manoeuvres import spot_turn
+from msrr_control.staging.manoeuvres import StraightDrive, spot_turn
 from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
-from msrr_scenes.geometry.se2 import wrap_angle
+from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
 from msrr_scenes.messages.coordination import Authority, LegKind
 
@@ -128,6 +128,8 @@ class GuidedAssembler(Generic[State]):
                 return None if limit >= legs[self._leg].end - 1e-9 and self._rests(observation) else STILL
             if kind is LegKind.TURN:
                 twist = self._turn(observation, arena, limit)
+            elif kind is LegKind.REVERSE:
+                twist = self._reverse(observation, arena, limit)
             else:
                 twist = self._drive(observation, arena, limit, share)
             if twist is not None:
@@ -183,6 +185,19 @@ class GuidedAssembler(Generic[State]):
             return None
         allowed = max(limit - max(self.covered, begin), 0.0) / self._setup.offset
         return spot_turn(error, self.params, self._setup.limits, allowed)
+
+    def _reverse(self, observation: Observation, arena: ArenaMap, limit: float) -> Twist | None:
+        """Drive straight back, as far as granted."""
+        assert self._leg is not None
+        leg, begin = self.authority.legs[self._leg], self._start_of(self._leg)
+        self._stage = "reverse"
+        X_WS = SE2(*leg.start)
+        self.covered = max(self.covered, min(begin - (X_WS.inverse() @ arena.X_WU).x, leg.end))
+        way = min(limit, leg.end) - begin
+        twist = StraightDrive(X_WS, -way).step(arena.X_WU, self._setup.limits) if way > 0.0 else None
+        if twist is not None:
+            return twist
+        return None if limit >= leg.end and self._rests(observation) else STILL
 
     def _face_end(self, observation: Observation, yaw: float) -> Twist:
         """Turn to the heading in which the route ends, then stand.

@@ -16,6 +16,8 @@ class LegKind(Enum):
 
     BACK = "back"
     """Backwards out of a port, straight."""
+    REVERSE = "reverse"
+    """Backwards in the open, straight."""
     TURN = "turn"
     """On the spot."""
     PATH = "path"

@@ -12,7 +12,8 @@ class AssemblyProgress:
 
     Attributes:
         stamp_ns: Time of the decision.
-        stage: ``localise``, ``brake``, ``plan``, ``turn``, ``clear``, ``drive`` or ``settle``.
+        stage: ``localise``, ``brake``, ``plan``, ``turn``, ``clear``, ``reverse``, ``drive`` or
+            ``settle``.
         path: Number of the current path, counted from 1; 0 before the first.
         tip: Estimated position of the controlled point [m].
         desired: Point p_d of the path at which the controlled point should be now [m].

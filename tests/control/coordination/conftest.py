@@ -42,7 +42,13 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 BOX = (-2.0, 2.0, -1.5, 1.5)
 TICK_NS = 50_000_000
 LIMITS = LimitsSpec.model_validate({})
-SPEED = {LegKind.BACK: 0.10, LegKind.TURN: 0.08, LegKind.PATH: 0.22, LegKind.DOCK: 0.11}
+SPEED = {
+    LegKind.BACK: 0.10,
+    LegKind.REVERSE: 0.10,
+    LegKind.TURN: 0.08,
+    LegKind.PATH: 0.22,
+    LegKind.DOCK: 0.11,
+}
 ACCELERATION, DECELERATION = 0.147, 0.8 * LIMITS.a_max_mps2
 LOCK_S, UNLOCK_S, SEIZED_S = 2.0, 1.0, 5.0
 CAMERA_NS = 100_000_000

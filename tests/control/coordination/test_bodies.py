@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 
 from msrr_control.coordination.bodies import Body
@@ -35,6 +36,19 @@ def test_a_gap_is_the_distance_or_a_little_less(knowledge: Knowledge) -> None:
             distance = _distance(body, X_WA, X_WB)
             assert 0.92 * distance - 1e-9 <= gap <= distance + 1e-9
         np.testing.assert_allclose(gap, body.gap(X_WB, X_WA), atol=1e-12)
+
+
+def test_a_gap_to_a_disc_is_the_distance_or_a_little_less(knowledge: Knowledge) -> None:
+    body, rng = knowledge.lanes.body, np.random.default_rng(4)
+    outline = body.outline.astype(np.float32).reshape(-1, 1, 2)
+    poses = rng.uniform([-0.5, -0.5, -math.pi], [0.5, 0.5, math.pi], (200, 3))
+    gaps = body.gaps_to_disc(poses, 0.1, -0.2, 0.05)
+    assert (gaps > 0.0).sum() > 100
+    for pose, gap in zip(poses, gaps, strict=True):
+        x, y = SE2(*pose).inverse().act([0.1, -0.2])
+        distance = -cv2.pointPolygonTest(outline, (float(x), float(y)), True)
+        if distance > 0.0:
+            assert 0.92 * distance - 1e-6 <= gap + 0.05 <= distance + 1e-6
 
 
 def test_bodies_in_each_other_have_a_negative_gap(knowledge: Knowledge) -> None:

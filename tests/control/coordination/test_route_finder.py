@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 
 from msrr_control.coordination.dispatcher import Knowledge
 from msrr_control.coordination.route_finder import Standing
@@ -68,6 +69,20 @@ def test_an_obstacle_is_driven_around(knowledge: Knowledge) -> None:
     assert track is not None
     distance = np.hypot(track.poses[:, 0], track.poses[:, 1])
     assert float(distance.min()) > 0.08 + knowledge.lanes.body.half_width + 0.02
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_unit_beside_an_obstacle_drives_straight_before_it_turns(knowledge: Knowledge, side: float) -> None:
+    """A post stands 40 mm beside the body: in a turn on the spot towards the goal a corner would touch it."""
+    start, body = SE2(0.0, 0.0, math.radians(90.0 * side)), knowledge.lanes.body
+    x, y = start.act([0.05, -side * (body.half_width + 0.08 + 0.04)])
+    post = ObstacleEstimate("post", 0, SE2(float(x), float(y)), np.eye(3) * 1e-6, 0.08)
+    track = knowledge.finder.find(start, SE2(1.2, 0.0, 0.0), [], (post,))
+    assert track is not None
+    assert [leg.kind for leg in track.legs[:2]] == [LegKind.REVERSE, LegKind.TURN]
+    assert not track.at_port.any()
+    gaps = body.gaps_to_disc(track.poses, float(x), float(y), 0.08)
+    assert gaps.min() > 0.039
 
 
 def test_where_there_is_no_way_there_is_no_track(knowledge: Knowledge) -> None:

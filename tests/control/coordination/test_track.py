@@ -75,6 +75,19 @@ def test_the_unit_never_slips_sideways_and_its_point_stays_on_the_path() -> None
         np.testing.assert_allclose(_tip(SE2(*pose)), path.at(s + OFFSET).point, atol=beside)
 
 
+def test_backwards_it_keeps_its_heading() -> None:
+    start = SE2(0.3, -0.2, 2.0)
+    builder = TrackBuilder(start, OFFSET)
+    builder.reverse(0.25)
+    track = builder.track()
+    assert track.length == pytest.approx(0.25)
+    for s, pose in zip(track.s, track.poses, strict=True):
+        np.testing.assert_allclose(pose, (start @ SE2(-s, 0.0, 0.0)).as_array(), atol=1e-12)
+    again = track_of(track.legs, start, OFFSET)
+    np.testing.assert_allclose(again.poses, track.poses)
+    assert [leg.kind for leg in again.legs] == [LegKind.REVERSE]
+
+
 def test_a_dock_leg_ends_in_the_port() -> None:
     X_WE = SE2(0.4, 0.2, -1.0)
     builder = TrackBuilder(X_WE @ SE2(-0.7, 0.0, 0.05), OFFSET)

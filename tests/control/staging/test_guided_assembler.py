@@ -254,6 +254,24 @@ def test_a_half_turn_goes_the_way_round_that_was_granted(turn: float, off: float
     assert abs(abs(wrap_angle(unit.X_WU.yaw - yaw)) - math.pi) < 0.05
 
 
+def test_it_drives_backwards_as_far_as_granted() -> None:
+    yaw = 0.7
+    unit = Fleet(STARTS, Mission())._unit("a", SE2(0.0, 0.0, yaw), ("b", "c", "d"))
+    leg = RouteLeg(LegKind.REVERSE, (0.0, 0.0, yaw), (), (), 0.0, 0.3)
+    turn = RouteLeg(LegKind.TURN, (-0.3 * math.cos(yaw), -0.3 * math.sin(yaw), yaw), (), (), 0.5, 0.35)
+    message = Authority("a", 1, 1, 0, 3_000_000_000, turn.end, (leg, turn), None, False)
+    now_ns = follow(unit, message, 0.12, 8.0, 0)
+    back = SE2(0.0, 0.0, yaw).inverse() @ unit.X_WU
+    assert -0.125 < back.x < -0.1
+    assert abs(back.y) < 0.01
+    assert unit.assembler.covered == pytest.approx(-back.x, abs=0.01)
+    follow(unit, message, turn.end, 12.0, now_ns)
+    assert unit.assembler.finished
+    assert unit.X_WU.x == pytest.approx(turn.start[0], abs=0.02)
+    assert unit.X_WU.y == pytest.approx(turn.start[1], abs=0.02)
+    assert unit.X_WU.yaw == pytest.approx(yaw + 0.5, abs=0.05)
+
+
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
 def test_the_unit_rests_where_its_authority_ends_and_goes_on(
     granted: tuple[Unit, Authority], share: float
