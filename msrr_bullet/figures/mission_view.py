@@ -10,6 +10,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.transforms import ScaledTranslation
 
 from msrr_bullet.collision.footprint import unit_parts
 from msrr_bullet.figures.drawing import draw_body, halo
@@ -26,6 +27,8 @@ from msrr_scenes.specs.scene import Scene
 STEP_M = 0.004
 #: Widths of a driven way and of the band of a granted route [pt].
 _WAY_PT, _BAND_PT = 1.8, 8.0
+#: Height of the labels below the axes [pt].
+_LABELS_PT = 30.0
 #: Half the length of the bar that marks a docked pair [m].
 JOINT_M = 0.05
 
@@ -53,10 +56,12 @@ def draw_mission_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -
         _write(
             axes, last.units[unit], f"{unit} failed" if failed else unit, css(ALARM if failed else BLACK), 10
         )
-    axes.legend(  # below the axes: units may start anywhere in them
+    below = ScaledTranslation(0.0, -_LABELS_PT / 72.0, axes.figure.dpi_scale_trans)
+    axes.legend(  # below the axes and their labels: units may start anywhere in them
         handles=_legend(never_granted, bool(pairs), waits),
         loc="upper center",
-        bbox_to_anchor=(0.5, -0.13),
+        bbox_to_anchor=(0.5, 0.0),
+        bbox_transform=axes.transAxes + below,
         frameon=False,
         fontsize=7,
         ncols=3,
