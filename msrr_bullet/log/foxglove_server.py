@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from functools import partial
 from types import TracebackType
 
 import foxglove
@@ -12,6 +13,7 @@ from foxglove.websocket import ChannelView, Client, ServerListener
 from msrr_bullet.log.channel_kind import ChannelKind
 from msrr_scenes.errors import MsrrError
 
+#: Address of the server; the port is the one that Foxglove expects.
 HOST, PORT = "127.0.0.1", 8765
 
 #: Time on the wall clock for which the first message after the start waits for a client [s].
@@ -24,30 +26,31 @@ class FoxgloveServer:
     A client that connects late gets what is said only at the start: cameras, frames, the shapes of bodies.
     """
 
-    def __init__(self, port: int = PORT) -> None:
-        """Open the server.
-
-        Args:
-            port: Port; 0 takes one that is free.
+    def __init__(self) -> None:
+        """Open the server at :data:`PORT`, or at a port that is free if that is taken.
 
         Raises:
-            MsrrError: The port is taken.
+            MsrrError: There is no port to listen on.
         """
         self._channels: dict[str, foxglove.Channel] = {}
         self._first: dict[str, list[bytes]] = {}
         self._subscribed = threading.Event()
         self._begun: float | None = None
         self._context = foxglove.Context()
+        start = partial(
+            foxglove.start_server,
+            name="msrr-bullet",
+            host=HOST,
+            server_listener=_Listener(self),
+            context=self._context,
+        )
         try:
-            self._server = foxglove.start_server(
-                name="msrr-bullet",
-                host=HOST,
-                port=port,
-                server_listener=_Listener(self),
-                context=self._context,
-            )
-        except RuntimeError as error:
-            raise MsrrError(f"the server for Foxglove cannot listen on {HOST}:{port}: {error}") from None
+            self._server = start(port=PORT)
+        except RuntimeError:
+            try:
+                self._server = start(port=0)
+            except RuntimeError as error:
+                raise MsrrError(f"the server for Foxglove cannot listen on {HOST}: {error}") from None
 
     @property
     def url(self) -> str:
