@@ -20,6 +20,7 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.guarded import unguarded
 from msrr_scenes.random_streams import stream
+from msrr_scenes.registry import is_import_path
 from msrr_scenes.specs.spec import Choice
 
 #: Simulated time of a trial [s]; the paper's trajectory reaches the face in 7 s, a slow law in 11 s.
@@ -41,7 +42,9 @@ def docking_law(controller: Choice, setup: DockSetup) -> DockingLaw[Any]:
 
 
 def with_paper_trajectory(controller: Choice) -> Choice:
-    """Return a docking controller that follows the paper's trajectory."""
+    """Return a docking controller that follows the paper's trajectory; one of a user's own stays as it is."""
+    if is_import_path(controller):
+        return controller
     guidance = {"guidance": PAPER_TRAJECTORY.model_dump()}
     return Choice(name=controller.name, params=merge_params(controller.params, guidance))
 

@@ -7,7 +7,7 @@ import hashlib
 import importlib.util
 import json
 import sysconfig
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 from msrr_bullet.trial.versions import package_versions
@@ -17,20 +17,33 @@ from msrr_scenes.specs.scene import Scene
 _PACKAGES = ("msrr_scenes", "msrr_perception", "msrr_control", "msrr_bullet")
 
 
-def code_fingerprint(scene: Scene) -> str:
+def code_fingerprint(scene: Scene, *, imported: bool = False) -> str:
     """Return a digest of the code that a trial of ``scene`` runs.
 
     It covers the versions of the packages that can change a bit, every source file of this project, and of
     each implementation that the scene names by import path its file with those that it imports from the same
     folder, or from the same package if it is installed.
+
+    Args:
+        scene: The scene.
+        imported: Whether the latter files count as they were when this process first asked, just before it
+            imported them: a process that lives on runs what it has imported.
     """
     digest = hashlib.blake2b(digest_size=12)
     digest.update(_own_code())
     for module in sorted({c.name.partition(":")[0] for c in choices(scene) if is_import_path(c)}):
         digest.update(module.encode())
-        for file in _files_of(module):
-            digest.update(file.read_bytes())
+        digest.update(_as_imported(module) if imported else _as_it_is(module))
     return digest.hexdigest()
+
+
+def _as_it_is(module: str) -> bytes:
+    return b"".join(file.read_bytes() for file in _files_of(module))
+
+
+@cache
+def _as_imported(module: str) -> bytes:
+    return _as_it_is(module)
 
 
 def _files_of(module: str) -> list[Path]:

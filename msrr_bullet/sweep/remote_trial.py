@@ -35,7 +35,7 @@ def remote_trial(trial: TrialFunction, codes: Mapping[str, str], scene: Scene, s
         OtherCodeError: The code here is another one.
     """
     code = codes[scene_hash(scene)]
-    if code_fingerprint(scene) != code:
+    if code_fingerprint(scene, imported=True) != code:
         raise OtherCodeError(
             f"the worker on {socket.gethostname()} has another version of msrr-bullet, of a package or of a "
             "class that the scene names; install there what is installed here, and start the workers again"

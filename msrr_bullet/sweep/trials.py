@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, redirect_stdout, suppress
 from dataclasses import dataclass
 from functools import partial
 from operator import index
@@ -20,6 +21,7 @@ from msrr_bullet.sweep.worker_pool import SupportsSubmit, Task, TrialFunction, W
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.loading.load import scene_hash
+from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
 _log = logging.getLogger(__name__)
@@ -55,7 +57,7 @@ def _check(scene: Scene) -> None:
     """Refuse a scene before any trial is started; a class that fails is for the trials to count."""
     from msrr_bullet.trial.check import check_trial
 
-    with suppress(ProgramFailedError):
+    with suppress(ProgramFailedError), redirect_stdout(sys.stderr):  # what a class of a user's own prints
         check_trial(scene)
 
 
@@ -77,7 +79,8 @@ def run_trials(
     Args:
         batches: Scenes, already checked, with the seeds of their trials; a repeated trial is run once.
         jobs: Number of trials that run at the same time, or what returns it, for a cluster that grows.
-        store: SQLite file of results; a trial that it holds for this scene and this code is not run again.
+        store: SQLite file of results; a trial that it holds for this scene and this code is not run again,
+            unless it ended as ``program_failed``.
         executor: Runs the trials instead of a pool of ``jobs`` spawned processes. It is left open.
         trial: Runs one trial; importable by name, because it is sent to other processes.
         observer: Called with the result or the failure of each trial as it is done, and with whether it
@@ -105,7 +108,9 @@ def run_trials(
             stored: dict[int, TrialResult] = {}
             if trial_store is not None:
                 trial_store.put_scene(digest, scene.name, scene.model_dump_json())
-                stored = trial_store.get(digest, code, wanted)
+                found = trial_store.get(digest, code, wanted)
+                # A class of a user's own may have failed for what is mended since, such as a missing file.
+                stored = {s: r for s, r in found.items() if r.outcome is not Outcome.PROGRAM_FAILED}
             for seed, result in stored.items():
                 outcomes[digest, seed] = result
                 if observer is not None:

@@ -221,8 +221,10 @@ class WorkerPool:
 
 
 def _start_worker() -> None:
-    """Use one core."""
+    """Use one core, and leave the standard output to the command that writes its results there."""
     import cv2
+
+    os.dup2(2, 1)  # what a class of a user's own prints
 
     gc.set_threshold(50_000)  # as in msrr_bullet.cli.app.main: what is imported is no garbage
     end_with_parent()

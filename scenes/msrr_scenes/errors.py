@@ -7,7 +7,7 @@ exception: it is an :class:`msrr_scenes.outcome.Outcome`.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 
 class MsrrError(Exception):
@@ -50,3 +50,7 @@ class UnknownNameError(MsrrError):
         names = sorted(valid)
         text = f"unknown {kind} {name!r}{nearest(name, names)} Known: {', '.join(names) or 'none'}. {hint}"
         super().__init__(text.rstrip())
+
+    def __reduce__(self) -> tuple[Callable[..., BaseException], tuple[type[BaseException], str]]:
+        # An exception is unpickled, in the process that asked for the trial, from its text alone.
+        return BaseException.__new__, (type(self), str(self))

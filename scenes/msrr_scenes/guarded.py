@@ -8,7 +8,6 @@ import sys
 import traceback
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NoReturn
 
 from msrr_scenes.errors import ProgramFailedError
@@ -107,7 +106,7 @@ def failure(kind: str, name: str, cls: type, member: str, error: BaseException) 
         return error  # from another guarded object, and already named
     trace = error.__traceback__
     called = trace is None or trace.tb_next is not None  # else it was the call itself that does not fit
-    place = raised_at(trace, _file(cls)) if called else _definition(cls, member)
+    place = raised_at(error, _file(cls)) if called else _definition(cls, member)
     return ProgramFailedError(f"{kind} {name!r}, {place}: {member} raised {in_one_line(error)}")
 
 
@@ -122,12 +121,19 @@ def wrong(result: object, expected: str) -> NoReturn:
 
 def in_one_line(error: BaseException) -> str:
     """Return type and message of an exception in one line, the same in every process."""
+    if isinstance(error, SyntaxError):  # without the folder of its file
+        return _plain(f"{type(error).__name__}: {error.msg}", _LONGEST)
     return _plain("".join(traceback.format_exception_only(error)), _LONGEST)
 
 
-def raised_at(trace: TracebackType | None, own_file: str | None) -> str:
-    """Return file and line of the innermost frame in ``own_file``, else of the innermost frame of all."""
-    frames = [(frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(trace)]
+def raised_at(error: BaseException, own_file: str | None) -> str:
+    """Return file and line of the innermost frame in ``own_file``, else of the innermost frame of all.
+
+    A mistake of syntax is where it stands: no frame of that file exists.
+    """
+    if isinstance(error, SyntaxError) and error.filename is not None:
+        return _place(error.filename, error.lineno)
+    frames = [(frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(error.__traceback__)]
     known = [place for place in frames if not place[0].startswith("<frozen")]  # those of the import itself
     inside = [place for place in known if own_file is not None and place[0].endswith(own_file)] or known
     return _place(*inside[-1]) if inside else _place(own_file, None)

@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from copy import deepcopy
 from operator import attrgetter
 from typing import Any, TypeVar, cast
 
@@ -126,7 +127,7 @@ def _import(kind: str, name: str, table: ExtensionPoint[T]) -> object:
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
         if missing is not None and f"{module_name}.".startswith(f"{missing}."):
             raise UnknownNameError(kind, name, table, f"No module named {missing!r}. {_HINT}") from None
-        place = raised_at(error.__traceback__, f"{module_name.rpartition('.')[2]}.py")
+        place = raised_at(error, f"{module_name.rpartition('.')[2]}.py")
         raise SceneError(
             f"{kind} {name!r}: its module cannot be imported, {place}: {in_one_line(error)}"
         ) from error
@@ -158,7 +159,7 @@ def build(kind: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fix
             given += [f"{key}={value!r}" for key, value in {**fixed, **choice.params}.items()]
             raise SceneError(f"{kind} {choice.name!r} does not take ({', '.join(given)}): {error}") from error
     try:
-        built = factory(*args, **fixed, **choice.params)
+        built = factory(*args, **fixed, **deepcopy(choice.params))  # a class may change what it is given
     except MsrrError:
         raise
     except (Exception, SystemExit) as error:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import pickle
 import sys
 import types
 from pathlib import Path
@@ -88,7 +89,7 @@ def test_only_a_class_with_the_methods_of_the_protocol_is_built(path: str, why: 
             r"gadget.py line 1: ModuleNotFoundError: No module named",
         ),
         ("x = 1\nraise ValueError('no luck')", r"gadget.py line 2: ValueError: no luck"),
-        ("def f(:", r"SyntaxError: invalid syntax"),
+        ("x = 1\ndef f(:", r"gadget.py line 2: SyntaxError: invalid syntax"),
         ("import sys\nsys.exit(0)", r"gadget.py line 2: SystemExit: 0"),
     ],
 )
@@ -172,3 +173,25 @@ def test_build_blames_the_scene_for_parameters_that_do_not_fit(params: dict[str,
     with pytest.raises(SceneError, match=r"gadget 'thing' does not take") as caught:
         build("gadget", Choice(name="thing", params=params), TABLE, 7)
     assert isinstance(caught.value.__cause__, (TypeError, ValueError))
+
+
+def test_a_class_that_changes_its_parameters_does_not_change_the_scene() -> None:
+    """The second trial of a scene was another one than the first."""
+
+    class Greedy(Thing):
+        def __init__(self, sizes: list[int]) -> None:
+            sizes.append(2)
+            super().__init__(sum(sizes))
+
+    choice = Choice(name="greedy", params={"sizes": [1]})
+    table = ExtensionPoint({"greedy": Greedy}, methods=TABLE.methods)
+    assert [build("gadget", choice, table).base for _ in range(3)] == [3, 3, 3]
+    assert choice.params == {"sizes": [1]}
+
+
+def test_an_unknown_name_comes_back_from_another_process() -> None:
+    """It could not be unpickled, so that a sweep said of every trial that its process died."""
+    error = UnknownNameError("gadget", "thin", ["thing"], "Or an import path.")
+    again = pickle.loads(pickle.dumps(error))  # noqa: S301 - what this test has pickled itself
+    assert isinstance(again, UnknownNameError)
+    assert str(again) == str(error)

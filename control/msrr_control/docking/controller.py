@@ -17,6 +17,7 @@ from msrr_control.docking.graceful import GracefulLaw, GracefulParams
 from msrr_control.docking.guidance import GuidanceSpec
 from msrr_control.docking.law import DockingLaw, DockSetup, LawInputs, State
 from msrr_control.parameters import read_params
+from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.guarded import no_result, wrong
 from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, Twist, seconds
 from msrr_scenes.registry import ExtensionPoint, build
@@ -94,6 +95,9 @@ class LawController(Generic[State]):
         if self._state is None:
             self._state = self.law.start(arrays)
         command, self._state = self.law.step(self._state, arrays, inputs.dt)
+        if np.shape(command) != (2,):
+            name, shape = type(self.law).__name__, np.shape(command)
+            raise ProgramFailedError(f"{name}.step returned a command of shape {shape}; expected (2,)")
         return Twist(float(command[0]), float(command[1]))
 
 
@@ -142,6 +146,14 @@ def checked_twist(result: object, *_: object) -> Twist:
     return Twist(float(result.v), float(result.w))
 
 
+def _checked_speed(result: object) -> float | None:
+    if result is None:
+        return None
+    if isinstance(result, bool) or not isinstance(result, Real) or not 0.0 <= float(result) < math.inf:
+        wrong(result, "a speed of at least 0 m/s, or None")
+    return float(result)
+
+
 #: The controllers by the names that a scene gives them: the paper's C1, C2 (our reading of its
 #: comparison), and three others.
 CONTROLLERS: ExtensionPoint[Controller] = ExtensionPoint(
@@ -155,6 +167,7 @@ CONTROLLERS: ExtensionPoint[Controller] = ExtensionPoint(
         ),
     },
     methods={"reset": no_result, "step": checked_twist},
+    optional={"approach_mps": _checked_speed},
 )
 
 

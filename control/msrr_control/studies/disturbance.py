@@ -10,6 +10,7 @@ from pydantic import Field
 from msrr_control.kinematics.controlled_point import rotate
 from msrr_control.kinematics.unicycle import advance_pose, drive
 from msrr_scenes.arrays import Array
+from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.specs.spec import Distance, Length, NonNegative, Spec, Time, Turn
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -91,3 +92,22 @@ class DisturbedUnicycles:
         self._odometry = advance_pose(self._odometry, dt * v, dt * w)
         left, right = self._grips[:, 0] * (v - 0.5 * track * w), self._grips[:, 1] * (v + 0.5 * track * w)
         self.pose = advance_pose(self.pose, dt * (0.5 * (left + right)), dt * ((right - left) / track))
+
+
+def checked_commands(command: object, shape: tuple[int, ...], law: object) -> Array:
+    """Return the commands of a law, which may be a user's own.
+
+    Args:
+        command: What the law returned.
+        shape: Shape that they have to have.
+        law: The law, whose class is named.
+
+    Raises:
+        ProgramFailedError: They are no finite numbers of that shape.
+    """
+    checked = np.asarray(command)
+    if checked.shape != shape or checked.dtype.kind not in "fiu" or not np.isfinite(checked).all():
+        what = "commands that are not finite" if checked.shape == shape else f"shape {checked.shape}"
+        name = type(law).__name__
+        raise ProgramFailedError(f"{name}.step returned {what}; expected finite numbers of shape {shape}")
+    return checked

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from msrr_control.docking.law import DockingLaw, DockSetup, LawInputs, State
 from msrr_control.feedback.visibility_cone import edge_angles
 from msrr_control.kinematics.controlled_point import offset_point
-from msrr_control.studies.disturbance import Disturbance, DisturbedUnicycles
-from msrr_scenes.arrays import Array
+from msrr_control.studies.disturbance import Disturbance, DisturbedUnicycles, checked_commands
+from msrr_scenes.arrays import Array, read_only
 from msrr_scenes.specs.spec import Length, Spec, Spread
 
 #: Time before contact in which errors count as the final ones [s].
@@ -165,6 +165,9 @@ def run_study(
         duration: Simulated time of every trial [s].
         observer: Called with the state of the law at every step, for figures that only this law has.
 
+    Raises:
+        ProgramFailedError: The law returned commands of another shape, or some that are not finite.
+
     Returns:
         The truth of the trials. The port is no obstacle: for its figures, a trial ends where the faces meet.
     """
@@ -189,9 +192,13 @@ def run_study(
             turned = edge_angles(measured, setup.los, setup.camera_offset)
             turned -= edge_angles(late, setup.los, setup.camera_offset)
             measured_edges = measured_edges + np.arctan2(np.sin(turned), np.cos(turned))
-        inputs = LawInputs(measured, measured_edges, np.ones(trials), units.twist, np.array(units.age_s))
+        given = map(
+            read_only, (measured, measured_edges, np.ones(trials), units.twist, np.array(units.age_s))
+        )
+        inputs = LawInputs(*given)
         state = law.start(inputs) if state is None else state
-        commands[k], state = law.step(state, inputs, dt)
+        command, state = law.step(state, inputs, dt)
+        commands[k] = checked_commands(command, (trials, 2), law)
         references[k] = law.reference(state)
         if observer is not None:
             observer(state)

@@ -15,8 +15,8 @@ from msrr_control.path_following.obstacle_forces import Obstacles
 from msrr_control.path_following.path import Path
 from msrr_control.path_following.walls import WallSpec, find_encounter, side_wall
 from msrr_control.studies import metrics
-from msrr_control.studies.disturbance import Disturbance, DisturbedUnicycles
-from msrr_scenes.arrays import Array
+from msrr_control.studies.disturbance import Disturbance, DisturbedUnicycles, checked_commands
+from msrr_scenes.arrays import Array, read_only
 from msrr_scenes.specs.spec import Distance, Length, NonNegative, Spec, Turn
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -169,6 +169,9 @@ def run_path_following_study(
         offset: l [m].
         rate_hz: Control rate.
         observer: Called with the state of the law at every step.
+
+    Raises:
+        ProgramFailedError: The law returned commands of another shape, or some that are not finite.
     """
     starts = starts if starts is not None else PathFollowingStartSet()
     disturbance = disturbance if disturbance is not None else Disturbance()
@@ -189,13 +192,15 @@ def run_path_following_study(
     arc_end = np.full(trials, np.nan)
     state: State | None = None
     for k in range(steps):
-        _, measured = units.measure()
-        state = law.start(measured, units.twist) if state is None else state
+        _, late = units.measure()
+        measured = read_only(late)
+        state = law.start(measured, read_only(units.twist)) if state is None else state
         tip = offset_point(measured, offset)
         wall = side_wall(encounter, encounter.side, tip, centre, half_width, walls, offset)
         wall = wall._replace(active=wall.active & obstacles.present[:, 0])
         poses[k], twists[k], walled[k] = units.pose, units.twist, wall.active
-        commands[k], state = law.step(state, path, measured, wall, obstacles, dt)
+        command, state = law.step(state, path, measured, wall, obstacles, dt)
+        commands[k] = checked_commands(command, (trials, 2), law)
         desired[k] = state.desired
         if observer is not None:
             observer(state)

@@ -121,9 +121,14 @@ def apply_overrides(document: YamlDocument, overrides: Mapping[str, str]) -> Non
         SceneError: A value is no YAML that a scene file could hold, or a path leads through a plain value or
             past the end of a list.
     """
+    given: list[str] = []
     for key, text in overrides.items():
         option = f"--set {key}={text}"
         parts = key.split(".")
+        lost = next((earlier for earlier in given if earlier.startswith(f"{key}.")), None)
+        if lost is not None:
+            raise SceneError(f"{option}: it would take back --set {lost}; give {key} before {lost}")
+        given.append(key)
         if not all(parts):
             raise SceneError(f"{option}: expected a dotted key such as cameras.onboard.noise_grey")
         node = _compose(text, option)
@@ -152,6 +157,8 @@ def _put(document: YamlDocument, parts: list[str], value: Any, option: str) -> N
             document.origins[path] = option
         elif path in SHORT_FORMS and isinstance(container[key], str):
             container[key] = {SHORT_FORMS[path]: container[key]}
+        elif parts[depth + 1] == "params" and isinstance(container[key], str):
+            container[key] = {"name": container[key]}  # the short form of a choice
         container = container[key]
     for old in [p for p in document.origins if p[: len(path)] == path]:
         del document.origins[old]

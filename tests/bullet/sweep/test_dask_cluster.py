@@ -92,7 +92,7 @@ def test_workers_of_several_threads_are_refused(tmp_path: Path) -> None:
 def test_a_worker_with_other_code_ends_the_sweep(
     scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("msrr_bullet.sweep.remote_trial.code_fingerprint", lambda scene: "older")
+    monkeypatch.setattr("msrr_bullet.sweep.remote_trial.code_fingerprint", lambda scene, imported: "older")
     with pytest.raises(OtherCodeError, match="has another version of msrr-bullet"):
         sweep(scene, range(3), executor=inline, trial=made_up)
 

@@ -19,6 +19,20 @@ def test_the_code_of_an_own_controller_counts(tmp_path: Path, monkeypatch: pytes
     assert code_fingerprint(scene) != before
 
 
+def test_a_process_that_lives_on_runs_the_code_that_it_has_imported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = tmp_path / "edited_law.py"
+    module.write_text("class Law: ...\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    scene = load_scene("close_range", {"control.docking": "edited_law:Law"})
+    before = code_fingerprint(scene, imported=True)
+    assert before == code_fingerprint(scene)
+    module.write_text("class Law: gain = 2\n")
+    assert code_fingerprint(scene, imported=True) == before
+    assert code_fingerprint(scene) != before
+
+
 def test_what_it_imports_from_its_folder_counts_and_nothing_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -4,9 +4,16 @@ import time
 import numpy as np
 import pytest
 
-from msrr_control.docking.controller import CONTROLLERS, ControlInputs, build_controller, law_inputs
+from msrr_control.docking.controller import (
+    CONTROLLERS,
+    ControlInputs,
+    LawController,
+    build_controller,
+    law_inputs,
+    promised_speed,
+)
 from msrr_control.docking.law import DockSetup
-from msrr_scenes.errors import SceneError, UnknownNameError
+from msrr_scenes.errors import ProgramFailedError, SceneError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, Twist
 from msrr_scenes.specs.spec import Choice
@@ -78,6 +85,41 @@ def test_a_controller_by_import_path(facts: DockSetup, monkeypatch: pytest.Monke
         build_controller(Choice(name="users_own:Half"), facts)
     with pytest.raises(SceneError, match="does not take"):
         build_controller(Choice(name="users_own:Crawler", params={"sped": 1.0}), facts)
+
+
+class Promising(Crawler):
+    approach_mps: object = 0.05
+
+
+@pytest.mark.parametrize(("promised", "speed"), [(0.05, 0.05), (None, 0.0)])
+def test_one_s_own_controller_may_promise_a_speed(
+    facts: DockSetup, monkeypatch: pytest.MonkeyPatch, promised: float | None, speed: float
+) -> None:
+    monkeypatch.setattr(Promising, "approach_mps", promised)
+    built = build_controller(Choice(name=f"{__name__}:Promising"), facts)
+    assert promised_speed(built) == speed
+    assert promised_speed(build_controller(Choice(name=f"{__name__}:Crawler"), facts)) == 0.0
+
+
+def test_a_promise_has_to_be_a_speed(facts: DockSetup, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Promising, "approach_mps", "fast")
+    with pytest.raises(ProgramFailedError, match="approach_mps returned 'fast'; expected a speed"):
+        promised_speed(build_controller(Choice(name=f"{__name__}:Promising"), facts))
+
+
+class _TwoRows:
+    """An array law that returns the commands of two robots."""
+
+    def start(self, inputs: object) -> None:
+        return None
+
+    def step(self, state: None, inputs: object, dt: float) -> tuple[np.ndarray, None]:
+        return np.zeros((2, 2)), None
+
+
+def test_a_law_that_commands_more_than_one_robot_is_named() -> None:
+    with pytest.raises(ProgramFailedError, match=r"_TwoRows\.step returned a command of shape \(2, 2\)"):
+        LawController(_TwoRows()).step(_inputs())
 
 
 @pytest.mark.parametrize(

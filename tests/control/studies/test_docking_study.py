@@ -14,6 +14,7 @@ from msrr_control.docking.guidance import GuidanceSpec
 from msrr_control.docking.law import DockSetup
 from msrr_control.studies.disturbance import Disturbance
 from msrr_control.studies.docking_study import CLOSE, CLOSE_HARD, StudyResult, draw_starts, run_study
+from msrr_scenes.errors import ProgramFailedError
 
 #: The trajectory of the paper: no slowing down before contact, its end beyond it.
 STEADY = C1DockingParams(guidance=GuidanceSpec(contact_mps=0.11, overrun_m=0.08))
@@ -87,3 +88,33 @@ def test_a_thousand_trials_take_seconds(facts: DockSetup) -> None:
     began = time.perf_counter()
     _study(facts, C1DockingParams())
     assert time.perf_counter() - began < 10.0
+
+
+class _Broken(C1DockingLaw):
+    """C1 with commands that are wrong in one way."""
+
+    way = ""
+
+    def step(self, state, inputs, dt):
+        if self.way == "writes":
+            inputs.twist[...] = 0.0
+        command, state = super().step(state, inputs, dt)
+        if self.way == "nan":
+            command[::2] = np.nan
+        return (command[0] if self.way == "one" else command), state
+
+
+@pytest.mark.parametrize(
+    ("way", "says"),
+    [
+        ("one", r"_Broken.step returned shape \(2,\); expected finite numbers of shape \(1000, 2\)"),
+        ("nan", "_Broken.step returned commands that are not finite"),
+        ("writes", "read-only"),
+    ],
+)
+def test_a_law_that_breaks_the_rules_gives_no_figures(facts: DockSetup, way: str, says: str) -> None:
+    """One command drove all trials, NaN stayed in every cone, and a law could stop the units by its inputs."""
+    law = _Broken(STEADY, facts)
+    law.way = way
+    with pytest.raises((ProgramFailedError, ValueError), match=says):
+        run_study(law, facts, np.random.default_rng(1))

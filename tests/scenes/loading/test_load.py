@@ -308,6 +308,15 @@ def test_a_bad_override_is_named_as_such(tmp_path: Path, key: str, value: str, e
     assert expected in str(caught.value)
 
 
+def test_an_override_takes_no_earlier_one_back(tmp_path: Path) -> None:
+    """A parameter that was set before its law was lost without a word."""
+    path, name, key = write(tmp_path, GOOD), "control.docking", "control.docking.params.alpha"
+    scene = load_scene(path, {name: "c1", key: "0.3"})
+    assert (scene.control.docking.name, scene.control.docking.params) == ("c1", {"alpha": 0.3})
+    with pytest.raises(SceneError, match=f"would take back --set {key}; give {name} before {key}"):
+        load_scene(path, {key: "0.3", name: "c1"})
+
+
 def test_the_hash_is_of_what_changes_a_trial(tmp_path: Path) -> None:
     path = write(tmp_path, GOOD)
     base = scene_hash(load_scene(path))
