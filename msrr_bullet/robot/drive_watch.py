@@ -25,6 +25,10 @@ SEIZED_S = 5.0
 #: The end of a turn on the spot is commanded with some millimetres per second.
 _LEAST_MPS, _LEAST_M = 0.002, 0.001
 
+#: Way that a wheel is commanded while it stands, from which on it has seized [m]: a unit that is held in
+#: front of an obstacle is commanded to and fro by some millimetres per second, and gets nowhere.
+_ASKED_M = 0.01
+
 #: Phases in which nothing holds the wheels of a healthy unit; in the others it may press against a port, and
 #: the phase machine judges what comes of it.
 _FREE = frozenset({Phase.ASSEMBLE, Phase.HAND_OVER})
@@ -44,6 +48,8 @@ class DriveWatch:
         self._stood: WheelOdometry | None = None  # reading since which the wheels have stood
         self._waited_s = 0.0
         self._is_to_move = False
+        self._rims = 0.0, 0.0  # speeds at the rims of both wheels that are commanded now [m/s]
+        self._asked = 0.0, 0.0  # ways of both rims that were commanded while the wheels stood [m]
         self.belief: Belief | None = None
 
     def judge(self, action: Action) -> Action:
@@ -52,9 +58,10 @@ class DriveWatch:
         Args:
             action: The decision of the program.
         """
-        rim = abs(action.twist.v) + 0.5 * self._track * abs(action.twist.w)
-        self._is_to_move = action.phase in _FREE and rim > _LEAST_MPS
-        if self._waited_s > SEIZED_S:
+        v, turn = action.twist.v, 0.5 * self._track * action.twist.w
+        self._rims = v - turn, v + turn
+        self._is_to_move = action.phase in _FREE and max(map(abs, self._rims)) > _LEAST_MPS
+        if self._waited_s > SEIZED_S and max(map(abs, self._asked)) > _ASKED_M:
             reason = f"the drive has seized: the wheels stood for {SEIZED_S:.0f} s of commands to turn"
             self.belief = Belief(Conviction.GAVE_UP, FailureReason.SEIZED, reason)
         if self.belief is None:
@@ -65,9 +72,11 @@ class DriveWatch:
         """Take in a reading of the encoders."""
         before, self._last = self._last, reading
         if self._stood is None or before is None or self._way(self._stood, reading) > _LEAST_M:
-            self._stood, self._waited_s = reading, 0.0
+            self._stood, self._waited_s, self._asked = reading, 0.0, (0.0, 0.0)
         elif self._is_to_move:
-            self._waited_s += seconds(reading.stamp_ns - before.stamp_ns)
+            dt = seconds(reading.stamp_ns - before.stamp_ns)
+            self._waited_s += dt
+            self._asked = self._asked[0] + dt * self._rims[0], self._asked[1] + dt * self._rims[1]
 
     def _way(self, a: WheelOdometry, b: WheelOdometry) -> float:
         """Return how far the rim of the wheel that turned more has moved between two readings [m]."""

@@ -11,7 +11,7 @@ from msrr_bullet.robot.route_program import RouteProgram
 from msrr_bullet.robot.unit_programs import UnitPrograms
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.staging.guided_assembler import GuidedAssembler
-from msrr_perception.estimation.body_track import Sightings
+from msrr_perception.estimation.body_track import SeenPose, Sightings
 from msrr_scenes.messages import (
     OVERHEAD,
     Action,
@@ -71,6 +71,7 @@ class GuidedUnit:
         self._docking: Autonomy | None = None
         self._guided: GuidedAssembler[Any] | None = None
         self._covered = 0.0
+        self._seen: dict[str, tuple[int, SeenPose]] = {}  # newest sighting of every other body, and its time
         geometry = scene.geometry(unit)
         self._drive_watch, self._offset = DriveWatch(geometry), geometry.control_offset(ACTIVE_PORT)
         self._action = Action(0, Phase.DONE, 1)
@@ -145,6 +146,9 @@ class GuidedUnit:
 
     def see(self, sightings: Sightings) -> None:
         """Take in what the base station has read from an overhead exposure."""
+        for seen in sightings.poses:
+            if seen.pose.name != self._unit:
+                self._seen[seen.pose.name] = sightings.stamp_ns, seen
         if self._program is not None:
             self._program.see(sightings)
 
@@ -246,8 +250,13 @@ class GuidedUnit:
             self.dock_step = self._docking = None
             self._program, self._guided = self._programs.along_route()
             self._guided.receive(newest)
-            return
-        self._program = self._docking = self._program_at(newest.to)
+        else:
+            self._program = self._docking = self._program_at(newest.to)
+        # The base station looks at what stands once a second or two: until then the collision monitor of a
+        # new program would know of nothing there.
+        for stamp_ns in sorted({stamp_ns for stamp_ns, _ in self._seen.values()}):
+            known = tuple(seen for at_ns, seen in self._seen.values() if at_ns == stamp_ns)
+            self._program.see(Sightings(stamp_ns, known))
 
     def _go_on(self) -> None:
         """Go on with the route at the instant after that in which the unit has left its port."""

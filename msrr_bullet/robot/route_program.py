@@ -98,6 +98,9 @@ class RouteProgram:
                 self.phase, reason = Phase.DONE, "at the end of the route"
             elif decision is not None:
                 twist = decision
+                progress = self._guided.progress
+                if progress is not None:
+                    reason = f"{progress.stage}: {progress.reason}{observation.held}"
         with self._profiler("collision monitor"):
             limited = self.guard.limit(twist, self.arena, now_ns)
         self.monitor, self._passed = limited.message(self._unit, now_ns), limited.twist

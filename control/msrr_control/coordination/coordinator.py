@@ -276,8 +276,11 @@ class Coordinator:
             elif not failed:
                 self._end(MissionState.COMPLETE, "all tasks are done")
             else:
-                lost = [f"{u.name}: {u.reason}" for u in self._units.values() if u.state is UnitState.FAILED]
-                reasons = "; ".join([*(f"{name}: {why}" for name, why in failed.items()), *lost])
+                told = "; ".join(f"{name}: {why}" for name, why in failed.items())
+                lost = [
+                    u for u in self._units.values() if u.state is UnitState.FAILED and u.reason not in told
+                ]
+                reasons = "; ".join([told, *(f"{u.name}: {u.reason}" for u in lost)])
                 self._end(MissionState.INCOMPLETE, reasons)
             return
         if under_way or self._changed or self._hopeless_ns is None:

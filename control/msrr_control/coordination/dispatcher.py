@@ -12,7 +12,7 @@ from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.embedding import Travel, assign, place_costs
 from msrr_control.coordination.ledger import Interlock, UnitRecord, clear_of_tracks
 from msrr_control.coordination.precedence import Lanes
-from msrr_control.coordination.route_finder import RouteFinder, RouteParams
+from msrr_control.coordination.route_finder import BACK_OUT_M, RouteFinder, RouteParams
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.tasks import Task, TaskKind, TaskState
 from msrr_control.coordination.waiting_places import WAITING_ROOM_M, waiting_places
@@ -217,6 +217,11 @@ class Dispatcher:
         closing = [] if port is None or X_WE is None else self._closing(X_WE, name, port[0])
         if port is not None and closing:
             return f"{name} cannot dock: {', '.join(closing)} closes the lane to {'.'.join(port)}"
+        unit = self._units[name]
+        if unit.holder is not None:
+            behind = self._know.finder.behind(unit.pose, BACK_OUT_M[0], self.obstacles)
+            if behind is not None:
+                return f"{name} cannot leave {'.'.join(unit.holder)}: {behind}"
         return f"{name} finds no route"
 
     def _grant(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None, now_ns: int) -> bool:

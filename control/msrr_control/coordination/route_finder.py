@@ -12,12 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from msrr_control.coordination.bodies import Body
-from msrr_control.coordination.track import GAP_M, Track, TrackBuilder, first_contact
+from msrr_control.coordination.precedence import compose
+from msrr_control.coordination.track import GAP_M, SPACING_M, Track, TrackBuilder, first_contact
 from msrr_control.path_following.path import PaceSpec, Path
 from msrr_control.path_following.walls import WallSpec
 from msrr_control.planning.free_space import Disc
 from msrr_control.planning.route import ArenaMap, RouteSpec
 from msrr_control.planning.route_planner import RoutePlanner
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import LegKind
@@ -109,13 +111,15 @@ class RouteFinder:
         """
         if X_WE is not None and not dock and leaves is None:
             turned = self._turn_in_place(X_WU, X_WE, standing)
-            if turned is not None:
+            if turned is not None and self._begins_freely(turned, obstacles):
                 return turned
         others = [s for s in standing if s.name not in (leaves, enters)]
         tight: Track | None = None  # the collision monitor holds a unit that turns beside an obstacle
         for distance in self._straight_first(X_WU, others, obstacles) if leaves is None else BACK_OUT_M:
             builder = TrackBuilder(X_WU, self.body.offset)
             if leaves is not None:
+                if self.behind(X_WU, distance, obstacles) is not None:
+                    break
                 builder.back(distance)
             elif distance > 0.0:
                 builder.ahead(distance)
@@ -147,11 +151,30 @@ class RouteFinder:
         if not turns:
             return True
         poses = track.poses[track.s <= turns[0]]
-        for o in obstacles:
-            gaps = self.body.gaps_to_disc(poses, o.X_WB.x, o.X_WB.y, o.radius)
-            if gaps.min() < min(float(gaps[0]), _BESIDE_GAP_M) - _LOSS_M:
-                return False
-        return True
+        return not any(self._comes_near(poses, obstacle) for obstacle in obstacles)
+
+    def behind(self, X_WU: SE2, distance: float, obstacles: tuple[ObstacleEstimate, ...]) -> str | None:
+        """Return what keeps a unit from driving straight back, out of a port; None if nothing does.
+
+        Args:
+            X_WU: Where the unit stands.
+            distance: Way back [m].
+            obstacles: Obstacles.
+        """
+        back = np.linspace(0.0, distance, 2 + math.ceil(distance / SPACING_M))
+        poses = compose(X_WU, np.stack([-back, np.zeros_like(back), np.zeros_like(back)], axis=-1))
+        x0, x1, y0, y1 = self.box
+        x, y = poses[:, 0], poses[:, 1]
+        outside = np.max([x0 - x, x - x1, y0 - y, y - y1], axis=0)
+        if outside.max() > max(float(outside[0]), 0.0) + _LOSS_M:
+            return "the border of the arena, or of what the overhead camera sees, is behind it"
+        near = (o.name for o in obstacles if self._comes_near(poses, o))
+        return next((f"{name} stands behind it" for name in near), None)
+
+    def _comes_near(self, poses: Array, obstacle: ObstacleEstimate) -> bool:
+        """Return whether a unit comes nearer to an obstacle than it is, and than it may."""
+        gaps = self.body.gaps_to_disc(poses, obstacle.X_WB.x, obstacle.X_WB.y, obstacle.radius)
+        return bool(gaps.min() < min(float(gaps[0]), _BESIDE_GAP_M) - _LOSS_M)
 
     def contact(self, track: Track, standing: Sequence[Standing]) -> tuple[float, str] | None:
         """Return where a track first comes too near to a standing body [m], and to which; None if never.

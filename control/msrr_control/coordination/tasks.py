@@ -115,7 +115,7 @@ def plan_tasks(steps: Sequence[PlanStep]) -> list[Task]:
                 raise SceneError(f"step {name!r} comes after {earlier!r}; steps: {', '.join(names)}")
         after = tuple(dict.fromkeys([*named, *([previous[unit]] if unit in previous else [])]))
         if name in tasks:
-            raise SceneError(f"two steps are named {name!r}")
+            raise SceneError(f"two steps are named {name!r}; give one of them another `name`")
         if isinstance(step, DockStep):
             tasks[name] = Task(
                 name,

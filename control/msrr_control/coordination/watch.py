@@ -52,7 +52,10 @@ class Watch:
         docks = unit.track is not None and unit.progress >= unit.track.dock_start - SAME_M
         wait = self._patience.dock_s if unit.in_dock_leg and docks else self._patience.lost_s
         if seconds(now_ns - unit.patient_ns) > wait:
-            return f"no progress beyond {unit.progress:.2f} m in {wait:.0f} s"
+            said = (
+                "" if unit.report is None or not unit.report.reason else f"; it says {unit.report.reason!r}"
+            )
+            return f"no progress beyond {unit.progress:.2f} m in {wait:.0f} s{said}"
         return None
 
     def waits(self, unit: UnitRecord) -> bool:

@@ -47,6 +47,12 @@ class Observation:
     monitor: CollisionMonitorState | None = None
     passed: Twist | None = None
 
+    @property
+    def held(self) -> str:
+        """End of a reason while the collision monitor limits the commands; empty while it does not."""
+        limits = self.monitor is not None and self.monitor.limits
+        return f", held by the collision monitor: {self.monitor}" if limits else ""
+
 
 @dataclass(frozen=True, slots=True)
 class GiveUp:

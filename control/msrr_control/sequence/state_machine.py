@@ -173,7 +173,7 @@ class PhaseMachine:
         progress = None if assembler is None else assembler.progress
         if self._phase is not Phase.ASSEMBLE or not self._entered or progress is None:
             return self._reason
-        return f"{progress.stage}: {progress.reason}"
+        return f"{progress.stage}: {progress.reason}{self._context.observation.held}"
 
     def _change(self, transition: Transition) -> None:
         """Change to another phase and update the belief."""

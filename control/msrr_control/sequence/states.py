@@ -125,7 +125,7 @@ def dock(c: DockingContext) -> Twist | Transition:
     pressed = at_port and (monitor is None or monitor.state is not MonitorState.STOP)
     if idle > spec.stall_time_s:
         reason = f"no progress for {idle:.1f} s at {view}"
-        if limited_s >= idle:
+        if limited_s >= idle - 2.0 * c.dt:  # the first decision of the monitor comes with the next instant
             reason = f"held for {idle:.1f} s by the collision monitor: {monitor}, at {view}"
         if pressed and not closed:
             c.aim.jammed(_ASIDE * c.memory.sigma_lateral, to_left=view.yaw > 0.0)

@@ -229,7 +229,7 @@ class LongDistanceAssembler(Generic[State]):
             self._least_error = abs(error), observation.now_ns
         if seconds(observation.now_ns - self._least_error[1]) > watch.stuck_s:
             self._caution += 1
-            return _Transition(AssemblyState.CLEAR, f"could not turn on the spot{_held(observation)}")
+            return _Transition(AssemblyState.CLEAR, f"could not turn on the spot{observation.held}")
         return spot_turn(error, self.params, self._setup.limits)
 
     def _clear(self, observation: Observation, arena: ArenaMap) -> _Decision:
@@ -258,7 +258,7 @@ class LongDistanceAssembler(Generic[State]):
             return _Transition(AssemblyState.SETTLE, self._reason)
         if idle > watch.stuck_s:
             self._caution += 1
-            cause = f"no progress for {watch.stuck_s:.1f} s{_held(observation)}"
+            cause = f"no progress for {watch.stuck_s:.1f} s{observation.held}"
             return _Transition(AssemblyState.CLEAR, f"{cause}, {remaining:.2f} m before the end")
         return twist
 
@@ -303,9 +303,3 @@ class LongDistanceAssembler(Generic[State]):
         self.progress = self._follower.progress(
             observation.arena.own.X_WB, observation.now_ns, self._state.value, number, self._reason
         )
-
-
-def _held(observation: Observation) -> str:
-    """Return for a reason that the collision monitor holds the unit, and for what; nothing if it does not."""
-    monitor = observation.monitor
-    return "" if monitor is None or not monitor.limits else f", held by the collision monitor: {monitor}"

@@ -62,6 +62,19 @@ def test_a_healthy_unit_goes_on(watch: DriveWatch, twist: Twist, rate_radps: flo
     assert watch.belief is None
 
 
+@pytest.mark.parametrize("speed_mps", [0.003, 0.006])
+def test_a_unit_that_is_held_and_creeps_to_and_fro_has_not_seized(
+    watch: DriveWatch, speed_mps: float
+) -> None:
+    """In front of an obstacle the law asks for some millimetres per second, forwards and backwards."""
+    now_s = 0.0
+    for k in range(40):
+        twist = Twist(speed_mps if k % 2 else -speed_mps, 0.0)
+        assert {a.phase for a in run(watch, twist, 0.5, start_s=now_s)} == {Phase.ASSEMBLE}
+        now_s += 0.5
+    assert watch.belief is None
+
+
 def test_time_without_sensors_does_not_count(watch: DriveWatch) -> None:
     run(watch, FORWARDS, 0.6 * SEIZED_S)
     run(watch, Twist(), 0.1, start_s=0.6 * SEIZED_S)  # at its end; then the sensors are off

@@ -85,6 +85,25 @@ def test_a_unit_beside_an_obstacle_drives_straight_before_it_turns(knowledge: Kn
     assert gaps.min() > 0.039
 
 
+def test_a_unit_backs_out_only_where_there_is_room(knowledge: Knowledge) -> None:
+    """It backed out of the arena, and into obstacles: only other units were looked at."""
+    finder, body = knowledge.finder, knowledge.lanes.body
+    x0, _, _, _ = finder.box
+    for inside, leaves in ((0.5, True), (0.2, False)):
+        X_WU = SE2(x0 + inside, 0.0, 0.0)
+        standing = [Standing("hub", X_WU @ SE2(0.2, 0.0, 0.0), True)]
+        track = finder.find(X_WU, None, standing, leaves="hub")
+        assert (track is not None) is leaves
+        assert (finder.behind(X_WU, 0.3, ()) is None) is leaves
+    place = SE2(0.0, 0.0, 1.0)
+    hub = [Standing("hub", place @ SE2(0.2, 0.0, 0.0), True)]
+    for gap, leaves in ((0.4, True), (0.2, False)):
+        x, y = place.act([-body.offset - gap - 0.08, 0.0])
+        post = ObstacleEstimate("post", 0, SE2(float(x), float(y)), np.eye(3) * 1e-6, 0.08)
+        assert (finder.find(place, None, hub, (post,), leaves="hub") is not None) is leaves
+        assert finder.behind(place, 0.3, (post,)) == (None if leaves else "post stands behind it")
+
+
 def test_where_there_is_no_way_there_is_no_track(knowledge: Knowledge) -> None:
     wall = [Standing(f"w{k}", SE2(0.0, -1.5 + 0.25 * k), False) for k in range(13)]
     assert knowledge.finder.find(SE2(-1.0, 0.0, 0.0), SE2(1.0, 0.0, 0.0), wall) is None

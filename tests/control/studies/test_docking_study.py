@@ -113,7 +113,7 @@ class _Broken(C1DockingLaw):
     ],
 )
 def test_a_law_that_breaks_the_rules_gives_no_figures(facts: DockSetup, way: str, says: str) -> None:
-    """One command drove all trials, NaN stayed in every cone, and a law could stop the units by its inputs."""
+    """One command drove all trials, NaN stayed in every cone, and a law could stop the units."""
     law = _Broken(STEADY, facts)
     law.way = way
     with pytest.raises((ProgramFailedError, ValueError), match=says):

@@ -21,6 +21,17 @@ def faults(*given: str) -> str:
     ("overrides", "place", "mend"),
     [
         ({"plan": plan("a to b.rear", "c to b.rear")}, "plan.1.to", "name another port"),
+        ({"plan": "[{move: a, pose: {x_m: 30}}]"}, "plan.0.pose", "(30, 0) lies outside the arena: x from"),
+        (
+            {"plan": "[{move: a, pose: {frame: b.rear, x_m: -0.5}}]"},
+            "plan.0.pose.frame",
+            "a pose in the world frame",
+        ),
+        (
+            {"plan": "[{move: a, pose: {spread: {x_m: 0.1}}}]"},
+            "plan.0.pose.spread",
+            "to one pose, none is drawn",
+        ),
         ({"plan": plan("a to b.rear", "a to c.rear")}, "plan.1.unit", "still docked by its port front"),
         ({"plan": plan("a to b.rear", "a to b.rear")}, "plan.1.unit", "remove one of the steps"),
         ({"plan": plan("a to b.rear", "b to a.rear")}, "plan.1.to", "locked together by then"),
