@@ -63,6 +63,7 @@ class StateMemory:
         looked_behind: Timer of the unit knowing what is behind it, or no longer waiting to know.
         arrived: Timer of the unit standing at the end of its retreat.
         leg: Leg of the calibration drive under way, counted from 0.
+        askew: Timer of one seat switch alone being closed.
         limited: Timer of the collision monitor slowing or stopping the unit.
         sigma_lateral: Standard deviation of the lateral estimate [m] when the pins came to the port, in which
             spinning wheels make it larger; 0 in a stay that begins there.
@@ -74,6 +75,7 @@ class StateMemory:
         self.turned, self.seen_s, self.leg = 0.0, 0.0, 0
         self.unseen, self.switches, self.arrived = HoldTimer(), HoldTimer(), HoldTimer()
         self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
+        self.askew = HoldTimer()
         self.sigma_lateral = 0.0
         self._best, self._best_ns = math.inf, since_ns
         self._frames, self._last_frame_ns = 0, since_ns

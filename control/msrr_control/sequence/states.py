@@ -138,6 +138,11 @@ def dock(c: DockingContext) -> Twist | Transition:
         if off_lateral > tuning.capture_m or off_yaw > math.radians(tuning.capture_deg):
             return _fail(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
     turn = min(max(twist.w, -tuning.press_turn_radps), tuning.press_turn_radps)
+    one_closed = switches is not None and switches.left != switches.right
+    if c.memory.askew.update(one_closed, c.now_ns) > tuning.askew_s and switches is not None:
+        # One pin is at the bottom of its hole, and friction holds the other one: sight cannot tell so small
+        # an angle, but the switches do.
+        turn = math.copysign(tuning.press_turn_radps, 1.0 if switches.left else -1.0)
     return Twist(spec.press_mps, turn)
 
 

@@ -67,25 +67,26 @@ class Desk:
         exposed_ns: int | None = None,
         covariance: np.ndarray = SURE,
         los: LosObservation | None = None,
-        closed: bool | None = None,
+        closed: bool | tuple[bool, bool] | None = None,
         lock: tuple[LockPosition, int] | None = None,
         twist: Twist | None = None,
         monitor: CollisionMonitorState | None = None,
     ) -> Action:
         """Let 20 ms go by and ask; the pose was exposed now unless told otherwise.
 
-        The last report of the lock stays in force.
+        The last report of the lock stays in force; ``closed`` is of both seat switches, or left and right.
         """
         self.now_ns += DT_NS
         now = self.now_ns
         seen = now if exposed_ns is None else exposed_ns
+        left, right = closed if isinstance(closed, tuple) else (closed, closed)
         self.lock = self.lock if lock is None else LockFeedback("a", lock[1], lock[0])
         return self.machine.step(
             Observation(
                 now_ns=now,
                 pose=None if X_DU is None else PoseEstimate(now, X_DU, covariance, seen),
                 los=los,
-                switches=None if closed is None else SeatSwitches("a", now, closed, closed),
+                switches=None if closed is None else SeatSwitches("a", now, bool(left), bool(right)),
                 lock=self.lock,
                 twist=twist or Twist(),
                 monitor=monitor,
@@ -247,6 +248,20 @@ def test_pins_in_the_holes_are_pressed_whatever_sight_says_of_the_side(desk: Des
     desk.to_dock()
     action = desk.ask(desk.at(0.4 * desk.facts.pin_reach, 2.0 * TUNING.capture_m, 0.0), closed=False)
     assert (action.phase, action.twist.v) == (Phase.DOCK, desk.spec.press_mps)
+
+
+@pytest.mark.parametrize(("closed", "turn"), [((True, False), 1.0), ((False, True), -1.0)])
+def test_where_one_pin_is_in_it_turns_the_other_one_in(
+    desk: Desk, closed: tuple[bool, bool], turn: float
+) -> None:
+    """Friction held the other pin, and sight said that nothing was left to turn: three attempts were lost."""
+    desk.to_dock()
+    patience = round(1e9 * TUNING.askew_s / DT_NS)
+    turns = [desk.ask(desk.at(0.001), closed=closed).twist for _ in range(patience + 3)]
+    assert {t.v for t in turns} == {desk.spec.press_mps}
+    assert all(abs(t.w) < 0.5 * TUNING.press_turn_radps for t in turns[:patience])
+    assert turns[-1].w == turn * TUNING.press_turn_radps
+    assert abs(desk.ask(desk.at(0.001), closed=False).twist.w) < 0.5 * TUNING.press_turn_radps
 
 
 def _turn_after_jam(
