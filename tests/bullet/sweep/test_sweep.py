@@ -21,6 +21,7 @@ from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.errors import SceneError
+from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
 
@@ -89,8 +90,26 @@ def test_another_scene_or_other_code_is_not_taken_from_the_store(
     assert sweep(other, range(3), store=store, executor=inline, trial=made_up).reused == 0
     assert sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 3
     for module in ("trials", "remote_trial"):
-        monkeypatch.setattr(f"msrr_bullet.sweep.{module}.code_fingerprint", lambda scene: "edited")
+        monkeypatch.setattr(f"msrr_bullet.sweep.{module}.code_fingerprint", lambda scene, **_: "edited")
     assert sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 0
+
+
+def test_a_program_that_failed_is_run_again(
+    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
+) -> None:
+    """It may have failed for what is mended since and is no code, such as a file that it reads."""
+    store = tmp_path / "trials.sqlite"
+
+    def failing(scene: Scene, seed: int) -> TrialResult:
+        result = made_up(scene, seed)
+        return result.model_copy(update={"outcome": Outcome.PROGRAM_FAILED}) if seed == 1 else result
+
+    failed = sweep(scene, range(3), store=store, executor=inline, trial=failing)
+    assert failed.outcomes[Outcome.PROGRAM_FAILED] == 1
+    again = sweep(scene, range(3), store=store, executor=inline, trial=made_up)
+    assert again.reused == 2
+    assert Outcome.PROGRAM_FAILED not in again.outcomes
+    assert sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 3
 
 
 def test_many_scenes_share_one_pool_and_one_store(
