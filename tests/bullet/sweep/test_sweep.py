@@ -105,10 +105,10 @@ def test_a_program_that_failed_is_run_again(
         return result.model_copy(update={"outcome": Outcome.PROGRAM_FAILED}) if seed == 1 else result
 
     failed = sweep(scene, range(3), store=store, executor=inline, trial=failing)
-    assert failed.outcomes[Outcome.PROGRAM_FAILED] == 1
+    assert failed.outcomes["program_failed"] == 1
     again = sweep(scene, range(3), store=store, executor=inline, trial=made_up)
     assert again.reused == 2
-    assert Outcome.PROGRAM_FAILED not in again.outcomes
+    assert "program_failed" not in again.outcomes
     assert sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 3
 
 
