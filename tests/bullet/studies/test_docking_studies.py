@@ -16,9 +16,19 @@ C1 = Choice(name="c1")
 #: A controller of one's own that computes one command at a time.
 LAWLESS = """
 class Controller:
-    def __init__(self, setup, guidance): ...
+    def __init__(self, setup): ...
     def reset(self, inputs): ...
     def step(self, inputs): ...
+"""
+
+#: One around an array law, with parameters of its own.
+LAWFUL = """
+from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams
+from msrr_control.docking.controller import LawController
+
+class Controller(LawController):
+    def __init__(self, setup):
+        super().__init__(C1DockingLaw(C1DockingParams(), setup))
 """
 
 
@@ -70,3 +80,13 @@ def test_a_controller_without_an_array_law_is_refused(
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(SceneError, match="not made of an array law"):
         docking_row(Choice(name="lawless:Controller"), "", STANDARD, range(1))
+
+
+def test_an_array_law_of_one_s_own_is_measured_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was given the guidance of the shipped laws, which it does not take."""
+    (tmp_path / "lawful.py").write_text(LAWFUL)
+    monkeypatch.syspath_prepend(tmp_path)
+    row = docking_row(Choice(name="lawful:Controller"), "own", STANDARD, range(20))
+    assert row.measures["lateral"].count == 20
