@@ -9,8 +9,8 @@ from dataclasses import replace
 from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.coordination.coordinator import Coordinator
-from msrr_control.coordination.dispatcher import Knowledge
 from msrr_control.coordination.embedding import fits
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.precedence import precedence
 from msrr_control.coordination.route_finder import RouteParams

@@ -3,7 +3,7 @@
 from msrr_control.coordination.authority import MovementAuthority
 from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.coordinator import Coordinator
-from msrr_control.coordination.dispatcher import Knowledge
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission, Patience
 from msrr_control.coordination.precedence import precedence
 from msrr_control.coordination.route_finder import RouteParams

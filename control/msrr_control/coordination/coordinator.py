@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from msrr_control.coordination.dispatcher import Dispatcher, Knowledge
+from msrr_control.coordination.dispatcher import Dispatcher
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import Interlock, UnitRecord
 from msrr_control.coordination.mission import Mission, Patience
 from msrr_control.coordination.precedence import precedence

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_control.coordination.bodies import Body
-from msrr_control.coordination.embedding import Travel, assign, place_costs
+from msrr_control.coordination.embedding import assign, place_costs
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import Interlock, UnitRecord, clear_of_tracks
-from msrr_control.coordination.precedence import Lanes
-from msrr_control.coordination.route_finder import BACK_OUT_M, RouteFinder, RouteParams
+from msrr_control.coordination.route_finder import BACK_OUT_M, RouteRequest
+from msrr_control.coordination.task_ends import TaskEnds
 from msrr_control.coordination.task_list import TaskList
-from msrr_control.coordination.tasks import Task, TaskKind, TaskState
+from msrr_control.coordination.tasks import Task, TaskKind
 from msrr_control.coordination.waiting_places import WAITING_ROOM_M, waiting_places
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import UnitState
 
@@ -27,43 +25,6 @@ _SWAPS, _WAITING_PLACES = 2, 4
 
 #: How often a unit may be sent out of the way.
 _EVASIONS = 3
-
-
-@dataclass(frozen=True)
-class Knowledge:
-    """What the coordinator works with; none of it changes during a mission.
-
-    Attributes:
-        lanes: Lanes of the units.
-        finder: Finds tracks.
-        travel: Assumed speeds.
-        retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
-    """
-
-    lanes: Lanes
-    finder: RouteFinder
-    travel: Travel
-    retreat_m: float = 0.5
-
-    @classmethod
-    def of(
-        cls,
-        geometry: UnitGeometry,
-        params: RouteParams,
-        box: tuple[float, float, float, float],
-        retreat_m: float = 0.5,
-    ) -> Knowledge:
-        """Return what follows from the units' geometry and the parameters of their routes.
-
-        Args:
-            geometry: Geometry of the units, which are all alike.
-            params: Parameters of the routes.
-            box: Where the axle may be and is seen: x low, x high, y low, y high [m].
-            retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
-        """
-        body = Body.of(geometry)
-        travel = Travel.of(params.pace, params.route.turn_radps)
-        return cls(Lanes(body, params.route), RouteFinder(body, params, box), travel, retreat_m)
 
 
 class Dispatcher:
@@ -79,6 +40,7 @@ class Dispatcher:
         """Bind the dispatcher to the ledger, whose records it changes."""
         self._know, self._units, self._interlock = knowledge, units, interlock
         self._one_by_one = one_by_one
+        self.ends = TaskEnds(knowledge.lanes, units)
         self._order = 0
         self.obstacles: tuple[ObstacleEstimate, ...] = ()
         self.wanted: dict[str, str] = {}
@@ -98,30 +60,6 @@ class Dispatcher:
     def _may_grant(self) -> bool:
         """Whether another unit may get under way."""
         return not (self._one_by_one and any(unit.under_way for unit in self._units.values()))
-
-    def pose_of(self, task: Task, tasks: TaskList) -> SE2 | None:
-        """Return where the unit of a task ends; None where it only leaves a port or its parent is unknown."""
-        if task.kind is TaskKind.MOVE:
-            return task.pose
-        if task.kind is TaskKind.UNDOCK:
-            return None
-        body = self._know.lanes.body
-        if task.parent_unit is not None:
-            parent = self._units[task.parent_unit]
-            return None if parent.X_WU is None else body.docked(parent.standing(end=True).X_WB, task.port)
-        assert task.parent is not None
-        holder = self.unit_of(task.parent)
-        if holder is not None and tasks.state(task.parent) is TaskState.DONE and holder.X_WU is not None:
-            return body.docked(holder.pose, task.port)
-        base = self.pose_of(tasks.by_name[task.parent], tasks)
-        return None if base is None else body.docked(base, task.port)
-
-    def unit_of(self, task: str) -> UnitRecord | None:
-        """Return the unit that has a task or has done it."""
-        for unit in self._units.values():
-            if unit.task == task and unit.state in (UnitState.UNDER_WAY, UnitState.DOCKED):
-                return unit
-        return None
 
     # Assignment.
 
@@ -147,7 +85,7 @@ class Dispatcher:
         return result | {free[p].name: idle[u].name for u, p in pairs}
 
     def _costs(self, units: list[UnitRecord], free: list[Task], tasks: TaskList) -> Array:
-        poses = [self.pose_of(task, tasks) or SE2() for task in free]
+        poses = [self.ends.pose_of(task, tasks) or SE2() for task in free]
         places = np.array([X.as_array() for X in poses]).reshape(-1, 3)
         return place_costs(np.array([unit.pose.as_array() for unit in units]), places, self._know.travel)
 
@@ -177,13 +115,13 @@ class Dispatcher:
         named = unit.state is UnitState.DOCKED and task.unit is not None
         if unit.X_WU is None or not (named or unit.state is UnitState.IDLE):
             return False
-        X_WE = self.pose_of(task, tasks)
+        X_WE = self.ends.pose_of(task, tasks)
         if X_WE is None and task.kind is not TaskKind.UNDOCK:
             return False
-        enters = self._port_of(task)
+        enters = self.ends.port_of(task)
         if enters is None and task.kind is TaskKind.DOCK:
             return False
-        if enters is not None and X_WE is not None and self._closing(X_WE, unit.name, enters[0]):
+        if enters is not None and X_WE is not None and self.ends.closing(X_WE, unit.name, enters[0]):
             return False
         if not self._grant(unit, X_WE, enters, now_ns):
             return False
@@ -191,30 +129,16 @@ class Dispatcher:
         tasks.grant(task.name)
         return True
 
-    def _port_of(self, task: Task) -> tuple[str, str] | None:
-        """Return unit and port that a task docks to; None if it does not dock, or the unit is not known."""
-        if task.parent is None:
-            return None if task.parent_unit is None else (task.parent_unit, task.port)
-        holder = self.unit_of(task.parent)
-        return None if holder is None else (holder.name, task.port)
-
-    def _closing(self, X_WE: SE2, unit: str, holder: str) -> list[str]:
-        """Return who stands or will stand in the lane of a docked pose."""
-        others = [u for u in self._units.values() if u.X_WU is not None and u.name not in (unit, holder)]
-        bodies = np.array([other.standing(end=True).X_WB.as_array() for other in others]).reshape(-1, 3)
-        closes = self._know.lanes.closes(X_WE, bodies)
-        return [other.name for other, does in zip(others, closes, strict=True) if does]
-
     def hindrance(self, task: Task, tasks: TaskList) -> str:
         """Return in words why nobody gets a route for an open task."""
-        name, port = self.assignment(tasks).get(task.name), self._port_of(task)
+        name, port = self.assignment(tasks).get(task.name), self.ends.port_of(task)
         if name is None:
             return "no unit is left"
         for other in self._units.values():
             if port is not None and other.holder == port and other.name != name:
                 return f"{name} cannot dock: {'.'.join(port)} is taken by {other.name}"
-        X_WE = self.pose_of(task, tasks)
-        closing = [] if port is None or X_WE is None else self._closing(X_WE, name, port[0])
+        X_WE = self.ends.pose_of(task, tasks)
+        closing = [] if port is None or X_WE is None else self.ends.closing(X_WE, name, port[0])
         if port is not None and closing:
             return f"{name} cannot dock: {', '.join(closing)} closes the lane to {'.'.join(port)}"
         unit = self._units[name]
@@ -231,15 +155,19 @@ class Dispatcher:
             self.waits_for_tracks = True
             return False
         leaves = None if unit.holder is None else unit.holder[0]
-        track = self._know.finder.find(
+        standing = [
+            other.standing(end=True) for other in others if other.holder is None or not _on(other, unit)
+        ]
+        request = RouteRequest(
             unit.pose,
             X_WE,
-            [other.standing(end=True) for other in others if other.holder is None or not _on(other, unit)],
+            standing,
             self.obstacles,
             dock=enters is not None,
             leaves=leaves,
             enters=None if enters is None else enters[0],
         )
+        track = self._know.finder.find(request)
         if track is None:
             return False
         self._order += 1
@@ -259,7 +187,7 @@ class Dispatcher:
     def _make_way(self, tasks: TaskList, now_ns: int) -> bool:
         """Send one idle unit out of the way of the first task that has no route; return whether one goes."""
         for task in tasks.ready():
-            X_WE = self.pose_of(task, tasks)
+            X_WE = self.ends.pose_of(task, tasks)
             if X_WE is None:
                 continue
             idle = [unit for unit in self._idle() if unit.evasions < _EVASIONS]
@@ -284,7 +212,7 @@ class Dispatcher:
 
     def _evade(self, unit: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
         """Send a unit to a waiting place; return whether it goes."""
-        open_poses = [X for X in (self.pose_of(task, tasks) for task in tasks.open) if X is not None]
+        open_poses = [X for X in (self.ends.pose_of(task, tasks) for task in tasks.open) if X is not None]
         others = [u for u in self._units.values() if u.name != unit.name and u.X_WU is not None]
         places = waiting_places(self._know.lanes, self._know.finder.box, open_poses, others, self.obstacles)
         distance = np.hypot(places[:, 0] - unit.pose.x, places[:, 1] - unit.pose.y)

@@ -56,6 +56,34 @@ class Standing(NamedTuple):
 
 
 @dataclass(frozen=True)
+class RouteRequest:
+    """What a track is asked for.
+
+    Attributes:
+        X_WU: Where the unit stands.
+        X_WE: Where the axle is to be at the end; None only to back out of a port.
+        standing: Everything that stands still meanwhile.
+        obstacles: Obstacles.
+        dock: Whether the end is in a port.
+        leaves: Unit in whose port the unit is now, None if it is free.
+        enters: Unit in whose port it ends.
+    """
+
+    X_WU: SE2
+    X_WE: SE2 | None
+    standing: Sequence[Standing] = ()
+    obstacles: tuple[ObstacleEstimate, ...] = ()
+    dock: bool = False
+    leaves: str | None = None
+    enters: str | None = None
+
+    @property
+    def others(self) -> list[Standing]:
+        """What stands there, without the units of the ports that are left and entered."""
+        return [s for s in self.standing if s.name not in (self.leaves, self.enters)]
+
+
+@dataclass(frozen=True)
 class RouteParams:
     """Parameters of the routes, those of the long-distance phase.
 
@@ -87,35 +115,15 @@ class RouteFinder:
             params.route, params.walls, params.pace, box, body.offset, body.half_width
         )
 
-    def find(
-        self,
-        X_WU: SE2,
-        X_WE: SE2 | None,
-        standing: Sequence[Standing],
-        obstacles: tuple[ObstacleEstimate, ...] = (),
-        *,
-        dock: bool = False,
-        leaves: str | None = None,
-        enters: str | None = None,
-    ) -> Track | None:
-        """Return a track to a pose, None if there is none.
-
-        Args:
-            X_WU: Where the unit stands.
-            X_WE: Where the axle is to be at the end; None only to back out of a port.
-            standing: Everything that stands still meanwhile.
-            obstacles: Obstacles.
-            dock: Whether the end is in a port.
-            leaves: Unit in whose port the unit is now, None if it is free.
-            enters: Unit in whose port it ends.
-        """
-        if X_WE is not None and not dock and leaves is None:
-            turned = self._turn_in_place(X_WU, X_WE, standing)
+    def find(self, request: RouteRequest) -> Track | None:
+        """Return a track, None if there is none."""
+        X_WU, X_WE, obstacles, leaves = request.X_WU, request.X_WE, request.obstacles, request.leaves
+        if X_WE is not None and not request.dock and leaves is None:
+            turned = self._turn_in_place(X_WU, X_WE, request.standing)
             if turned is not None and self._begins_freely(turned, obstacles):
                 return turned
-        others = [s for s in standing if s.name not in (leaves, enters)]
         tight: Track | None = None  # the collision monitor holds a unit that turns beside an obstacle
-        for distance in self._straight_first(X_WU, others, obstacles) if leaves is None else BACK_OUT_M:
+        for distance in BACK_OUT_M if leaves is not None else self._straight_first(request):
             builder = TrackBuilder(X_WU, self.body.offset)
             if leaves is not None:
                 if self.behind(X_WU, distance, obstacles) is not None:
@@ -125,21 +133,20 @@ class RouteFinder:
                 builder.ahead(distance)
             elif distance < 0.0:
                 builder.reverse(-distance)
-            if X_WE is not None and not self._plan(builder, X_WE, standing, obstacles, dock):
+            if X_WE is not None and not self._plan(builder, X_WE, request):
                 continue
             track = builder.track()
-            if self.contact(track, others) is None:
+            if self.contact(track, request.others) is None:
                 if leaves is not None or self._begins_freely(track, obstacles):
                     return track
                 tight = tight or track
         return tight
 
-    def _straight_first(
-        self, X_WU: SE2, others: Sequence[Standing], obstacles: tuple[ObstacleEstimate, ...]
-    ) -> list[float]:
+    def _straight_first(self, request: RouteRequest) -> list[float]:
         """Return the straight ways that are tried before a route is planned: ahead > 0, back < 0 [m]."""
+        X_WU, obstacles = request.X_WU, request.obstacles
         ways = [0.0]
-        if any(self._is_beside(X_WU, other) for other in others):
+        if any(self._is_beside(X_WU, other) for other in request.others):
             may_drive = partial(self._planner.may_drive_ahead, X_WU, obstacles)
             ways += takewhile(may_drive, _AHEAD_M)
         way = self._planner.way_to_turn(ArenaMap(X_WU, X_WU, (), obstacles), self.body.radius)
@@ -217,19 +224,11 @@ class RouteFinder:
         track = builder.track()
         return track if self.contact(track, standing) is None else None
 
-    def _plan(
-        self,
-        builder: TrackBuilder,
-        X_WE: SE2,
-        standing: Sequence[Standing],
-        obstacles: tuple[ObstacleEstimate, ...],
-        dock: bool,
-    ) -> bool:
+    def _plan(self, builder: TrackBuilder, X_WE: SE2, request: RouteRequest) -> bool:
         """Append the route from where the builder stands; return whether there is one."""
-        l, handover = self.body.offset, self.spec.handover_m
-        X_WD = X_WE @ SE2(l if dock else l + handover, 0.0, 0.0)
-        discs = tuple(Disc(s.name, s.X_WB.x, s.X_WB.y, self.body.radius) for s in standing)
-        arena = ArenaMap(builder.pose, X_WD, discs, obstacles)
+        X_WD = X_WE @ SE2(self.body.offset + (0.0 if request.dock else self.spec.handover_m), 0.0, 0.0)
+        discs = tuple(Disc(s.name, s.X_WB.x, s.X_WB.y, self.body.radius) for s in request.standing)
+        arena = ArenaMap(builder.pose, X_WD, discs, request.obstacles)
         route = self._planner.plan(arena)
         if route is not None and route.sides:
             # A wall leads off the path by an amount that is not known before: drive around instead.
@@ -245,8 +244,8 @@ class RouteFinder:
             builder.turn_to(yaw)
             start = np.array([axle.x, axle.y, yaw])
             builder.follow(Path(start, np.zeros(1), np.array([math.hypot(dx, dy)])))
-        if dock:
-            builder.dock(X_WE, handover)
+        if request.dock:
+            builder.dock(X_WE, self.spec.handover_m)
         else:
             builder.turn_to(X_WE.yaw)
         return True

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
-from msrr_control.coordination.dispatcher import Knowledge
 from msrr_control.coordination.embedding import embedding
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.precedence import Lanes, precedence

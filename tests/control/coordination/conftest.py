@@ -18,7 +18,7 @@ import pytest
 from msrr_control.coordination.authority import MovementAuthority
 from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.coordinator import Coordinator
-from msrr_control.coordination.dispatcher import Knowledge
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.reconfiguration import assembly_ports, shape_ports
 from msrr_control.coordination.route_finder import RouteParams

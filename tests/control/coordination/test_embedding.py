@@ -9,8 +9,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from msrr_control.coordination.dispatcher import Knowledge
 from msrr_control.coordination.embedding import assign, embedding, place_costs
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.shape import build_pattern
 from msrr_scenes.geometry.se2 import SE2
 

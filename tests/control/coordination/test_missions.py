@@ -14,9 +14,9 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from msrr_control.coordination.dispatcher import Knowledge
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.route_finder import RouteParams, Standing
+from msrr_control.coordination.route_finder import RouteParams, RouteRequest, Standing
 from msrr_control.coordination.shape import Shape, build_pattern
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
@@ -131,7 +131,7 @@ def _is_reachable(run: Rig, shape: Shape, name: str) -> bool:
     left = [run.units[unit.unit].X_WU for unit in run.status.units if unit.state is UnitState.IDLE]
     parent = units[place.parent].unit
     return any(
-        knowledge.finder.find(X_WU, poses[name], standing, dock=True, enters=parent) is not None
+        knowledge.finder.find(RouteRequest(X_WU, poses[name], standing, dock=True, enters=parent)) is not None
         for X_WU in left
     )
 

@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from msrr_control.coordination.dispatcher import Knowledge
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.reconfiguration import (
     Ports,
     Reconfiguration,

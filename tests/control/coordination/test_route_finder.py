@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from msrr_control.coordination.dispatcher import Knowledge
-from msrr_control.coordination.route_finder import Standing
+from msrr_control.coordination.knowledge import Knowledge
+from msrr_control.coordination.route_finder import RouteRequest, Standing
 from msrr_control.coordination.track import GAP_M
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ObstacleEstimate
@@ -29,7 +29,7 @@ def test_routes_end_where_they_should_and_keep_clear_of_what_stands(
         goal = SE2(0.2, 0.1, 0.8 * seed)
         if any(math.hypot(s.X_WB.x - goal.x, s.X_WB.y - goal.y) < 0.4 for s in standing):
             continue
-        track = finder.find(units[0][1], goal, standing)
+        track = finder.find(RouteRequest(units[0][1], goal, standing))
         if track is None:
             continue
         found += 1
@@ -47,17 +47,17 @@ def test_a_unit_docks_and_leaves_beside_neighbours(knowledge: Knowledge) -> None
     hub = SE2(0.4, 0.0, 0.3)
     standing = [Standing("hub", hub, True), Standing("left", body.docked(hub, "left"), True)]
     place = body.docked(hub, "rear")
-    track = finder.find(SE2(-1.2, 0.8, -2.0), place, standing, dock=True, enters="hub")
+    track = finder.find(RouteRequest(SE2(-1.2, 0.8, -2.0), place, standing, dock=True, enters="hub"))
     assert track is not None
     assert track.legs[-1].kind is LegKind.DOCK
     assert math.hypot(track.end.x - place.x, track.end.y - place.y) < 1e-3
     assert abs(track.length - track.dock_start - finder.spec.handover_m) < 1e-6
     there = SE2(-1.0, -0.6, 0.0)
-    back = finder.find(place, there, standing, leaves="hub")
+    back = finder.find(RouteRequest(place, there, standing, leaves="hub"))
     assert back is not None
     assert back.legs[0].kind is LegKind.BACK
     assert math.hypot(back.end.x - there.x, back.end.y - there.y) < 0.01
-    only_out = finder.find(place, None, standing, leaves="hub")
+    only_out = finder.find(RouteRequest(place, None, standing, leaves="hub"))
     assert only_out is not None
     assert [leg.kind for leg in only_out.legs] == [LegKind.BACK]
 
@@ -65,7 +65,7 @@ def test_a_unit_docks_and_leaves_beside_neighbours(knowledge: Knowledge) -> None
 def test_an_obstacle_is_driven_around(knowledge: Knowledge) -> None:
     post = ObstacleEstimate("post", 0, SE2(0.0, 0.0), np.eye(3) * 1e-6, 0.08)
     start, goal = SE2(-1.3, 0.0, 0.0), SE2(1.0, 0.0, 0.0)
-    track = knowledge.finder.find(start, goal, [], (post,))
+    track = knowledge.finder.find(RouteRequest(start, goal, [], (post,)))
     assert track is not None
     distance = np.hypot(track.poses[:, 0], track.poses[:, 1])
     assert float(distance.min()) > 0.08 + knowledge.lanes.body.half_width + 0.02
@@ -77,7 +77,7 @@ def test_a_unit_beside_an_obstacle_drives_straight_before_it_turns(knowledge: Kn
     start, body = SE2(0.0, 0.0, math.radians(90.0 * side)), knowledge.lanes.body
     x, y = start.act([0.05, -side * (body.half_width + 0.08 + 0.04)])
     post = ObstacleEstimate("post", 0, SE2(float(x), float(y)), np.eye(3) * 1e-6, 0.08)
-    track = knowledge.finder.find(start, SE2(1.2, 0.0, 0.0), [], (post,))
+    track = knowledge.finder.find(RouteRequest(start, SE2(1.2, 0.0, 0.0), [], (post,)))
     assert track is not None
     assert [leg.kind for leg in track.legs[:2]] == [LegKind.REVERSE, LegKind.TURN]
     assert not track.at_port.any()
@@ -92,7 +92,7 @@ def test_a_unit_backs_out_only_where_there_is_room(knowledge: Knowledge) -> None
     for inside, leaves in ((0.5, True), (0.2, False)):
         X_WU = SE2(x0 + inside, 0.0, 0.0)
         standing = [Standing("hub", X_WU @ SE2(0.2, 0.0, 0.0), True)]
-        track = finder.find(X_WU, None, standing, leaves="hub")
+        track = finder.find(RouteRequest(X_WU, None, standing, leaves="hub"))
         assert (track is not None) is leaves
         assert (finder.behind(X_WU, 0.3, ()) is None) is leaves
     place = SE2(0.0, 0.0, 1.0)
@@ -100,13 +100,13 @@ def test_a_unit_backs_out_only_where_there_is_room(knowledge: Knowledge) -> None
     for gap, leaves in ((0.4, True), (0.2, False)):
         x, y = place.act([-body.offset - gap - 0.08, 0.0])
         post = ObstacleEstimate("post", 0, SE2(float(x), float(y)), np.eye(3) * 1e-6, 0.08)
-        assert (finder.find(place, None, hub, (post,), leaves="hub") is not None) is leaves
+        assert (finder.find(RouteRequest(place, None, hub, (post,), leaves="hub")) is not None) is leaves
         assert finder.behind(place, 0.3, (post,)) == (None if leaves else "post stands behind it")
 
 
 def test_where_there_is_no_way_there_is_no_track(knowledge: Knowledge) -> None:
     wall = [Standing(f"w{k}", SE2(0.0, -1.5 + 0.25 * k), False) for k in range(13)]
-    assert knowledge.finder.find(SE2(-1.0, 0.0, 0.0), SE2(1.0, 0.0, 0.0), wall) is None
+    assert knowledge.finder.find(RouteRequest(SE2(-1.0, 0.0, 0.0), SE2(1.0, 0.0, 0.0), wall)) is None
 
 
 def test_from_beside_a_body_a_route_leads_away(knowledge: Knowledge) -> None:
@@ -121,7 +121,7 @@ def test_from_beside_a_body_a_route_leads_away(knowledge: Knowledge) -> None:
         if not 0.031 < body.gap(X_WU, other) < 0.06:
             continue
         places += 1
-        track = finder.find(X_WU, goal, [Standing("other", other, False)])
+        track = finder.find(RouteRequest(X_WU, goal, [Standing("other", other, False)]))
         if track is None:
             continue
         found += 1
@@ -139,7 +139,7 @@ def test_straight_ahead_is_tried_only_inside_the_box_and_clear_of_obstacles(know
         standing = [Standing("other", X_WU @ SE2(-0.1, 0.26, 0.0), False)]
         for bearing in np.linspace(-math.pi, math.pi, 12, endpoint=False):
             goal = SE2(math.cos(bearing), math.sin(bearing), bearing)
-            track = finder.find(X_WU, goal, standing, obstacles)
+            track = finder.find(RouteRequest(X_WU, goal, standing, obstacles))
             if track is None:
                 continue
             tips = track.poses[:, :2] + offset * np.stack(

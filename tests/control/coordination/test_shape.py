@@ -8,7 +8,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from msrr_control.coordination.dispatcher import Knowledge
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.precedence import precedence
 from msrr_control.coordination.shape import Shape, build_pattern
 from msrr_scenes.errors import SceneError

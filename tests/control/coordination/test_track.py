@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from msrr_control.coordination.dispatcher import Knowledge
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
-from msrr_control.coordination.route_finder import Standing
+from msrr_control.coordination.route_finder import RouteRequest, Standing
 from msrr_control.coordination.track import (
     GAP_M,
     PORT_GAP_M,
@@ -108,7 +108,7 @@ def test_two_units_that_obey_never_come_too_near(knowledge: Knowledge) -> None:
         others = [Standing("other", starts[1], False)], [Standing("first", ends[0], False)]
         if math.hypot(starts[0].x - starts[1].x, starts[0].y - starts[1].y) < 0.4:
             continue
-        tracks = [finder.find(starts[k], ends[k], others[k]) for k in range(2)]
+        tracks = [finder.find(RouteRequest(starts[k], ends[k], others[k])) for k in range(2)]
         if tracks[0] is None or tracks[1] is None:
             continue
         earlier, later = tracks[0], tracks[1]

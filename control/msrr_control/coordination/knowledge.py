@@ -1,0 +1,48 @@
+"""What the coordinator works with and what does not change during a mission."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from msrr_control.coordination.bodies import Body
+from msrr_control.coordination.embedding import Travel
+from msrr_control.coordination.precedence import Lanes
+from msrr_control.coordination.route_finder import RouteFinder, RouteParams
+from msrr_scenes.geometry.unit_geometry import UnitGeometry
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What the coordinator works with; none of it changes during a mission.
+
+    Attributes:
+        lanes: Lanes of the units.
+        finder: Finds tracks.
+        travel: Assumed speeds.
+        retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
+    """
+
+    lanes: Lanes
+    finder: RouteFinder
+    travel: Travel
+    retreat_m: float = 0.5
+
+    @classmethod
+    def of(
+        cls,
+        geometry: UnitGeometry,
+        params: RouteParams,
+        box: tuple[float, float, float, float],
+        retreat_m: float = 0.5,
+    ) -> Knowledge:
+        """Return what follows from the units' geometry and the parameters of their routes.
+
+        Args:
+            geometry: Geometry of the units, which are all alike.
+            params: Parameters of the routes.
+            box: Where the axle may be and is seen: x low, x high, y low, y high [m].
+            retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
+        """
+        body = Body.of(geometry)
+        travel = Travel.of(params.pace, params.route.turn_radps)
+        return cls(Lanes(body, params.route), RouteFinder(body, params, box), travel, retreat_m)

@@ -1,0 +1,60 @@
+"""Where tasks end: their poses and ports, who has them, and who stands in the lanes there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.precedence import Lanes
+from msrr_control.coordination.task_list import TaskList
+from msrr_control.coordination.tasks import Task, TaskKind, TaskState
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages.coordination import UnitState
+
+
+class TaskEnds:
+    """Reads the ends of tasks from the ledger, which changes while units drive."""
+
+    def __init__(self, lanes: Lanes, units: Mapping[str, UnitRecord]) -> None:
+        """Bind to the lanes and to the ledger."""
+        self._lanes, self._units = lanes, units
+
+    def pose_of(self, task: Task, tasks: TaskList) -> SE2 | None:
+        """Return where the unit of a task ends; None where it only leaves a port or its parent is unknown."""
+        if task.kind is TaskKind.MOVE:
+            return task.pose
+        if task.kind is TaskKind.UNDOCK:
+            return None
+        body = self._lanes.body
+        if task.parent_unit is not None:
+            parent = self._units[task.parent_unit]
+            return None if parent.X_WU is None else body.docked(parent.standing(end=True).X_WB, task.port)
+        assert task.parent is not None
+        holder = self.unit_of(task.parent)
+        if holder is not None and tasks.state(task.parent) is TaskState.DONE and holder.X_WU is not None:
+            return body.docked(holder.pose, task.port)
+        base = self.pose_of(tasks.by_name[task.parent], tasks)
+        return None if base is None else body.docked(base, task.port)
+
+    def unit_of(self, task: str) -> UnitRecord | None:
+        """Return the unit that has a task or has done it."""
+        for unit in self._units.values():
+            if unit.task == task and unit.state in (UnitState.UNDER_WAY, UnitState.DOCKED):
+                return unit
+        return None
+
+    def port_of(self, task: Task) -> tuple[str, str] | None:
+        """Return unit and port that a task docks to; None if it does not dock, or the unit is not known."""
+        if task.parent is None:
+            return None if task.parent_unit is None else (task.parent_unit, task.port)
+        holder = self.unit_of(task.parent)
+        return None if holder is None else (holder.name, task.port)
+
+    def closing(self, X_WE: SE2, unit: str, holder: str) -> list[str]:
+        """Return who stands or will stand in the lane of a docked pose."""
+        others = [u for u in self._units.values() if u.X_WU is not None and u.name not in (unit, holder)]
+        bodies = np.array([other.standing(end=True).X_WB.as_array() for other in others]).reshape(-1, 3)
+        closes = self._lanes.closes(X_WE, bodies)
+        return [other.name for other, does in zip(others, closes, strict=True) if does]
