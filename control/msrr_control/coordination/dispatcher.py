@@ -10,7 +10,7 @@ import numpy as np
 from msrr_control.coordination.embedding import assign, place_costs
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import Interlock, UnitRecord, clear_of_tracks
-from msrr_control.coordination.route_finder import BACK_OUT_M, RouteRequest
+from msrr_control.coordination.route_request import RouteRequest
 from msrr_control.coordination.task_ends import TaskEnds
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.tasks import Task, TaskKind
@@ -131,43 +131,25 @@ class Dispatcher:
 
     def hindrance(self, task: Task, tasks: TaskList) -> str:
         """Return in words why nobody gets a route for an open task."""
-        name, port = self.assignment(tasks).get(task.name), self.ends.port_of(task)
+        name = self.assignment(tasks).get(task.name)
         if name is None:
             return "no unit is left"
-        for other in self._units.values():
-            if port is not None and other.holder == port and other.name != name:
-                return f"{name} cannot dock: {'.'.join(port)} is taken by {other.name}"
+        unit, enters = self._units[name], self.ends.port_of(task)
         X_WE = self.ends.pose_of(task, tasks)
-        closing = [] if port is None or X_WE is None else self.ends.closing(X_WE, name, port[0])
-        if port is not None and closing:
-            return f"{name} cannot dock: {', '.join(closing)} closes the lane to {'.'.join(port)}"
-        unit = self._units[name]
-        if unit.holder is not None:
-            behind = self._know.finder.behind(unit.pose, BACK_OUT_M[0], self.obstacles)
-            if behind is not None:
-                return f"{name} cannot leave {'.'.join(unit.holder)}: {behind}"
-        return f"{name} finds no route"
+        reason = self.ends.hindrance(unit, X_WE, enters)
+        if reason is None and unit.X_WU is not None:
+            reason = self._know.finder.obstruction(self._request(unit, X_WE, enters))
+        return f"{name} {reason or 'finds no route'}"
 
     def _grant(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None, now_ns: int) -> bool:
         """Give a unit a route of its own; return whether there is one."""
+        if self.ends.carried_by(unit):
+            return False
         others = [u for u in self._units.values() if u.name != unit.name and u.X_WU is not None]
         if not clear_of_tracks(unit.pose, unit, others, self._know.lanes.body):
             self.waits_for_tracks = True
             return False
-        leaves = None if unit.holder is None else unit.holder[0]
-        standing = [
-            other.standing(end=True) for other in others if other.holder is None or not _on(other, unit)
-        ]
-        request = RouteRequest(
-            unit.pose,
-            X_WE,
-            standing,
-            self.obstacles,
-            dock=enters is not None,
-            leaves=leaves,
-            enters=None if enters is None else enters[0],
-        )
-        track = self._know.finder.find(request)
+        track = self._know.finder.find(self._request(unit, X_WE, enters))
         if track is None:
             return False
         self._order += 1
@@ -179,25 +161,42 @@ class Dispatcher:
             track,
         )
         unit.limit, unit.progress, unit.patient_ns, unit.granted_ns = -1.0, 0.0, now_ns, now_ns
-        unit.enters, unit.unlocks, unit.reason = enters, leaves is not None, ""
+        unit.enters, unit.unlocks, unit.reason = enters, unit.holder is not None, ""
         return True
+
+    def _request(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None) -> RouteRequest:
+        """Return what a route has to be for a unit that is to end at a pose, or to leave its port."""
+        others = [u for u in self._units.values() if u.name != unit.name and u.X_WU is not None]
+        return RouteRequest(
+            unit.pose,
+            X_WE,
+            [other.standing(end=True) for other in others if other.holder is None or not _on(other, unit)],
+            self.obstacles,
+            dock=enters is not None,
+            leaves=None if unit.holder is None else unit.holder[0],
+            enters=None if enters is None else enters[0],
+        )
 
     # Making way.
 
     def _make_way(self, tasks: TaskList, now_ns: int) -> bool:
         """Send one idle unit out of the way of the first task that has no route; return whether one goes."""
         for task in tasks.ready():
-            X_WE = self.ends.pose_of(task, tasks)
-            if X_WE is None:
+            assigned = self.assignment(tasks).get(task.name)
+            lanes = self.ends.lanes_of(task, tasks, assigned)
+            if not lanes:
                 continue
             idle = [unit for unit in self._idle() if unit.evasions < _EVASIONS]
-            assigned = self.assignment(tasks).get(task.name)
-            if task.kind is TaskKind.DOCK and self._is_closed_for_ever(X_WE):
+            if task.kind is not TaskKind.MOVE and any(self._is_closed_for_ever(X_WE) for X_WE in lanes):
                 continue
             in_the_way = [
-                unit for unit in idle if unit.name != assigned and self._know.lanes.closed_by(X_WE, unit.pose)
+                unit
+                for unit in idle
+                if unit.name != assigned
+                and any(self._know.lanes.closed_by(X_WE, unit.pose) for X_WE in lanes)
             ]
             own = [unit for unit in idle if unit.name == assigned]
+            X_WE = lanes[0]
             away = {u.name: math.hypot(u.pose.x - X_WE.x, u.pose.y - X_WE.y) for u in idle}
             rest = [unit for unit in idle if unit not in in_the_way and unit not in own]
             for unit in [*in_the_way, *own, *sorted(rest, key=lambda u: away[u.name])]:
@@ -212,7 +211,10 @@ class Dispatcher:
 
     def _evade(self, unit: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
         """Send a unit to a waiting place; return whether it goes."""
-        open_poses = [X for X in (self.ends.pose_of(task, tasks) for task in tasks.open) if X is not None]
+        assigned = self.assignment(tasks)
+        open_poses = [
+            X for task in tasks.open for X in self.ends.lanes_of(task, tasks, assigned.get(task.name))
+        ]
         others = [u for u in self._units.values() if u.name != unit.name and u.X_WU is not None]
         places = waiting_places(self._know.lanes, self._know.finder.box, open_poses, others, self.obstacles)
         distance = np.hypot(places[:, 0] - unit.pose.x, places[:, 1] - unit.pose.y)

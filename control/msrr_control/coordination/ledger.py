@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from msrr_control.coordination.bodies import ACTIVE_PORT, Body
-from msrr_control.coordination.route_finder import Standing
+from msrr_control.coordination.route_request import Standing
 from msrr_control.coordination.track import Track, needed, standing
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import takewhile
-from typing import NamedTuple
 
 import numpy as np
 
 from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.precedence import compose
+from msrr_control.coordination.route_request import RouteRequest, Standing
 from msrr_control.coordination.track import GAP_M, SPACING_M, Track, TrackBuilder, first_contact
 from msrr_control.path_following.path import PaceSpec, Path
 from msrr_control.path_following.walls import WallSpec
@@ -37,50 +37,11 @@ _AHEAD_M = (0.1, 0.2)
 #: (30 mm), the uncertainty of robots that are built with care (10 mm), and some millimetres off the path.
 _BESIDE_GAP_M = 0.045
 
+#: Gap to an obstacle beside the lane of a port below which nobody docks [m]; the collision monitor keeps it.
+_LANE_GAP_M = 0.03
+
 #: Loss of such a gap that counts as none [m].
 _LOSS_M = 0.001
-
-
-class Standing(NamedTuple):
-    """A body that stands still while a route is driven.
-
-    Attributes:
-        name: Name of the unit that stands or will stand there.
-        X_WB: Its pose.
-        at_port: Whether it is docked there, so that others at ports may come as near as neighbours are.
-    """
-
-    name: str
-    X_WB: SE2
-    at_port: bool
-
-
-@dataclass(frozen=True)
-class RouteRequest:
-    """What a track is asked for.
-
-    Attributes:
-        X_WU: Where the unit stands.
-        X_WE: Where the axle is to be at the end; None only to back out of a port.
-        standing: Everything that stands still meanwhile.
-        obstacles: Obstacles.
-        dock: Whether the end is in a port.
-        leaves: Unit in whose port the unit is now, None if it is free.
-        enters: Unit in whose port it ends.
-    """
-
-    X_WU: SE2
-    X_WE: SE2 | None
-    standing: Sequence[Standing] = ()
-    obstacles: tuple[ObstacleEstimate, ...] = ()
-    dock: bool = False
-    leaves: str | None = None
-    enters: str | None = None
-
-    @property
-    def others(self) -> list[Standing]:
-        """What stands there, without the units of the ports that are left and entered."""
-        return [s for s in self.standing if s.name not in (self.leaves, self.enters)]
 
 
 @dataclass(frozen=True)
@@ -117,6 +78,8 @@ class RouteFinder:
 
     def find(self, request: RouteRequest) -> Track | None:
         """Return a track, None if there is none."""
+        if self._in_lane(request) is not None:
+            return None
         X_WU, X_WE, obstacles, leaves = request.X_WU, request.X_WE, request.obstacles, request.leaves
         if X_WE is not None and not request.dock and leaves is None:
             turned = self._turn_in_place(X_WU, X_WE, request.standing)
@@ -168,8 +131,7 @@ class RouteFinder:
             distance: Way back [m].
             obstacles: Obstacles.
         """
-        back = np.linspace(0.0, distance, 2 + math.ceil(distance / SPACING_M))
-        poses = compose(X_WU, np.stack([-back, np.zeros_like(back), np.zeros_like(back)], axis=-1))
+        poses = _backwards(X_WU, distance)
         x0, x1, y0, y1 = self.box
         x, y = poses[:, 0], poses[:, 1]
         outside = np.max([x0 - x, x - x1, y0 - y, y - y1], axis=0)
@@ -177,6 +139,40 @@ class RouteFinder:
             return "the border of the arena, or of what the overhead camera sees, is behind it"
         near = (o.name for o in obstacles if self._comes_near(poses, o))
         return next((f"{name} stands behind it" for name in near), None)
+
+    def obstruction(self, request: RouteRequest) -> str | None:
+        """Return in words what most probably leaves no track; None if there is one.
+
+        The words go on from the name of the unit.
+        """
+        if self.find(request) is not None:
+            return None
+        in_lane = self._in_lane(request)
+        if in_lane is not None:
+            return f"cannot dock: {in_lane} stands in the lane to the port"
+        X_WU, leaves = request.X_WU, request.leaves
+        builder = TrackBuilder(X_WU, self.body.offset)
+        if leaves is not None:
+            behind = self.behind(X_WU, BACK_OUT_M[0], request.obstacles)
+            if behind is not None:
+                return f"cannot leave its port at {leaves}: {behind}"
+            builder.back(BACK_OUT_M[0])
+        if request.X_WE is not None and not self._plan(builder, request.X_WE, request):
+            end = "the place in front of the port" if request.dock else "the end of its way"
+            arena = self._arena(builder, request.X_WE, request)
+            return f"finds no route: {self._planner.obstruction(arena, end)}"
+        contact = self.contact(builder.track(), request.others)
+        return "finds no route" if contact is None else f"finds no route past {contact[1]}"
+
+    def _in_lane(self, request: RouteRequest) -> str | None:
+        """Return the obstacle in the lane of the port at which a track is to end, None if there is none."""
+        if not request.dock or request.X_WE is None or not request.obstacles:
+            return None
+        poses = _backwards(request.X_WE, self.spec.handover_m)
+        for o in request.obstacles:
+            if self.body.gaps_to_disc(poses, o.X_WB.x, o.X_WB.y, o.radius).min() < _LANE_GAP_M:
+                return o.name
+        return None
 
     def _comes_near(self, poses: Array, obstacle: ObstacleEstimate) -> bool:
         """Return whether a unit comes nearer to an obstacle than it is, and than it may."""
@@ -226,9 +222,7 @@ class RouteFinder:
 
     def _plan(self, builder: TrackBuilder, X_WE: SE2, request: RouteRequest) -> bool:
         """Append the route from where the builder stands; return whether there is one."""
-        X_WD = X_WE @ SE2(self.body.offset + (0.0 if request.dock else self.spec.handover_m), 0.0, 0.0)
-        discs = tuple(Disc(s.name, s.X_WB.x, s.X_WB.y, self.body.radius) for s in request.standing)
-        arena = ArenaMap(builder.pose, X_WD, discs, request.obstacles)
+        arena = self._arena(builder, X_WE, request)
         route = self._planner.plan(arena)
         if route is not None and route.sides:
             # A wall leads off the path by an amount that is not known before: drive around instead.
@@ -238,7 +232,7 @@ class RouteFinder:
         builder.turn_to(float(route.path.start[2]))
         builder.follow(route.path)
         if not route.final:
-            axle, end = builder.pose, self.spec.handover(X_WD)
+            axle, end = builder.pose, self.spec.handover(arena.X_WD)
             dx, dy = end.x - axle.x, end.y - axle.y
             yaw = math.atan2(dy, dx)
             builder.turn_to(yaw)
@@ -249,6 +243,18 @@ class RouteFinder:
         else:
             builder.turn_to(X_WE.yaw)
         return True
+
+    def _arena(self, builder: TrackBuilder, X_WE: SE2, request: RouteRequest) -> ArenaMap:
+        """Return what the planner is told of a route from where the builder stands."""
+        X_WD = X_WE @ SE2(self.body.offset + (0.0 if request.dock else self.spec.handover_m), 0.0, 0.0)
+        discs = tuple(Disc(s.name, s.X_WB.x, s.X_WB.y, self.body.radius) for s in request.standing)
+        return ArenaMap(builder.pose, X_WD, discs, request.obstacles)
+
+
+def _backwards(X_WU: SE2, distance: float) -> Array:
+    """Return the poses on a way straight back, shape (N, 3)."""
+    back = np.linspace(0.0, distance, 2 + math.ceil(distance / SPACING_M))
+    return compose(X_WU, np.stack([-back, np.zeros_like(back), np.zeros_like(back)], axis=-1))
 
 
 def _at_port(track: Track) -> Track:

@@ -58,3 +58,37 @@ class TaskEnds:
         bodies = np.array([other.standing(end=True).X_WB.as_array() for other in others]).reshape(-1, 3)
         closes = self._lanes.closes(X_WE, bodies)
         return [other.name for other, does in zip(others, closes, strict=True) if does]
+
+    def lanes_of(self, task: Task, tasks: TaskList, assigned: str | None) -> list[SE2]:
+        """Return the poses whose lanes a task needs: that of its end, and that of a port which is left."""
+        X_WE = self.pose_of(task, tasks)
+        unit = None if assigned is None else self._units[assigned]
+        leaves = unit is not None and unit.holder is not None and unit.X_WU is not None
+        return [*([] if X_WE is None else [X_WE]), *([unit.pose] if unit is not None and leaves else [])]
+
+    def carried_by(self, unit: UnitRecord) -> list[str]:
+        """Return the units that stay docked to a unit, so that it cannot drive."""
+        return [
+            other.name
+            for other in self._units.values()
+            if other.holder is not None and other.holder[0] == unit.name and not other.under_way
+        ]
+
+    def hindrance(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None) -> str | None:
+        """Return what other units keep one from a route, in words; None if none of them does.
+
+        Args:
+            unit: The unit.
+            X_WE: Where it is to end; None where it only leaves a port.
+            enters: Unit and port at which it is to end; None in the open.
+        """
+        if carried := self.carried_by(unit):
+            return f"carries {', '.join(carried)}, and only a unit that carries no other one drives"
+        if enters is None:
+            return None
+        port = ".".join(enters)
+        for other in self._units.values():
+            if other.holder == enters and other.name != unit.name:
+                return f"cannot dock: {port} is taken by {other.name}"
+        closing = [] if X_WE is None else self.closing(X_WE, unit.name, enters[0])
+        return f"cannot dock: {', '.join(closing)} closes the lane to {port}" if closing else None

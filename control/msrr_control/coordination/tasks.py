@@ -11,7 +11,7 @@ from msrr_control.coordination.precedence import topological_order
 from msrr_control.coordination.shape import Shape
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.specs.plan import DockStep, PlanStep, UndockStep
+from msrr_scenes.specs.plan import DockStep, PlanStep, UndockStep, predecessors, steps_of_target
 
 
 class TaskKind(Enum):
@@ -98,39 +98,47 @@ def shape_tasks(shape: Shape, before: Mapping[str, Iterable[str]], X_WR: SE2, na
 def plan_tasks(steps: Sequence[PlanStep]) -> list[Task]:
     """Return the tasks of an explicit plan, in an order in which they can be granted.
 
-    A step without ``after`` comes after the one before it in the plan.
-    Two steps of one unit keep the order of the plan, whether they say so or not.
+    A step without ``after`` comes after the one before it in the plan, and two steps of one unit keep the
+    order of the plan, whether they say so or not. A docking that may come before a step of the unit that it
+    docks to or after it is granted behind that step.
 
     Raises:
-        SceneError: A step comes after one that does not exist, or a ring of steps waits for itself.
+        SceneError: A step comes after one that does not exist, two steps have one name, or a ring of steps
+            waits for itself.
     """
     names = [step.label for step in steps]
-    previous: dict[str, str] = {}
-    tasks: dict[str, Task] = {}
-    for k, (step, name) in enumerate(zip(steps, names, strict=True)):
-        unit = step.unit
-        named = tuple(names[max(k - 1, 0) : k]) if step.after is None else step.after
-        for earlier in named:
+    for step, name in zip(steps, names, strict=True):
+        for earlier in step.after or ():
             if earlier not in names:
                 raise SceneError(f"step {name!r} comes after {earlier!r}; steps: {', '.join(names)}")
-        after = tuple(dict.fromkeys([*named, *([previous[unit]] if unit in previous else [])]))
-        if name in tasks:
+        if names.count(name) > 1:
             raise SceneError(f"two steps are named {name!r}; give one of them another `name`")
-        if isinstance(step, DockStep):
-            tasks[name] = Task(
-                name,
-                TaskKind.DOCK,
-                unit,
-                parent_unit=step.target_unit,
-                port=step.target_port,
-                after=after,
-            )
-        elif isinstance(step, UndockStep):
-            tasks[name] = Task(name, TaskKind.UNDOCK, unit, after=after)
-        else:
-            tasks[name] = Task(name, TaskKind.MOVE, unit, pose=step.pose.nominal, after=after)
-        previous[unit] = name
-    order = topological_order(names, {name: tasks[name].after for name in names})
+    before = predecessors(steps)
+    tasks = {
+        name: _plan_task(
+            step,
+            after=tuple(names[i] for i in before[k]),
+            behind=tuple(names[i] for i in steps_of_target(steps, k)),
+        )
+        for k, (step, name) in enumerate(zip(steps, names, strict=True))
+    }
+    order = topological_order(names, {t.name: (*t.after, *t.behind) for t in tasks.values()})
     if isinstance(order, CycleError):
         raise SceneError(f"steps wait for each other in a ring: {', '.join(order.args[1])}")
     return [tasks[name] for name in order]
+
+
+def _plan_task(step: PlanStep, after: tuple[str, ...], behind: tuple[str, ...]) -> Task:
+    if isinstance(step, DockStep):
+        return Task(
+            step.label,
+            TaskKind.DOCK,
+            step.unit,
+            parent_unit=step.target_unit,
+            port=step.target_port,
+            behind=behind,
+            after=after,
+        )
+    if isinstance(step, UndockStep):
+        return Task(step.label, TaskKind.UNDOCK, step.unit, after=after)
+    return Task(step.label, TaskKind.MOVE, step.unit, pose=step.pose.nominal, after=after)

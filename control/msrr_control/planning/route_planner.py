@@ -106,18 +106,23 @@ class RoutePlanner:
                 return distance
         return None
 
-    def obstruction(self, arena: ArenaMap) -> str:
-        """Return what most probably leaves no route: a body before the port, or the border of the arena."""
+    def obstruction(self, arena: ArenaMap, end: str = "the place in front of the port") -> str:
+        """Return what most probably leaves no route: a body before its end, or the border of the arena.
+
+        Args:
+            arena: What is known.
+            end: Where the route is to end, in words.
+        """
         space = self._free_space(arena, map(self.obstacle_disc, arena.obstacles))
         place = self.spec.handover(arena.X_WD).translation
         for points, where in (
-            (place[None], "on the place in front of the port"),
-            (np.linspace(arena.X_WU.translation, place, 40), "on the line to the place in front of the port"),
+            (place[None], f"on {end}"),
+            (np.linspace(arena.X_WU.translation, place, 40), f"on the line to {end}"),
         ):
             disc = space.deepest_disc(points)
             if disc is not None:
                 return f"{disc.name} stands {where}"
-        return "the border of the arena leaves no room to turn into the axis of the port"
+        return f"the border of the arena leaves no room to turn before {end}"
 
     def unit_disc(self, disc: Disc) -> Disc:
         """Return the disc that the controlled point keeps out of because of another unit."""

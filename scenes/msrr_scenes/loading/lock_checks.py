@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from graphlib import CycleError, TopologicalSorter
 
 from msrr_scenes.loading.problems import Problem
 from msrr_scenes.loading.reference_checks import step_key
-from msrr_scenes.specs.plan import DockStep, UndockStep, ancestors, in_order
+from msrr_scenes.specs.plan import (
+    DockStep,
+    PlanStep,
+    UndockStep,
+    ancestors,
+    in_order,
+    predecessors,
+    steps_of_target,
+)
 from msrr_scenes.specs.scene import Scene
 
 
 def lock_problems(scene: Scene) -> Iterator[Problem]:
     """Yield steps that can never be carried out for the locks of the start and of the steps before them.
 
-    What another step does at the same time is left to the trial.
+    What another step does at the same time is left to the trial, except for what no order of the two allows.
     """
     plan = scene.plan
+    yield from _rings(plan)
     before = [ancestors(plan, i) for i in range(len(plan))]
     for i, step in enumerate(plan):
         locks = _locks_after(scene, before[i])
@@ -38,6 +48,22 @@ def lock_problems(scene: Scene) -> Iterator[Problem]:
             elif taken:
                 text = f"the port is taken: {taken[0]!r} is docked to it by then; name another port"
                 yield Problem(("plan", i, "to"), text)
+
+
+def _rings(plan: Sequence[PlanStep]) -> Iterator[Problem]:
+    """Yield dockings of which each would have to begin behind the next."""
+    before = predecessors(plan)
+    graph = {i: (*before[i], *steps_of_target(plan, i)) for i in range(len(plan))}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        ring = error.args[1]
+        names = ", ".join(repr(plan[i].label) for i in ring[1:])
+        text = (
+            f"the steps {names} wait for each other, because a unit to which another one is docked does not "
+            "drive; take one of them out, or put them in order"
+        )
+        yield Problem(("plan", max(ring)), text)
 
 
 def _locks_after(scene: Scene, steps: tuple[int, ...]) -> dict[str, str]:

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 from msrr_scenes.errors import nearest
 from msrr_scenes.loading.lock_checks import lock_problems
+from msrr_scenes.loading.move_checks import move_problems
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
-from msrr_scenes.specs.plan import DockStep, MoveStep, ancestors, in_order
+from msrr_scenes.specs.plan import DockStep, ancestors, in_order
 from msrr_scenes.specs.scene import Scene
-from msrr_scenes.specs.spec import PoseSpec, Spread
 
 
 def plan_problems(scene: Scene) -> list[Problem]:
@@ -36,8 +36,7 @@ def mission_problems(scene: Scene) -> list[Problem]:
         if isinstance(step, DockStep) and step.calibrate:
             text = "only units on their own calibrate, and a base station leads these; leave it out"
             problems.append(Problem(("plan", i, "calibrate"), text))
-        if isinstance(step, MoveStep):
-            problems += _move_problems(scene, i, step.pose)
+    problems += move_problems(scene)
     overhead = scene.cameras.overhead
     if overhead is None:
         text = "a base station leads the units of this scene by it, so it cannot be null"
@@ -51,19 +50,6 @@ def mission_problems(scene: Scene) -> list[Problem]:
                 text = f"no unit named {name!r}{nearest(name, scene.units)} Units: {', '.join(scene.units)}"
                 problems.append(Problem(("radio", "silences", k, "units"), text))
     return problems
-
-
-def _move_problems(scene: Scene, i: int, pose: PoseSpec) -> Iterator[Problem]:
-    """Yield what a move, step ``i`` of the plan, cannot do."""
-    if pose.frame != "world":
-        yield Problem(("plan", i, "pose", "frame"), "a unit moves to a pose in the world frame; leave it out")
-    if pose.spread != Spread():
-        yield Problem(("plan", i, "pose", "spread"), "a unit moves to one pose, none is drawn; leave it out")
-    (x0, x1), (y0, y1) = scene.arena.x_m, scene.arena.y_m
-    if not (x0 <= pose.x_m <= x1 and y0 <= pose.y_m <= y1):
-        arena = f"x from {x0:g} to {x1:g}, y from {y0:g} to {y1:g}"
-        text = f"({pose.x_m:g}, {pose.y_m:g}) lies outside the arena: {arena}"
-        yield Problem(("plan", i, "pose"), text)
 
 
 def _shape_problems(scene: Scene) -> Iterator[Problem]:

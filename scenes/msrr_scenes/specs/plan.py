@@ -144,16 +144,35 @@ PlanStep = Annotated[
 def predecessors(plan: Sequence[PlanStep]) -> tuple[tuple[int, ...], ...]:
     """Return for every step the indices of the steps that it comes directly after.
 
-    Names that no step has are left out, and a name that several steps have means all of them; the checks of a
-    scene refuse both.
+    Two steps of one unit keep the order of the plan, whether they say so or not. Names that no step has are
+    left out, and a name that several steps have means all of them; the checks of a scene refuse both.
     """
     found: list[tuple[int, ...]] = []
     for index, step in enumerate(plan):
         if step.after is None:
-            found.append((index - 1,) if index else ())
+            named = [index - 1] if index else []
         else:
-            found.append(tuple(i for i, other in enumerate(plan) if other.label in step.after))
+            named = [i for i, other in enumerate(plan) if other.label in step.after]
+        own = [i for i, other in enumerate(plan[:index]) if other.unit == step.unit]
+        found.append(tuple(dict.fromkeys([*named, *own[-1:]])))
     return tuple(found)
+
+
+def steps_of_target(plan: Sequence[PlanStep], index: int) -> tuple[int, ...]:
+    """Return the steps behind which a docking begins although it names none of them.
+
+    They are the steps of the unit that is docked to which neither come before the docking nor after it: a
+    unit to which another one is docked does not drive.
+    """
+    step = plan[index]
+    if not isinstance(step, DockStep):
+        return ()
+    before = ancestors(plan, index)
+    return tuple(
+        i
+        for i, other in enumerate(plan)
+        if other.unit == step.target_unit and i not in before and index not in ancestors(plan, i)
+    )
 
 
 def ancestors(plan: Sequence[PlanStep], index: int) -> tuple[int, ...]:

@@ -242,6 +242,47 @@ def test_of_two_that_want_one_port_one_is_refused_with_the_reason(rig: type[Rig]
     assert "c cannot dock: b.rear is taken by a" in status.reason
 
 
+def test_one_behind_a_unit_that_undocks_makes_way(rig: type[Rig]) -> None:
+    body = rig(Mission(), {}).knowledge.lanes.body
+    X_WA = SE2(0.5, 0.0, 0.0)
+    place = body.docked(X_WA, "rear")
+    for distance in (0.3, 0.8):
+        starts = {"a": X_WA, "b": place, "c": place @ SE2(-distance, 0.0, 0.0)}
+        tasks = tuple(plan_tasks([UndockStep(undock="b")]))
+        run = rig(Mission(tasks=tasks, holders={"b": "a.rear"}), starts)
+        status = run.run()
+        assert status.state is MissionState.COMPLETE, status.reason
+        assert run.units["b"].holder is None
+        assert run.units["c"].route == (1 if distance < 0.4 else 0)
+
+
+def test_a_unit_that_carries_another_one_gets_no_route(rig: type[Rig]) -> None:
+    body = rig(Mission(), {}).knowledge.lanes.body
+    X_WA = SE2(0.5, 0.0, 0.0)
+    starts = {"a": X_WA, "b": body.docked(X_WA, "rear")}
+    steps = [MoveStep(move="a", pose=PoseSpec(x_m=-1.0))]
+    run = rig(Mission(tasks=tuple(plan_tasks(steps)), holders={"b": "a.rear"}), starts)
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert "a carries b" in status.reason
+    assert run.units["a"].route == 0
+
+
+@pytest.mark.parametrize("target_first", [True, False])
+def test_nobody_docks_to_a_unit_that_has_yet_to_drive(target_first: bool, rig: type[Rig]) -> None:
+    """The two steps may be carried out in any order, and only one order of them can be."""
+    steps = [MoveStep(move="b", name="away", pose=PoseSpec(x_m=0.9), after=()),
+             DockStep(unit="a", to="b.rear", after=())]  # fmt: skip
+    tasks = plan_tasks(steps if target_first else steps[::-1])
+    assert [task.name for task in tasks] == ["away", "a"]
+    starts = {"a": SE2(-1.2, 0.0, 0.0), "b": SE2(-0.2, 0.6, 0.0)}
+    run = rig(Mission(tasks=tuple(tasks)), starts)
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.joints == {"a": "b.rear"}
+    assert run.units["b"].X_WU.x == pytest.approx(0.9, abs=0.03)
+
+
 def test_ground_is_not_freed_by_silence(rig: type[Rig], starts: Starts) -> None:
     """A unit that falls silent and out of sight keeps what it was granted: nobody is let onto it."""
     shape = build_pattern("cross", 5)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
-from msrr_control.coordination.route_finder import RouteRequest, Standing
+from msrr_control.coordination.route_request import RouteRequest, Standing
 from msrr_control.coordination.track import GAP_M
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ObstacleEstimate
@@ -147,3 +148,27 @@ def test_straight_ahead_is_tried_only_inside_the_box_and_clear_of_obstacles(know
             )
             assert float(tips[:, 0].max()) < finder.box[1] - finder.spec.border_m + 0.01
             assert not obstacles or float(np.hypot(*(tips - [0.35, 0.0]).T).min()) > 0.18
+
+
+def test_what_leaves_no_route_is_told(knowledge: Knowledge) -> None:
+    finder, body = knowledge.finder, knowledge.lanes.body
+    hub = SE2(0.4, 0.0, 0.0)
+    place, there = body.docked(hub, "rear"), SE2(-1.2, 0.0, 0.0)
+
+    def why(request: RouteRequest) -> str:
+        assert finder.find(request) is None
+        reason = finder.obstruction(request)
+        assert reason is not None
+        return reason
+
+    post = ObstacleEstimate("post", 0, place @ SE2(-0.3, 0.0, 0.0), np.eye(3) * 1e-8, 0.05)
+    hubs = [Standing("hub", hub, True)]
+    assert "post stands behind it" in why(RouteRequest(place, None, hubs, (post,), leaves="hub"))
+    docks = RouteRequest(there, place, hubs, (post,), dock=True, enters="hub")
+    assert "post stands in the lane" in why(docks)
+    beside = replace(post, X_WB=place @ SE2(-0.3, 0.05 + body.half_width + 0.035, 0.0))
+    assert finder.obstruction(replace(docks, obstacles=(beside,))) is None
+    assert "post stands on the end of its way" in why(RouteRequest(there, post.X_WB, (), (post,)))
+    neighbour = Standing("other", place @ SE2(-0.28, 0.0, 0.0), False)
+    assert "past other" in why(RouteRequest(place, None, [*hubs, neighbour], leaves="hub"))
+    assert finder.obstruction(RouteRequest(there, SE2(1.2, 1.0, 0.0), hubs)) is None

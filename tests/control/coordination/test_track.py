@@ -9,7 +9,7 @@ import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
-from msrr_control.coordination.route_finder import RouteRequest, Standing
+from msrr_control.coordination.route_request import RouteRequest, Standing
 from msrr_control.coordination.track import (
     GAP_M,
     PORT_GAP_M,

@@ -64,6 +64,16 @@ def test_the_scene_as_it_is_has_no_fault(scene_file: Path) -> None:
         ({"plan": "[{unit: c, to: b.rear}]"}, "plan.0.to", "is docked there by then"),
         ({"plan": "[{unit: d, to: b.rear}]"}, "plan.0.to", "'c' is docked to it by then"),
         ({"plan": "[{undock: c}, {undock: c, name: again}]"}, "plan.1.undock", "not docked by then"),
+        ({"plan": "[{unit: c, to: d.rear, after: []}, {unit: d, to: c.rear, after: []}]"},
+         "plan.1", "the steps 'd', 'c' wait for each other"),
+        ({"plan": "[{unit: c, to: a.left, name: x, after: [y]}, {undock: c, name: y}]"},
+         "plan.0.after", "waits for itself"),
+        ({"plan": "[{move: d, pose: {x_m: 0.8, y_m: 0.1}}]"}, "plan.0.pose", "0.000 m from 'a'"),
+        ({"plan": "[{move: d, pose: {x_m: -1, y_m: -1}}, {move: c, pose: {x_m: -1.1, y_m: -1}}]"},
+         "plan.1.pose", "from the end of 'd' (plan step 0)"),
+        ({"plan": "[{move: d, pose: {x_m: -1, yawdeg: 3}}]"}, "plan.0.pose.yawdeg", "did you mean 'yaw_deg'"),
+        ({"plan": "[{move: 3, pose: {x_m: -1}}]"}, "plan.0.move", "expected a"),
+        ({"plan": "[{move: d, pose: {x_m: west}}]"}, "plan.0.pose.x_m", "expected a"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_named_with_its_mend(
@@ -83,6 +93,10 @@ def test_what_cannot_be_is_named_with_its_mend(
         "[{undock: c}, {name: back, unit: c, to: b.rear}]",
         "[{undock: c, after: []}, {unit: d, to: b.rear, after: []}]",
         "[{move: c, pose: {x_m: -1, y_m: -1}}]",
+        "[{move: c, pose: {y_m: -1}}, {move: c, name: x, pose: {x_m: -1}}, {move: d, pose: {y_m: -1}}]",
+        "[{move: c, pose: {x_m: -1, y_m: 1}, after: [d]}, {move: d, pose: {x_m: -1, y_m: -1}, after: []}]",
+        "[{unit: d, to: a.left, after: []}, {undock: d, name: out}, {unit: c, to: a.left, after: []}]",
+        "[{unit: d, to: c.rear, after: []}, {move: c, pose: {x_m: -1, y_m: -1}, after: []}]",
     ],
 )
 def test_what_the_steps_before_allow_is_allowed(scene_file: Path, plan: str) -> None:
