@@ -74,7 +74,7 @@ class CoordinatedReplayer(Replayer):
         return self._base if exposure.camera == OVERHEAD else self._robot_of(record).robot
 
     def _receive(self, record: LogRecord, message: SensorMessage) -> None:
-        """Give a message of the overhead camera to the base station and all units that are not on standby."""
+        """Give a message of the overhead camera to the base station, which all units hear."""
         by_overhead = isinstance(message, Detections) and message.exposure.camera == OVERHEAD
         if not (by_overhead or isinstance(message, GlobalPose)):
             self._robot_of(record).robot.receive(message)
@@ -82,8 +82,7 @@ class CoordinatedReplayer(Replayer):
         assert isinstance(message, Detections | GlobalPose)
         sightings = self._base.see(message)
         for robot in self._led.values():
-            if robot.active:
-                robot.see(sightings)
+            robot.see(sightings)
 
     def _end(self, last: LogRecord) -> None:
         super()._end(last)

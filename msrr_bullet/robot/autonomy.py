@@ -23,7 +23,6 @@ from msrr_control.staging.registry import build_assembler
 from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.detection.detector import scene_detector
 from msrr_perception.detection.onboard_vision import FULL_FRAME_PERIOD, OnboardVision
-from msrr_perception.estimation.body_track import Sightings
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.estimator import ESTIMATORS, Estimator
 from msrr_perception.estimation.knowledge import CalibrationMemory
@@ -67,7 +66,7 @@ class Autonomy:
     """One docking unit during one step of the plan.
 
     From the scene it takes geometry, calibration, data sheets and the plan, never the poses of bodies. On its
-    own it reads the pictures of the overhead camera itself; led by a base station it gets what the base
+    own it reads the pictures of the overhead camera itself; led by a base station it is given what the base
     station reads, and the docks that others have made.
 
     Attributes:
@@ -85,6 +84,7 @@ class Autonomy:
         profiler: Profiler | None = None,
         *,
         guided: GuidedAssembler[Any] | None = None,
+        overhead: OverheadLocalizer | None = None,
         docked: bool = False,
         memory: CalibrationMemory | None = None,
     ) -> None:
@@ -95,6 +95,8 @@ class Autonomy:
             step: The step.
             profiler: Measures the time of the collision monitor.
             guided: Long-distance phase of a unit that a base station leads; None for a unit on its own.
+            overhead: Knows where all bodies are, and is fed by others; None for a unit on its own, which
+                reads the pictures of the overhead camera itself.
             docked: Whether the unit is docked already, and is to undock.
             memory: What the unit has learned at earlier docks of the trial; None for a unit that docks once.
 
@@ -124,7 +126,7 @@ class Autonomy:
         self._assembler: Assembler | None = guided
         self.guard: CollisionMonitor | None = None
         if guided is not None:
-            self._overhead = OverheadLocalizer(scene, step.unit, target, step)
+            self._overhead = overhead
             self.guard = CollisionMonitor(scene, step.unit, step)
         elif scene.cameras.overhead is not None:
             self._overhead = self._reader = OverheadReader(scene, step, target, detector)
@@ -217,13 +219,8 @@ class Autonomy:
                 self._switches = message
             case LockFeedback():
                 self._lock = message
-        if self._overhead is not None:
-            self._overhead.receive(message)
-
-    def see(self, sightings: Sightings) -> None:
-        """Take in what a base station has read from an overhead exposure."""
-        if self._overhead is not None:
-            self._overhead.see(sightings)
+        if self._reader is not None:
+            self._reader.receive(message)
 
     def step(self, now_ns: int) -> Action:
         """Return the action of one control instant."""

@@ -11,7 +11,7 @@ from msrr_bullet.robot.route_program import RouteProgram
 from msrr_bullet.robot.unit_programs import UnitPrograms
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.staging.guided_assembler import GuidedAssembler
-from msrr_perception.estimation.body_track import SeenPose, Sightings
+from msrr_perception.estimation.body_track import Sightings
 from msrr_scenes.messages import (
     OVERHEAD,
     Action,
@@ -43,9 +43,9 @@ _STANDS_MPS, _STANDS_RADPS = 0.01, 0.03
 class GuidedUnit:
     """Drives the routes that are granted to a unit, docks and undocks, and reports.
 
-    Every route has a program of its own. A route out of a port begins with the program that docked there,
-    which opens the lock and backs out. Between two routes the unit is on standby: it only listens and
-    reports.
+    What the overhead camera shows is kept for the whole mission; every route has a program of its own. One
+    out of a port begins with the program that docked there, which opens the lock and backs out. Between two
+    routes the unit is on standby: it only listens and reports.
 
     Attributes:
         route: Number of the route that the unit drives or drove last.
@@ -71,7 +71,6 @@ class GuidedUnit:
         self._docking: Autonomy | None = None
         self._guided: GuidedAssembler[Any] | None = None
         self._covered = 0.0
-        self._seen: dict[str, tuple[int, SeenPose]] = {}  # newest sighting of every other body, and its time
         geometry = scene.geometry(unit)
         self._drive_watch, self._offset = DriveWatch(geometry), geometry.control_offset(ACTIVE_PORT)
         self._action = Action(0, Phase.DONE, 1)
@@ -141,16 +140,17 @@ class GuidedUnit:
         """Process a sensor message that arrives now."""
         if isinstance(message, WheelOdometry):
             self._drive_watch.read(message)
+            self._programs.overhead.receive(message)
         if self._program is not None:
             self._program.receive(message)
 
     def see(self, sightings: Sightings) -> None:
-        """Take in what the base station has read from an overhead exposure."""
-        for seen in sightings.poses:
-            if seen.pose.name != self._unit:
-                self._seen[seen.pose.name] = sightings.stamp_ns, seen
-        if self._program is not None:
-            self._program.see(sightings)
+        """Take in what the base station has read from an overhead exposure, on standby too.
+
+        The base station looks at what stands once a second or two. Until then the collision monitor of a unit
+        that sets off would know of nothing there.
+        """
+        self._programs.overhead.see(sightings)
 
     def authorise(self, authority: Authority) -> None:
         """Process an authority that arrives now; one that is older than another has no effect."""
@@ -252,11 +252,6 @@ class GuidedUnit:
             self._guided.receive(newest)
         else:
             self._program = self._docking = self._program_at(newest.to)
-        # The base station looks at what stands once a second or two: until then the collision monitor of a
-        # new program would know of nothing there.
-        for stamp_ns in sorted({stamp_ns for stamp_ns, _ in self._seen.values()}):
-            known = tuple(seen for at_ns, seen in self._seen.values() if at_ns == stamp_ns)
-            self._program.see(Sightings(stamp_ns, known))
 
     def _go_on(self) -> None:
         """Go on with the route at the instant after that in which the unit has left its port."""

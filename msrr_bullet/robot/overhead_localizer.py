@@ -74,12 +74,24 @@ class OverheadLocalizer:
             unit,
             drive,
             scene.odometry,
-            target=None if step is None else step.target_unit,
-            X_TD=None if step is None else scene.geometry(step.target_unit).dock_frame(step.target_port),
             delay_compensation=scene.control.delay_compensation,
             standing_period_s=standing_period_s,
         )
+        self._scene = scene
+        self.aim(step)
         self.newest_ns: int | None = None
+
+    def aim(self, step: DockStep | None) -> None:
+        """Take another target; nothing that has been seen is forgotten.
+
+        Args:
+            step: The step in which the unit docks; None for a way without a target.
+        """
+        if step is None:
+            self._estimator.aim(None, None)
+        else:
+            X_TD = self._scene.geometry(step.target_unit).dock_frame(step.target_port)
+            self._estimator.aim(step.target_unit, X_TD)
 
     def receive(self, message: SensorMessage) -> None:
         """Process a sensor message; one that says nothing about the arena changes nothing."""

@@ -11,7 +11,6 @@ from msrr_bullet.robot.overhead_localizer import OverheadLocalizer
 from msrr_bullet.robot.wheel_speed import WheelSpeed
 from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.staging.guided_assembler import GuidedAssembler
-from msrr_perception.estimation.body_track import Sightings
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.messages import (
     Action,
@@ -44,6 +43,7 @@ class RouteProgram:
         unit: str,
         port: str,
         guided: GuidedAssembler[Any],
+        overhead: OverheadLocalizer,
         profiler: Profiler | None = None,
     ) -> None:
         """Set up for one route.
@@ -53,11 +53,11 @@ class RouteProgram:
             unit: Name of the unit.
             port: Its active port, whose face is the controlled point.
             guided: Drives the route.
+            overhead: Knows where all bodies are; it is fed by others.
             profiler: Measures the time of the collision monitor.
         """
         drive = TargetModel.without_target(scene, unit, port)
-        self._unit, self._guided = unit, guided
-        self._overhead = OverheadLocalizer(scene, unit, drive)
+        self._unit, self._guided, self._overhead = unit, guided, overhead
         self.guard = CollisionMonitor(scene, unit)
         self._speed = WheelSpeed(drive.wheel_radius, drive.track)
         self._profiler = profiler or NullProfiler()
@@ -71,11 +71,6 @@ class RouteProgram:
         """Process a message that arrives now."""
         if isinstance(message, WheelOdometry):
             self._speed.add(message)
-        self._overhead.receive(message)
-
-    def see(self, sightings: Sightings) -> None:
-        """Take in what a base station has read from an overhead exposure."""
-        self._overhead.see(sightings)
 
     def step(self, now_ns: int) -> Action:
         """Return the action of one control instant."""

@@ -108,8 +108,7 @@ class CoordinatedMission(Mission):
             with self._profiler("perception"):
                 sightings = self._base.see(message)
                 for member in self._members.values():
-                    if member.robot.active:  # a replay knows this as well
-                        member.robot.see(sightings)
+                    member.robot.see(sightings)
         for report in self._radio.arrived_at_base(now_ns):
             self._base.hear(report)
         if self._base_timer.due(now_ns):

@@ -56,8 +56,6 @@ class GlobalEstimator:
         drive: TargetModel,
         odometry: OdometrySpec,
         *,
-        target: str | None = None,
-        X_TD: SE2 | None = None,
         delay_compensation: bool = True,
         standing_period_s: float = 0.0,
     ) -> None:
@@ -68,13 +66,12 @@ class GlobalEstimator:
             unit: Name of the unit.
             drive: Calibration of its drive.
             odometry: Data sheet of its encoders.
-            target: Name of the unit that it docks to; None without a target.
-            X_TD: Dock frame of the target port in the frame of that unit.
             delay_compensation: Whether the unit's pose is moved from the last exposure up to now.
             standing_period_s: Period with which the pose of a body that stands is given anew [s]; 0: whenever
                 it is asked for.
         """
-        self.unit, self.target, self._X_TD = unit, target, X_TD
+        self.unit = unit
+        self.aim(None, None)
         self.delay_compensation = delay_compensation
         self._units = model.units
         self._own = CornerEkf(
@@ -83,6 +80,15 @@ class GlobalEstimator:
         self._others = ArenaTracker(model, standing_period_s)
         self._clock_s, self._strain = model.errors.clock_s, model.errors.strain
         self.reset()
+
+    def aim(self, target: str | None, X_TD: SE2 | None) -> None:
+        """Take another target; nothing is forgotten.
+
+        Args:
+            target: Name of the unit that is docked to; None without a target.
+            X_TD: Dock frame of the target port in the frame of that unit.
+        """
+        self.target, self._X_TD = target, X_TD
 
     def reset(self) -> None:
         """Forget every pose, but not the encoder readings."""

@@ -164,19 +164,16 @@ def open_arena() -> Iterator[OpenArena]:
             assert spec is not None
             renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
             model = OverheadModel.from_scene(scene, ("a", "b"))
+            estimator = GlobalEstimator(
+                model, "a", TargetModel.from_scene(scene, scene.docks[0]), scene.odometry
+            )
+            estimator.aim("b", scene.geometry("b").dock_frame("rear"))
             return Arena(
                 scene,
                 BulletPlant(world) if plant == "bullet" else KinematicPlant(scene, placement, world),
                 Camera(OVERHEAD, spec, renderer, lambda: overhead_pose(spec), seed),
                 OverheadVision(model, ("a", "b"), PupilDetector()),
-                GlobalEstimator(
-                    model,
-                    "a",
-                    TargetModel.from_scene(scene, scene.docks[0]),
-                    scene.odometry,
-                    target="b",
-                    X_TD=scene.geometry("b").dock_frame("rear"),
-                ),
+                estimator,
                 WheelEncoders("a", scene.odometry, stream(seed, "unit/a/odometry")),
                 LocalisationError(spec.localisation, seed),
             )

@@ -130,15 +130,10 @@ class Arena:
 
 def estimator_of(scene: Scene, model: OverheadModel, **options: Any) -> GlobalEstimator:
     step = scene.docks[0]
-    return GlobalEstimator(
-        model,
-        step.unit,
-        TargetModel.from_scene(scene, step),
-        scene.odometry,
-        target=step.target_unit,
-        X_TD=scene.geometry(step.target_unit).dock_frame(step.target_port),
-        **options,
-    )
+    target = TargetModel.from_scene(scene, step)
+    estimator = GlobalEstimator(model, step.unit, target, scene.odometry, **options)
+    estimator.aim(step.target_unit, scene.geometry(step.target_unit).dock_frame(step.target_port))
+    return estimator
 
 
 Make = Callable[..., Arena]
