@@ -16,7 +16,7 @@ from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.dock_frame import in_seat
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.measurement_history import Measurement, MeasurementHistory
-from msrr_perception.estimation.motion import DEFAULT_NOISE, DriveMotion, FilterState, MotionNoise
+from msrr_perception.estimation.motion import DEFAULT_NOISE, RATES_NS, DriveMotion, FilterState, MotionNoise
 from msrr_perception.estimation.wheel_history import WheelHistory
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
@@ -124,23 +124,25 @@ class CornerEkf:
         self._head: tuple[FilterState, FilterState] | None = None
 
     def add_odometry(self, reading: WheelOdometry) -> None:
-        """Add an encoder reading; exposures after the reading before it are processed again."""
+        """Add an encoder reading; exposures near and after the reading before it are processed again."""
         before_ns = self._wheels.newest_stamp(reading.stamp_ns)
         if before_ns == reading.stamp_ns:
             return  # delivered twice
         if not self._wheels.add(reading):
             self._head = None  # it has passed the time of the reading
         newest_ns = self._history.newest_ns
-        if newest_ns is not None and before_ns is not None and before_ns >= newest_ns:
+        # A reading tells how the unit moved at exposures shortly before the reading before it, too.
+        since_ns = None if before_ns is None else before_ns - RATES_NS
+        if newest_ns is not None and since_ns is not None and since_ns >= newest_ns:
             self._predictions = {t: pose for t, pose in self._predictions.items() if t <= newest_ns}
             return  # all exposures stay as they are
         self._predictions.clear()
         if newest_ns is None:
             # No state begins before what a measurement that still counts can be of.
             self._wheels.forget_before(reading.stamp_ns - self._horizon_ns)
-        elif reading.stamp_ns >= newest_ns - self._horizon_ns:  # the motion up to some exposures was guessed
+        elif reading.stamp_ns >= newest_ns - self._horizon_ns:  # the motion at some exposures was guessed
             self._head = None
-            self._history.process_again(before_ns)
+            self._history.process_again(since_ns)
 
     def add_detections(self, detections: Detections) -> None:
         """Add the tags of one exposure; tags of other units and empty frames change nothing."""
@@ -170,7 +172,7 @@ class CornerEkf:
         state = self._history.state_before(stamp_ns)
         if state is None:
             return np.zeros(3)
-        return self._motion.rates(self._advance_head(state, stamp_ns), self._wheels)
+        return self._motion.rates(self._advance_head(state, stamp_ns), self._wheels).velocity
 
     def estimate(self, now_ns: int) -> PoseEstimate | None:
         """Return the pose for control: of now, or without delay compensation of the last exposure."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.estimation.motion import FilterState
-from msrr_perception.kernels.calibrated import EDGE
+from msrr_perception.kernels.calibrated import AT_REST, EDGE, Rates
 from msrr_perception.kernels.corners import Seen, derivatives, roots_of_covariance
 from msrr_perception.kernels.section_errors import CornerVariances, DataSheet, variances_of_corners
 from msrr_perception.kernels.update import Rules, update
@@ -118,14 +118,14 @@ class CornerUpdate:
         return replace(prior, mean=mean, covariance=covariance, last_seen_ns=prior.stamp_ns, rejected=0)
 
     def by_corners(
-        self, prior: FilterState, tags: Sequence[TagDetection], rates: Array
+        self, prior: FilterState, tags: Sequence[TagDetection], rates: Rates
     ) -> FilterState | None:
         """Return the state corrected by the corners of those tags that pass the gate; None if none does.
 
         Args:
             prior: State at the exposure.
             tags: Tags of the target.
-            rates: Velocity of (x, y, yaw) in D, shape (3,) [m/s, rad/s].
+            rates: How the unit moves at the time stamp.
         """
         which, corners, sigma_px = self._measured(tags)
         target, layout, scale = self._target, self._layout, prior.noise_scale
@@ -174,7 +174,7 @@ class CornerUpdate:
         """Return measured corners of a unit that stands with their covariances; there must be a tag."""
         which, corners, sigma_px = self._measured(tags)
         variances = variances_of_corners(corners, sigma_px, self._sheet, 1.0)
-        return Seen(which, corners, self._roots(which, corners, state, variances), np.zeros(3))
+        return Seen(which, corners, self._roots(which, corners, state, variances), AT_REST)
 
     def _roots(
         self, which: NDArray[np.int64], corners: Array, state: Array, variances: CornerVariances
@@ -186,7 +186,7 @@ class CornerUpdate:
             self._layout.tags,
             which,
             corners,
-            np.zeros(3),
+            AT_REST,
             state,
             variances,
             target.frame_period_s,
@@ -202,7 +202,7 @@ class CornerUpdate:
         """Return the tags of the port, as equally good measurements."""
         which = np.array([self._layout.index[i] for i in self._target.port_tags], dtype=np.int64)
         roots = np.tile(np.eye(8), (len(which), 1, 1))
-        return Seen(which, np.zeros((len(which), 8)), roots, np.zeros(3))
+        return Seen(which, np.zeros((len(which), 8)), roots, AT_REST)
 
     def _of_pose(self, state: Array) -> Array:
         """Return what each error of calibration adds to the true pose where one is measured, shape (5, k).

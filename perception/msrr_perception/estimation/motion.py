@@ -9,6 +9,7 @@ import numpy as np
 
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
+from msrr_perception.kernels.calibrated import AT_REST, Rates
 from msrr_perception.kernels.dock_frame import predict
 from msrr_perception.kernels.drive import Drive, propagate
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
@@ -22,8 +23,9 @@ from msrr_scenes.specs.sensors import OdometrySpec
 #: relative error of the track.
 _LEAST_SCALE_SIGMA, _LEAST_TRACK_SIGMA = 0.003, 0.003
 
-#: Time over which the wheels are differenced for the velocity at an instant [ns].
-_VELOCITY_NS = 20_000_000
+#: Time before and after an instant over which the wheels are differenced for velocity and acceleration [ns].
+#: The clocks of cameras are wrong by as much.
+RATES_NS = 20_000_000
 
 _NO_STEPS = np.zeros((0, 5))
 
@@ -163,18 +165,24 @@ class DriveMotion:
         P[POSE_SIZE:, POSE_SIZE:] = known.covariance
         return FilterState(stamp_ns, full, P, wheels, stamp_ns)
 
-    def rates(self, state: FilterState, history: WheelHistory) -> Array:
-        """Return the velocity of (x, y, yaw) in D at the time of a state, shape (3,) [m/s, rad/s]."""
-        after = history.angles_at(state.stamp_ns)
-        before = history.angles_at(state.stamp_ns - _VELOCITY_NS)
-        if after is None or before is None:
-            return np.zeros(3)
+    def rates(self, state: FilterState, history: WheelHistory) -> Rates:
+        """Return how the unit moves at the time of a state, by the wheels before and after it."""
+        at = [history.angles_at(state.stamp_ns + k * RATES_NS) for k in (-1, 0, 1)]
+        before, now, after = at
+        if before is None or now is None or after is None:
+            return AT_REST
         yaw, _, _, by_left, by_right = state.mean[2:7].tolist()
-        per_angle = self._drive.radius / seconds(_VELOCITY_NS)
+        period = seconds(RATES_NS)
+        per_angle = 0.5 * self._drive.radius / period
         left = (after.left - before.left) * per_angle * (1.0 + by_left)
         right = (after.right - before.right) * per_angle * (1.0 + by_right)
         v, w = 0.5 * (left + right), (right - left) / self._drive.track
-        return np.array([v * math.cos(yaw), v * math.sin(yaw), w])
+        per_angle *= 2.0 / period
+        left = (after.left - 2.0 * now.left + before.left) * per_angle
+        right = (after.right - 2.0 * now.right + before.right) * per_angle
+        dv, dw = 0.5 * (left + right), (right - left) / self._drive.track
+        c, s = math.cos(yaw), math.sin(yaw)
+        return Rates(np.array([v * c, v * s, w]), np.array([dv * c - v * w * s, dv * s + v * w * c, dw]))
 
     def propagate(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
         """Return the state moved forward to ``stamp_ns`` along the encoder readings."""

@@ -38,9 +38,20 @@ class TagMap(NamedTuple):
     considered: Array  # (T, PARAMETERS) variance of what is not in the state
 
 
+class Rates(NamedTuple):
+    """How a unit moves at the time stamp of an exposure, for the time by which the camera's clock is off."""
+
+    velocity: Array  # (3,) of (x, y, yaw) in D [m/s, rad/s]
+    acceleration: Array  # (3,) of (x, y, yaw) in D [m/s^2, rad/s^2]
+
+
+#: The rates of a unit that stands.
+AT_REST = Rates(np.zeros(3), np.zeros(3))
+
+
 @kernel
 def project_tag(
-    optics: Optics, tags: TagMap, tag: int, rates: Array, state: Array, pixels: Array, J: Array
+    optics: Optics, tags: TagMap, tag: int, rates: Rates, state: Array, pixels: Array, J: Array
 ) -> None:
     """Project the corners of a tag and write pixels and derivatives.
 
@@ -48,7 +59,7 @@ def project_tag(
         optics: Camera and its mounting as drawn.
         tags: The tags.
         tag: Index of the tag.
-        rates: Velocity of ``(x, y, yaw)`` in D, by which the clock matters [m/s, rad/s].
+        rates: How the unit moves at the time stamp.
         state: State, shape (n,).
         pixels: Output, shape (8,), ordered u0, v0, u1, v1 ...
         J: Output, derivatives of the pixels by the parameters, shape (8, PARAMETERS).
@@ -57,8 +68,11 @@ def project_tag(
     for k in range(PARAMETERS):
         if tags.columns[tag, k] >= 0:
             e[k] = state[tags.columns[tag, k]]
-    late = e[CLOCK]
-    x, y, yaw = e[0] - late * rates[0], e[1] - late * rates[1], e[2] - late * rates[2]
+    late, at_once, back = e[CLOCK], np.empty(3), np.empty(3)  # rates at the exposure, and the way since then
+    for k in range(3):
+        at_once[k] = rates.velocity[k] - late * rates.acceleration[k]
+        back[k] = late * (rates.velocity[k] - 0.5 * late * rates.acceleration[k])
+    x, y, yaw = e[0] - back[0], e[1] - back[1], e[2] - back[2]
     cy, sy = math.cos(yaw), math.sin(yaw)
     cp, sp = math.cos(e[3]), math.sin(e[3])
     cr, sr = math.cos(e[4]), math.sin(e[4])
@@ -98,7 +112,7 @@ def project_tag(
             g[i, 2] = A[i, 0] * dy - A[i, 1] * dx
             g[i, 3] = -R[0] * uz + R[1] * sr * ux + R[2] * cr * ux
             g[i, 4] = R[1] * q[2] - R[2] * q[1]
-            g[i, CLOCK] = -(g[i, 0] * rates[0] + g[i, 1] * rates[1] + g[i, 2] * rates[2])
+            g[i, CLOCK] = -(g[i, 0] * at_once[0] + g[i, 1] * at_once[1] + g[i, 2] * at_once[2])
             for j in range(3):
                 g[i, BRACKET + j] = A[i, j]
                 along = A[i, 0] * T[0, j] + A[i, 1] * T[1, j] + A[i, 2] * T[2, j]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_perception.kernels.calibrated import PARAMETERS, TagMap, project_tag
+from msrr_perception.kernels.calibrated import PARAMETERS, Rates, TagMap, project_tag
 from msrr_perception.kernels.compiled import kernel, subroutine
 from msrr_perception.kernels.edges import BY_OFFSET, BY_SLOPE
 from msrr_perception.kernels.linear_algebra import cholesky
@@ -27,7 +27,7 @@ class Seen(NamedTuple):
     which: NDArray[np.int64]  # (K,) index of each tag in the map of the target
     corners: Array  # (K, 8) measured pixels, ordered u0, v0, u1, v1 ...
     roots: Array  # (K, 8, 8) lower triangles L, with covariance L L^T of the pixels of a tag [px]
-    rates: Array  # (3,) velocity of (x, y, yaw) in D at the exposure [m/s, rad/s]
+    rates: Rates  # how the unit moves at the time stamp
 
 
 @kernel
@@ -36,7 +36,7 @@ def roots_of_covariance(
     tags: TagMap,
     which: NDArray[np.int64],
     corners: Array,
-    rates: Array,
+    rates: Rates,
     state: Array,
     variances: CornerVariances,
     period: float,
@@ -53,18 +53,18 @@ def roots_of_covariance(
         tags: The tags of the target.
         which: Index of each measured tag, shape (K,).
         corners: Measured pixels, shape (K, 8).
-        rates: Velocity of ``(x, y, yaw)`` in D at the exposure, shape (3,).
+        rates: How the unit moves at the time stamp.
         state: Predicted state, shape (n,) with n >= 5.
         variances: Variances by noise and by place.
         period: Time between two exposures [s].
     """
     pixels, J, S = np.empty(8), np.empty((8, PARAMETERS)), np.empty((8, 8))
-    roots = np.zeros((which.shape[0], 8, 8))
+    roots, velocity = np.zeros((which.shape[0], 8, 8)), rates.velocity
     for t in range(which.shape[0]):
         project_tag(optics, tags, which[t], rates, state, pixels, J)
         moved = 0.0
         for r in range(8):
-            speed = J[r, 0] * rates[0] + J[r, 1] * rates[1] + J[r, 2] * rates[2]
+            speed = J[r, 0] * velocity[0] + J[r, 1] * velocity[1] + J[r, 2] * velocity[2]
             moved = max(moved, abs(speed) * period)
             for q in range(8):
                 S[r, q] = variances.rest[t, r // 2] if r == q else 0.0

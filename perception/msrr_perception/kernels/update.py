@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_perception.kernels.calibrated import PARAMETERS, TagMap
+from msrr_perception.kernels.calibrated import PARAMETERS, Rates, TagMap
 from msrr_perception.kernels.compiled import kernel, subroutine
 from msrr_perception.kernels.corners import Seen, roots_of_covariance, whitened
 from msrr_perception.kernels.linear_algebra import cholesky, solve
@@ -85,7 +85,7 @@ def update(
     which: NDArray[np.int64],
     corners: Array,
     sigma_px: Array,
-    rates: Array,
+    rates: Rates,
     sheet: DataSheet,
     scale: float,
     period: float,
@@ -101,7 +101,7 @@ def update(
         which: Index of each measured tag, shape (K,).
         corners: Measured pixels, shape (K, 8), ordered u0, v0, u1, v1 ...
         sigma_px: Standard deviation of each corner as the image shows it, shape (K, 4); 0 if it does not.
-        rates: Velocity of ``(x, y, yaw)`` in D at the exposure, shape (3,) [m/s, rad/s].
+        rates: How the unit moves at the time stamp.
         sheet: What the errors of the corners depend on.
         scale: Factor on the variances by data sheet.
         period: Time between two exposures [s].

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from msrr_perception.kernels.calibrated import AT_REST
 from msrr_perception.kernels.corners import Seen
 from msrr_perception.kernels.fit import fit
 from msrr_perception.pose.calibration import StateLayout
@@ -62,7 +63,7 @@ def equally_good(layout: StateLayout, tags: Sequence[TagDetection], sigma_px: fl
     which = np.array([layout.index[t.tag_id] for t in tags], dtype=np.int64)
     corners = np.array([t.corners for t in tags], dtype=np.float64).reshape(-1, 8)
     roots = np.tile(sigma_px * np.eye(8), (len(which), 1, 1))
-    return Seen(which, corners, roots, np.zeros(3))
+    return Seen(which, corners, roots, AT_REST)
 
 
 def fit_corners(

@@ -12,6 +12,7 @@ from scipy.stats import chi2
 
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.motion import FilterState
+from msrr_perception.kernels.calibrated import AT_REST, Rates
 from msrr_perception.kernels.corners import Seen, derivatives, roots_of_covariance
 from msrr_perception.kernels.section_errors import CornerVariances
 from msrr_perception.pose.corner_errors import surplus
@@ -38,7 +39,7 @@ def _variances(target: TargetModel, tags: list[TagDetection], scale: float) -> C
 
 
 def _by_numpy(
-    target: TargetModel, prior: FilterState, tags: list[TagDetection], rates: np.ndarray
+    target: TargetModel, prior: FilterState, tags: list[TagDetection], rates: Rates
 ) -> tuple[FilterState, bool] | None:
     """Return the update by Gauss-Newton steps in information form, and whether all of them descended."""
     layout, m, P = target.filter_layout, prior.mean, prior.covariance
@@ -96,7 +97,8 @@ def test_the_update_is_that_of_plain_numpy(scene: Scene, see: See, grade: str) -
     update = CornerUpdate(target, CornerNoise(), None, GATE, 2.0)
     rng, compared, gated = np.random.default_rng(5), 0, 0
     for case in range(40):
-        prior, rates = _prior(target, rng), rng.normal(0.0, [0.1, 0.02, 0.3])
+        prior = _prior(target, rng)
+        rates = Rates(*(rng.normal(0.0, [0.1, 0.02, 0.3]) for _ in range(2)))
         pose = rng.multivariate_normal(prior.mean[:5], 0.1 * prior.covariance[:5, :5])
         ids = rng.permutation(target.tags)[: rng.integers(1, 6)]
         tags = [t for i in ids for t in see(pose, [i], rng, 0.05)]
@@ -130,9 +132,9 @@ def test_where_a_step_does_not_descend_the_fit_is_damped(scene: Scene, see: See)
     sigmas = np.concatenate([[0.5, 0.3, 0.5, 1e-3, 1e-3, 0.01, 0.01, 0.01], layout.prior])
     prior = FilterState(0, mean, np.diag(sigmas**2), None, 0)
     tags = list(see(X, target.port_tags))
-    plain = _by_numpy(target, prior, tags, np.zeros(3))
+    plain = _by_numpy(target, prior, tags, AT_REST)
     assert plain is not None
     assert not plain[1]
-    found = update.by_corners(prior, tags, np.zeros(3))
+    found = update.by_corners(prior, tags, AT_REST)
     assert found is not None
     np.testing.assert_allclose(found.mean[:3], X[:3], atol=1e-4)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from msrr_perception.kernels.calibrated import PARAMETERS, project_tag
+from msrr_perception.kernels.calibrated import AT_REST, PARAMETERS, Rates, project_tag
 from msrr_perception.pose.calibration import Tolerances
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.as_built.draw import draw_as_built
@@ -64,7 +64,7 @@ def _true_pixels(name: str, error: float) -> tuple[TargetModel, dict[int, np.nda
 
 def _projected(told: TargetModel, tag: int, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     pixels, J, layout = np.empty(8), np.empty((8, PARAMETERS)), told.filter_layout
-    project_tag(told.optics, layout.tags, layout.index[tag], np.zeros(3), state, pixels, J)
+    project_tag(told.optics, layout.tags, layout.index[tag], AT_REST, state, pixels, J)
     return pixels.reshape(4, 2), J
 
 
@@ -89,7 +89,7 @@ def test_derivatives_are_those_of_the_projection() -> None:
     scene = load_scene("close_range", {"as_built": "careful"})
     told = TargetModel.from_scene(scene.told(), scene.docks[0])
     layout, rng = told.filter_layout, np.random.default_rng(5)
-    rates, h = np.array([0.1, 0.02, 0.3]), 1e-6
+    rates, h = Rates(np.array([0.1, 0.02, 0.3]), np.array([0.5, 0.1, 4.0])), 1e-6
     state = np.zeros(layout.size)
     state[:5] = pose_vector(X_DU, 0.01, -0.01)
     state[layout.first :] = 0.1 * layout.prior * rng.standard_normal(len(layout.prior))

@@ -1,0 +1,101 @@
+"""A camera whose clock is wrong: how far is told by the motion of the unit, whatever accelerations it has."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.kernels.calibrated import CLOCK
+from msrr_perception.pose.target import TargetModel, pose_vector
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import Detections, Exposure, WheelOdometry
+from msrr_scenes.specs.scene import Scene
+
+See = Callable[..., Any]
+MS, SIGMA_MS, SIGMA_PX, LATENCY_MS = 1_000_000, 8.0, 0.05, 40
+
+
+@pytest.fixture(scope="module")
+def doubtful(scene: Scene) -> Scene:
+    """A scene in which only the clock of the onboard camera is in doubt."""
+    built = {"grade": "perfect", "onboard": {"clock_ms": {"sigma": SIGMA_MS}}}
+    return Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": built}).told()
+
+
+def _messages(target: TargetModel, see: See, seed: int, late_ms: float) -> tuple[list[Any], SE2]:
+    """Return a second of readings and pictures by arrival, and the pose at its end.
+
+    The unit sets off, turns to and fro and brakes. A picture of the time t has the stamp ``t + late_ms``.
+    """
+    rng = np.random.default_rng(seed)
+    X, wheels, poses = SE2(-0.7, 0.02, 0.05), np.zeros(2), []
+    arrivals: list[tuple[float, int, Any]] = []
+    phase = rng.uniform(0.8, 1.2)
+    for ms in range(-100, 1100):
+        t = 1e-3 * max(ms, 0)
+        v = 0.1 * math.sin(math.pi * min(t, 1.0)) ** 2
+        w = 0.8 * phase * math.sin(2.0 * math.pi * phase * t) * min(4.0 * t, 1.0)
+        poses.append(X)
+        if ms >= 0 and ms % 10 == 0:
+            arrivals.append((ms, 0, WheelOdometry("a", ms * MS, *wheels.tolist())))
+        half = 0.5 * w * target.track
+        wheels = wheels + np.array([v - half, v + half]) * 1e-3 / target.wheel_radius
+        X = X @ SE2.exp(1e-3 * v, 0.0, 1e-3 * w)
+    for frame, stamp in enumerate(range(0, 1000, 40)):
+        before, share = divmod(stamp - late_ms, 1.0)
+        at = poses[int(before) + 100] @ SE2(*(share * np.array(_step(poses, int(before) + 100))).tolist())
+        tags = see(pose_vector(at), target.port_tags, rng, SIGMA_PX)
+        arrivals.append(
+            (stamp + LATENCY_MS, 1, Detections(Exposure("a/onboard", frame, stamp * MS), tags, ()))
+        )
+    return sorted(arrivals, key=lambda m: m[:2]), poses[1000 + 100]
+
+
+def _step(poses: list[SE2], k: int) -> tuple[float, float, float]:
+    step = poses[k].inverse() @ poses[k + 1]
+    return step.x, step.y, step.yaw
+
+
+def _filter(scene: Scene, messages: list[Any]) -> CornerEkf:
+    ekf = CornerEkf(TargetModel.from_scene(scene, scene.docks[0]), scene.odometry, corner_sigma_px=SIGMA_PX)
+    for _, kind, message in messages:
+        ekf.add_odometry(message) if kind == 0 else ekf.add_detections(message)
+    return ekf
+
+
+@pytest.mark.parametrize("late_ms", [-16.0, -8.0, 0.0, 16.0])
+def test_the_clock_is_found_and_its_covariance_is_honest(doubtful: Scene, see: See, late_ms: float) -> None:
+    """Ten drives; the squared errors are chi-square with 10 and 30 degrees of freedom: odds 1e-6 to fail."""
+    target = TargetModel.from_scene(doubtful, doubtful.docks[0])
+    column = target.filter_layout.tags.columns[0, CLOCK]
+    clock = pose = 0.0
+    for seed in range(10):
+        messages, X = _messages(target, see, seed, late_ms)
+        ekf = _filter(doubtful, messages)
+        state, found = ekf._history.newest, ekf.predict(1000 * MS)
+        assert state is not None
+        assert found is not None
+        clock += (state.mean[column] - 1e-3 * late_ms) ** 2 / state.covariance[column, column]
+        e = found.X_DU.as_array() - X.as_array()
+        pose += float(e @ np.linalg.solve(found.covariance, e))
+        assert math.sqrt(state.covariance[column, column]) < 2e-3, "the motion does not tell the clock"
+    assert clock < chi2.ppf(1 - 1e-6, 10)
+    assert pose < chi2.ppf(1 - 1e-6, 30)
+
+
+def test_the_order_of_arrival_does_not_matter(doubtful: Scene, see: See) -> None:
+    """Readings after a picture tell how the unit moves then, whether they arrive before it or after it."""
+    target = TargetModel.from_scene(doubtful, doubtful.docks[0])
+    messages, _ = _messages(target, see, 0, -8.0)
+    early = sorted(messages, key=lambda m: (m[0] - LATENCY_MS * m[1], m[1]))
+    a, b = (_filter(doubtful, order).predict(1000 * MS) for order in (messages, early))
+    assert a is not None
+    assert b is not None
+    assert a.X_DU == b.X_DU
+    assert np.array_equal(a.covariance, b.covariance)
