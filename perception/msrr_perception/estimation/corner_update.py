@@ -125,7 +125,7 @@ class CornerUpdate:
         Args:
             prior: State at the exposure.
             tags: Tags of the target.
-            rates: How the unit moves at the time stamp.
+            rates: How the unit moves about the exposure.
         """
         which, corners, sigma_px = self._measured(tags)
         target, layout, scale = self._target, self._layout, prior.noise_scale

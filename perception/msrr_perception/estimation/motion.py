@@ -9,14 +9,14 @@ import numpy as np
 
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
-from msrr_perception.kernels.calibrated import AT_REST, Rates
+from msrr_perception.kernels.calibrated import AT_REST, CLOCK, LASTS_S, Rates
 from msrr_perception.kernels.dock_frame import predict
 from msrr_perception.kernels.drive import Drive, propagate
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
-from msrr_perception.pose.target import TargetModel
+from msrr_perception.pose.target import YAW, TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import PoseEstimate, seconds
+from msrr_scenes.messages import NS_PER_S, PoseEstimate, seconds
 from msrr_scenes.specs.sensors import OdometrySpec
 
 #: Smallest standard deviation of a relative radius error, whatever the scene says of its encoders, and of a
@@ -25,7 +25,7 @@ _LEAST_SCALE_SIGMA, _LEAST_TRACK_SIGMA = 0.003, 0.003
 
 #: Time before and after an instant over which the wheels are differenced for velocity and acceleration [ns].
 #: The clocks of cameras are wrong by as much.
-RATES_NS = 20_000_000
+RATES_NS = round(LASTS_S * NS_PER_S)
 
 _NO_STEPS = np.zeros((0, 5))
 
@@ -114,6 +114,7 @@ class DriveMotion:
         sigmas = np.concatenate([wheels, layout.prior])
         self.drawn = Knowledge(np.zeros(len(sigmas)), np.diag(sigmas**2), layout.own - POSE_SIZE)
         self._play = 3.0 * target.tolerances.backlash
+        self._clock = int(layout.tags.columns[0, CLOCK]) if len(layout.tags.columns) else -1
         self._marker, self._pivot = -1 if layout.marker is None else layout.marker, layout.tags.pivot
         self._drive = Drive(
             radius=target.wheel_radius,
@@ -166,23 +167,35 @@ class DriveMotion:
         return FilterState(stamp_ns, full, P, wheels, stamp_ns)
 
     def rates(self, state: FilterState, history: WheelHistory) -> Rates:
-        """Return how the unit moves at the time of a state, by the wheels before and after it."""
-        at = [history.angles_at(state.stamp_ns + k * RATES_NS) for k in (-1, 0, 1)]
-        before, now, after = at
-        if before is None or now is None or after is None:
+        """Return how the unit moves about an exposure with the time of a state as its stamp, by the wheels.
+
+        An exposure after its stamp is told by the motion at the stamp, because what the wheels have done
+        since may not be known yet.
+        """
+        late = max(float(state.mean[self._clock]), 0.0) if self._clock >= 0 else 0.0
+        now_ns = state.stamp_ns - round(late * NS_PER_S)
+        times_ns = now_ns - RATES_NS, now_ns, now_ns + RATES_NS, state.stamp_ns
+        before, now, after, stamp = map(history.angles_at, times_ns)
+        if before is None or now is None or after is None or stamp is None:
             return AT_REST
-        yaw, _, _, by_left, by_right = state.mean[2:7].tolist()
-        period = seconds(RATES_NS)
-        per_angle = 0.5 * self._drive.radius / period
-        left = (after.left - before.left) * per_angle * (1.0 + by_left)
-        right = (after.right - before.right) * per_angle * (1.0 + by_right)
-        v, w = 0.5 * (left + right), (right - left) / self._drive.track
-        per_angle *= 2.0 / period
-        left = (after.left - 2.0 * now.left + before.left) * per_angle
-        right = (after.right - 2.0 * now.right + before.right) * per_angle
-        dv, dw = 0.5 * (left + right), (right - left) / self._drive.track
+        yaw = float(state.mean[YAW])
+        way, turn = self._moved(state, now, stamp)
+        left = np.array([way * math.cos(yaw - 0.5 * turn), way * math.sin(yaw - 0.5 * turn), turn])
+        first, first_turn = self._moved(state, before, now)
+        second, second_turn = self._moved(state, now, after)
+        period, yaw = seconds(RATES_NS), yaw - turn
+        v, w = 0.5 * (first + second) / period, 0.5 * (first_turn + second_turn) / period
+        dv, dw = (second - first) / period**2, (second_turn - first_turn) / period**2
         c, s = math.cos(yaw), math.sin(yaw)
-        return Rates(np.array([v * c, v * s, w]), np.array([dv * c - v * w * s, dv * s + v * w * c, dw]))
+        velocity = np.array([v * c, v * s, w])
+        return Rates(late, left, velocity, np.array([dv * c - v * w * s, dv * s + v * w * c, dw]))
+
+    def _moved(self, state: FilterState, before: WheelAngles, after: WheelAngles) -> tuple[float, float]:
+        """Return the way of the axle [m] and the turn [rad] between two readings."""
+        by_left, by_right = state.mean[5:7].tolist()
+        left = (after.left - before.left) * self._drive.radius * (1.0 + by_left)
+        right = (after.right - before.right) * self._drive.radius * (1.0 + by_right)
+        return 0.5 * (left + right), (right - left) / self._drive.track
 
     def propagate(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
         """Return the state moved forward to ``stamp_ns`` along the encoder readings."""

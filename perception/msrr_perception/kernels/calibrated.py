@@ -39,14 +39,22 @@ class TagMap(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """How a unit moves at the time stamp of an exposure, for the time by which the camera's clock is off."""
+    """How a unit moves about an exposure, for the time by which the camera's clock is ahead.
 
+    The motion is that at the instant when the exposure is thought to have been, ``late`` before its stamp.
+    """
+
+    late: float  # [s]
+    way: Array  # (3,) by which (x, y, yaw) in D change from that instant to the stamp [m, rad]
     velocity: Array  # (3,) of (x, y, yaw) in D [m/s, rad/s]
-    acceleration: Array  # (3,) of (x, y, yaw) in D [m/s^2, rad/s^2]
+    acceleration: Array  # (3,) of (x, y, yaw) in D, for as long as LASTS_S before and after [m/s^2, rad/s^2]
 
 
 #: The rates of a unit that stands.
-AT_REST = Rates(np.zeros(3), np.zeros(3))
+AT_REST = Rates(0.0, np.zeros(3), np.zeros(3), np.zeros(3))
+
+#: Time for which an acceleration is known to last [s]; beyond it the velocity is that at its end.
+LASTS_S = 0.02
 
 
 @kernel
@@ -59,7 +67,7 @@ def project_tag(
         optics: Camera and its mounting as drawn.
         tags: The tags.
         tag: Index of the tag.
-        rates: How the unit moves at the time stamp.
+        rates: How the unit moves about the exposure.
         state: State, shape (n,).
         pixels: Output, shape (8,), ordered u0, v0, u1, v1 ...
         J: Output, derivatives of the pixels by the parameters, shape (8, PARAMETERS).
@@ -68,10 +76,13 @@ def project_tag(
     for k in range(PARAMETERS):
         if tags.columns[tag, k] >= 0:
             e[k] = state[tags.columns[tag, k]]
-    late, at_once, back = e[CLOCK], np.empty(3), np.empty(3)  # rates at the exposure, and the way since then
+    at_once, back = np.empty(3), np.empty(3)  # rates at the exposure, and the way since then
+    late = e[CLOCK] - rates.late
+    lasts = min(max(late, -LASTS_S), LASTS_S)
     for k in range(3):
-        at_once[k] = rates.velocity[k] - late * rates.acceleration[k]
-        back[k] = late * (rates.velocity[k] - 0.5 * late * rates.acceleration[k])
+        at_once[k] = rates.velocity[k] - lasts * rates.acceleration[k]
+        changed = lasts * (late - 0.5 * lasts) * rates.acceleration[k]
+        back[k] = rates.way[k] + late * rates.velocity[k] - changed
     x, y, yaw = e[0] - back[0], e[1] - back[1], e[2] - back[2]
     cy, sy = math.cos(yaw), math.sin(yaw)
     cp, sp = math.cos(e[3]), math.sin(e[3])

@@ -27,7 +27,7 @@ class Seen(NamedTuple):
     which: NDArray[np.int64]  # (K,) index of each tag in the map of the target
     corners: Array  # (K, 8) measured pixels, ordered u0, v0, u1, v1 ...
     roots: Array  # (K, 8, 8) lower triangles L, with covariance L L^T of the pixels of a tag [px]
-    rates: Rates  # how the unit moves at the time stamp
+    rates: Rates  # how the unit moves about the exposure
 
 
 @kernel
@@ -53,7 +53,7 @@ def roots_of_covariance(
         tags: The tags of the target.
         which: Index of each measured tag, shape (K,).
         corners: Measured pixels, shape (K, 8).
-        rates: How the unit moves at the time stamp.
+        rates: How the unit moves about the exposure.
         state: Predicted state, shape (n,) with n >= 5.
         variances: Variances by noise and by place.
         period: Time between two exposures [s].

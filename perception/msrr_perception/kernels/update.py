@@ -101,7 +101,7 @@ def update(
         which: Index of each measured tag, shape (K,).
         corners: Measured pixels, shape (K, 8), ordered u0, v0, u1, v1 ...
         sigma_px: Standard deviation of each corner as the image shows it, shape (K, 4); 0 if it does not.
-        rates: How the unit moves at the time stamp.
+        rates: How the unit moves about the exposure.
         sheet: What the errors of the corners depend on.
         scale: Factor on the variances by data sheet.
         period: Time between two exposures [s].

@@ -98,7 +98,7 @@ def test_the_update_is_that_of_plain_numpy(scene: Scene, see: See, grade: str) -
     rng, compared, gated = np.random.default_rng(5), 0, 0
     for case in range(40):
         prior = _prior(target, rng)
-        rates = Rates(*(rng.normal(0.0, [0.1, 0.02, 0.3]) for _ in range(2)))
+        rates = Rates(1e-4, *(k * rng.normal(0.0, [0.1, 0.02, 0.3]) for k in (1e-4, 1.0, 5.0)))
         pose = rng.multivariate_normal(prior.mean[:5], 0.1 * prior.covariance[:5, :5])
         ids = rng.permutation(target.tags)[: rng.integers(1, 6)]
         tags = [t for i in ids for t in see(pose, [i], rng, 0.05)]

@@ -89,7 +89,7 @@ def test_derivatives_are_those_of_the_projection() -> None:
     scene = load_scene("close_range", {"as_built": "careful"})
     told = TargetModel.from_scene(scene.told(), scene.docks[0])
     layout, rng = told.filter_layout, np.random.default_rng(5)
-    rates, h = Rates(np.array([0.1, 0.02, 0.3]), np.array([0.5, 0.1, 4.0])), 1e-6
+    rates, h = Rates(1e-3, *np.array([[1e-3, 2e-4, 3e-3], [0.1, 0.02, 0.3], [0.5, 0.1, 4.0]])), 1e-6
     state = np.zeros(layout.size)
     state[:5] = pose_vector(X_DU, 0.01, -0.01)
     state[layout.first :] = 0.1 * layout.prior * rng.standard_normal(len(layout.prior))
