@@ -42,7 +42,7 @@ def dask_cluster(address: str) -> Iterator[Cluster]:
 
     Raises:
         ClusterError: Dask is not installed, there is no scheduler or no worker, or a worker has several
-            threads. A detector belongs to one thread of a process.
+            threads, which would only take turns.
     """
     try:
         from distributed import Client, LocalCluster

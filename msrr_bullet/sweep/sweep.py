@@ -33,7 +33,8 @@ def sweep(
         seeds: Seeds of the trials; a repeated seed is run once.
         jobs: Number of trials that run at the same time, or what returns it, for a cluster that grows.
         store: SQLite file of results; a trial that it holds for this scene and this code is not run again.
-        executor: Runs the trials instead of a pool of ``jobs`` spawned processes. It is left open.
+        executor: Runs the trials instead of a pool of ``jobs`` spawned processes. It is left open. One of
+            threads gives the same results, later: threads take turns.
         trial: Runs one trial; importable by name, because it is sent to other processes.
         observer: Called with the result or the failure of each trial as it is done, and with whether it
             comes from the store.

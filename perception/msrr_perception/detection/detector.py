@@ -100,7 +100,7 @@ def for_lens(detector: Detector, lens: Lens) -> Detector:
 class PupilDetector(RefiningDetector):
     """An AprilTag 3 detector by way of pupil-apriltags.
 
-    All instances of a process share one native detector (see
+    All instances in a thread share one native detector (see
     :mod:`msrr_perception.detection.native_apriltag`).
 
     Attributes:

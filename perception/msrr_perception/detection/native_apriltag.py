@@ -1,9 +1,10 @@
-"""The native AprilTag detector of a process, with the settings that its Python wrapper hides.
+"""The native AprilTag detectors of a thread, with the settings that their Python wrapper hides.
 
-Creating and destroying native detectors in turn crashes (measured: use after free in the library's tag
-family), so a process creates one per tag family and number of corrected bits, keeps it until the process
-ends, and writes the wanted settings into it before each call. It must not be shared between threads, and a
-forked child creates its own.
+A native detector takes time and memory to create, and two threads must not use it at the same time. So each
+thread creates one per tag family and number of corrected bits, writes the wanted settings into it before
+each call, and keeps it until the thread ends. A forked child creates its own.
+
+The wrapper frees a tag family before the detector that still uses it, which crashes; here it is freed after.
 
 The library also knows what the tags of its families look like.
 """
@@ -11,14 +12,15 @@ The library also knows what the tags of its families look like.
 from __future__ import annotations
 
 import ctypes
-import os
+import weakref
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from pupil_apriltags import bindings
 
+from msrr_perception.detection.per_thread import kept_per_thread
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import Pixels, TagDetection
 from msrr_scenes.specs.tag_families import FAMILIES
@@ -147,20 +149,29 @@ _LIBRARY_DEFAULTS = {
 
 
 def _created_detector() -> tuple[ctypes.CDLL, ctypes.c_void_p]:
-    """Return the library and a detector of no family in it, which lives to the end of the process."""
+    """Return the library and a detector of no family in it, which lives until :func:`_free`."""
     wrapper = bindings.Detector(families="tag16h5", nthreads=1)
     pointer = wrapper.tag_detector_ptr
     # The wrapper's destructor frees the detector that it holds; it shall outlive the wrapper.
     wrapper.tag_detector_ptr = None
     wrapper.libc["apriltag_detector_clear_families"](pointer)
+    wrapper.libc["tag16h5_destroy"](wrapper.tag_families["tag16h5"])
     return wrapper.libc, ctypes.cast(pointer, ctypes.c_void_p)
 
 
+def _free(library: ctypes.CDLL, detector: ctypes.c_void_p, family: str, description: ctypes.c_void_p) -> None:
+    library["apriltag_detector_destroy"](detector)
+    library[f"{family}_destroy"](description)  # not before the detector, which still uses it
+
+
 class _NativeDetector:
-    """The native detector, called without the wrapper, which copies every image and every homography."""
+    """A native detector, called without the wrapper, which copies every image and every homography."""
 
     def __init__(self, family: str, corrected_bits: int) -> None:
         library, self._detector = _created_detector()
+        description = _create_family(library, family)
+        freed = weakref.finalize(self, _free, library, self._detector, family, description)
+        freed.atexit = False  # the memory of a process that ends is nobody's concern
         self.fields = ctypes.cast(self._detector, ctypes.POINTER(_Detector)).contents
         found = {name: getattr(self.fields, name) for name in _LIBRARY_DEFAULTS}
         if found != _LIBRARY_DEFAULTS:
@@ -170,7 +181,7 @@ class _NativeDetector:
             )
         add = library["apriltag_detector_add_family_bits"]
         add.restype = None
-        add(self._detector, _create_family(library, family), ctypes.c_int(corrected_bits))
+        add(self._detector, description, ctypes.c_int(corrected_bits))
         # Access by index gives a new function object, so that the wrapper's own stays as it is.
         self._detect = library["apriltag_detector_detect"]
         self._detect.argtypes = (ctypes.c_void_p, ctypes.POINTER(_Image))
@@ -196,9 +207,7 @@ def _copied(found: _Detection) -> TagDetection:
     return TagDetection(found.id, corners, found.decision_margin, found.hamming)
 
 
-@cache
-def _native_detector(process: int, family: str, corrected_bits: int) -> _NativeDetector:
-    return _NativeDetector(family, corrected_bits)
+_native_detector = kept_per_thread(_NativeDetector)
 
 
 def detect(pixels: Pixels, family: str, settings: NativeSettings, corrected_bits: int) -> list[TagDetection]:
@@ -209,10 +218,11 @@ def detect(pixels: Pixels, family: str, settings: NativeSettings, corrected_bits
         family: Family of the tags.
         settings: Settings of the library.
         corrected_bits: Number of wrong bits up to which a tag is read; no more than :data:`LIBRARY_BITS`
-            are corrected, and one in the largest families. Memory and time of the first call grow with it.
+            are corrected, and one in the largest families. Memory and time of a thread's first call grow with
+            it.
     """
     most = 1 if FAMILIES[family].ids > _MOST_TAGS else LIBRARY_BITS
-    native = _native_detector(os.getpid(), family, min(corrected_bits, most))
+    native = _native_detector(family, min(corrected_bits, most))
     fields = native.fields
     fields.quad_decimate = settings.quad_decimate
     fields.quad_sigma = settings.quad_sigma
@@ -262,7 +272,7 @@ def _printed_family(family: str) -> _Family:
 
 
 def _create_family(library: ctypes.CDLL, family: str) -> ctypes.c_void_p:
-    """Return the library's own description of a family, which is kept to the end of the process."""
+    """Return the library's own description of a family, which its function ``destroy`` would free."""
     create = library[f"{family}_create"]
     create.restype = ctypes.c_void_p
     return ctypes.c_void_p(create())

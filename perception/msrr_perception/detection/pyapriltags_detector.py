@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from msrr_perception.detection.native_apriltag import EDGE_TO_CENTRE_PX, DetectorError
+from msrr_perception.detection.per_thread import kept_per_thread
 from msrr_perception.detection.refining_detector import RefiningDetector, check_ranges
 from msrr_scenes.messages import Pixels, TagDetection
 
@@ -16,7 +15,7 @@ from msrr_scenes.messages import Pixels, TagDetection
 class PyAprilTagsDetector(RefiningDetector):
     """An AprilTag 3 detector by way of pyapriltags, whose corners are its own unless they are refined.
 
-    All instances of a process share one native detector of a family.
+    All instances in a thread share one native detector of a family.
     """
 
     def __init__(
@@ -41,11 +40,11 @@ class PyAprilTagsDetector(RefiningDetector):
             "quad_sigma": quad_sigma,
             "decode_sharpening": decode_sharpening,
         }
-        _native(os.getpid(), family)
+        _native(family)
 
     def find(self, pixels: Pixels) -> list[TagDetection]:
         """Return the tags as the library finds them; see :meth:`RefiningDetector.find`."""
-        native = _native(os.getpid(), self.family)
+        native = _native(self.family)
         for name, value in self._settings.items():
             setattr(native.tag_detector_ptr.contents, name, value)
         return [
@@ -54,9 +53,8 @@ class PyAprilTagsDetector(RefiningDetector):
         ]
 
 
-# Detectors are kept to the end of the process, as those of the other wrapper are.
-@cache
-def _native(process: int, family: str) -> Any:
+@kept_per_thread
+def _native(family: str) -> Any:
     try:
         import pyapriltags
     except ModuleNotFoundError:

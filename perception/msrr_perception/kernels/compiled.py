@@ -85,17 +85,24 @@ class _Lazy:
     def __init__(self, function: Any, compile_it: Callable[[Any], Any]) -> None:
         update_wrapper(self, function)
         self._function, self._compile = function, compile_it
+        self._dispatcher: Any = None
 
-    @cached_property
-    def _dispatcher(self) -> Any:
-        return self._compile(self._function)
+    def _made(self) -> Any:
+        from numba.core.compiler_lock import global_compiler_lock
+
+        # The lock that numba holds while it compiles, and asks what is here for the functions that a kernel
+        # calls: of two locks, one thread could hold the one and wait for the other, and another vice versa.
+        with global_compiler_lock:
+            if self._dispatcher is None:
+                self._dispatcher = self._compile(self._function)
+        return self._dispatcher
 
     def __call__(self, *arguments: Any) -> Any:
-        return self._dispatcher(*arguments)
+        return (self._made() if self._dispatcher is None else self._dispatcher)(*arguments)
 
     def __getattr__(self, name: str) -> Any:
         # What numba asks a function that a kernel calls: its type, its options, its Python code.
-        return getattr(self._dispatcher, name)
+        return getattr(self._made(), name)
 
 
 def subroutine(function: F) -> F:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import ast
+import builtins
 import importlib
 import os
 import shutil
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from numba.core.compiler_lock import global_compiler_lock
 
 from msrr_perception.kernels import compiled, warm
 from msrr_perception.kernels.compiled import KernelCompiler
@@ -150,3 +153,26 @@ def test_ready_code_is_not_announced() -> None:
     announced: list[str] = []
     warm.warm(announced.append)
     assert announced == []
+
+
+def test_kernels_that_are_first_called_in_two_threads_do_not_wait_for_each_other() -> None:
+    """One thread compiles, and asks for what its kernel calls; the other one waits for it to be done."""
+    begun, asked = threading.Event(), threading.Event()
+
+    def compile_it(function: Callable[..., object]) -> Callable[..., object]:
+        begun.set()
+        with global_compiler_lock:  # as numba does
+            return function
+
+    def call() -> None:
+        compiled._Lazy(lambda: None, compile_it)()
+
+    def compile_kernel() -> None:
+        with global_compiler_lock:
+            threading.Thread(target=call, daemon=True).start()
+            begun.wait(0.2)
+            assert compiled._Lazy(len, lambda function: function).__self__ is builtins
+            asked.set()
+
+    threading.Thread(target=compile_kernel, daemon=True).start()
+    assert asked.wait(10.0)
