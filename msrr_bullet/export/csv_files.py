@@ -72,6 +72,8 @@ def documented_tables() -> Iterator[tuple[str, str, tuple[Column, ...]]]:
 def write_csv(log: Log, folder: Path) -> tuple[Path, ...]:
     """Write the tables of a log that have a row. The same log gives the same bytes.
 
+    Once they are written, tables of an earlier log that this one does not have are deleted from the folder.
+
     Args:
         log: Log of the run.
         folder: Folder for the files, created if needed. Files of the same names are overwritten.
@@ -100,7 +102,9 @@ def write_csv(log: Log, folder: Path) -> tuple[Path, ...]:
                     files.add(COLUMNS, _COLUMNS_COLUMNS, (name, None, about))
                     for column in table_columns:
                         files.add(COLUMNS, _COLUMNS_COLUMNS, (name, column.name, column.about))
-            return files.paths
+        for name in {COLUMNS, *(name for name, _, _ in documented_tables())} - set(files.names):
+            files.path(name).unlink(missing_ok=True)
+        return files.paths
     except OSError as error:
         raise ExportError(f"{error.filename or folder}: cannot be written ({error.strerror})") from None
 
@@ -149,12 +153,14 @@ class _CsvFiles:
 
     @property
     def paths(self) -> tuple[Path, ...]:
-        return tuple(self._folder / f"{name}.csv" for name in self._files)
+        return tuple(map(self.path, self._files))
+
+    def path(self, name: str) -> Path:
+        return self._folder / f"{name}.csv"
 
     def add(self, name: str, table_columns: Sequence[Column], row: Row) -> None:
         if name not in self._files:
-            path = self._folder / f"{name}.csv"
-            file = self._stack.enter_context(path.open("w", encoding="utf-8", newline=""))
+            file = self._stack.enter_context(self.path(name).open("w", encoding="utf-8", newline=""))
             self._files[name] = file
             _write_line(file, [column.name for column in table_columns])
         _write_line(self._files[name], [text(cell) for cell in row])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +30,8 @@ CameraChoice = Literal["overhead", "onboard", "both"]
 #: Default number of frames of each camera.
 COUNT = 8
 SHEET_NAME = "sheet.png"
+#: Names of the pictures of frames of any run: camera and number.
+_PICTURE = re.compile(rf"({OVERHEAD}|[a-z][a-z0-9_]*_onboard)_[0-9]{{5,}}\.png")
 #: Number of columns of the sheet, and width of each [px].
 COLUMNS, TILE_WIDTH = 4, 480
 
@@ -124,6 +127,8 @@ def write_frames(
 ) -> WrittenFrames:
     """Write annotated frames of a run into a folder. Everything in them comes from the log.
 
+    Once they are written, pictures of an earlier call are deleted from the folder, as the sheet shows none.
+
     Args:
         log: Log of the run.
         folder: Folder for the files, created if needed. Files of the same names are overwritten.
@@ -151,6 +156,12 @@ def write_frames(
         paths.append(write_png(folder / name, frame.titled()))
         tiles.append(_tile(frame))
     sheet = write_png(folder / SHEET_NAME, _sheet(tiles))
+    try:
+        for earlier in set(folder.glob("*.png")) - set(paths):
+            if _PICTURE.fullmatch(earlier.name):
+                earlier.unlink()
+    except OSError as error:
+        raise FramesError(f"{error.filename}: cannot be deleted ({error.strerror})") from None
     return WrittenFrames(tuple(paths), sheet)
 
 

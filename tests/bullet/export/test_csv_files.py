@@ -13,6 +13,7 @@ from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import BAD_INPUT
 from msrr_bullet.export import ExportError, documented_tables, write_csv
 from msrr_bullet.export.csv_files import TABLES
+from msrr_bullet.log import read_log
 from msrr_bullet.log.formats import message_types
 from msrr_bullet.log.records import CameraWindow, FrameLinks
 from msrr_scenes.messages import Action, LosStatus, ObstacleEstimate, PoseEstimate
@@ -111,6 +112,14 @@ def test_the_same_log_gives_the_same_bytes(short_log, folder, tmp_path):
     for path in write_csv(short_log, tmp_path):
         assert path.read_bytes() == (folder / path.name).read_bytes()
         assert b"\r" not in path.read_bytes()
+
+
+def test_tables_of_an_earlier_run_give_way(short_log, blind_run, tmp_path):
+    write_csv(short_log, tmp_path)
+    (tmp_path / "mine.csv").write_text("kept")
+    written = write_csv(read_log(blind_run), tmp_path)
+    assert {*written, tmp_path / "mine.csv"} == set(tmp_path.iterdir())
+    assert not (tmp_path / "windows.csv").exists()
 
 
 def test_the_command(short_run, blind_run, tmp_path, capsys):

@@ -25,6 +25,14 @@ def test_frames_and_their_sheet_are_written(short_log, tmp_path):
         assert a.read_bytes() == b.read_bytes()
 
 
+def test_pictures_of_an_earlier_run_give_way(short_log, tmp_path):
+    kept = {tmp_path / name for name in ("sheet_1.png", "overhead_1.png", "overhead_00001.txt")}
+    for path in (*kept, tmp_path / "z_2_onboard_00001.png", tmp_path / "overhead_100000.png"):
+        path.write_text("")
+    written = write_frames(short_log, tmp_path, count=1)
+    assert set(tmp_path.iterdir()) == {*kept, *written.frames, written.sheet}
+
+
 def test_frames_have_the_requested_interval(short_log, tmp_path):
     written = write_frames(short_log, tmp_path, "overhead", every_s=2.0)
     stamps = {e.frame: e.stamp_ns for e in read_exposures(short_log) if e.camera == OVERHEAD}
