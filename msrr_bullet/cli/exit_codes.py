@@ -18,8 +18,8 @@ from msrr_scenes.errors import MsrrError
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
-#: Exit code of a trial that did not end docked, and of a replay that differs from the log. A command that
-#: did what was asked ends with 0, and so does a trial that ended docked.
+#: Exit code of a trial that did not end docked, and of a replay that differs from the log, or whose log ends
+#: early. A command that did what was asked ends with 0, and so does a trial that ended docked.
 NOT_DOCKED = 1
 
 #: Exit code for wrong arguments, a scene that cannot be used, a file that cannot be read or written, and for

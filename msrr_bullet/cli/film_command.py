@@ -9,6 +9,7 @@ import typer
 
 from msrr_bullet.cli.console import open_console, progress_bar
 from msrr_bullet.cli.options import Run, folder_of, run_or_last
+from msrr_bullet.cli.run_commands import warn_of_early_end
 from msrr_scenes.errors import SceneError
 
 #: What this command writes into a run folder, unless --out names another place.
@@ -62,6 +63,7 @@ def film(
         if len(shown) > 1 and log.header.scene.cameras.overhead is None:
             shown = tuple(each for each in shown if each != "overhead")  # all that there is
         write_film(log, file, shown, size=pixels, speed=speed, on_picture=show_picture)
+    warn_of_early_end(log)
     typer.echo(str(file))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -11,6 +11,9 @@ from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import NOT_DOCKED
 from msrr_bullet.cli.options import Run, folder_of, run_or_last
 from msrr_scenes.errors import SceneError
+
+if TYPE_CHECKING:  # loaded by the commands that read one, so that msrr --help is quick
+    from msrr_bullet.log import Log
 
 #: What these commands write into a run folder, unless --out names another place.
 FRAMES_NAME, PLOT_NAME, TABLES_NAME, RERUN_NAME = "frames", "plot.png", "csv", "trial.rrd"
@@ -24,7 +27,8 @@ def replay(
 ) -> None:
     """Run the robots again from a log and compare their commands.
 
-    Perception and control run in a process that cannot import the simulator.
+    Perception and control run in a process that cannot import the simulator. The exit code is 1 if a command
+    differs, or if the log ends early, as that of a trial that was killed.
     """
     run = run_or_last(run)
     from msrr_bullet.replay.isolation import replay_isolated
@@ -43,13 +47,23 @@ def replay(
             f"{report.authorities} authorities"
         )
     verdict = "identical" if report.identical else "different"
+    if not report.complete:
+        verdict += f" up to {report.end_s:.3f} s, where the log ends early"
     typer.echo(f"{run}: {verdict} ({counts})")
     here = trial_versions()
     other = {name: was for name, was in report.written_with.items() if was != here.get(name)}
     if other and not report.identical:
         then, now = (", ".join(f"{name} {of.get(name, 'none')}" for name in other) for of in (other, here))
         typer.echo(f"{run}: written with {then}; here with {now}, where robots may round or decide otherwise")
-    raise typer.Exit(0 if report.identical else NOT_DOCKED)
+    raise typer.Exit(0 if report.identical and report.complete else NOT_DOCKED)
+
+
+def warn_of_early_end(log: Log) -> None:
+    """Write to standard error where a log ends that was not finished; what is made of it has no more."""
+    from msrr_scenes.messages import seconds
+
+    if not log.complete:
+        typer.echo(f"{log.path}: the log ends early, at {seconds(log.end_ns()):.3f} s", err=True)
 
 
 def frames(
@@ -79,6 +93,7 @@ def frames(
     folder = out if out is not None else folder_of(run) / FRAMES_NAME
     with status_line(open_console(), f"{run}: drawing"), unpacked_log(run) as log:
         written = write_frames(log, folder, camera, every_s=every, count=count)
+    warn_of_early_end(log)
     typer.echo(f"{folder}: {len(written.frames)} frames, {written.sheet.name}")
 
 
@@ -147,4 +162,5 @@ def export(
     folder = out if out is not None else folder_of(run) / TABLES_NAME
     with status_line(open_console(), f"{run}: writing tables"), unpacked_log(run) as log:
         written = write_csv(log, folder)
+    warn_of_early_end(log)
     typer.echo(f"{folder}: {', '.join(path.name for path in written)}")

@@ -149,6 +149,14 @@ class Log:
             yield from joined.add(record)
         yield from joined.rest()
 
+    def end_ns(self) -> int:
+        """Return the simulated time of the last message; 0 if there is none.
+
+        Raises:
+            LogError: The file is damaged.
+        """
+        return max((record.stamp_ns for record in self.records()), default=0)
+
     def _raw_records(self, patterns: tuple[str, ...]) -> Iterator[LogRecord | _Frame]:
         """Iterate over exact messages on topics that match, and over the frames of all cameras."""
         topic_and_format: dict[int, tuple[str, Format | None]] = {}  # of the channels that are read

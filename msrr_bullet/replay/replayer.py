@@ -38,6 +38,7 @@ from msrr_scenes.messages import (
     SeatSwitches,
     SensorMessage,
     WheelOdometry,
+    seconds,
 )
 from msrr_scenes.specs.scene import Scene
 
@@ -99,6 +100,7 @@ class Replayer(ABC):
         report = ReplayReport(
             log=self._log.path,
             complete=self._log.complete,
+            end_s=0.0 if last is None else seconds(last.stamp_ns),
             mismatches=tuple(self._comparison.mismatches),
             written_with=self._log.header.versions,
             **self._counts,

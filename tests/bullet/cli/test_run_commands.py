@@ -1,0 +1,31 @@
+"""Commands that evaluate a finished run, or one that was killed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from msrr_bullet.cli.app import run
+from msrr_bullet.cli.exit_codes import NOT_DOCKED
+from msrr_bullet.log.reader import LOG_NAME
+
+
+def test_a_log_that_ends_early_is_not_taken_for_a_whole_one(
+    short_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A check that replays a log passed on half of one."""
+    content = (short_run / LOG_NAME).read_bytes()
+    (tmp_path / LOG_NAME).write_bytes(content[: len(content) // 2])
+    assert run(["replay", str(tmp_path)]) == NOT_DOCKED
+    found = re.search(r"identical up to (\d\.\d{3}) s, where the log ends early", capsys.readouterr().out)
+    assert found
+    said = f"{tmp_path / LOG_NAME}: the log ends early, at {found[1]} s\n"
+    small = ["--size", "320x240", "--speed", "100"]
+    for command in (["export", "--csv"], ["frames", "--count", "1"], ["film", *small]):
+        assert run([command[0], str(tmp_path), *command[1:]]) == 0
+        assert capsys.readouterr().err == said
+        assert run([command[0], str(short_run), *command[1:], "--out", f"whole{command[0]}.mp4"]) == 0
+        assert capsys.readouterr().err == ""
+    assert run(["replay", str(short_run)]) == 0
