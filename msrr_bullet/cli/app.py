@@ -29,7 +29,7 @@ from msrr_bullet.cli import (
     trial_commands,
 )
 from msrr_bullet.cli.console import open_closed_streams, open_console
-from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, os_error_text, report_error
+from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, Terminated, os_error_text, report_error
 from msrr_bullet.cli.options import Overrides, naming_overrides, parse_overrides, write_text
 from msrr_scenes.errors import MsrrError
 
@@ -60,8 +60,7 @@ def main() -> None:
 
 
 def _terminate(number: int, frame: object) -> NoReturn:
-    # An exception closes every open server, process and file on its way.
-    raise SystemExit(128 + number)
+    raise Terminated(number)
 
 
 def run(arguments: Sequence[str]) -> int:

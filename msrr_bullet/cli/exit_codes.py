@@ -36,6 +36,18 @@ INTERRUPTED = 130
 _RETRY_S = 0.1
 
 
+class Terminated(SystemExit):
+    """A signal ends the program, such as SIGTERM; an exception closes every server, process and file.
+
+    Attributes:
+        number: The signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__(128 + number)
+        self.number = number
+
+
 class ExitCodeGroup(TyperGroup):
     """A group of commands that turns errors and interrupts into one message and an exit code."""
 
@@ -52,6 +64,8 @@ class ExitCodeGroup(TyperGroup):
             return super().invoke(ctx)
         except KeyboardInterrupt:
             raise SystemExit(report_error("interrupted", INTERRUPTED)) from None
+        except Terminated as end:
+            raise SystemExit(report_error("terminated", 128 + end.number)) from None
         except BrokenPipeError:
             # The reader of the output has gone away; Python would report that once more at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -179,7 +180,8 @@ def check_writable(file: Path | None, option: str = "--json", taken: Iterable[Pa
     folder = file.absolute().parent
     if file.is_dir() or not folder.is_dir():
         raise SceneError(f"{option} {file}: not a file in an existing folder")
-    if not os.access(file if file.exists() else folder, os.W_OK):
+    written = {file} if file.exists() and not file.is_file() else {folder, file if file.exists() else folder}
+    if not all(os.access(path, os.W_OK) for path in written):
         raise SceneError(f"{option} {file}: may not be written; name another place")
 
 
@@ -205,12 +207,27 @@ def write_outputs(outputs: Iterable[tuple[Path | None, Callable[[], str]]]) -> N
 
 
 def write_text(file: Path, text: str) -> None:
-    """Write a file.
+    """Write a file, all of it or nothing: an older one of that name is lost only when the new one is whole.
 
     Raises:
         SceneError: It cannot be written; the message names it, which the error of a full disk does not.
     """
     try:
-        file.write_text(text, encoding="utf-8")
+        if file.exists() and not file.is_file():  # a device or a pipe
+            file.write_text(text, encoding="utf-8")
+        else:
+            _replace(file.resolve(), text)
     except OSError as error:
         raise SceneError(f"{file}: cannot be written ({error.strerror})") from None
+
+
+def _replace(file: Path, text: str) -> None:
+    part = file.with_name(f".msrr-{os.getpid()}.part")  # in the same folder, to be moved within one disk
+    try:
+        part.write_text(text, encoding="utf-8")
+        if file.exists():
+            file.open("r+").close()  # one that may not be written may not be replaced
+            shutil.copymode(file, part)
+        part.replace(file)
+    finally:
+        part.unlink(missing_ok=True)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from msrr_bullet.cli.console import open_console, progress_bar, status_line
-from msrr_bullet.cli.exit_codes import BAD_INPUT, NOT_DOCKED, PROGRAM_ERROR, report_error
+from msrr_bullet.cli.exit_codes import BAD_INPUT, NOT_DOCKED, PROGRAM_ERROR, Terminated, report_error
 from msrr_bullet.cli.film_command import FILM_NAME
 from msrr_bullet.cli.options import (
     DEFAULT_JOBS,
@@ -198,7 +198,11 @@ def sweep(
     ] = None,
     overrides: Overrides = None,
 ) -> None:
-    """Run many trials and report the success rate with its interval."""
+    """Run many trials and report the success rate with its interval.
+
+    Ctrl-C ends it after the trials that are running; a second one, or SIGTERM, ends it at once. What is done
+    is reported.
+    """
     from msrr_scenes.loading.load import load_scene
 
     use_one_thread_per_process()
@@ -219,18 +223,21 @@ def sweep(
     from msrr_bullet.sensors.preparation import prepare_cameras
     from msrr_bullet.sweep.dask_cluster import dask_cluster
     from msrr_bullet.sweep.summary import TrialFailure
+    from msrr_bullet.sweep.sweep import summary_of
     from msrr_bullet.sweep.sweep import sweep as run_sweep
+    from msrr_bullet.sweep.trial_store import StoreError
 
     console = open_console(stderr=STANDARD_OUTPUT in (json_file, csv_file))
-    succeeded = 0
+    succeeded = reused = 0
     ended: dict[int, TrialResult | TrialFailure] = {}
+    stopped: Terminated | StoreError | None = None
     with naming_overrides(given), progress_bar(console) as bar:
         task = bar.add_task(loaded.name, total=len(wanted))
 
         def show_trial(outcome: TrialResult | TrialFailure, stored: bool) -> None:
-            nonlocal succeeded
-            if csv_file is not None:
-                ended[outcome.seed] = outcome
+            nonlocal succeeded, reused
+            ended[outcome.seed] = outcome
+            reused += stored
             if isinstance(outcome, TrialFailure):
                 bar.console.print(
                     f"seed {outcome.seed}: {outcome.error}", style="red", highlight=False, soft_wrap=True
@@ -253,17 +260,28 @@ def sweep(
             observer=show_trial,
             wall_limit_s=wall_limit,
         )
-        if dask is None:
-            prepare_cameras(loaded, lambda text: bar.console.print(text, highlight=False))
-            summary = run(jobs or DEFAULT_JOBS)
-        else:
-            with dask_cluster(dask) as cluster:
-                summary = run(cluster.slots, executor=cluster.executor)
+        try:
+            if dask is None:
+                prepare_cameras(loaded, lambda text: bar.console.print(text, highlight=False))
+                summary = run(jobs or DEFAULT_JOBS)
+            else:
+                with dask_cluster(dask) as cluster:
+                    summary = run(cluster.slots, executor=cluster.executor)
+        except (Terminated, StoreError) as error:
+            if not ended:
+                raise
+            stopped = error
     from msrr_bullet.sweep.trial_table import trials_csv
 
-    rows = (ended[seed] for seed in wanted if seed in ended)
-    write_outputs([(json_file, summary.to_json), (csv_file, lambda: trials_csv(rows))])
-    console.print(sweep_table(summary))
+    rows = [ended[seed] for seed in wanted if seed in ended]
+    if stopped is not None:
+        summary = summary_of(loaded, rows, reused=reused, interrupted=True)
+    try:
+        write_outputs([(json_file, summary.to_json), (csv_file, lambda: trials_csv(rows))])
+    finally:
+        console.print(sweep_table(summary))
+    if stopped is not None:
+        raise stopped
     if summary.interrupted:
         raise KeyboardInterrupt
     for failure in summary.failures:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from msrr_bullet.sweep.provenance import code_fingerprint
@@ -61,12 +61,26 @@ def sweep(
     )
     digest = scene_hash(scene)
     ended = [finished.outcomes[digest, seed] for seed in wanted if (digest, seed) in finished.outcomes]
+    return summary_of(scene, ended, reused=finished.reused, interrupted=finished.interrupted)
+
+
+def summary_of(
+    scene: Scene, ended: Sequence[TrialResult | TrialFailure], *, reused: int, interrupted: bool
+) -> SweepSummary:
+    """Return the summary of trials of a scene.
+
+    Args:
+        scene: The scene.
+        ended: Results and failures of the trials that have ended, in the order of the summary.
+        reused: Number of results taken from a store.
+        interrupted: Whether the sweep was stopped before all trials were run.
+    """
     return summarise(
         scene,
-        digest,
+        scene_hash(scene),
         code_fingerprint(scene),
         [outcome for outcome in ended if isinstance(outcome, TrialResult)],
         [outcome for outcome in ended if isinstance(outcome, TrialFailure)],
-        reused=finished.reused,
-        interrupted=finished.interrupted,
+        reused=reused,
+        interrupted=interrupted,
     )

@@ -16,7 +16,7 @@ from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.remote_trial import remote_trial
 from msrr_bullet.sweep.summary import TrialFailure
-from msrr_bullet.sweep.trial_store import TrialStore
+from msrr_bullet.sweep.trial_store import StoreError, TrialStore
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, Task, TrialFunction, WorkerPool
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.errors import ProgramFailedError
@@ -126,8 +126,13 @@ def run_trials(
 
         def collect(task: Task, outcome: TrialResult | TrialFailure) -> None:
             outcomes[task.scene_hash, task.seed] = outcome
-            if trial_store is not None and isinstance(outcome, TrialResult):
-                trial_store.put(outcome, codes[task.scene_hash])
+            try:
+                if trial_store is not None and isinstance(outcome, TrialResult):
+                    trial_store.put(outcome, codes[task.scene_hash])
+            except StoreError:
+                if observer is not None:
+                    observer(outcome, False)  # it is a result all the same
+                raise
             if observer is not None:
                 observer(outcome, False)
 

@@ -153,6 +153,9 @@ class WorkerPool:
                 self._collect()
         except KeyboardInterrupt:
             self.kill()
+        except BaseException:
+            self.kill()
+            raise
 
     def kill(self) -> None:
         """Drop the running trials."""

@@ -1,6 +1,8 @@
 """Options that several commands share: overrides, seeds, and the file of numbers."""
 
 import os
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
@@ -16,6 +18,8 @@ from msrr_bullet.cli.options import (
     write_output,
 )
 from msrr_scenes.errors import SceneError
+
+Room = Callable[[int], AbstractContextManager[None]]
 
 
 def test_overrides_and_seeds() -> None:
@@ -72,6 +76,20 @@ def test_numbers_go_to_a_file_or_to_standard_output(
     check_writable(tmp_path / "numbers.json")
     with pytest.raises(SceneError, match="not a file in an existing folder"):
         check_writable(tmp_path)
+
+
+def test_a_file_that_cannot_be_written_whole_leaves_the_older_one(tmp_path: Path, room: Room) -> None:
+    older, link = tmp_path / "older.json", tmp_path / "link.json"
+    older.write_text("older")
+    older.chmod(0o640)
+    link.symlink_to(older)
+    with room(100), pytest.raises(SceneError, match="cannot be written"):
+        write_output(link, "x" * 1000)
+    assert older.read_text() == "older"
+    write_output(link, "newer")
+    assert (older.read_text(), older.stat().st_mode & 0o777) == ("newer", 0o640)
+    assert set(tmp_path.iterdir()) == {older, link}
+    assert link.is_symlink()
 
 
 def test_without_a_run_the_newest_one_is_taken(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ import pytest
 from msrr_bullet.cli.app import run
 from msrr_bullet.sweep.summary import SweepSummary
 from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.trial_store import StoreError, TrialStore
 from msrr_bullet.sweep.trials import one_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.specs.scene import Scene
@@ -61,8 +62,31 @@ def test_a_file_that_cannot_be_written_costs_no_other_one(
 ) -> None:
     arguments = ["sweep", "close_range", *short_trial, "--seeds", "0:1", "--jobs", "1", "--fresh"]
     assert run([*arguments, "--json", "/dev/full", "--csv", "trials.csv"]) == 2
-    assert "/dev/full: cannot be written" in capsys.readouterr().err
+    out, err = capsys.readouterr()
+    assert "/dev/full: cannot be written" in err
+    assert "95 % confidence intervals" in out
     assert len(list(csv.reader((tmp_path / "trials.csv").open()))) == 2
+
+
+def test_a_store_that_gets_full_costs_no_result(
+    short_trial: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put = TrialStore.put
+
+    def fail_at_the_third(store: TrialStore, result: TrialResult, code: str) -> None:
+        if result.seed == 2:
+            raise StoreError("the disk is full")
+        put(store, result, code)
+
+    monkeypatch.setattr(TrialStore, "put", fail_at_the_third)
+    arguments = ["sweep", "close_range", *short_trial, "--seeds", "0:9", "--jobs", "1"]
+    assert run([*arguments, "--json", "all.json", "--csv", "trials.csv"]) == 2
+    out, err = capsys.readouterr()
+    assert "the disk is full" in err
+    assert "95 % confidence intervals" in out
+    numbers = json.loads((tmp_path / "all.json").read_text())
+    assert (numbers["trials"], numbers["interrupted"]) == (3, True)
+    assert len(list(csv.reader((tmp_path / "trials.csv").open()))) == 4
 
 
 def test_sweep_writes_the_numbers(short_trial: list[str], tmp_path: Path, capsys: Capture) -> None:

@@ -1,5 +1,6 @@
 """Sweeps: resumed, interrupted, and with trials that fail."""
 
+import json
 import os
 import signal
 import sqlite3
@@ -202,7 +203,7 @@ def running_sweep(overrides: dict[str, str], store: Path, jobs: int) -> Iterator
     """A sweep on the command line that has stored its first trials."""
     options = [arg for key, value in overrides.items() for arg in ("--set", f"{key}={value}")]
     command = [sys.executable, "-m", "msrr_bullet.cli", "sweep", "close_range", *options]
-    command += ["--seeds", "0:100000", "--jobs", str(jobs), "--store", str(store)]
+    command += ["--seeds", "0:100000", "--jobs", str(jobs), "--store", str(store), "--json", "all.json"]
     process = subprocess.Popen(
         command,
         cwd=store.parent,
@@ -226,21 +227,27 @@ def running_sweep(overrides: dict[str, str], store: Path, jobs: int) -> Iterator
         process.wait()
 
 
-def test_ctrl_c_on_the_command_line(short_trial: dict[str, str], tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("number", "code", "said"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+)
+def test_signals_on_the_command_line(
+    short_trial: dict[str, str], tmp_path: Path, number: int, code: int, said: str
+) -> None:
     store = tmp_path / "trials.sqlite"
     with running_sweep(short_trial, store, jobs=1) as process:
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers as well
+        os.killpg(process.pid, number)  # as a terminal and a queue of jobs do: to the workers as well
         out, err = process.communicate(timeout=60.0)
         settle(process.pid)
-    assert process.returncode == 130, err
+    assert process.returncode == code, err
     assert "Traceback" not in out + err
-    assert "interrupted" in err
+    assert said in err
+    assert "95 % confidence intervals" in out
     done = stored_trials(store)
-    assert done >= 3
+    assert 3 <= json.loads((tmp_path / "all.json").read_text())["trials"] <= done
     with sqlite3.connect(store) as db:
-        (code,) = db.execute("SELECT DISTINCT code FROM trials").fetchone()
+        (fingerprint,) = db.execute("SELECT DISTINCT code FROM trials").fetchone()
     with TrialStore(store) as store_file:
-        kept = store_file.get(scene_hash(load_scene("close_range", short_trial)), code, range(100_000))
+        kept = store_file.get(scene_hash(load_scene("close_range", short_trial)), fingerprint, range(100_000))
     assert sorted(kept) == list(range(done))
 
 
