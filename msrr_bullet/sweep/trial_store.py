@@ -14,7 +14,10 @@ from msrr_scenes.errors import MsrrError
 #: Version of the tables and of the results in them; it is increased with every change.
 LAYOUT = 4
 
-_TABLES = """
+#: What makes a store of an empty file, at once: no other process sees a part of it.
+_CREATION = f"""
+BEGIN IMMEDIATE;
+PRAGMA user_version = {LAYOUT};
 CREATE TABLE IF NOT EXISTS scenes (
     scene_hash TEXT PRIMARY KEY,
     name TEXT NOT NULL,
@@ -28,6 +31,7 @@ CREATE TABLE IF NOT EXISTS trials (
     result TEXT NOT NULL,  -- JSON, msrr_bullet.trial.result.TrialResult
     PRIMARY KEY (scene_hash, seed, code)
 );
+COMMIT;
 """
 
 
@@ -56,7 +60,6 @@ class TrialStore:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._db = sqlite3.connect(path.absolute(), timeout=30.0)  # SQLite has names of its own
             with self._db:
-                # In this order a store that another process is creating is never seen without its layout.
                 known = self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] > 0
                 layout = int(self._db.execute("PRAGMA user_version").fetchone()[0])
                 if known and layout != LAYOUT:
@@ -64,12 +67,8 @@ class TrialStore:
                         f"{path}: not a store of this version (layout {layout}, now {LAYOUT});"
                         " delete the file, or name another one with --store"
                     )
-                try:
-                    self._db.execute(f"PRAGMA user_version = {LAYOUT}")
-                    self._db.executescript(_TABLES)
-                except sqlite3.OperationalError as error:
-                    if not known or error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_READONLY:
-                        raise  # a store that may only be read has its tables
+                if not known:
+                    self._db.executescript(_CREATION)
         except (*_ERRORS, OSError) as error:
             raise StoreError(f"{path}: cannot be opened as a store of trials: {error}") from None
 

@@ -108,7 +108,6 @@ def run_trials(
             asked.update((digest, seed) for seed in wanted)
             stored: dict[int, TrialResult] = {}
             if trial_store is not None:
-                trial_store.put_scene(digest, scene.name, scene.model_dump_json())
                 found = trial_store.get(digest, code, wanted)
                 # A class of a user's own may have failed for what is mended since, such as a missing file.
                 stored = {s: r for s, r in found.items() if r.outcome is not Outcome.PROGRAM_FAILED}
@@ -119,6 +118,8 @@ def run_trials(
             tasks = [Task(scene, digest, seed) for seed in wanted if seed not in stored]
             if tasks:
                 _check(scene)
+                if trial_store is not None:
+                    trial_store.put_scene(digest, scene.name, scene.model_dump_json())
             if tasks and executor is None:
                 prepare_cameras(scene, _log.info)  # once, instead of in every worker at the same time
             missing += tasks

@@ -1,6 +1,7 @@
 """Stores of results: files that are none, full disks, and results by seed."""
 
 import sqlite3
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 
 from msrr_bullet.cli.app import run
+from msrr_bullet.sweep.summary import SweepSummary
 from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.sweep.trial_store import StoreError, TrialStore
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
@@ -41,11 +43,16 @@ def test_a_name_that_sqlite_gives_a_meaning_is_a_file_as_any_other(
 
 
 def test_a_store_that_may_only_be_read_is_read(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Scene,
+    made_up: TrialFunction,
+    made_up_sweep: Callable[..., SweepSummary],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     result = made_up(scene, 0)
     with TrialStore(tmp_path / "trials.sqlite") as store:
         store.put(result, "code")
+    made_up_sweep(range(3), store=tmp_path / "trials.sqlite")
     connect = sqlite3.connect
 
     def read_only(path: Path, timeout: float) -> sqlite3.Connection:
@@ -56,6 +63,9 @@ def test_a_store_that_may_only_be_read_is_read(
         assert store.get(result.scene_hash, "code", [0]) == {0: result}
         with pytest.raises(StoreError, match="readonly"):
             store.put(result, "other")
+    assert made_up_sweep(range(3), store=tmp_path / "trials.sqlite").reused == 3
+    with pytest.raises(StoreError, match="readonly"):
+        made_up_sweep(range(4), store=tmp_path / "trials.sqlite")
 
 
 def test_sweeps_that_begin_at_the_same_time_share_a_new_store(tmp_path: Path) -> None:
