@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import heapq
+import math
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -40,8 +41,8 @@ _APPROACH_COLUMNS = columns(
     believed_yaw_rad="estimate of true_yaw_rad",
     commanded_v_mps="commanded forward velocity",
     commanded_w_radps="commanded turn rate",
-    true_v_mps="true forward velocity until the next decision",
-    true_w_radps="true turn rate until the next decision",
+    true_v_mps="true forward velocity until the next decision, empty in the last row of a step",
+    true_w_radps="true turn rate until the next decision, empty in the last row of a step",
     left_rad="angle of the left edge of the target",
     right_rad="angle of the right edge of the target",
     seen="1 when both angles were measured in an image",
@@ -120,6 +121,8 @@ def _approach_rows(scene: Scene, snapshots: Sequence[Snapshot]) -> Iterator[Row]
 def _step_rows(scene: Scene, snapshots: Sequence[Snapshot]) -> Iterator[tuple[int, Row]]:
     """Yield time [ns] and row of every instant of one step."""
     series = TrialSeries.of(scene, snapshots)
+    driven = series.driven.copy()
+    driven[-1] = math.nan  # behind the last decision nothing was measured; a plot holds the value before
     for i, snapshot in enumerate(snapshots):
         row = (
             time(snapshot.stamp_ns),
@@ -129,7 +132,7 @@ def _step_rows(scene: Scene, snapshots: Sequence[Snapshot]) -> Iterator[tuple[in
             *series.true_port[i].tolist(),
             *series.believed_port[i].tolist(),
             *series.commanded[i].tolist(),
-            *series.driven[i].tolist(),
+            *driven[i].tolist(),
             *series.sight[i].tolist(),
             bool(series.seen[i]),
             float(series.clearance[i]),

@@ -100,6 +100,10 @@ def test_the_table_of_the_approach_holds_truth_and_belief(folder):
     assert len(gaps) > 20
     assert np.abs(gaps[:, 0] - gaps[:, 1]).max() < 0.01
     assert np.ptp(gaps[:, 0]) > 0.01
+    assert [(r["true_v_mps"] == "", r["true_w_radps"] == "") for r in rows(folder, "approach")[-2:]] == [
+        (False, False),
+        (True, True),  # there is no next decision, up to which a velocity would be measured
+    ]
 
 
 def test_an_empty_cell_is_an_unknown_value(folder):
