@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from operator import index
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +22,7 @@ from msrr_bullet.run_folder import (
     locked,
     make_folder,
 )
+from msrr_bullet.seeds import checked_seed
 from msrr_bullet.timeline.camera_views import docking_views
 from msrr_bullet.timeline.log_snapshots import read_events, read_snapshots
 from msrr_bullet.timeline.snapshot import Viewer
@@ -77,10 +77,11 @@ def run_trial(
         MsrrError: :func:`~msrr_bullet.trial.check.check_trial` refuses the scene, or the folder cannot be
             written, holds a file of such a name that belongs to no run, or is that of a run under way.
         TypeError: The seed is no whole number, or the scene is none.
-        ValueError: ``wall_limit_s`` is no time that a clock can wait for.
+        ValueError: The seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``wall_limit_s`` is
+            no time that a clock can wait for.
         WallLimitError: The trial took longer than ``wall_limit_s``. The log ends there, and has no result.
     """
-    seed = index(seed)  # before the trial, which is done by the time the result would refuse another type
+    seed = checked_seed(seed)  # before the trial, after which the result would refuse it
     out = Path(out) if out is not None else None
     with ExitStack() as lock:
         result = _run(scene, seed, out, lock, wall_limit_s, viewer, observer, profiler, listener)

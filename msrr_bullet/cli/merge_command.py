@@ -18,8 +18,10 @@ def merge(
 
     A sweep with that store then takes them from there.
     """
-    from msrr_bullet.sweep.trial_store import TrialStore
+    from msrr_bullet.sweep.trial_store import TrialStore, check_store
 
+    for path in stores:
+        check_store(path)  # before a new store is made of nothing
     with TrialStore(into) as store:
         for path in stores:
             added, held = store.merge(path)

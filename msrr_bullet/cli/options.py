@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from msrr_bullet.seeds import MAX_SEED
 from msrr_bullet.wall_limit import MAX_WALL_LIMIT_S
 from msrr_scenes.errors import SceneError
 
@@ -54,9 +55,6 @@ STANDARD_OUTPUT = Path("-")
 
 #: Help of ``--seeds``.
 SEEDS_HELP = "Seeds A to B - 1: 0:5 is five trials, 5:6 is seed 5 alone."
-
-#: Largest seed: the store of a sweep keeps seeds as SQLite integers.
-MAX_SEED = 2**63 - 1
 
 #: Largest number of seeds of one command. It bounds the memory that their results take, about 2 kB each.
 MAX_SEEDS = 1_000_000

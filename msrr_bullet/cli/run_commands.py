@@ -36,9 +36,9 @@ def replay(
 
     report = replay_isolated(run, trust=trust)
     for mismatch in report.mismatches:
+        both = f"logged {mismatch.logged}, replayed {mismatch.replayed}"
         typer.echo(
-            f"{mismatch.time_s:.3f} s, {mismatch.what}: "
-            f"logged {mismatch.logged}, replayed {mismatch.replayed}",
+            f"{mismatch.time_s:.3f} s, {mismatch.what}: {mismatch.logged if mismatch.what == 'log' else both}"
         )
     counts = f"{report.commands} commands, {report.windows} windows, {report.estimates} estimates"
     if report.statuses:

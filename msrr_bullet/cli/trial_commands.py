@@ -16,7 +16,6 @@ from msrr_bullet.cli.exit_codes import BAD_INPUT, NOT_DOCKED, PROGRAM_ERROR, Ter
 from msrr_bullet.cli.film_command import FILM_NAME
 from msrr_bullet.cli.options import (
     DEFAULT_JOBS,
-    MAX_SEED,
     RUNS,
     SEEDS_HELP,
     STANDARD_OUTPUT,
@@ -32,6 +31,7 @@ from msrr_bullet.cli.options import (
     write_outputs,
 )
 from msrr_bullet.cli.run_commands import FRAMES_NAME, PLOT_NAME, TABLES_NAME
+from msrr_bullet.seeds import MAX_SEED
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
 from msrr_scenes.errors import SceneError
 from msrr_scenes.outcome import Outcome

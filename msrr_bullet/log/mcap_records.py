@@ -45,7 +45,13 @@ def mcap_records(path: Path, complete: bool, channels: Container[int]) -> Iterat
         raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
     except _DAMAGE as error:
         if complete:
-            raise LogError(f"{path}: the log is damaged: {error!r}") from error
+            raise LogError(f"{path}: the log is damaged: {_in_words(error)}") from error
+
+
+def _in_words(error: Exception) -> str:
+    if isinstance(error, CRCValidationError):
+        return "the checksum of a part of it is not that of the bytes there"
+    return str(error) or "a record of it is cut off"  # EndOfFile has no text
 
 
 def _in_chunk(chunk: Chunk, channels: Container[int]) -> Iterator[McapRecord]:

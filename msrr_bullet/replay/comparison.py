@@ -32,7 +32,7 @@ class Mismatch(BaseModel, frozen=True):
             ``event`` or ``log``.
         sequence: Number of the log message at which the difference was found.
         time_s: Simulated time [s].
-        logged: Message or window of the trial; None when there was none.
+        logged: Message or window of the trial; None when there was none. Of ``log``, what is wrong with it.
         replayed: Message or window of the replay; None when there was none.
     """
 

@@ -147,5 +147,5 @@ class CoordinatedReplayer(Replayer):
             if authority is not None:
                 self._led[receipt.unit].authorise(authority)
                 return
-        self._comparison.add("log", record, f"message {receipt.number}, which nobody had sent", None)
+        self._comparison.add("log", record, f"message {receipt.number} came, which nobody had sent", None)
         raise Diverged

@@ -88,7 +88,7 @@ class Replayer(ABC):
             for record in self._log.records():
                 expected = 0 if last is None else last.sequence + 1
                 if record.sequence != expected:
-                    self._comparison.add("log", record, f"message {expected}", None)
+                    self._comparison.add("log", record, _gap(expected, record.sequence), None)
                     raise Diverged
                 last = record
                 self._process(record)
@@ -224,6 +224,15 @@ class Replayer(ABC):
         for kind, estimate in robot.estimates.items():
             self._comparison.add(_ESTIMATES[kind], record, None, encoded(estimate).decode())
         robot.estimates.clear()
+
+
+def _gap(expected: int, found: int) -> str:
+    """Say what is wrong with a log in which another message than the expected one comes next."""
+    if found < expected:
+        return f"message {found} stands where message {expected} belongs"
+    if found == expected + 1:
+        return f"message {expected} is missing from the log"
+    return f"messages {expected} to {found - 1} are missing from the log"
 
 
 def _is_verdict(record: LogRecord) -> bool:

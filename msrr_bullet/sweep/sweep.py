@@ -46,8 +46,8 @@ def sweep(
 
     Raises:
         MsrrError: The scene cannot be run with any seed, or the store cannot be used.
-        TypeError: A seed is no whole number, or the scene is none.
-        ValueError: ``jobs`` is not positive.
+        TypeError: A seed or ``jobs`` is no whole number, or the scene is none.
+        ValueError: A seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``jobs`` not positive.
     """
     wanted = list(dict.fromkeys(seeds))
     finished = run_trials(

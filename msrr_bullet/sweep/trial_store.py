@@ -35,15 +35,26 @@ COMMIT;
 """
 
 
-#: Largest seed that a store can hold, as SQLite holds integers.
-MAX_SEED = 2**63 - 1
-
 #: Errors of SQLite. Where a file is damaged, the text of one may hold bytes that Python cannot decode.
 _ERRORS = (sqlite3.Error, UnicodeDecodeError)
 
 
 class StoreError(MsrrError):
     """A store that cannot be read or written."""
+
+
+def check_store(path: Path) -> None:
+    """Refuse what is no store, also that of which :class:`TrialStore` would make one.
+
+    Raises:
+        StoreError: There is no such file, it is empty, whatever it is, or no store of this version.
+    """
+    if not path.is_file():
+        raise StoreError(f"{path}: no such store")
+    if path.stat().st_size == 0:
+        raise StoreError(f"{path}: not a store of trials, an empty file")
+    with TrialStore(path):
+        pass
 
 
 class TrialStore:
@@ -93,11 +104,9 @@ class TrialStore:
         """Return the stored results of these seeds, by seed.
 
         Raises:
-            StoreError: The store cannot be read, or could not hold the result of one of the seeds.
+            StoreError: The store cannot be read.
         """
         wanted = set(seeds)
-        if large := [seed for seed in wanted if abs(seed) > MAX_SEED]:
-            raise StoreError(f"{self._path}: no store holds seed {large[0]}; the largest one is {MAX_SEED}")
         query = "SELECT seed, result FROM trials WHERE scene_hash = ? AND code = ?"
         rows = self._rows(query, (scene_hash, code))
         return {seed: self._result(seed, text) for seed, text in rows if seed in wanted}
@@ -113,10 +122,7 @@ class TrialStore:
                 scene, seed, code and machine differs. Nothing is added then. One of another processor or C
                 library may differ; that which is here is kept.
         """
-        if not other.is_file():
-            raise StoreError(f"{other}: no such store")
-        if other.stat().st_size == 0:  # to open it would make a store of it, whatever it is
-            raise StoreError(f"{other}: not a store of trials, an empty file")
+        check_store(other)
         with TrialStore(other) as source:
             scenes, trials = source._rows("SELECT * FROM scenes"), source._rows("SELECT * FROM trials")
         added = []

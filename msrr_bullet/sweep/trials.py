@@ -12,6 +12,7 @@ from functools import partial
 from operator import index
 from pathlib import Path
 
+from msrr_bullet.seeds import checked_seed
 from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.remote_trial import remote_trial
@@ -61,6 +62,19 @@ def _check(scene: Scene) -> None:
         check_trial(scene)
 
 
+def _slots(jobs: int | Callable[[], int]) -> Callable[[], int]:
+    """Return what tells the number of trials that run at the same time."""
+    if callable(jobs):
+        return jobs
+    try:
+        number = index(jobs)
+    except TypeError:
+        raise TypeError(f"jobs is an integer, or a function that returns one, found {jobs!r}") from None
+    if number < 1:
+        raise ValueError(f"expected at least one job, found {number}")
+    return lambda: number
+
+
 def run_trials(
     batches: Iterable[tuple[Scene, Iterable[int]]],
     jobs: int | Callable[[], int] = 1,
@@ -90,11 +104,10 @@ def run_trials(
 
     Raises:
         MsrrError: A scene cannot be run with any seed, or the store cannot be used.
-        TypeError: A seed is no whole number, or a scene is none.
-        ValueError: ``jobs`` is not positive.
+        TypeError: A seed or ``jobs`` is no whole number, or a scene is none.
+        ValueError: A seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``jobs`` not positive.
     """
-    if isinstance(jobs, int) and jobs < 1:
-        raise ValueError(f"expected at least one job, found {jobs}")
+    slots = _slots(jobs)
     outcomes: dict[tuple[str, int], TrialResult | TrialFailure] = {}
     codes: dict[str, str] = {}
     asked: set[tuple[str, int]] = set()
@@ -104,7 +117,7 @@ def run_trials(
         for scene, seeds in batches:
             digest, code = scene_hash(scene), code_fingerprint(scene)
             codes[digest] = code
-            wanted = [seed for seed in dict.fromkeys(map(index, seeds)) if (digest, seed) not in asked]
+            wanted = [seed for seed in dict.fromkeys(map(checked_seed, seeds)) if (digest, seed) not in asked]
             asked.update((digest, seed) for seed in wanted)
             stored: dict[int, TrialResult] = {}
             if trial_store is not None:
@@ -141,7 +154,7 @@ def run_trials(
             trial = partial(trial, wall_limit_s=wall_limit_s)
         if executor is not None:
             trial = partial(remote_trial, trial, codes)
-        pool = WorkerPool((lambda: jobs) if isinstance(jobs, int) else jobs, executor, trial, collect)
+        pool = WorkerPool(slots, executor, trial, collect)
         try:
             pool.run(missing)
             interrupted = False

@@ -94,7 +94,7 @@ def test_damage_is_not_mistaken_for_an_early_end(
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 0xFF
     path.write_bytes(content)
-    with pytest.raises(LogError, match="damaged"):
+    with pytest.raises(LogError, match="damaged: the checksum of a part of it is not that of the bytes"):
         list(read_log(path).records())
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from msrr_bullet.log import LogError, LogHeader, read_log, topics
+from msrr_bullet.log import Log, LogError, LogHeader, LogRecord, read_log, topics
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.records import CameraWindow, StepStart
 from msrr_bullet.replay.comparison import ReplayError, ReplayReport
@@ -168,6 +168,19 @@ def test_a_log_without_a_decision_is_refused(tmp_path: Path, pair: Scene, hash_r
         recorder.write(topics.sensor("a", m := WheelOdometry("a", 0, 0.0, 0.0)), 0, m)
     with pytest.raises(ReplayError, match="before the first step"):
         replay(tmp_path, hash_robot)
+
+
+def test_messages_that_are_missing_are_named(
+    recorded_run: Path, hash_robot: type, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = Log.records
+
+    def without_two(log: Log) -> Iterator[LogRecord]:
+        return (record for record in read(log) if record.sequence not in (41, 42))
+
+    monkeypatch.setattr(Log, "records", without_two)
+    report = replay(recorded_run, hash_robot)
+    assert [m.logged for m in report.mismatches] == ["messages 41 to 42 are missing from the log"]
 
 
 def test_a_missing_log_is_refused(tmp_path: Path, hash_robot: type) -> None:

@@ -287,6 +287,9 @@ def stored_trials(store: Path) -> int:
         return 0
 
 
-def test_no_jobs(scene: Scene) -> None:
+def test_jobs_are_a_number_above_zero(scene: Scene) -> None:
+    half: Any = 2.5
+    with pytest.raises(TypeError, match=r"jobs is an integer, or a function that returns one, found 2\.5"):
+        sweep(scene, range(1), jobs=half)
     with pytest.raises(ValueError, match="at least one job"):
         sweep(scene, range(1), jobs=0)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from msrr_bullet.cli.app import run
+from msrr_bullet.run import run_trial
 from msrr_bullet.sweep.summary import SweepSummary
 from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.sweep.trial_store import StoreError, TrialStore
@@ -129,6 +130,10 @@ def test_stores_are_merged_and_a_contradiction_changes_nothing(
     assert run(["merge", str(tmp_path / "notes.txt"), "--into", str(whole)]) == 2
     assert "notes.txt: not a store of trials" in capsys.readouterr().err
     assert (tmp_path / "notes.txt").read_bytes() == b"", "what is read is left as it is"
+    (tmp_path / "notes.txt").write_text("no store")
+    for name in ("none.sqlite", "notes.txt"):
+        assert run(["merge", str(tmp_path / name), "--into", str(tmp_path / "new.sqlite")]) == 2
+        assert not (tmp_path / "new.sqlite").exists()
     assert rows() == before
 
 
@@ -179,12 +184,17 @@ def test_a_result_that_cannot_be_read_is_one_error(
         assert store.get(result.scene_hash, "code", [0]) == {}, "it would spoil every sweep with this store"
 
 
-def test_a_seed_that_no_store_holds_is_refused_before_a_trial(
+def test_seeds_are_those_of_the_command_line(
     scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
 ) -> None:
     store = str(tmp_path / "trials.sqlite")
-    with pytest.raises(StoreError, match=rf"no store holds seed {2**64}; the largest one is {2**63 - 1}"):
-        sweep(scene, [0, 2**64], store=store, executor=inline, trial=made_up)
+    for seed in (-1, 2**63):
+        with pytest.raises(ValueError, match=rf"a seed is a number from 0 to {2**63 - 1}, found {seed}"):
+            sweep(scene, [0, seed], store=store, executor=inline, trial=made_up)
+        with pytest.raises(ValueError, match=f"found {seed}"):
+            run_trial(scene, seed)
+    with pytest.raises(TypeError, match="a seed is an integer, found True"):
+        sweep(scene, [True], store=store, executor=inline, trial=made_up)
     assert sweep(scene, [0, 2**63 - 1], store=store, executor=inline, trial=made_up).reused == 0
 
 
