@@ -53,7 +53,7 @@ def captured(result: StudyResult) -> NDArray[np.bool_]:
     """Return which trials came to the face where the mechanism centres the unit, shape (trials,)."""
     inside = np.zeros(result.contact.shape, dtype=bool)
     lateral, yaw = result.at_contact()
-    inside[result.docked] = (np.abs(lateral) <= CAPTURE_M) & (np.abs(yaw) <= np.radians(CAPTURE_DEG))
+    inside[result.at_face] = (np.abs(lateral) <= CAPTURE_M) & (np.abs(yaw) <= np.radians(CAPTURE_DEG))
     return inside
 
 
@@ -64,7 +64,10 @@ def run_docking(
     duration_s: float = DURATION_S,
     observer: Callable[[Any], None] | None = None,
 ) -> StudyResult:
-    """Run a trial for each seed; starts and noise are the same for every controller."""
+    """Run a trial for each seed; starts and noise are the same for every controller.
+
+    They follow from the first seed and the number of seeds: another range draws others for the same seed.
+    """
     setup = setting.dock_setup()
     law = docking_law(controller, setup)
     rng = stream(seeds.start, f"study/close/{setting.limits}")
@@ -77,8 +80,8 @@ def docking_row(controller: Choice, label: str, setting: Setting, seeds: range) 
     result = run_docking(with_paper_trajectory(controller), setting, seeds)
     paper_values = {"settling": result.settling_time(SETTLED_M), "final": result.final_error()}
     contact, lateral, yaw = np.full((3, len(seeds)), np.nan)
-    contact[result.docked] = result.dt * result.contact[result.docked]
-    lateral[result.docked], yaw[result.docked] = np.abs(result.at_contact())
+    contact[result.at_face] = result.dt * result.contact[result.at_face]
+    lateral[result.at_face], yaw[result.at_face] = np.abs(result.at_contact())
     docked = captured(result)
     within_paper = docked.copy()
     for key, found in paper_values.items():
@@ -116,7 +119,7 @@ def docking_series(controller: Choice, setting: Setting, seed: int) -> Series:
         DURATION_S,
         observer=states.append,
     )
-    end = int(result.contact[0]) + 1 if result.docked[0] else len(result.pose)
+    end = int(result.contact[0]) + 1 if result.at_face[0] else len(result.pose)
     tip, reference = result.tip[:end, 0], result.reference[:end, 0]
     follows = not np.isnan(reference).any()
     off = tip - reference if follows else tip * [0.0, 1.0]

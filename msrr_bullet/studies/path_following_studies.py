@@ -51,7 +51,10 @@ def path_following_law(choice: Choice, setting: Setting) -> PathFollowingLaw[Any
 def run_path_following(
     choice: Choice, setting: Setting, seeds: range, observer: Callable[[Any], None] | None = None
 ) -> PathFollowingStudyResult:
-    """Run a trial for each seed; paths, starts and noise are the same for every law."""
+    """Run a trial for each seed; paths, starts and noise are the same for every law.
+
+    They follow from the first seed and the number of seeds: another range draws others for the same seed.
+    """
     return _run(choice, setting, stream(seeds.start, f"study/long/{setting.limits}"), len(seeds), observer)
 
 

@@ -176,7 +176,7 @@ def docking_descent(setting: Setting, seeds: range) -> Descent:
     goal = result.reference[1:] + _stack(after, lambda s: s.cone.shift)
     error = result.tip[1:] - goal - params.windup.gamma_m * np.tanh(xi)
     steps = 1 + np.arange(len(after))[:, None]
-    under_way = steps <= np.where(result.docked, result.contact, len(states))
+    under_way = steps <= np.where(result.at_face, result.contact, len(states))
     limits = setting.scene.limits
     most = np.array([limits.v_close_mps, limits.w_max_radps])
     bite = _limits_bite(result.command[1:], _stack(after, lambda s: s.limited), most)

@@ -143,10 +143,10 @@ def _docking_cost(setting: Setting, choice: Choice, seeds: range) -> float:
     failed = 1.0 - float(captured(result).mean())
     lost = 1.0 - float(result.in_cone(setting.dock_setup().los.outer).mean())
     cost = _FAILED * (failed + lost)
-    if not result.docked.any():
+    if not result.at_face.any():
         return cost + _FAILED
     lateral, yaw = result.at_contact()
-    time = result.dt * result.contact[result.docked]
+    time = result.dt * result.contact[result.at_face]
     for values, unit in ((np.abs(lateral), 0.005), (np.abs(yaw), math.radians(2.0)), (time, 10.0)):
         cost += float(np.quantile(values, 0.95)) / unit
     return cost

@@ -48,7 +48,7 @@ class StudyResult:
         edges: Line-of-sight angles, shape (steps, trials, 2) [rad].
         tip: Controlled point in D, shape (steps, trials, 2) [m].
         reference: The law's guidance trajectory, shape (steps, trials, 2) [m]; NaN if it follows none.
-        contact: Step at which the faces meet, -1 without contact, shape (trials,).
+        contact: Step at which the controlled point is at the plane of the face, -1 if never, shape (trials,).
         redrawn: Number of starts that were drawn again because the target lay outside the outer cone.
     """
 
@@ -63,13 +63,13 @@ class StudyResult:
     redrawn: int
 
     @property
-    def docked(self) -> NDArray[np.bool_]:
-        """Whether the controlled point reached the face, shape (trials,)."""
+    def at_face(self) -> NDArray[np.bool_]:
+        """Whether the controlled point came to the plane of the face, wherever on it, shape (trials,)."""
         return self.contact >= 0
 
     def _until_contact(self) -> NDArray[np.bool_]:
         steps = np.arange(len(self.pose))[:, None]
-        last = np.where(self.docked, self.contact, len(self.pose) - 1)
+        last = np.where(self.at_face, self.contact, len(self.pose) - 1)
         return steps <= last[None, :]
 
     def error(self) -> Array:
@@ -107,14 +107,14 @@ class StudyResult:
 
     def _largest_late(self, error: Array) -> Array:
         steps = np.arange(len(self.pose))[:, None]
-        before = np.where(self.docked, self.contact, len(self.pose) - 1)[None, :] - steps
+        before = np.where(self.at_face, self.contact, len(self.pose) - 1)[None, :] - steps
         late = (before >= 0) & (before * self.dt <= _LATE_S)
         largest: Array = np.max(np.where(late, error, 0.0), axis=0)
         return largest
 
     def at_contact(self) -> tuple[Array, Array]:
         """Return lateral [m] and yaw [rad] error at contact of the docked trials."""
-        trials = np.flatnonzero(self.docked)
+        trials = np.flatnonzero(self.at_face)
         steps = self.contact[trials]
         return self.tip[steps, trials, 1], self.pose[steps, trials, 2]
 

@@ -28,7 +28,7 @@ def _study(facts: DockSetup, params: C1DockingParams, **more) -> StudyResult:
 def test_ideal_starts(facts: DockSetup) -> None:
     result = _study(facts, STEADY)
     settling, final = result.settling_time(), result.final_error()
-    assert result.docked.all()
+    assert result.at_face.all()
     assert np.median(settling) == pytest.approx(1.0, abs=0.2)
     assert np.percentile(settling, 95) == pytest.approx(1.6, abs=0.2)
     assert np.percentile(final, 95) < 0.0015
@@ -38,7 +38,7 @@ def test_ideal_starts(facts: DockSetup) -> None:
 def test_noise_and_delay(facts: DockSetup) -> None:
     result = _study(facts, STEADY, disturbance=NOISE)
     settling, final = result.settling_time(), result.final_error()
-    assert result.docked.all()
+    assert result.at_face.all()
     assert np.median(settling) == pytest.approx(0.9, abs=0.2)
     assert np.percentile(settling, 95) == pytest.approx(1.6, abs=0.2)
     assert np.median(final) < 0.0022
@@ -50,7 +50,7 @@ def test_the_shipped_trajectory_enters_the_port_straight(facts: DockSetup) -> No
     """Slowing down for the pins: within 3 mm and 1.5 deg at contact in 95 % of noisy trials."""
     result = _study(facts, C1DockingParams(), disturbance=NOISE)
     lateral, yaw = result.at_contact()
-    assert result.docked.all()
+    assert result.at_face.all()
     assert np.percentile(np.abs(lateral), 95) < 0.003
     assert np.degrees(np.percentile(np.abs(yaw), 95)) < 1.5
 
