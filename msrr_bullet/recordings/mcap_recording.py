@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -37,6 +38,9 @@ IMAGES = (
     *("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"),
 )
 CALIBRATIONS = ("foxglove.CameraCalibration", "sensor_msgs/msg/CameraInfo")
+
+#: Names of images that were rectified: ``image_rect``, ``image_rect_color``, ``image_rect_raw``.
+_RECTIFIED = re.compile(r"image_rect(_.*)?")
 
 #: Name of no topic, by which odometry is left out.
 NONE = "none"
@@ -89,7 +93,9 @@ def open_mcap(
     # Stamps are counted from a whole second before the first one, so that none is negative.
     start_ns = max(first.log_ns - LONGEST_LATENCY_NS, 0) // NS_PER_S * NS_PER_S
     items = partial(_items, path, chosen, start_ns, wheels)
-    calibration = None if chosen.calibration is None else _read_calibration(path, chosen.calibration)
+    calibration = None
+    if chosen.calibration is not None:
+        calibration = partial(_read_calibration, path, chosen.calibration, _is_rectified(chosen.images))
     source = f"{path}, {' and '.join(chosen.all())}"
     return Recording(source, items, calibration, chosen.odometry is not None, start_ns)
 
@@ -153,25 +159,57 @@ def _stamp(path: Path, found: DecodedMessage, start_ns: int) -> int:
     return max(stamp_ns - start_ns, 0)
 
 
-def _read_calibration(path: Path, topic: str) -> CalibrationSpec:
+def _is_rectified(topic: str) -> bool:
+    """Return whether images are rectified, by the names that ``image_proc`` of ROS gives to their topics.
+
+    Compressed images have the name of their transport behind that.
+    """
+    return any(_RECTIFIED.fullmatch(part) for part in topic.split("/")[-2:])
+
+
+def _read_calibration(path: Path, topic: str, rectified: bool) -> CalibrationSpec:
+    """Return the calibration of raw images, K and D, or that of rectified ones, which is in P.
+
+    Raises:
+        RecordingError: There is none, or one that cannot be used.
+    """
     found = next(iter(read_messages(path, [topic])), None)
     name = f"{path}: {topic}"
     if found is None:
         raise RecordingError(f"{name}: no message; give --calibration FILE")
     message: Any = found.message
     try:
-        K, D = (getattr(message, n) if hasattr(message, n) else getattr(message, n.lower()) for n in "KD")
         size = int(message.width), int(message.height)
-        model = str(message.distortion_model)
-        binned = max(getattr(message, "binning_x", 0), getattr(message, "binning_y", 0)) > 1
-        region = getattr(message, "roi", None)
-        cut = region is not None and region.width not in (0, size[0])
-        numbers = [float(k) for k in K], [float(d) for d in D]
+        matrix = [float(number) for number in _field(message, "P" if rectified else "K")]
+        lens = [] if rectified else [float(number) for number in _field(message, "D")]
+        model = "" if rectified else str(message.distortion_model)
+        whole = _shows_all(message, size)
     except DAMAGE as error:
         raise RecordingError(f"{name}: not a {found.schema}: {error}") from None
-    if binned or cut:
+    if not any(matrix):
+        which = "P, by which rectified images are read," if rectified else "K"
+        raise RecordingError(f"{name}: the camera is not calibrated: {which} is 0; give --calibration FILE")
+    if not whole:
         raise RecordingError(f"{name}: of binned or cut pictures; give --calibration FILE for what they are")
+    if rectified:
+        matrix = [*matrix[0:3], *matrix[4:7], *matrix[8:11]]
     try:
-        return calibration_of(size, *numbers, model, name)
+        return calibration_of(size, matrix, lens, model, name)
     except SceneError as error:
         raise RecordingError(f"{error}; give --calibration FILE") from None
+
+
+def _field(message: Any, name: str) -> Any:
+    """Return a field of a calibration, whose name ROS 2 writes in small letters."""
+    return getattr(message, name) if hasattr(message, name) else getattr(message, name.lower())
+
+
+def _shows_all(message: Any, size: tuple[int, int]) -> bool:
+    """Return whether the images show all pixels of the sensor, each by itself; zeros say so as well."""
+    if max(getattr(message, "binning_x", 0), getattr(message, "binning_y", 0)) > 1:
+        return False
+    region = getattr(message, "roi", None)
+    if region is None:
+        return True
+    place, extent = (region.x_offset, region.y_offset), (region.width, region.height)
+    return place == (0, 0) and extent in ((0, 0), size)

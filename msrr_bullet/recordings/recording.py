@@ -64,14 +64,15 @@ class Recording:
         source: Where it comes from, in words.
         items: Returns what it holds, in the order of arrival; those that come at the same time as they were
             written.
-        calibration: Calibration of the camera; None if the recording has none.
+        calibration: Returns the calibration of the camera, or raises a :class:`RecordingError` if what the
+            recording says of it cannot be used; None if it says nothing.
         has_odometry: Whether it holds wheel readings.
         start_ns: Time on the clock of the recording that is 0 here.
     """
 
     source: str
     items: Callable[[], Iterable[Item]]
-    calibration: CalibrationSpec | None = None
+    calibration: Callable[[], CalibrationSpec] | None = None
     has_odometry: bool = False
     start_ns: int = 0
 

@@ -93,8 +93,9 @@ def perceive(
         raise RunFolderError(f"{out}: the recording is read from there; choose another --out")
     recording = _opened(path, spec, target, options)
     calibration = options.calibration
-    if calibration is None and not {"calibration", "hfov_deg"} & spec.camera.model_fields_set:
-        calibration = recording.calibration
+    told = calibration is not None or {"calibration", "hfov_deg"} & spec.camera.model_fields_set
+    if recording.calibration is not None and not told:
+        calibration = recording.calibration()
     with tempfile.TemporaryDirectory(prefix="msrr-perceive-") as folder, ExitStack() as lock:
         scene = target_scene(spec, target, Path(folder), calibration)
         if options.rate_hz is not None:

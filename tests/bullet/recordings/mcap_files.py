@@ -37,8 +37,10 @@ JOINTS = _STAMP + "string[] name\nfloat64[] position\nfloat64[] velocity\nfloat6
 INFO = (
     _STAMP
     + "uint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\n"
-    + "uint32 binning_x\nuint32 binning_y\n"
+    + "float64[12] p\nuint32 binning_x\nuint32 binning_y\nsensor_msgs/RegionOfInterest roi\n"
     + _HEADER
+    + "=" * 80
+    + "\nMSG: sensor_msgs/RegionOfInterest\nuint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\n"
 )
 
 
@@ -50,8 +52,21 @@ def _ros_header(stamp_ns: int) -> dict[str, Any]:
     return {"stamp": {"sec": stamp_ns // NS_PER_S, "nanosec": stamp_ns % NS_PER_S}, "frame_id": "camera"}
 
 
-def write_ros2(path: Path, frames: Frames, wheels: Wheels, raw: bool = False, start_ns: int = 0) -> Path:
-    """Write images, compressed or raw, joint states of the wheels, and the calibration of the camera."""
+def write_ros2(
+    path: Path,
+    frames: Frames,
+    wheels: Wheels,
+    raw: bool = False,
+    start_ns: int = 0,
+    image_topic: str = "/camera/image",
+    ordered: bool = True,
+    **told: Any,
+) -> Path:
+    """Write images, compressed or raw, joint states of the wheels, and the calibration of the camera.
+
+    Messages stand in the order of arrival unless ``ordered`` is false; ``told`` replaces fields of the
+    calibration.
+    """
     kind = "Image" if raw else "CompressedImage"
     with path.open("wb") as file:
         writer = Ros2Writer(file)
@@ -71,12 +86,14 @@ def write_ros2(path: Path, frames: Frames, wheels: Wheels, raw: bool = False, st
                 image |= {"step": width, "data": pixels.tobytes()}
             else:
                 image |= {"format": "png", "data": png(pixels)}
-            messages.append((arrival, "/camera/image", images, image))
+            messages.append((arrival, image_topic, images, image))
             calibration = {"height": height, "width": width, "distortion_model": "plumb_bob", "d": [0.0] * 5}
             K = [FOCAL, 0.0, 0.5 * (width - 1), 0.0, FOCAL, 0.5 * (height - 1), 0.0, 0.0, 1.0]
-            calibration |= {"k": K, "header": _ros_header(start_ns + stamp)}
+            calibration |= {"k": K, "header": _ros_header(start_ns + stamp), **told}
             messages.append((arrival, "/camera/camera_info", info, calibration))
-        for arrival, topic, schema, message in sorted(messages, key=lambda m: m[0]):
+        if ordered:
+            messages.sort(key=lambda m: m[0])
+        for arrival, topic, schema, message in messages:
             time = start_ns + arrival
             writer.write_message(topic, schema, message, log_time=time, publish_time=time)
         writer.finish()
