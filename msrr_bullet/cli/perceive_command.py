@@ -39,7 +39,7 @@ def perceive(
             metavar="HZ",
             min=0.01,
             max=1000.0,
-            help="Pictures per second in a folder.",
+            help="Pictures per second in a folder; other recordings have times of their own.",
             show_default="rate_hz of the camera in the target file",
         ),
     ] = None,

@@ -71,14 +71,14 @@ class Perceiver:
         robot: Largest speeds of the robot.
         recorder: Gets all messages.
         report: Called with the message about every picture that cannot be used.
-        odometry: Whether there are wheel readings.
+        motion: Motion that is assumed in the place of wheel readings; None if there are any.
     """
 
     scene: Scene
-    robot: RobotSpec
     recorder: Recorder
     report: Callable[[str], None]
-    odometry: bool
+    motion: MotionNoise | None = None
+    _exposed_ns: int | None = field(default=None, init=False)
     _arriving: dict[int, Detections] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -92,8 +92,8 @@ class Perceiver:
 
     def _build_estimator(self) -> Estimator:
         choice, fixed = self.scene.control.estimator, {}
-        if not self.odometry and resolve("estimator", choice.name, ESTIMATORS) is CornerEkf:
-            fixed["motion"] = random_walk(self.robot, self.target.frame_period_s)
+        if self.motion is not None and resolve("estimator", choice.name, ESTIMATORS) is CornerEkf:
+            fixed["motion"] = self.motion
         estimator: Estimator = build(
             "estimator",
             choice,

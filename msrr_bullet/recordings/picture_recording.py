@@ -56,7 +56,7 @@ def open_pictures(path: Path, rate_hz: float, latency_ns: int) -> Recording:
             decode = partial(read_picture, file)
             yield RecordedFrame(str(file), stamp_ns, stamp_ns + latency_ns, decode, number)
 
-    return Recording(f"{path}, {len(files)} pictures at {rate_hz:g} Hz", frames)
+    return Recording(f"{path}, {len(files)} pictures at {rate_hz:g} Hz", frames, has_times=False)
 
 
 def _known(pixels: Pixels) -> Pixels:

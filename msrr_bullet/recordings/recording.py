@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import pairwise
+from statistics import median
 
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import NS_PER_S, Pixels
@@ -68,6 +71,7 @@ class Recording:
             recording says of it cannot be used; None if it says nothing.
         has_odometry: Whether it holds wheel readings.
         start_ns: Time on the clock of the recording that is 0 here.
+        has_times: Whether it says itself when its frames were exposed.
     """
 
     source: str
@@ -75,6 +79,7 @@ class Recording:
     calibration: Callable[[], CalibrationSpec] | None = None
     has_odometry: bool = False
     start_ns: int = 0
+    has_times: bool = True
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -93,6 +98,26 @@ class Moment:
     def exposes(self) -> bool:
         """Whether a frame is exposed, and not delivered."""
         return isinstance(self.item, RecordedFrame) and self.rank == _EXPOSED
+
+
+#: Number of frames whose stamps tell the time between frames: ten seconds and more of most cameras.
+_FRAMES = 250
+
+
+def frame_period_s(recording: Recording) -> float | None:
+    """Return the time between the exposures of two frames, the median over the first ones [s].
+
+    It is None where fewer than two frames, or equal stamps, do not tell it. Damage ends what is looked at.
+    """
+    stamps: list[int] = []
+    with suppress(RecordingError):  # it is raised again, and told, where the recording is read
+        for item in recording.items():
+            if isinstance(item, RecordedFrame):
+                stamps.append(item.stamp_ns)
+            if len(stamps) == _FRAMES:
+                break
+    apart = [later - earlier for earlier, later in pairwise(sorted(stamps))]
+    return 1e-9 * median(apart) or None if apart else None
 
 
 _READ, _EXPOSED, _DELIVERED, _DECIDED = range(4)

@@ -17,8 +17,8 @@ from msrr_bullet.log.reader import LOG_NAME, unpacked_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.log.records import Event, FrameLink, FrameLinks, Level, StartPoses, StepStart
 from msrr_bullet.recordings.opening import open_recording
-from msrr_bullet.recordings.perceiver import Instant, Perceiver
-from msrr_bullet.recordings.recording import Recording, RecordingError
+from msrr_bullet.recordings.perceiver import Instant, Perceiver, random_walk
+from msrr_bullet.recordings.recording import Recording, RecordingError, frame_period_s
 from msrr_bullet.recordings.result import RecordingResult, Tally
 from msrr_bullet.recordings.wheels import WheelReader
 from msrr_bullet.run_folder import (
@@ -36,12 +36,13 @@ from msrr_bullet.timeline.camera_views import docking_views
 from msrr_bullet.timeline.log_snapshots import read_events, read_snapshots
 from msrr_bullet.trial.versions import trial_versions
 from msrr_bullet.viewer.replay_page import write_replay
+from msrr_perception.estimation.motion import MotionNoise
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.loading.target_file import read_target, target_scene
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CalibrationSpec
-from msrr_scenes.specs.target import ROBOT, TARGET, TargetSpec
+from msrr_scenes.specs.target import ROBOT, TARGET, RobotSpec, TargetSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +93,8 @@ def perceive(
     if out is not None and _would_delete(out, path):
         raise RunFolderError(f"{out}: the recording is read from there; choose another --out")
     recording = _opened(path, spec, target, options)
+    if options.rate_hz is not None and recording.has_times:
+        raise RecordingError(f"{path}: --rate is for pictures; this recording has times of its own")
     calibration = options.calibration
     told = calibration is not None or {"calibration", "hfov_deg"} & spec.camera.model_fields_set
     if recording.calibration is not None and not told:
@@ -138,15 +141,17 @@ def _at_rate(scene: Scene, rate_hz: float) -> Scene:
     return scene.model_copy(update={"cameras": scene.cameras.model_copy(update={"onboard": onboard})})
 
 
-def assumptions(spec: TargetSpec, recording: Recording, rate_hz: float) -> tuple[str, ...]:
-    """Return what is taken for granted because the recording does not say it."""
-    robot = spec.robot
-    if recording.has_odometry:
-        return ()
+def assumption(robot: RobotSpec, period_s: float) -> str:
+    """Return what is taken for granted of the motion where there is no odometry.
+
+    Args:
+        robot: Its largest speeds.
+        period_s: Time between two frames [s].
+    """
     return (
-        f"no odometry: between frames, at {rate_hz:g} Hz, the robot is taken to move at random by about "
-        f"{1e3 * robot.speed_mps / rate_hz:.0f} mm in every direction, at {robot.speed_mps:g} m/s and "
-        f"{robot.turn_rate_radps:g} rad/s",
+        f"no odometry: between frames, at {1.0 / period_s:.3g} Hz, the robot is taken to move at random by "
+        f"about {1e3 * robot.speed_mps * period_s:.0f} mm in every direction, at {robot.speed_mps:g} m/s and "
+        f"{robot.turn_rate_radps:g} rad/s"
     )
 
 
@@ -171,7 +176,12 @@ def _run(
         tally.unusable += 1
         complain(text)
 
-    perceiver = Perceiver(scene, spec.robot, recorder, unusable, recording.has_odometry)
+    motion: MotionNoise | None = None
+    assumed: tuple[str, ...] = ()
+    if not recording.has_odometry:
+        period_s = frame_period_s(recording) or 1.0 / scene.cameras.onboard.rate_hz
+        motion, assumed = random_walk(spec.robot, period_s), (assumption(spec.robot, period_s),)
+    perceiver = Perceiver(scene, recorder, unusable, motion)
     try:
         for instant in perceiver.run(recording.items()):
             now_ns = instant.stamp_ns
@@ -181,7 +191,6 @@ def _run(
     except RecordingError as error:  # what came before is worth having
         tally.cut_off = True
         complain(str(error))
-    assumed = assumptions(spec, recording, scene.cameras.onboard.rate_hz)
     return tally.result(recording.source, recording.start_ns, assumed)
 
 

@@ -1,0 +1,54 @@
+"""The times of frames: how far a robot may have moved between them, and times that cannot be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msrr_bullet.recordings.perceiver import Instant
+from msrr_bullet.recordings.recording import RecordingError
+from msrr_bullet.recordings.run import Options, perceive
+from msrr_scenes.messages import Pixels
+from tests.bullet.recordings.conftest import Trial
+from tests.bullet.recordings.mcap_files import png, write_ros2
+
+#: Largest speed in the target file, which is the default [m/s].
+SPEED_MPS = 0.25
+
+
+def _standing(trial: Trial, *exposed_ms: int) -> list[tuple[int, int, Pixels]]:
+    """Return the same picture at several times; it arrives at its exposure."""
+    pixels = trial.frames()[0][2]
+    return [(ms * 1_000_000, ms * 1_000_000, pixels) for ms in exposed_ms]
+
+
+@pytest.mark.parametrize("period_ms", [100, 200])
+def test_between_frames_the_robot_may_move_at_its_largest_speed(
+    trial: Trial, tmp_path: Path, period_ms: int
+) -> None:
+    """Just before the next frame, the robot is where the last one showed it, by the way of a frame."""
+    frames = _standing(trial, *range(period_ms, 7 * period_ms, period_ms))
+    arrivals = [(s, a + period_ms * 999_000, p) for s, a, p in frames]  # just before the next exposure
+    path = write_ros2(tmp_path / "film.mcap", arrivals, [])
+    found: list[Instant] = []
+    result = perceive(path, trial.target, observer=found.append)
+    estimate = found[-1].estimate
+    assert estimate is not None
+    # What the pixels leave open, 4 mm across the line of sight, adds 1 % to 25 mm.
+    sigma = np.sqrt(np.diagonal(estimate.covariance)[:2])
+    assert sigma == pytest.approx(1e-3 * SPEED_MPS * period_ms, rel=0.05)
+    assert f"at {1000 // period_ms} Hz" in result.assumptions[0]
+    with pytest.raises(RecordingError, match="--rate is for pictures"):
+        perceive(path, trial.target, Options(rate_hz=10.0))
+
+
+def test_the_rate_of_a_folder_says_how_far_the_robot_may_move(trial: Trial, tmp_path: Path) -> None:
+    for k in range(3):
+        (tmp_path / f"{k}.png").write_bytes(png(trial.frames()[0][2]))
+    for rate_hz in (5.0, 20.0):
+        text = perceive(tmp_path, trial.target, Options(rate_hz=rate_hz)).assumptions[0]
+        assert (
+            f"at {rate_hz:g} Hz, the robot is taken to move at random by about {250 / rate_hz:.0f} mm" in text
+        )
