@@ -6,6 +6,7 @@ import json
 import os
 import struct
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import IO, Any, NamedTuple
@@ -20,7 +21,7 @@ from mcap_protobuf.decoder import DecoderFactory as ProtobufDecoderFactory
 from mcap_ros2.decoder import DecoderFactory as Ros2DecoderFactory
 
 from msrr_bullet.log.reader import MAGIC
-from msrr_bullet.recordings.recording import RecordingError
+from msrr_bullet.recordings.recording import LONGEST_LATENCY_NS, RecordingError
 from msrr_scenes.messages import NS_PER_S
 
 #: What decoders raise on bytes that are no message, and what is raised where a message lacks a field.
@@ -121,6 +122,30 @@ def read_messages(path: Path, topics: list[str]) -> Iterator[DecodedMessage]:
         raise RecordingError(
             f"{path}: damaged, cut off or of an unknown encoding behind message {count}: {text}"
         ) from None
+
+
+def check_clock(path: Path, topic: str) -> None:
+    """Refuse a file whose clock was set back while it was recorded: nobody knows what belongs together.
+
+    Messages are read in the order of their times, which would mix those before with those behind.
+
+    Args:
+        path: The file.
+        topic: Topic whose messages are looked at, in the order of the file.
+
+    Raises:
+        RecordingError: A message was recorded more than :data:`LONGEST_LATENCY_NS` before an earlier one.
+    """
+    latest_ns = 0
+    with suppress(*DAMAGE), path.open("rb") as file:  # reading the messages will tell of damage
+        for _, _, record in _reader(file).iter_messages(topics=[topic], log_time_order=False):
+            back_ns = latest_ns - record.log_time
+            if back_ns > LONGEST_LATENCY_NS:
+                raise RecordingError(
+                    f"{path}: its clock goes back by {1e-9 * back_ns:.1f} s while {topic} is recorded; cut "
+                    "the file there, and read the parts by themselves"
+                )
+            latest_ns = max(latest_ns, record.log_time)
 
 
 def stamp_of(message: Any) -> int | None:

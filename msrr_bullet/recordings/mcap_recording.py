@@ -15,6 +15,7 @@ from msrr_bullet.recordings.images import pixels_of
 from msrr_bullet.recordings.mcap_messages import (
     DAMAGE,
     DecodedMessage,
+    check_clock,
     read_channels,
     read_messages,
     stamp_of,
@@ -89,6 +90,7 @@ def open_mcap(
     )
     if next(iter(read_messages(path, [chosen.images])), None) is None:
         raise RecordingError(f"{path}: no message on {chosen.images}")
+    check_clock(path, chosen.images)
     first = next(iter(read_messages(path, chosen.all())))
     # Stamps are counted from a whole second before the first one, so that none is negative.
     start_ns = max(first.log_ns - LONGEST_LATENCY_NS, 0) // NS_PER_S * NS_PER_S

@@ -68,7 +68,6 @@ class Perceiver:
 
     Attributes:
         scene: Robot and target.
-        robot: Largest speeds of the robot.
         recorder: Gets all messages.
         report: Called with the message about every picture that cannot be used.
         motion: Motion that is assumed in the place of wheel readings; None if there are any.
@@ -124,6 +123,8 @@ class Perceiver:
             elif isinstance(item, RecordedFrame) and moment.exposes:
                 self._expose(item)
             elif isinstance(item, RecordedFrame):
+                if pending is not None and pending[1] is not None:  # two frames arrive at the same time
+                    yield self._instant(*pending)
                 pending = (moment.at_ns, self._deliver(item, moment.at_ns))
             else:
                 pending = (moment.at_ns, pending[1] if pending else None)
@@ -133,10 +134,12 @@ class Perceiver:
     def _expose(self, frame: RecordedFrame) -> None:
         """Read the tags of a frame, with what is known when it is exposed."""
         try:
+            self._check_stamp(frame)
             pixels = self._checked(frame.decode(), frame.name)
         except PictureError as error:
             self.report(str(error))
             return
+        self._exposed_ns = frame.stamp_ns
         exposure = Exposure(self.target.camera_name, frame.number, frame.stamp_ns)
         self.recorder.write(topics.exposure(exposure.camera), frame.stamp_ns, exposure)
 
@@ -147,6 +150,11 @@ class Perceiver:
 
         prediction = self._estimator.predict(frame.stamp_ns)
         self._arriving[frame.number] = self._vision.detect(exposure, prediction, fetch)
+
+    def _check_stamp(self, frame: RecordedFrame) -> None:
+        """Refuse a frame that was exposed with the one before: it may be the same, with the same noise."""
+        if frame.stamp_ns == self._exposed_ns:
+            raise PictureError(f"{frame.name}: it has the time stamp of another frame, which is used instead")
 
     def _checked(self, pixels: Pixels, name: str) -> Pixels:
         camera = self.target.camera

@@ -10,7 +10,7 @@ import pytest
 from msrr_bullet.recordings.perceiver import Instant
 from msrr_bullet.recordings.recording import RecordingError
 from msrr_bullet.recordings.run import Options, perceive
-from msrr_scenes.messages import Pixels
+from msrr_scenes.messages import NS_PER_S, Pixels
 from tests.bullet.recordings.conftest import Trial
 from tests.bullet.recordings.mcap_files import png, write_ros2
 
@@ -52,3 +52,29 @@ def test_the_rate_of_a_folder_says_how_far_the_robot_may_move(trial: Trial, tmp_
         assert (
             f"at {rate_hz:g} Hz, the robot is taken to move at random by about {250 / rate_hz:.0f} mm" in text
         )
+
+
+def test_frames_with_the_same_stamp_count_once(trial: Trial, tmp_path: Path) -> None:
+    path = write_ros2(tmp_path / "film.mcap", _standing(trial, 100, 100, 140), [])
+    messages: list[str] = []
+    result = perceive(path, trial.target, report=messages.append)
+    assert (result.frames, result.used, result.unusable) == (3, 2, 1)
+    assert len(messages) == 1
+    assert "has the time stamp of another frame" in messages[0]
+
+
+def test_frames_that_arrive_together_are_both_used(trial: Trial, tmp_path: Path) -> None:
+    pixels, together_ns = trial.frames()[0][2], 150_000_000
+    frames = [(100_000_000, together_ns, pixels), (140_000_000, together_ns, pixels)]
+    result = perceive(write_ros2(tmp_path / "film.mcap", frames, []), trial.target)
+    assert (result.frames, result.used, result.instants) == (2, 2, 2)
+
+
+def test_a_clock_that_goes_back_is_refused(trial: Trial, tmp_path: Path) -> None:
+    """Read by their times, the frames before would be mixed with those behind."""
+    frames = _standing(trial, 3000, 3040, 3080, 20, 60)
+    path = write_ros2(tmp_path / "film.mcap", frames, [], start_ns=NS_PER_S, ordered=False)
+    with pytest.raises(
+        RecordingError, match=r"film\.mcap: its clock goes back by 3\.1 s while /camera/image"
+    ):
+        perceive(path, trial.target)
