@@ -19,7 +19,9 @@ class FrameReader:
     """Reads tags from windows of one exposure and keeps the clearest detection of each tag.
 
     This is the one place behind the detector where corners are undistorted: those of the frame are moved to
-    where the ideal camera sees them. All that follows computes with an ideal camera.
+    where the ideal camera sees them. All that follows computes with an ideal camera. Standard deviations stay
+    those of the frame: behind a lens with k1 = -0.2 the corners of a docking are less sure by 0.4 % (median),
+    and by 10 % at most, which does not show in the errors of the estimates.
 
     Attributes:
         windows: Windows whose pixels were fetched, in that order.

@@ -90,10 +90,10 @@ class PictureReader:
         lens, finder = self._with_lens(name, width, height)
         rows = []
         for found_tag in finder.find(pixels):
-            corners = lens.undistorted(found_tag.tag.corners)
             sigma = found_tag.tag.corner_sigma_px
             sure = CORNER_SIGMA_PX if sigma is None else np.maximum(sigma, CORNER_SIGMA_PX)
-            poses = () if self.tag_size is None else tag_poses(lens.camera, corners, self.tag_size, sure)
+            corners = found_tag.tag.corners
+            poses = () if self.tag_size is None else tag_poses(lens, corners, self.tag_size, sure)
             rows.append((found_tag, poses))
         return PictureTags(name, width, height, tuple(rows))
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se3 import SE3
 
@@ -29,7 +30,7 @@ class TagPose:
 
     Attributes:
         X_CT: Pose of the tag T in the camera C: x of T points to the right of the tag, y down, z into it.
-        reprojection_px: Root mean square of the eight residuals of the corners [px].
+        reprojection_px: Root mean square of the eight residuals of the corners in the picture [px].
         covariance: Of a small rotation about the axes of C [rad] and of the place in C [m], shape (6, 6), by
             the noise of the corners to first order.
     """
@@ -39,8 +40,25 @@ class TagPose:
     covariance: Array
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Corners:
+    """The corners of a tag as they were seen.
+
+    Attributes:
+        camera: Ideal camera.
+        ideal: Corners in its image, shape (4, 2) [px].
+        points: Corners of the tag T, shape (4, 3) [m].
+        slopes: Derivatives of pixels of the picture by those of the ideal image, shape (4, 2, 2) or (2, 2).
+    """
+
+    camera: PinholeCamera
+    ideal: Array
+    points: Array
+    slopes: Array
+
+
 def tag_poses(
-    camera: PinholeCamera, corners: Array, size: float, sigma_px: Array | float = CORNER_SIGMA_PX
+    lens: Lens, corners: Array, size: float, sigma_px: Array | float = CORNER_SIGMA_PX
 ) -> tuple[TagPose, ...]:
     """Return the one or two poses of a tag, best first.
 
@@ -49,8 +67,8 @@ def tag_poses(
     pose, there is one.
 
     Args:
-        camera: Ideal camera.
-        corners: Corners in the image of the ideal camera, shape (4, 2) [px], in the order of
+        lens: Lens of the picture.
+        corners: Corners in the picture, shape (4, 2) [px], in the order of
             :class:`msrr_scenes.messages.TagDetection`.
         size: Edge of the black square [m].
         sigma_px: Standard deviation of each coordinate of a corner [px], one of all corners or shape (4,).
@@ -60,14 +78,16 @@ def tag_poses(
     """
     h = 0.5 * size
     points = np.array([[-h, h, 0.0], [h, h, 0.0], [h, -h, 0.0], [-h, -h, 0.0]])
+    ideal = lens.undistorted(corners)
+    seen = _Corners(lens.camera, ideal, points, lens.slopes(ideal) if lens.distorts else np.eye(2))
     count, rotations, translations, _ = cv2.solvePnPGeneric(
-        points, corners, camera.matrix(), np.zeros(4), flags=cv2.SOLVEPNP_IPPE_SQUARE
+        points, ideal, lens.camera.matrix(), np.zeros(4), flags=cv2.SOLVEPNP_IPPE_SQUARE
     )
     poses = []
     for i in range(count):
         R = np.asarray(cv2.Rodrigues(rotations[i])[0], dtype=np.float64)
         start = SE3(R, np.asarray(translations[i], dtype=np.float64).ravel())
-        pose = _least_squares(camera, points, corners, start, sigma_px)
+        pose = _least_squares(seen, start, sigma_px)
         if pose is not None:
             poses.append(pose)
     poses.sort(key=lambda pose: pose.reprojection_px)
@@ -79,13 +99,11 @@ def _same(a: TagPose, b: TagPose) -> bool:
     return bool(np.abs(a.X_CT.R - b.X_CT.R).max() < _ONE_POSE)
 
 
-def _least_squares(
-    camera: PinholeCamera, points: Array, corners: Array, start: SE3, sigma_px: Array | float
-) -> TagPose | None:
+def _least_squares(seen: _Corners, start: SE3, sigma_px: Array | float) -> TagPose | None:
     """Return the pose of least squares near ``start``, or None if there is none."""
     R, t = start.R, start.p
     for _ in range(_STEPS):
-        residuals, J = _residuals(camera, points, corners, R, t)
+        residuals, J = _residuals(seen, R, t)
         if not np.isfinite(J).all():
             return None
         step, *_rest = np.linalg.lstsq(J, residuals, rcond=None)
@@ -93,7 +111,7 @@ def _least_squares(
         t = t + step[3:]
         if np.abs(step[:3]).max() < _SETTLED and np.abs(step[3:]).max() < _SETTLED * abs(t[2]):
             break
-    residuals, J = _residuals(camera, points, corners, R, t)
+    residuals, J = _residuals(seen, R, t)
     if t[2] <= 0.0 or not np.isfinite(residuals).all() or np.linalg.matrix_rank(J) < J.shape[1]:
         return None
     by_corners = np.linalg.solve(J.T @ J, J.T) * np.repeat(np.broadcast_to(sigma_px, 4), 2)
@@ -101,19 +119,21 @@ def _least_squares(
     return TagPose(SE3(R, t), float(np.sqrt((residuals**2).mean())), 0.5 * (covariance + covariance.T))
 
 
-def _residuals(
-    camera: PinholeCamera, points: Array, corners: Array, R: Array, t: Array
-) -> tuple[Array, Array]:
-    """Return residuals, shape (8,), and derivatives by rotation about C and by place, shape (8, 6)."""
-    turned = points @ R.T
+def _residuals(seen: _Corners, R: Array, t: Array) -> tuple[Array, Array]:
+    """Return residuals in the picture, shape (8,), and derivatives by rotation about C and by place, (8, 6).
+
+    The noise of the corners is that of the picture. Near its border a lens may show twice as much of the
+    ideal image in a pixel, so that residuals there would count for too little.
+    """
+    turned = seen.points @ R.T
     p = turned + t
-    residuals = (corners - camera.project(p)).ravel()
+    residuals = seen.ideal - seen.camera.project(p)
     J = np.empty((4, 2, 6))
-    f = camera.focal / p[:, 2]
+    f = seen.camera.focal / p[:, 2]
     for row, axis in ((0, 0), (1, 1)):
         by_p = np.zeros((4, 3))
         by_p[:, axis] = f
         by_p[:, 2] = -f * p[:, axis] / p[:, 2]
         J[:, row, :3] = np.cross(turned, by_p)
         J[:, row, 3:] = by_p
-    return residuals, J.reshape(8, 6)
+    return (seen.slopes @ residuals[..., np.newaxis]).ravel(), (seen.slopes @ J).reshape(8, 6)

@@ -50,6 +50,11 @@ class Lens:
             return ideal
         return self.distortion.lens_pixels(self.camera, ideal.reshape(-1, 2)).reshape(ideal.shape)
 
+    def slopes(self, ideal: Array) -> Array:
+        """Return the derivatives of :meth:`distorted` at points of the ideal image (N, 2): (N, 2, 2)."""
+        # Both images have the focal length of the ideal camera, by which pixels cancel.
+        return self.distortion.jacobian(self.camera.rays(ideal)[:, :2])
+
     def distorted_sigma(self, ideal: Array, sigma: Array) -> Array:
         """Return standard deviations in the frame, shape (..., 2) [px], of points of the ideal image.
 
@@ -59,7 +64,7 @@ class Lens:
         """
         if not self.distorts:
             return sigma
-        J = self.distortion.jacobian(self.camera.rays(ideal.reshape(-1, 2))[:, :2])
+        J = self.slopes(ideal.reshape(-1, 2))
         variance = ((J * J) @ (sigma.reshape(-1, 2, 1) ** 2)).reshape(sigma.shape)
         return np.asarray(np.sqrt(variance))
 

@@ -11,6 +11,8 @@ from msrr_perception.photographs.picture_files import picture_files, read_pictur
 from msrr_perception.photographs.reading import PictureReader, corner_sigma_px
 from msrr_perception.photographs.tag_poses import tag_poses
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.distortion import Distortion
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
@@ -28,7 +30,7 @@ def _pose(yaw_deg: float) -> SE3:
 @pytest.mark.parametrize("yaw_deg", [-60.0, -30.0, 10.0, 45.0, 70.0])
 def test_the_best_pose_is_the_true_one(yaw_deg: float) -> None:
     X_CT = _pose(yaw_deg)
-    best, *others = tag_poses(CAMERA, CAMERA.project(X_CT.act(POINTS)), SIZE)
+    best, *others = tag_poses(Lens(CAMERA), CAMERA.project(X_CT.act(POINTS)), SIZE)
     np.testing.assert_allclose(best.X_CT.R, X_CT.R, atol=1e-7)
     np.testing.assert_allclose(best.X_CT.p, X_CT.p, atol=1e-8)
     assert best.reprojection_px < 1e-6
@@ -39,7 +41,7 @@ def test_corners_that_are_less_sure_make_the_pose_so() -> None:
     """Four equal deviations are one; a corner that is less sure adds to the covariance in some direction."""
     corners = CAMERA.project(_pose(40.0).act(POINTS))
     one, four, less = (
-        tag_poses(CAMERA, corners, SIZE, sigma)[0].covariance
+        tag_poses(Lens(CAMERA), corners, SIZE, sigma)[0].covariance
         for sigma in (0.2, np.full(4, 0.2), np.array([0.2, 0.2, 0.6, 0.2]))
     )
     np.testing.assert_allclose(four, one, rtol=1e-9, atol=1e-18)
@@ -49,19 +51,26 @@ def test_corners_that_are_less_sure_make_the_pose_so() -> None:
     assert added.max() > 1.0
 
 
-def test_noise_moves_the_pose_as_much_as_stated() -> None:
-    """400 draws of corners with 0.1 px: the mean squared distance is 6, to 4 standard errors (1 in 16000)."""
-    X_CT, sigma, rng = _pose(40.0), 0.1, np.random.default_rng(2)
-    exact, distances = CAMERA.project(X_CT.act(POINTS)), []
-    for _ in range(400):
-        pose = tag_poses(CAMERA, exact + rng.normal(0.0, sigma, (4, 2)), SIZE, sigma)[0]
+@pytest.mark.parametrize(
+    ("k1", "where"),
+    [(0.0, (320.0, 240.0)), (-0.2, (320.0, 240.0)), (-0.2, (590.0, 420.0)), (0.2, (600.0, 430.0))],
+)
+def test_noise_moves_the_pose_as_much_as_stated(k1: float, where: tuple[float, float]) -> None:
+    """600 draws of corners in the picture: the mean square is 6, to 4 standard errors (1 in 16000)."""
+    lens = Lens(PinholeCamera(640, 480, 417.0), Distortion(k1=k1))
+    ray = lens.camera.rays(lens.undistorted(np.array([where])))[0]
+    X_CT = SE3.from_xyz_rpy(0.5 * ray / ray[2], [0.6, 0.4, 0.1])
+    exact = lens.distorted(lens.camera.project(X_CT.act(0.5 * POINTS)))
+    sigma, rng, distances = 0.1, np.random.default_rng(2), []
+    for _ in range(600):
+        pose = tag_poses(lens, exact + rng.normal(0.0, sigma, (4, 2)), 0.5 * SIZE, sigma)[0]
         turned = pose.X_CT.R @ X_CT.R.T
         small = 0.5 * np.array(
             [turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]]
         )
         error = np.concatenate([small, pose.X_CT.p - X_CT.p])
         distances.append(error @ np.linalg.solve(pose.covariance, error))
-    assert abs(np.mean(distances) - 6.0) < 4.0 * math.sqrt(12.0 / 400.0)
+    assert abs(np.mean(distances) - 6.0) < 4.0 * math.sqrt(12.0 / 600.0)
 
 
 def test_a_size_needs_a_calibration_and_has_to_be_positive() -> None:
