@@ -136,7 +136,6 @@ def _calibrated(
     """Return the calibration, and the names of pictures that show no board."""
     from msrr_perception.camera_calibration.boards import BoardError
     from msrr_perception.camera_calibration.fit import calibrate_camera
-    from msrr_scenes.specs.sensors import CameraSpec
 
     views, missed, (width, height) = _views(board, files, None, show)
     if not views:
@@ -145,8 +144,7 @@ def _calibrated(
         raise BoardError(f"no picture of {len(files)} shows the board{hint}; is --board right?")
     found = calibrate_camera(views, width, height, coefficients)
     if board.uses_lens:
-        lens = CameraSpec(width_px=width, height_px=height, calibration=found.told).lens
-        views, missed, _ = _views(board, files, lens, show)
+        views, missed, _ = _views(board, files, found.told.lens(width, height), show)
         found = calibrate_camera(views, width, height, coefficients)
     return found, missed
 

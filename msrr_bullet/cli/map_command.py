@@ -79,12 +79,11 @@ def _lens(calibration: Path) -> Lens:
         SceneError: The file is none, or does not say of which size its pictures were.
     """
     from msrr_scenes.loading.calibration_file import read_calibration
-    from msrr_scenes.specs.sensors import CameraSpec
 
     told = read_calibration(calibration)
     if told.width_px is None or told.height_px is None:
         raise SceneError(f"{calibration}: image_width and image_height are needed")
-    return CameraSpec(width_px=told.width_px, height_px=told.height_px, calibration=told).lens
+    return told.lens(told.width_px, told.height_px)
 
 
 def _report(console: Console, found: TagMap) -> None:

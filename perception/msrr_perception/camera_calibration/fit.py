@@ -20,7 +20,7 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.distortion import COEFFICIENTS, has_inverse
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.specs.sensors import CalibrationSpec, CameraSpec
+from msrr_scenes.specs.sensors import CalibrationSpec
 
 #: Numbers of coefficients that may be free: none, k1, k2, p1 and p2, k3.
 MODELS = (0, 1, 2, 4, 5)
@@ -91,13 +91,13 @@ class _Trial:
         fit: Fit to all pictures.
         partial: Fits without one group of pictures each.
         errors: Mean squared residual of each picture by the fit without its group [px^2].
-        folds: Whether the lens has no inverse somewhere in the picture.
+        wrong: Why nobody can use the lens; empty if it can be used.
     """
 
     fit: _Fit
     partial: list[_Fit]
     errors: Array
-    folds: bool
+    wrong: str
 
     @classmethod
     def of(cls, views: Sequence[BoardView], size: tuple[int, int], free: int) -> _Trial:
@@ -109,7 +109,7 @@ class _Trial:
                 fitted = _fitted(views[int(i)], partial[-1].K, partial[-1].lens, used=False)
                 errors[i] = fitted.rms_px**2
         fit = _fit(views, size, free)
-        return cls(fit, partial, errors, _folds(fit, size))
+        return cls(fit, partial, errors, _why_unusable(fit, size))
 
 
 def calibrate_camera(
@@ -141,11 +141,17 @@ def calibrate_camera(
     used = _consistent(views, size, _FIRST_MODEL if free is None else free)
     kept = [views[i] for i in used]
     tried = {n: _Trial.of(kept, size, n) for n in (MODELS if free is None else (free,))}
-    chosen = _choose({n: trial.errors for n, trial in tried.items() if not trial.folds})
+    usable = {n: trial.errors for n, trial in tried.items() if not trial.wrong}
+    if not usable:
+        why = next(iter(tried.values())).wrong
+        raise CalibrationError(
+            f"the pictures do not determine the lens: {why}; show the board near all borders"
+        )
+    chosen = _choose(usable)
     fit, spread = tried[chosen].fit, np.array([f.entries for f in tried[chosen].partial])
     fitted = tuple(_fitted(view, fit.K, fit.lens, i in used) for i, view in enumerate(views))
     _refuse_parallel([view for view in fitted if view.used])
-    models = tuple(LensModel(n, float(np.sqrt(t.errors.mean())), t.folds) for n, t in tried.items())
+    models = tuple(LensModel(n, float(np.sqrt(t.errors.mean())), bool(t.wrong)) for n, t in tried.items())
     jackknife = np.sqrt((len(spread) - 1) * spread.var(axis=0))
     return CameraCalibration(
         told=_specification(fit, size),
@@ -197,8 +203,6 @@ def _choose(errors: Mapping[int, Array]) -> int:
     Source: L. Breiman et al., Classification and Regression Trees, 1984, section 3.4.3. It matters: models
     with more coefficients gain a little where the boards were, and lose much where they were not.
     """
-    if not errors:
-        raise CalibrationError("the pictures do not determine the lens; show the board near all borders")
     best = min(errors.values(), key=lambda squares: float(squares.mean()))
     limit = best.mean() + best.std(ddof=1) / np.sqrt(len(best))
     return min(n for n, squares in errors.items() if squares.mean() <= limit)
@@ -213,14 +217,13 @@ def _refuse_parallel(views: Sequence[FittedView]) -> None:
         )
 
 
-def _folds(fit: _Fit, size: tuple[int, int]) -> bool:
-    """Return whether the lens has no inverse somewhere in the picture, or is none at all."""
+def _why_unusable(fit: _Fit, size: tuple[int, int]) -> str:
+    """Return why nobody can use a lens: it has no inverse somewhere in the picture, or is none at all."""
     try:
-        told = _specification(fit, size)
-    except CalibrationError:
-        return True
-    lens = CameraSpec(width_px=size[0], height_px=size[1], calibration=told).lens
-    return not has_inverse(lens.camera, lens.distortion)
+        lens = _specification(fit, size).lens(*size)
+    except CalibrationError as error:
+        return str(error)
+    return "" if has_inverse(lens.camera, lens.distortion) else "two points appear at one pixel"
 
 
 def _specification(fit: _Fit, size: tuple[int, int]) -> CalibrationSpec:
@@ -230,7 +233,7 @@ def _specification(fit: _Fit, size: tuple[int, int]) -> CalibrationSpec:
     except ValidationError as error:
         wrong = error.errors(include_url=False)[0]
         text = f"{'.'.join(map(str, wrong['loc']))} = {wrong['input']!s:.20}: {wrong['msg'].lower()}"
-        raise CalibrationError(f"the pictures lead to a camera that cannot be: {text}") from None
+        raise CalibrationError(f"they lead to a camera that cannot be: {text}") from None
 
 
 def _fitted(view: BoardView, K: Array, lens: Array, used: bool) -> FittedView:

@@ -47,7 +47,7 @@ class LensModel:
     Attributes:
         free: Number of free coefficients, in the order of OpenCV.
         held_out_px: Root mean square residual of pictures that were held out in turn [px].
-        folds: Whether the lens has no inverse somewhere in the picture, so that nobody can use it.
+        folds: Whether the lens has no inverse somewhere in the picture or is none, so that nobody can use it.
     """
 
     free: int

@@ -13,9 +13,8 @@ from msrr_perception.photographs.tag_finder import FoundTag, TagFinder
 from msrr_perception.photographs.tag_poses import CORNER_SIGMA_PX, TagPose, tag_poses
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.lens import Lens
-from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.messages import Pixels
-from msrr_scenes.specs.sensors import CalibrationSpec, CameraSpec
+from msrr_scenes.specs.sensors import CalibrationSpec
 
 #: Numbers that a pose leaves free of the eight coordinates of a tag's corners.
 _FREE = 2
@@ -105,10 +104,7 @@ class PictureReader:
             raise PictureError(f"{name}: {width} x {height} px, and the calibration is of pictures of {size}")
         key = width, height
         if key not in self._by_size:
-            offset = (told.cx_px - 0.5 * (width - 1), told.cy_px - 0.5 * (height - 1))
-            own = Lens(
-                PinholeCamera(width, height, told.fx_px, offset), CameraSpec(calibration=told).distortion
-            )
+            own = told.lens(width, height)
             self._by_size[key] = own, TagFinder(self.families, own)
         return self._by_size[key]
 

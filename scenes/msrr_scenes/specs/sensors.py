@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from msrr_scenes.geometry.distortion import COEFFICIENTS, IDEAL_LENS, Distortion
+from msrr_scenes.geometry.distortion import COEFFICIENTS, Distortion
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.specs.spec import (
@@ -28,8 +28,11 @@ from msrr_scenes.specs.spec import (
 _Coefficient = Annotated[float, between(-100.0, 100.0)]
 #: Focal length [px]; which ones there may be depends on the size of the image.
 _FocalLength = Annotated[float, between(1.0, 1e7)]
+#: Largest edge of a picture that is calibrated [px], that of the pictures that are read. Those that are
+#: rendered are smaller.
+_CALIBRATED_PX = 32_768
 #: Coordinate of the principal point [px], which lies in or near the image.
-_PrincipalPoint = Annotated[float, between(-4096.0, 8192.0)]
+_PrincipalPoint = Annotated[float, between(-_CALIBRATED_PX, 2 * _CALIBRATED_PX)]
 
 
 class CalibrationSpec(Spec):
@@ -57,10 +60,17 @@ class CalibrationSpec(Spec):
     """Tangential coefficient along x."""
     k3: _Coefficient = 0.0
     """Radial coefficient of the sixth order."""
-    width_px: int | None = Field(default=None, ge=16, le=4096)
+    width_px: int | None = Field(default=None, ge=16, le=_CALIBRATED_PX)
     """Width of the images that were calibrated [px]; null if the file does not say."""
-    height_px: int | None = Field(default=None, ge=16, le=4096)
+    height_px: int | None = Field(default=None, ge=16, le=_CALIBRATED_PX)
     """Height of the images that were calibrated [px]; null if the file does not say."""
+
+    def lens(self, width: int, height: int) -> Lens:
+        """Return the lens of images of a size [px]: an ideal camera, and what the lens does to its image."""
+        offset = (self.cx_px - 0.5 * (width - 1), self.cy_px - 0.5 * (height - 1))
+        coefficients = {key: getattr(self, key) for key in COEFFICIENTS}
+        distortion = Distortion(**coefficients, aspect=self.fy_px / self.fx_px)
+        return Lens(PinholeCamera(width, height, self.fx_px, offset), distortion)
 
 
 class CameraSpec(Spec):
@@ -115,25 +125,20 @@ class CameraSpec(Spec):
     @property
     def pinhole(self) -> PinholeCamera:
         """The ideal camera in the place of this one: it has square pixels and does not distort."""
-        width, height, told = self.width_px, self.height_px, self.calibration
-        if told is None:
-            return PinholeCamera.from_hfov(width, height, math.radians(self.hfov_deg))
-        offset = (told.cx_px - 0.5 * (width - 1), told.cy_px - 0.5 * (height - 1))
-        return PinholeCamera(width, height, told.fx_px, offset)
+        return self.lens.camera
 
     @property
     def distortion(self) -> Distortion:
         """What the lens does to the image of the ideal camera, by calibration."""
-        told = self.calibration
-        if told is None:
-            return IDEAL_LENS
-        coefficients = {key: getattr(told, key) for key in COEFFICIENTS}
-        return Distortion(**coefficients, aspect=told.fy_px / told.fx_px)
+        return self.lens.distortion
 
     @property
     def lens(self) -> Lens:
         """The ideal camera together with the distortion, by calibration."""
-        return Lens(self.pinhole, self.distortion)
+        width, height, told = self.width_px, self.height_px, self.calibration
+        if told is not None:
+            return told.lens(width, height)
+        return Lens(PinholeCamera.from_hfov(width, height, math.radians(self.hfov_deg)))
 
 
 class LocalisationErrorSpec(Spec):

@@ -21,7 +21,7 @@ from msrr_perception.camera_calibration.result import ENTRIES, CameraCalibration
 from msrr_perception.photographs.picture_files import picture_files, read_picture
 from msrr_scenes.geometry.distortion import COEFFICIENTS, Distortion
 from msrr_scenes.geometry.lens import Lens
-from msrr_scenes.specs.sensors import CameraSpec
+from msrr_scenes.loading.calibration_file import read_calibration, write_calibration
 
 #: What the conftest of this folder makes: a camera, and prints by their names.
 Camera, Printed = Any, Callable[[str], Any]
@@ -71,8 +71,7 @@ def test_a_rendered_lens_is_found(camera: Camera, printed: Printed, name: str, c
 
     result = calibrated(None)
     if board.board.uses_lens:
-        spec = CameraSpec(width_px=frame.width, height_px=frame.height, calibration=result.told)
-        result = calibrated(spec.lens)
+        result = calibrated(result.told.lens(frame.width, frame.height))
     off = deviations(result, camera.lens)
     print(f"{name}: {count} pictures: focal length ± {result.sigma['fx_px']:.2f} px")
     assert len(off) == 6
@@ -136,6 +135,25 @@ def test_too_little_is_refused(camera: Camera, printed: Printed) -> None:
     alike = [replace(views[0], name=str(i)) for i in range(4)]
     with pytest.raises(CalibrationError, match=r"the boards are parallel, within \d+ degrees; tilt"):
         calibrate_camera(alike, 400, 300, 0)
+
+
+def test_a_camera_of_many_pixels_is_calibrated(camera: Camera, printed: Printed, tmp_path: Path) -> None:
+    """The pictures of a small camera, sixteen times as large: so is its focal length."""
+    views = seen(camera.lens, camera, printed, 8, 0.1)
+    large = [replace(v, points=replace(v.points, corners=16.0 * v.points.corners + 7.5)) for v in views]
+    small, found = (calibrate_camera(v, *size) for v, size in ((views, (400, 300)), (large, (6400, 4800))))
+    assert found.model.free == small.model.free
+    assert found.told.fx_px == pytest.approx(16.0 * small.told.fx_px, rel=1e-4)
+    write_calibration(tmp_path / "large.yaml", found.told)
+    assert read_calibration(tmp_path / "large.yaml") == found.told
+
+
+def test_what_is_wrong_with_every_lens_is_said(camera: Camera, printed: Printed) -> None:
+    views = seen(camera.lens, camera, printed, 4, 0.1)
+    with pytest.raises(
+        CalibrationError, match=r"do not determine the lens: .* width_px = 40000: .* show the"
+    ):
+        calibrate_camera(views, 40_000, 300)
 
 
 @pytest.mark.nightly
