@@ -19,9 +19,11 @@ SQUARE, CELL_PX = 0.03, 12
 BOARD = ["--board", "5x4", "--square-mm", "30"]
 
 
-def picture(turn: tuple[float, float], place: tuple[float, float, float]) -> np.ndarray:
-    """A chessboard of 5 x 4 inner corners as an ideal camera shows it, the middle at a place [m]."""
-    cells = np.pad(np.indices((5, 6)).sum(axis=0) % 2, 1, constant_values=1)
+def picture(
+    turn: tuple[float, float], place: tuple[float, float, float], squares: tuple[int, int] = (5, 6)
+) -> np.ndarray:
+    """A chessboard, 5 x 4 inner corners, as an ideal camera shows it, the middle at a place [m]."""
+    cells = np.pad(np.indices(squares).sum(axis=0) % 2, 1, constant_values=1)
     board = np.kron(170 * cells + 40, np.ones((CELL_PX, CELL_PX))).astype(np.uint8)
     R = cv2.Rodrigues(np.array([*turn, 0.1]))[0]
     scale = SQUARE / CELL_PX
@@ -73,7 +75,7 @@ def test_what_is_wrong_is_one_message(pictures: Path, capfd: pytest.CaptureFixtu
             [board, "--board", "9x6", "--square-mm", "30"],
             "board_0.png shows a chessboard of 5x4 inner corners",
         ),
-        ([str(pictures / "wall.png"), *BOARD], "no picture of 1 shows the board; is --board right?"),
+        ([str(pictures / "wall.png"), *BOARD], "0 of 1 pictures show the board; is --board right?"),
         ([board, *BOARD], "1 picture(s) with a board; 3 are the fewest"),
         ([board, "large.png", *BOARD], "large.png: 640 x 480 px, and "),
         (["film.mp4", *BOARD], "film.mp4: a film; take ten to twenty sharp pictures"),
@@ -86,3 +88,20 @@ def test_what_is_wrong_is_one_message(pictures: Path, capfd: pytest.CaptureFixtu
         error = capfd.readouterr().err
         assert message in error
         assert error.count("\n") == 1
+
+
+def test_a_board_is_in_doubt_if_most_pictures_show_another(
+    pictures: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """One of five pictures shows the board, as if OpenCV had misread it; then all show a part of one."""
+    for file in pictures.glob("board_*.png"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    cv2.imwrite(str(tmp_path / "last.png"), picture((0.2, 0.4), (0.0, 0.0, 0.35), (6, 8)))
+    assert run(["calibrate", str(tmp_path), "--board", "7x5", "--square-mm", "30"]) == BAD_INPUT
+    error = capfd.readouterr().err
+    assert "1 of 5 pictures show the board; " in error
+    assert "board_0.png shows a chessboard of 5x4 inner corners; is --board right?" in error
+    assert run(["calibrate", str(pictures), "--board", "5x3", "--square-mm", "30", "--out", "part.yaml"]) == 0
+    printed = capfd.readouterr().out
+    assert "the board is in doubt: 4 of 5 pictures show the board; " in printed
+    assert "shows a chessboard of 5x4 inner corners" in printed
