@@ -147,15 +147,19 @@ def calibrate_camera(
         raise CalibrationError(
             f"the pictures do not determine the lens: {why}; show the board near all borders"
         )
-    chosen = _choose(usable)
+    credible = _as_good_as_the_best(usable)
+    chosen = min(credible)
     fit, spread = tried[chosen].fit, np.array([f.entries for f in tried[chosen].partial])
     fitted = tuple(_fitted(view, fit.K, fit.lens, i in used) for i, view in enumerate(views))
     _refuse_parallel([view for view in fitted if view.used])
     models = tuple(LensModel(n, float(np.sqrt(t.errors.mean())), bool(t.wrong)) for n, t in tried.items())
     jackknife = np.sqrt((len(spread) - 1) * spread.var(axis=0))
+    # What the chosen model leaves out shifts the rest: the principal point, where p1 and p2 are left out.
+    shift = np.abs([tried[n].fit.entries - fit.entries for n in credible]).max(axis=0)
+    sigma = np.hypot(np.maximum(jackknife, fit.sigma), np.where(fit.sigma > 0.0, shift, 0.0))
     return CameraCalibration(
         told=_specification(fit, size),
-        sigma=dict(zip(ENTRIES, np.maximum(jackknife, fit.sigma).tolist(), strict=True)),
+        sigma=dict(zip(ENTRIES, sigma.tolist(), strict=True)),
         noise_sigma=dict(zip(ENTRIES, fit.sigma.tolist(), strict=True)),
         model=next(m for m in models if m.free == chosen),
         models=models if free is None else (),
@@ -197,15 +201,17 @@ def _consistent(views: Sequence[BoardView], size: tuple[int, int], free: int) ->
         del used[worst]
 
 
-def _choose(errors: Mapping[int, Array]) -> int:
-    """Return the smallest number of coefficients that is as good as the best, within its standard error.
+def _as_good_as_the_best(errors: Mapping[int, Array]) -> list[int]:
+    """Return the numbers of coefficients that are as good as the best, within its standard error.
 
-    Source: L. Breiman et al., Classification and Regression Trees, 1984, section 3.4.3. It matters: models
-    with more coefficients gain a little where the boards were, and lose much where they were not.
+    The smallest of them is chosen, which matters: models with more coefficients gain a little where the
+    boards were, and lose much where they were not.
+
+    Source: L. Breiman et al., Classification and Regression Trees, 1984, section 3.4.3.
     """
     best = min(errors.values(), key=lambda squares: float(squares.mean()))
     limit = best.mean() + best.std(ddof=1) / np.sqrt(len(best))
-    return min(n for n, squares in errors.items() if squares.mean() <= limit)
+    return [n for n, squares in errors.items() if squares.mean() <= limit]
 
 
 def _refuse_parallel(views: Sequence[FittedView]) -> None:

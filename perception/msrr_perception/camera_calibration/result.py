@@ -62,7 +62,8 @@ class CameraCalibration:
     Attributes:
         told: The calibration as scenes take it.
         sigma: Standard deviation of each of :data:`ENTRIES`; 0 for coefficients that are not free. It is that
-            of the jackknife over pictures, or that of independent noise where this is larger.
+            of the jackknife over pictures, or that of independent noise where this is larger, together with
+            the largest difference to a model that shows pictures that were held out as well as the best one.
         noise_sigma: The same as OpenCV states it, as if the residuals of all points were independent.
         model: The model of the lens.
         models: All models that were tried; empty if the number of coefficients was given.
