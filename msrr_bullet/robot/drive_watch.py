@@ -52,6 +52,10 @@ class DriveWatch:
         self._asked = 0.0, 0.0  # ways of both rims that were commanded while the wheels stood [m]
         self.belief: Belief | None = None
 
+    def restart(self) -> None:
+        """Begin anew after a time without readings, in which nothing was commanded."""
+        self._last = self._stood = None
+
     def judge(self, action: Action) -> Action:
         """Return what is commanded until the next decision: the action, or to give up.
 

@@ -227,6 +227,7 @@ class GuidedUnit:
         newest = self._newest
         assert newest is not None
         self.route, self._covered = newest.route, 0.0
+        self._drive_watch.restart()
         self._guided, self._program, docked = None, None, self._docking
         self._docking = None
         if not newest.legs:  # the unit stands where the route ends

@@ -81,3 +81,13 @@ def test_time_without_sensors_does_not_count(watch: DriveWatch) -> None:
     actions = run(watch, FORWARDS, 0.3 * SEIZED_S, start_s=100.0)
     assert Phase.FAILED not in {action.phase for action in actions}
     assert run(watch, FORWARDS, 0.2 * SEIZED_S, start_s=110.0)[-1].phase is Phase.FAILED
+
+
+def test_a_time_without_readings_is_none_of_standing(watch: DriveWatch) -> None:
+    """Between two routes the sensors of a unit are off; at the next one it is commanded at once."""
+    run(watch, Twist(), 0.2)
+    watch.restart()
+    watch.judge(Action(30_000_000_000, Phase.ASSEMBLE, 1, FORWARDS, reason="leg 1"))
+    actions = run(watch, FORWARDS, SEIZED_S - 0.5, start_s=30.02)
+    assert {action.phase for action in actions} == {Phase.ASSEMBLE}
+    assert run(watch, FORWARDS, 1.0, start_s=30.02 + SEIZED_S - 0.5)[-1].phase is Phase.FAILED

@@ -37,7 +37,7 @@ def test_high_gain_and_delay_separate_c1_from_c2_and_gentle_gains_do_not(facts: 
 
     def lateral(law: C1DockingLaw | C2DockingLaw) -> float:
         result = run_study(law, facts, np.random.default_rng(3), 60, disturbance=wrong, duration=8.5)
-        assert result.docked.all()
+        assert result.at_face.all()
         return float(np.median(np.abs(result.at_contact()[0])))
 
     def c1(k: float) -> C1DockingLaw:
