@@ -180,7 +180,7 @@ class DriveMotion:
             return AT_REST
         yaw = float(state.mean[YAW])
         way, turn = self._moved(state, now, stamp)
-        left = np.array([way * math.cos(yaw - 0.5 * turn), way * math.sin(yaw - 0.5 * turn), turn])
+        since = np.array([way * math.cos(yaw - 0.5 * turn), way * math.sin(yaw - 0.5 * turn), turn])
         first, first_turn = self._moved(state, before, now)
         second, second_turn = self._moved(state, now, after)
         period, yaw = seconds(RATES_NS), yaw - turn
@@ -188,7 +188,7 @@ class DriveMotion:
         dv, dw = (second - first) / period**2, (second_turn - first_turn) / period**2
         c, s = math.cos(yaw), math.sin(yaw)
         velocity = np.array([v * c, v * s, w])
-        return Rates(late, left, velocity, np.array([dv * c - v * w * s, dv * s + v * w * c, dw]))
+        return Rates(late, since, velocity, np.array([dv * c - v * w * s, dv * s + v * w * c, dw]))
 
     def _moved(self, state: FilterState, before: WheelAngles, after: WheelAngles) -> tuple[float, float]:
         """Return the way of the axle [m] and the turn [rad] between two readings."""
