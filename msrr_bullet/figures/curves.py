@@ -27,7 +27,7 @@ from msrr_bullet.timeline.palette import (
 from msrr_bullet.timeline.series import TrialSeries, phase_spans
 from msrr_bullet.timeline.snapshot import phase_name
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.plan import GuardSpec, JudgeSpec
+from msrr_scenes.specs.control import GuardSpec, JudgeSpec
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
 

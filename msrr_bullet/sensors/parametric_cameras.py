@@ -24,8 +24,9 @@ from msrr_scenes.messages import (
     SensorMessage,
     onboard_camera,
 )
+from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.faults import MarkerHidden
-from msrr_scenes.specs.plan import DockStep, LosSpec
+from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 

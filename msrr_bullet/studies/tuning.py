@@ -25,7 +25,7 @@ from msrr_bullet.studies.tuned_controller import Tuned
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError, UnknownNameError
 from msrr_scenes.random_streams import stream
-from msrr_scenes.specs.plan import GuardSpec
+from msrr_scenes.specs.control import GuardSpec
 from msrr_scenes.specs.spec import Choice
 
 #: Number of candidates in one generation.

@@ -7,7 +7,7 @@ from pydantic import BaseModel
 from msrr_bullet.statistics import Quantiles, Rate, interval_text
 from msrr_scenes.html import html_table
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.specs.plan import Perception, Plant
+from msrr_scenes.specs.control import Perception, Plant
 
 
 class TrialFailure(BaseModel, frozen=True):

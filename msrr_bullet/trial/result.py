@@ -14,7 +14,7 @@ from msrr_bullet.trial.versions import trial_versions
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.html import html_table
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.specs.plan import Perception, Plant
+from msrr_scenes.specs.control import Perception, Plant
 
 
 class ResultError(MsrrError):

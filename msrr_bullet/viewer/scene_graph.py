@@ -37,8 +37,8 @@ from msrr_scenes.geometry.pinhole import R_BODY_OPTICAL
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
 from msrr_scenes.messages import LosStatus
+from msrr_scenes.specs.control import GuardSpec
 from msrr_scenes.specs.faults import MarkerHidden
-from msrr_scenes.specs.plan import GuardSpec
 from msrr_scenes.specs.scene import Scene
 
 #: Length to which the frustum of the camera is drawn [m].

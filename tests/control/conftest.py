@@ -29,7 +29,7 @@ from msrr_scenes.messages import (
     SeatSwitches,
     Twist,
 )
-from msrr_scenes.specs.plan import DockingSpec, LosSpec
+from msrr_scenes.specs.control import DockingSpec, LosSpec
 from msrr_scenes.specs.spec import Choice
 from msrr_scenes.specs.vehicle import LimitsSpec
 

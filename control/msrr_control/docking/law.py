@@ -9,7 +9,7 @@ import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
-from msrr_scenes.specs.plan import LosSpec
+from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 if TYPE_CHECKING:

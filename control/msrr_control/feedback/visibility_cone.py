@@ -10,7 +10,7 @@ from pydantic import Field
 from msrr_control.kinematics.controlled_point import rotate
 from msrr_control.kinematics.elementwise import tanh_tan
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.plan import LosSpec
+from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.spec import Gain, Length, NonNegative, Spec
 
 

@@ -12,7 +12,7 @@ from msrr_control.sequence.port_view import PortView
 from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Belief, FailureReason, Phase, PoseEstimate, seconds
-from msrr_scenes.specs.plan import DockingSpec
+from msrr_scenes.specs.control import DockingSpec
 
 
 @dataclass(frozen=True, slots=True)

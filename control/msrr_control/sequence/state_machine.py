@@ -18,7 +18,7 @@ from msrr_control.sequence.observation import Assembler, Observation
 from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.errors import MsrrError, ProgramFailedError
 from msrr_scenes.messages import Action, Belief, Conviction, Phase, Twist
-from msrr_scenes.specs.plan import DockingSpec
+from msrr_scenes.specs.control import DockingSpec
 
 
 class State(NamedTuple):

@@ -13,7 +13,7 @@ from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.measures import measure
 from msrr_bullet.studies.model import FlagName, Reproduction, Row, Table
 from msrr_bullet.studies.paired import mcnemar, paired_difference
-from msrr_scenes.specs.plan import ControlSpec
+from msrr_scenes.specs.control import ControlSpec
 
 #: Plant and setting of the tables by which the laws are ranked: wide and hard starts under tight limits at
 #: 100 ms, with delay compensation and without.

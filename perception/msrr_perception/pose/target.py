@@ -21,7 +21,8 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.messages import Pixels, onboard_camera
-from msrr_scenes.specs.plan import DockStep, LosSpec
+from msrr_scenes.specs.control import LosSpec
+from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.tag_families import TagFamily
 

@@ -12,7 +12,8 @@ import numpy as np
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
-from msrr_scenes.specs.plan import DockStep, LosSpec
+from msrr_scenes.specs.control import LosSpec
+from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
 

@@ -5,7 +5,8 @@ root exports the specifications that other packages are built with; the rest is 
 """
 
 from msrr_scenes.specs.bodies import ArenaSpec, ObstacleSpec
-from msrr_scenes.specs.plan import DockingSpec, DockStep, LosSpec
+from msrr_scenes.specs.control import DockingSpec, LosSpec
+from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec, OdometrySpec
 from msrr_scenes.specs.spec import Choice, PoseSpec, Spec

@@ -16,19 +16,10 @@ from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_uni
 from msrr_scenes.html import html_table
 from msrr_scenes.specs.as_built import GRADES, AsBuiltSpec, Grade, graded_odometry, graded_optics
 from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
+from msrr_scenes.specs.control import ControlSpec, DockingSpec, JudgeSpec, LosSpec, Perception, Plant
 from msrr_scenes.specs.faults import Fault
 from msrr_scenes.specs.mission import AssembledPair, RadioSpec, Shapes
-from msrr_scenes.specs.plan import (
-    ControlSpec,
-    DockingSpec,
-    DockStep,
-    JudgeSpec,
-    LosSpec,
-    Perception,
-    PlanStep,
-    Plant,
-    in_order,
-)
+from msrr_scenes.specs.plan import DockStep, PlanStep, in_order
 from msrr_scenes.specs.sensors import CameraSpec, CamerasSpec, OdometrySpec, ParametricSpec
 from msrr_scenes.specs.spec import Duration, Name, PoseSpec, Spec, Text, between
 from msrr_scenes.specs.vehicle import LimitsSpec, LinkSpec, LockSpec, WheelMotorSpec

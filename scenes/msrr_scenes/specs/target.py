@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.as_built import AsBuiltSpec
 from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, TagId, TagsSpec, tags_in_dock
+from msrr_scenes.specs.control import ControlSpec, LosSpec
 from msrr_scenes.specs.mount import MountSpec
-from msrr_scenes.specs.plan import ControlSpec, LosSpec
 from msrr_scenes.specs.sensors import CameraSpec, OdometrySpec
 from msrr_scenes.specs.spec import FileName, Name, Spec, Speed, Text, TurnRate
 from msrr_scenes.specs.tag_map import TagMapSpec

@@ -30,7 +30,7 @@ from msrr_scenes.messages import (
     Twist,
 )
 from msrr_scenes.placement.placement import Placement
-from msrr_scenes.specs.plan import GuardSpec
+from msrr_scenes.specs.control import GuardSpec
 from msrr_scenes.specs.scene import Scene
 
 SIGMA_M = 0.0003

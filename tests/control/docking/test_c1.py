@@ -4,7 +4,7 @@ from pydantic import ValidationError
 
 from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams, LinearParams
 from msrr_control.docking.law import DockSetup, LawInputs
-from msrr_scenes.specs.plan import LosSpec
+from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 FACTS = DockSetup(0.1, 0.0, 0.018, LosSpec(), LimitsSpec.model_validate({}), 50.0)

@@ -15,7 +15,7 @@ from msrr_control.studies.disturbance import Disturbance
 from msrr_control.studies.docking_study import CLOSE, run_study
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.specs.plan import LosSpec
+from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 FACTS = DockSetup(0.1, 0.02, 0.018, LosSpec(), LimitsSpec.model_validate({}), 50.0)

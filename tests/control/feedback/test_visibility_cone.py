@@ -11,7 +11,7 @@ from msrr_control.feedback.visibility_cone import (
     edge_angles,
     edge_force,
 )
-from msrr_scenes.specs.plan import LosSpec
+from msrr_scenes.specs.control import LosSpec
 
 LOS = LosSpec()
 ANGLES = st.floats(-3.1, 3.1)

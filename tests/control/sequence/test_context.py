@@ -10,7 +10,7 @@ from msrr_control.sequence.observation import Observation
 from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import PoseEstimate, Twist
-from msrr_scenes.specs.plan import DockingSpec
+from msrr_scenes.specs.control import DockingSpec
 from msrr_scenes.specs.spec import Choice
 
 S = 1_000_000_000

@@ -14,7 +14,7 @@ from msrr_control.docking.law import DockSetup
 from msrr_control.sequence.port_view import PortView
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate
-from msrr_scenes.specs.plan import LosSpec
+from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 FACTS = DockSetup(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msrr_control.sequence.search import SearchSpec, scan, turn_rate
-from msrr_scenes.specs.plan import DockingSpec
+from msrr_scenes.specs.control import DockingSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 SPEC = SearchSpec()

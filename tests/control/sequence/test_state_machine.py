@@ -21,7 +21,7 @@ from msrr_scenes.messages import (
     SeatSwitches,
     Twist,
 )
-from msrr_scenes.specs.plan import DockingSpec, VerifySpec
+from msrr_scenes.specs.control import DockingSpec, VerifySpec
 from msrr_scenes.specs.spec import Choice
 
 STRAIGHT = [Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.DONE]

@@ -32,7 +32,7 @@ from msrr_scenes.messages import (
     Twist,
     seconds,
 )
-from msrr_scenes.specs.plan import DockingSpec, VerifySpec
+from msrr_scenes.specs.control import DockingSpec, VerifySpec
 from msrr_scenes.specs.spec import Choice
 
 DT_NS = 20_000_000

@@ -7,7 +7,8 @@ from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.specs.plan import DockStep, LosSpec
+from msrr_scenes.specs.control import LosSpec
+from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 

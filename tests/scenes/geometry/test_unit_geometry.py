@@ -8,7 +8,7 @@ import pytest
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit, tag_corners
-from msrr_scenes.specs.plan import LosSpec
+from msrr_scenes.specs.control import LosSpec
 
 SIDE_TAG, MAST_TAG = 0.05, 0.04
 UNIT = read_unit(find_urdf("unit.urdf"))

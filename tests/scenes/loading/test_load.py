@@ -9,7 +9,7 @@ from msrr_scenes import check_scene, load_scene, scene_hash
 from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
 from msrr_scenes.geometry.unit_geometry import urdf_folder
 from msrr_scenes.loading.load import read_document, shipped_scenes
-from msrr_scenes.specs.plan import ControlSpec
+from msrr_scenes.specs.control import ControlSpec
 
 GOOD = """\
 description: two units, one camera each
