@@ -8,12 +8,7 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, Tag
 
 from msrr_scenes.specs.bodies import MAX_UNITS
-from msrr_scenes.specs.spec import (
-    Name,
-    PortName,
-    PoseSpec,
-    Spec,
-)
+from msrr_scenes.specs.spec import Name, PortName, PoseSpec, Spec
 
 #: Names of earlier steps; None stands for the step before.
 After = Annotated[tuple[Name, ...], Field(max_length=MAX_UNITS)] | None
