@@ -10,8 +10,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from msrr_control.coordination.dispatcher import Dispatcher
+from msrr_control.coordination.interlock import Interlock
 from msrr_control.coordination.knowledge import Knowledge
-from msrr_control.coordination.ledger import Interlock, UnitRecord
+from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission, Patience
 from msrr_control.coordination.precedence import precedence
 from msrr_control.coordination.recall import Recall

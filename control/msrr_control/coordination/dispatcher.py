@@ -8,8 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from msrr_control.coordination.embedding import assign, place_costs
+from msrr_control.coordination.interlock import Interlock, clear_of_tracks
 from msrr_control.coordination.knowledge import Knowledge
-from msrr_control.coordination.ledger import Interlock, UnitRecord, clear_of_tracks
+from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.route_request import RouteRequest
 from msrr_control.coordination.task_ends import TaskEnds
 from msrr_control.coordination.task_list import TaskList

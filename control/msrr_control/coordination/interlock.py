@@ -1,0 +1,94 @@
+"""The interlock of the coordinator: how far every unit may drive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from msrr_control.coordination.bodies import Body
+from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.track import Track, needed, standing
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.se2 import SE2
+
+
+class Interlock:
+    """Finds how far every unit may drive: the later keeps out of what the earlier still has to drive."""
+
+    def __init__(self, body: Body) -> None:
+        """Begin with no tracks compared."""
+        self._body = body
+        self._needed: dict[tuple[str, int, str, int], Array] = {}
+
+    def needed(self, earlier: UnitRecord, later: UnitRecord) -> Array:
+        """Return how far the earlier unit has to be for each sample of the later one's track."""
+        assert earlier.track is not None
+        assert later.track is not None
+        key = (earlier.name, earlier.route, later.name, later.route)
+        if key not in self._needed:
+            self._needed[key] = needed(earlier.track, later.track, self._body)
+        return self._needed[key]
+
+    def forget(self, name: str) -> None:
+        """Drop what was computed for a unit's earlier routes."""
+        self._needed = {key: value for key, value in self._needed.items() if name not in (key[0], key[2])}
+
+    def extend(self, unit: UnitRecord, units: Iterable[UnitRecord], parent_holds: bool) -> None:
+        """Extend the limit of a unit as far as the others allow; it never shrinks.
+
+        Args:
+            unit: The unit, which has a track.
+            units: All units.
+            parent_holds: Whether the unit that it docks to stands in its place.
+        """
+        track = unit.track
+        assert track is not None
+        free, blocker = track.length, None
+        for other in units:
+            if other.name == unit.name:
+                continue
+            limit = self._limit_by(other, unit, track)
+            if limit < free:
+                free, blocker = limit, other.name
+        if unit.enters is not None and free >= track.dock_start and (free < track.length or not parent_holds):
+            if free >= track.length:
+                blocker = unit.enters[0]
+            free = track.dock_start
+        unit.limit = max(unit.limit, free)
+        unit.blocked_by = blocker if unit.limit < track.length else None
+
+    def _limit_by(self, other: UnitRecord, unit: UnitRecord, track: Track) -> float:
+        """Return the limit that another unit imposes [m]."""
+        if unit.unlocks and other.holder is not None and other.holder[0] == unit.name:
+            return -1.0
+        if other.under_way:
+            if other.order > unit.order or other.track is None:
+                return track.length
+            clear = self.needed(other, unit) <= other.passed
+        elif other.X_WU is not None and other.still_ns > unit.granted_ns:
+            # It stopped where this route was not planned around it.
+            key = (other.name, -other.still_ns, unit.name, unit.route)
+            if key not in self._needed:
+                body = other.standing(end=False)
+                self._needed[key] = needed(standing(body.X_WB, body.at_port), track, self._body)
+            clear = np.isneginf(self._needed[key])
+            if unit.enters is not None and unit.enters[0] == other.name:
+                return track.length
+        else:
+            return track.length
+        count = int(np.count_nonzero(clear))  # the samples that are clear come first
+        if count == len(track.s):
+            return track.length
+        return float(track.s[count - 1]) if count > 0 else -1.0
+
+
+def clear_of_tracks(X_WU: SE2, unit: UnitRecord, units: Iterable[UnitRecord], body: Body) -> bool:
+    """Return whether a unit stands clear of all that others still have to drive."""
+    here = standing(X_WU, unit.holder is not None)
+    for other in units:
+        if other.name == unit.name or not other.under_way or other.track is None:
+            continue
+        if float(needed(other.track, here, body)[0]) > other.passed:
+            return False
+    return True
