@@ -14,9 +14,8 @@ from msrr_control.coordination.interlock import Interlock
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission, Patience
-from msrr_control.coordination.precedence import precedence
 from msrr_control.coordination.recall import Recall
-from msrr_control.coordination.siting import check_shapes, site
+from msrr_control.coordination.siting import Siting, check_shapes
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.tasks import TaskKind, TaskState
 from msrr_control.coordination.watch import Watch
@@ -30,9 +29,6 @@ from msrr_scenes.messages.coordination import (
     UnitReport,
     UnitState,
 )
-
-#: How often a shape may be placed again.
-_MOST_REFITS = 3
 
 
 class Coordinator:
@@ -71,13 +67,12 @@ class Coordinator:
 
     def _set_out(self, mission: Mission) -> None:
         """Begin a mission, or the next one of several."""
-        self._mission, self._fitted = mission, mission.shape is None
-        self._reason = "" if self._fitted else "waits for the first sight of the units"
-        self._before = {} if mission.shape is None else precedence(mission.shape, self._know.lanes)
+        self._mission, self._siting = mission, Siting(mission, self._know)
+        self._reason = "" if self._siting.chosen else "waits for the first sight of the units"
         self._tasks = TaskList(mission.tasks)
         for unit in self._units.values():
             unit.task, unit.evasions = None, 0
-        self._changed, self._refits = True, 0
+        self._changed = True
         self._most_replans += self._patience.replans
 
     def receive(self, report: UnitReport, now_ns: int) -> None:
@@ -102,8 +97,8 @@ class Coordinator:
             self._watch.advance(now_ns)
         if self._state is MissionState.RUNNING:
             self._take_stock(now_ns)
-            self._fit(now_ns)
-            if self._fitted and self._state is MissionState.RUNNING:
+            self._choose_site(now_ns)
+            if self._siting.chosen and self._state is MissionState.RUNNING:
                 self._extend()
                 self._release(now_ns)
                 self._dispatch(now_ns)
@@ -177,23 +172,21 @@ class Coordinator:
 
     # Where the shape stands.
 
-    def _fit(self, now_ns: int) -> None:
+    def _choose_site(self, now_ns: int) -> None:
         """Choose where the shape is built when all are seen; again if its root fails before anybody docks."""
-        shape = self._mission.shape
-        if shape is None:
-            return
-        if self._fitted:
-            root = self._dispatcher.wanted.get(shape.root.name)
-            if root is None or self._units[root].state is not UnitState.FAILED or not self._may_fit_again():
+        siting, units = self._siting, list(self._units.values())
+        if siting.chosen:
+            root = None if self._mission.shape is None else self._mission.shape.root.name
+            taken_by = None if root is None else self._dispatcher.wanted.get(root)
+            failed = taken_by is not None and self._units[taken_by].state is UnitState.FAILED
+            if not failed or not siting.may_move(units):
                 return
-            self._refits += 1
-        unseen = [unit.name for unit in self._units.values() if unit.X_WU is None]
+            siting.move()
+        unseen = [unit.name for unit in units if unit.X_WU is None]
         if unseen and seconds(now_ns - self._start_ns) < self._patience.seen_s:
             return
-        self._fitted = True
-        units, obstacles = list(self._units.values()), self._dispatcher.obstacles
         try:
-            tasks, wanted = site(self._mission, self._before, units, self._know, obstacles)
+            tasks, wanted = siting.choose(units, self._dispatcher.obstacles)
         except SceneError as error:
             missing = f"; not seen: {', '.join(unseen)}" if unseen else ""
             self._end(MissionState.INCOMPLETE, f"{error}{missing}")
@@ -202,16 +195,6 @@ class Coordinator:
         for unit in units:
             unit.evasions = 0  # others are in the way there
         self._changed, self._reason = True, ""
-
-    def _may_fit_again(self) -> bool:
-        """Return whether the shape can still be built elsewhere: nobody moves, and nobody has docked.
-
-        One that an assembly is to become is built where that stands, even if all have left its root.
-        """
-        anywhere = self._mission.shape is not None and not self._mission.holders
-        standing = not any(unit.under_way for unit in self._units.values())
-        docked = any(unit.holder is not None for unit in self._units.values())
-        return anywhere and standing and not docked and self._refits < _MOST_REFITS
 
     # Who gets a route, and who loses it.
 
@@ -289,12 +272,11 @@ class Coordinator:
             self._hopeless_ns = now_ns
         if seconds(now_ns - self._hopeless_ns) > self._patience.hopeless_s and self._tasks.open:
             self._hopeless_ns, self._changed = now_ns, True
-            if self._may_fit_again():
-                self._refits += 1
+            if self._siting.may_move(self._units.values()):
+                self._siting.move()
                 for unit in self._units.values():
                     if unit.state is UnitState.DOCKED:  # the root, to which nobody has docked
                         self._stand(unit, now_ns, "the shape is built elsewhere")
-                self._fitted = False
                 return
             first = next(iter(self._tasks.ready()), self._tasks.open[0])
             why = self._dispatcher.hindrance(first, self._tasks)

@@ -23,58 +23,77 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import UnitState
 
+#: How often a shape may be placed again.
+_MOST_MOVES = 3
 
-def site(
-    mission: Mission,
-    before: Mapping[str, tuple[str, ...]],
-    units: Iterable[UnitRecord],
-    knowledge: Knowledge,
-    obstacles: tuple[ObstacleEstimate, ...],
-) -> tuple[list[Task], dict[str, str]]:
-    """Return the tasks of a mission with a shape, and which unit is to take which place of it.
 
-    Args:
-        mission: The mission.
-        before: The precedence of its shape.
-        units: All units as they stand.
-        knowledge: Geometry and assumed speeds.
-        obstacles: Obstacles.
+class Siting:
+    """Chooses where the shape of a mission is built and by whom, or how an assembly becomes the shape.
 
-    Returns:
-        All tasks, also those for which there is no unit; and a unit for every place that can be taken.
-
-    Raises:
-        SceneError: The shape cannot be built from what is there; the message says why.
+    Attributes:
+        chosen: Whether that is known; there is nothing to choose for a mission without a shape.
+        moves: How often it had to be chosen again.
     """
-    shape = mission.shape
-    assert shape is not None
-    there = {unit.name: unit.pose for unit in units if unit.X_WU is not None and _may_take_part(unit)}
-    if mission.holders:
-        root = next(iter(assembly_ports(mission.holders)))
-        lanes, box = knowledge.lanes, knowledge.finder.box
-        if root not in there:
-            raise SceneError(f"the root {root!r} of the assembly is not seen")
-        return reconfiguration_tasks(mission.holders, shape, lanes, there[root], box, mission.named), {}
-    body = knowledge.lanes.body
-    keep_out = [
-        (unit.pose.x, unit.pose.y, body.radius)
-        for unit in units
-        if unit.X_WU is not None and not _may_take_part(unit)
-    ]
-    keep_out += [(o.X_WB.x, o.X_WB.y, o.radius) for o in obstacles]
-    part = _part(shape, before, there, mission.named)
-    found = embedding(
-        part,
-        there,
-        knowledge.lanes,
-        knowledge.finder.box,
-        knowledge.travel,
-        named=mission.named,
-        keep_out=keep_out,
-    )
-    if found is None:
-        raise SceneError("the shape and the lanes to it do not fit into the arena")
-    return shape_tasks(shape, before, found.X_WR, mission.named), dict(found.units)
+
+    def __init__(self, mission: Mission, knowledge: Knowledge) -> None:
+        """Begin before anything is chosen."""
+        self._mission, self._know = mission, knowledge
+        self._before = {} if mission.shape is None else precedence(mission.shape, knowledge.lanes)
+        self.chosen, self.moves = mission.shape is None, 0
+
+    def choose(
+        self, units: Iterable[UnitRecord], obstacles: tuple[ObstacleEstimate, ...]
+    ) -> tuple[list[Task], dict[str, str]]:
+        """Choose by what is there now.
+
+        Args:
+            units: All units as they stand.
+            obstacles: Obstacles.
+
+        Returns:
+            All tasks, also those for which there is no unit; and a unit for every place that can be taken.
+
+        Raises:
+            SceneError: The shape cannot be built from what is there; the message says why.
+        """
+        mission, shape, lanes, box = (
+            self._mission,
+            self._mission.shape,
+            self._know.lanes,
+            self._know.finder.box,
+        )
+        assert shape is not None
+        self.chosen, units = True, list(units)
+        there = {unit.name: unit.pose for unit in units if unit.X_WU is not None and _may_take_part(unit)}
+        if mission.holders:
+            root = next(iter(assembly_ports(mission.holders)))
+            if root not in there:
+                raise SceneError(f"the root {root!r} of the assembly is not seen")
+            return reconfiguration_tasks(mission.holders, shape, lanes, there[root], box, mission.named), {}
+        keep_out = [
+            (unit.pose.x, unit.pose.y, lanes.body.radius)
+            for unit in units
+            if unit.X_WU is not None and not _may_take_part(unit)
+        ]
+        keep_out += [(o.X_WB.x, o.X_WB.y, o.radius) for o in obstacles]
+        part = _part(shape, self._before, there, mission.named)
+        found = embedding(part, there, lanes, box, self._know.travel, named=mission.named, keep_out=keep_out)
+        if found is None:
+            raise SceneError("the shape and the lanes to it do not fit into the arena")
+        return shape_tasks(shape, self._before, found.X_WR, mission.named), dict(found.units)
+
+    def may_move(self, units: Iterable[UnitRecord]) -> bool:
+        """Return whether the shape can still be built elsewhere: nobody moves, and nobody has docked.
+
+        One that an assembly is to become is built where that stands, even if all have left its root.
+        """
+        if self._mission.shape is None or self._mission.holders or self.moves >= _MOST_MOVES:
+            return False
+        return not any(unit.under_way or unit.holder is not None for unit in units)
+
+    def move(self) -> None:
+        """Note that the shape has to be built elsewhere."""
+        self.chosen, self.moves = False, self.moves + 1
 
 
 def check_shapes(mission: Mission, lanes: Lanes) -> None:

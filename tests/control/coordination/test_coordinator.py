@@ -317,11 +317,11 @@ def test_who_has_made_way_does_so_again_where_a_shape_is_placed_anew(rig: type[R
     starts = {name: SE2(x, 0.0, 0.0) for name, x in (("a", 0.3), ("b", 1.0), ("c", -0.3), ("d", -1.0))}
     run = rig(Mission(shape=build_pattern("line", 2)), starts, replace(whole, finder=corridor))
     run.units["d"].dead_s = 0.0
-    while run.now_ns < 20e9 and not run.coordinator._refits:
+    while run.now_ns < 20e9 and not run.coordinator._siting.moves:
         for unit in run.coordinator._units.values():
             unit.evasions = 3
         run.step()
-    assert run.coordinator._refits == 1
+    assert run.coordinator._siting.moves == 1
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
 
