@@ -18,7 +18,8 @@ class MovementAuthority:
     """Keeps the newest authority and turns it into a limit.
 
     An authority that expires ends at the nearer of its limit and the place where the unit can stop from then
-    on; in the dock leg, which was granted whole, it does not expire.
+    on. It does not expire for a unit that has begun its dock leg, which was granted whole. A unit that waits
+    before its dock leg, also after a failed attempt, begins it only by an authority that has not expired.
     """
 
     def __init__(self, limits: LimitsSpec, reaction_s: float) -> None:
@@ -85,7 +86,7 @@ class MovementAuthority:
         if newest is None:
             return progress
         docks = self.dock_start < self.length <= newest.limit
-        if now_ns < newest.expires_ns or (docks and progress >= self.dock_start):
+        if now_ns < newest.expires_ns or (docks and progress > self.dock_start + 1e-9):
             self._stop = None
             return newest.limit
         if self._stop is None:

@@ -203,7 +203,8 @@ class Coordinator:
         quiet = self._watch.nobody_moves(self._units.values(), now_ns)
         released = False
         for unit in list(self._units.values()):
-            held = self._recall.has_stopped(unit, now_ns)
+            in_lane = self._dispatcher.ahead_in_lane(unit)
+            held = self._recall.has_stopped(unit, now_ns, in_lane is not None)
             lost = None if unit.task is None else self._tasks.lost_base(unit.task)
             blocker = None if unit.blocked_by is None else self._units[unit.blocked_by]
             for_ever = blocker is not None and not blocker.under_way
@@ -211,11 +212,16 @@ class Coordinator:
             if not held and not stuck:
                 continue
             waited = f"{lost} is open again" if lost else f"waited for {unit.blocked_by}"
-            why = f"was held {unit.progress:.2f} m along its way" if held else waited
+            if in_lane is not None:
+                why = f"{in_lane} stands in the lane to its port"
+            else:
+                why = f"was held {unit.progress:.2f} m along its way" if held else waited
             if unit.task is not None:
                 self._tasks.reopen(unit.task)
             self._stand(unit, now_ns, why)
-            if held:
+            if unit.holder is None:
+                unit.stand_down()
+            elif held:
                 unit.track = None  # its authority must not be renewed: it reaches further than the unit came
             released = self._changed = True
         if released:

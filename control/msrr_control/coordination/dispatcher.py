@@ -122,8 +122,6 @@ class Dispatcher:
         enters = self.ends.port_of(task)
         if enters is None and task.kind is TaskKind.DOCK:
             return False
-        if enters is not None and X_WE is not None and self.ends.closing(X_WE, unit.name, enters[0]):
-            return False
         if not self._grant(unit, X_WE, enters, now_ns):
             return False
         unit.task = task.name
@@ -142,9 +140,15 @@ class Dispatcher:
             reason = self._know.finder.obstruction(self._request(unit, X_WE, enters))
         return f"{name} {reason or 'finds no route'}"
 
+    def ahead_in_lane(self, unit: UnitRecord) -> str | None:
+        """Return the obstacle that a unit under way would meet in the lane of its port, None without one."""
+        if not unit.under_way or unit.track is None or unit.enters is None:
+            return None
+        return self._know.finder.ahead_in_lane(unit.track, unit.progress, self.obstacles)
+
     def _grant(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None, now_ns: int) -> bool:
         """Give a unit a route of its own; return whether there is one."""
-        if self.ends.carried_by(unit):
+        if self.ends.hindrance(unit, X_WE, enters) is not None:
             return False
         others = [u for u in self._units.values() if u.name != unit.name and u.X_WU is not None]
         if not clear_of_tracks(unit.pose, unit, others, self._know.lanes.body):
@@ -188,7 +192,7 @@ class Dispatcher:
             if not lanes:
                 continue
             idle = [unit for unit in self._idle() if unit.evasions < _EVASIONS]
-            if task.kind is not TaskKind.MOVE and any(self._is_closed_for_ever(X_WE) for X_WE in lanes):
+            if task.kind is not TaskKind.MOVE and any(self._stays_closed(X_WE) for X_WE in lanes):
                 continue
             in_the_way = [
                 unit
@@ -205,8 +209,10 @@ class Dispatcher:
                     return True
         return False
 
-    def _is_closed_for_ever(self, X_WE: SE2) -> bool:
-        """Return whether a unit that failed stands in the lane of a docked pose."""
+    def _stays_closed(self, X_WE: SE2) -> bool:
+        """Return whether an obstacle, or a unit that failed, stands in the lane of a docked pose."""
+        if self._know.finder.in_lane(X_WE, self.obstacles) is not None:
+            return True
         failed = [u.pose for u in self._units.values() if u.state is UnitState.FAILED and u.X_WU is not None]
         return any(self._know.lanes.closed_by(X_WE, X_WB) for X_WB in failed)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.coordination.route_request import Standing
-from msrr_control.coordination.track import Track
+from msrr_control.coordination.track import Track, standing
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose
 from msrr_scenes.messages.coordination import Authority, Intent, UnitMode, UnitReport, UnitState, UnitStatus
@@ -149,6 +149,14 @@ class UnitRecord:
         if self.track is not None and self.seen_ns < self.moved_ns:
             self.X_WU = self.track.at(self.progress)  # not seen since it came there
         self.state, self.still_ns, self.reason, self.blocked_by = state, now_ns, reason, None
+
+    def stand_down(self) -> None:
+        """Replace the route of a unit that stands by one without legs, by which the unit goes on standby.
+
+        Until then it would wait for the rest of the route that it knows of.
+        """
+        self.route, self.track, self.enters = self.route + 1, standing(self.pose, at_port=False), None
+        self.limit, self.progress = 0.0, 0.0
 
     def standing(self, end: bool) -> Standing:
         """Return the body for the planning of others: at the end of its route, or where it is."""

@@ -1,4 +1,7 @@
-"""The recall of a unit that stands on free ground because its collision monitor lets it drive no further."""
+"""The recall of a unit that cannot drive its route to the end because of something that is not on the map.
+
+Its collision monitor may let it drive no further, or an obstacle may have appeared in the lane of its port.
+"""
 
 from __future__ import annotations
 
@@ -25,17 +28,27 @@ class Recall:
         """Return whether a unit is to be sent no authority."""
         return unit.name in self._since_ns
 
-    def has_stopped(self, unit: UnitRecord, now_ns: int) -> bool:
-        """Recall a unit that has been held for long; return whether it stands and its authority has expired.
+    def has_stopped(self, unit: UnitRecord, now_ns: int, lane_closed: bool) -> bool:
+        """Recall a unit that has been held for long, or whose lane is closed.
 
-        One that makes progress after all may go on.
+        One that was held and makes progress after all may go on. One in its dock leg stops only when its
+        attempt has failed, and it has backed off.
+
+        Args:
+            unit: The unit.
+            now_ns: Time [ns].
+            lane_closed: Whether an obstacle stands in the lane of the port that the unit drives to.
+
+        Returns:
+            Whether it stands and its authority has expired.
         """
         since_ns = self._since_ns.get(unit.name)
         if since_ns is None:
-            if self._is_held(unit, now_ns) and self._times.get(unit.name, 0) < self._patience.recalls:
+            held = self._is_held(unit, now_ns) and self._times.get(unit.name, 0) < self._patience.recalls
+            if held or (lane_closed and unit.under_way):
                 self._since_ns[unit.name] = now_ns
             return False
-        if not unit.under_way or unit.moved_ns > since_ns:
+        if not unit.under_way or (unit.moved_ns > since_ns and not lane_closed):
             del self._since_ns[unit.name]
             return False
         expired_ns = since_ns + round(self._patience.expires_s * NS_PER_S)

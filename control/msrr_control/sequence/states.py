@@ -124,12 +124,15 @@ def dock(c: DockingContext) -> Twist | Transition:
     limited_s = c.memory.limited.update(monitor is not None and monitor.limits, c.now_ns)
     pressed = at_port and (monitor is None or monitor.state is not MonitorState.STOP)
     if idle > spec.stall_time_s:
-        reason = f"no progress for {idle:.1f} s at {view}"
-        if limited_s >= idle - 2.0 * c.dt:  # the first decision of the monitor comes with the next instant
+        # The first decision of the monitor comes with the next instant.
+        held = limited_s >= idle - 2.0 * c.dt
+        if held:  # the same approach would end here again; the long-distance phase knows what stands where
             reason = f"held for {idle:.1f} s by the collision monitor: {monitor}, at {view}"
+        else:
+            reason = f"no progress for {idle:.1f} s at {view}"
         if pressed and not closed:
             c.aim.jammed(_ASIDE * c.memory.sigma_lateral, to_left=view.yaw > 0.0)
-        return _fail(reason, FailureReason.STALLED)
+        return _fail(reason, FailureReason.STALLED, reassemble=held)
     twist = c.controller.step(c.control_inputs(pose))
     if not at_port:
         return twist

@@ -68,6 +68,42 @@ def test_a_unit_that_seizes_in_the_lane_has_the_shape_built_elsewhere(tmp_path: 
     assert "no progress" in failed.belief_reason
 
 
+@pytest.mark.parametrize("appears_at_s", [3.0, 9.5])
+def test_a_shape_is_built_elsewhere_when_an_obstacle_comes_into_the_lane(
+    appears_at_s: float, tmp_path: Path
+) -> None:
+    """The unit is on its way to the lane, or in it, and is recalled; it neither tries again nor is lost."""
+    text = "".join(line for line in PAIR.splitlines(keepends=True) if not line.startswith(("  c:", "faults")))
+    post = "{shape: cylinder, radius_m: 0.05, height_m: 0.1, tag_id: 500, pose: {x_m: 0.17, y_m: 0.0}"
+    (tmp_path / "pair.yaml").write_text(
+        text + f"obstacles: {{post: {post}, appears_at_s: {appears_at_s}}}}}\n"
+    )
+    blind = {"plant": "unicycle", "perception": "parametric"}
+    result = run_trial(load_scene(tmp_path / "pair.yaml", blind), 1)
+    assert result.outcome is Outcome.COMPLETE, reason(result)
+    assert untouched(result)
+    assert [step.outcome for step in result.steps] == [Outcome.ABORTED, Outcome.DOCKED]
+    assert len(result.steps[0].attempts) <= 2
+    assert result.steps[0].ended_s < appears_at_s + 6.0
+
+
+def test_a_unit_whose_lane_is_closed_is_told_why_it_cannot_dock(tmp_path: Path) -> None:
+    """A plan leaves no other port; the unit stands down at once instead of waiting to be told its way."""
+    text = "".join(
+        line for line in PAIR.splitlines(keepends=True) if not line.startswith(("  c:", "faults", "shape"))
+    )
+    post = "{shape: cylinder, radius_m: 0.05, height_m: 0.1, tag_id: 500, pose: {x_m: 0.17}, appears_at_s: 3}"
+    (tmp_path / "pair.yaml").write_text(
+        text + f"obstacles: {{post: {post}}}\nplan: [{{unit: b, to: a.rear}}]\nradio: {{}}\n"
+    )
+    blind = {"plant": "unicycle", "perception": "parametric"}
+    result = run_trial(load_scene(tmp_path / "pair.yaml", blind), 1)
+    assert result.outcome is Outcome.INCOMPLETE
+    assert untouched(result)
+    assert "b cannot dock: post stands in the lane to the port" in reason(result)
+    assert [step.outcome for step in result.steps] == [Outcome.ABORTED]
+
+
 def test_without_a_spare_the_mission_names_the_unit(tmp_path: Path) -> None:
     text = "".join(line for line in PAIR.splitlines(keepends=True) if not line.startswith("  c:"))
     (tmp_path / "pair.yaml").write_text(text)

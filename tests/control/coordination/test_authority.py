@@ -61,6 +61,15 @@ def test_in_the_dock_leg_silence_does_not_stop_the_unit() -> None:
     assert held.limit(1, held.dock_start, 0.1) == held.dock_start
 
 
+def test_a_dock_leg_is_not_begun_by_an_expired_authority() -> None:
+    held = MovementAuthority(LIMITS, REACTION_S)
+    held.receive(_authority(_legs()[-1].end, expires_ns=1_000_000_000))
+    assert held.limit(999_999_999, held.dock_start, 0.0) == held.length
+    assert held.limit(1_000_000_000, held.dock_start, 0.0) == held.dock_start
+    held.receive(_authority(held.length, seq=2, expires_ns=4_000_000_000))
+    assert held.limit(1_500_000_000, held.dock_start, 0.0) == held.length
+
+
 def test_the_newest_counts_in_whatever_order_they_arrive() -> None:
     held = MovementAuthority(LIMITS, REACTION_S)
     assert held.limit(0, 0.3, 0.0) == 0.3
