@@ -17,6 +17,7 @@ from msrr_control.coordination.track import GAP_M, SPACING_M, Track, TrackBuilde
 from msrr_control.path_following.path import PaceSpec, Path
 from msrr_control.path_following.walls import WallSpec
 from msrr_control.planning.free_space import Disc
+from msrr_control.planning.lane import in_lane
 from msrr_control.planning.route import ArenaMap, RouteSpec
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_scenes.arrays import Array
@@ -37,11 +38,8 @@ _AHEAD_M = (0.1, 0.2)
 #: (30 mm), the uncertainty of robots that are built with care (10 mm), and some millimetres off the path.
 _BESIDE_GAP_M = 0.045
 
-#: Gap to an obstacle beside the lane of a port below which nobody docks [m]; the collision monitor keeps it.
-_LANE_GAP_M = 0.03
-
-#: The same for a unit that has its route already [m]: smaller by the uncertainty of an obstacle's place, so
-#: that a route is not taken back because the obstacle beside it is seen a little elsewhere.
+#: Gap to an obstacle beside the lane of a port below which a unit is recalled [m]: smaller than that of a new
+#: route by the uncertainty of an obstacle's place, so that one beside it may be seen a little elsewhere.
 _CLOSED_GAP_M = 0.02
 
 #: Loss of such a gap that counts as none [m].
@@ -176,7 +174,8 @@ class RouteFinder:
 
     def in_lane(self, X_WE: SE2, obstacles: tuple[ObstacleEstimate, ...]) -> str | None:
         """Return the obstacle in the lane of the docked pose ``X_WE``, None if there is none."""
-        return self._first_beside(_backwards(X_WE, self.spec.handover_m), obstacles, _LANE_GAP_M)
+        X_WD = X_WE @ SE2(self.body.offset, 0.0, 0.0)
+        return in_lane(X_WD, self.spec.handover_m, self.body.half_width, obstacles)
 
     def ahead_in_lane(
         self, track: Track, progress: float, obstacles: tuple[ObstacleEstimate, ...]
@@ -188,17 +187,9 @@ class RouteFinder:
             progress: Arc length that the unit has covered [m].
             obstacles: Obstacles as they are seen now.
         """
-        if not obstacles:
-            return None
-        poses = track.poses[track.s >= min(max(progress, track.dock_start), track.length)]
-        return self._first_beside(poses, obstacles, _CLOSED_GAP_M)
-
-    def _first_beside(self, poses: Array, obstacles: tuple[ObstacleEstimate, ...], gap: float) -> str | None:
-        """Return the first obstacle to which the gap of a unit at some pose is less than ``gap`` [m]."""
-        for o in obstacles:
-            if self.body.gaps_to_disc(poses, o.X_WB.x, o.X_WB.y, o.radius).min() < gap:
-                return o.name
-        return None
+        X_WD = track.end @ SE2(self.body.offset, 0.0, 0.0)
+        left = track.length - max(progress, track.dock_start)
+        return in_lane(X_WD, left, self.body.half_width, obstacles, _CLOSED_GAP_M)
 
     def _comes_near(self, poses: Array, obstacle: ObstacleEstimate) -> bool:
         """Return whether a unit comes nearer to an obstacle than it is, and than it may."""

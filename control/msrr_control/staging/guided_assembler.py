@@ -13,7 +13,7 @@ from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.sequence.states import STILL
 from msrr_control.staging.manoeuvres import StraightDrive, spot_turn
 from msrr_control.staging.parameters import RouteFollowingParams
-from msrr_control.staging.route_follower import RouteFollower
+from msrr_control.staging.route_follower import RouteFollower, shown_path
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
@@ -164,10 +164,7 @@ class GuidedAssembler(Generic[State]):
             return
         route = self.authority.route_of(index)
         self._follower.set_route(route, self._setup.map_of(estimate))
-        _, points = route.path.sample(0.05)
-        number = 1 if self.path is None else self.path.number + 1
-        sampled = tuple((float(x), float(y)) for x, y in points)
-        self.path = AssemblyPath(now, number, "granted", sampled, self._reason)
+        self.path = shown_path(now, route, self.path, "granted", self._reason)
 
     # The legs: each returns a command, or None at its end.
 

@@ -17,7 +17,10 @@ from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import AssemblyProgress, Twist, seconds
+from msrr_scenes.messages import AssemblyPath, AssemblyProgress, Twist, seconds
+
+#: Distance between the points of a path that are logged [m].
+_LOGGED_SPACING_M = 0.05
 
 
 class RouteFollower(Generic[State]):
@@ -171,6 +174,23 @@ class RouteFollower(Generic[State]):
         if self._monitor is None:
             raise RuntimeError("no route to follow was taken up")
         return self._monitor
+
+
+def shown_path(
+    stamp_ns: int, route: Route, before: AssemblyPath | None, shape: str, reason: str
+) -> AssemblyPath:
+    """Return the path of a route for the log.
+
+    Args:
+        stamp_ns: Time at which the route is taken up.
+        route: The route.
+        before: Path that was followed before; None for the first.
+        shape: Shape of the route, in a word.
+        reason: Why it is taken up.
+    """
+    _, points = route.path.sample(_LOGGED_SPACING_M)
+    number = 1 if before is None else before.number + 1
+    return AssemblyPath(stamp_ns, number, shape, tuple(_as_tuple(point) for point in points), reason)
 
 
 def _as_tuple(point: Array) -> tuple[float, float]:

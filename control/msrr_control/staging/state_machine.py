@@ -26,13 +26,14 @@ from enum import Enum
 from typing import Generic, NamedTuple
 
 from msrr_control.path_following.law import PathFollowingLaw, State
-from msrr_control.planning.route import ArenaMap
+from msrr_control.planning.lane import in_lane
+from msrr_control.planning.route import ArenaMap, Route
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.sequence.states import STILL
 from msrr_control.staging.manoeuvres import StraightDrive, spot_turn
 from msrr_control.staging.parameters import RouteFollowingParams
-from msrr_control.staging.route_follower import RouteFollower
+from msrr_control.staging.route_follower import RouteFollower, shown_path
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import wrap_angle
 from msrr_scenes.messages import AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
@@ -198,22 +199,26 @@ class LongDistanceAssembler(Generic[State]):
         if self._planned_ns is not None and seconds(now - self._planned_ns) < watch.retry_s:
             return STILL
         self._planned_ns = now
-        route = self._planner.plan(arena, self._caution)
-        if route is None:
+        route = self._find_route(arena)
+        if isinstance(route, str):
             waited = self._time_in_state(now)
             if waited < watch.patience_s:
                 return STILL
-            why = self._planner.obstruction(arena)
-            reason = f"no way to the port in {waited:.1f} s: {why}; before: {self._reason}"
+            reason = f"no way to the port in {waited:.1f} s: {route}; before: {self._reason}"
             return GiveUp(FailureReason.BLOCKED, reason)
         self._paths += 1
         self._follower.set_route(route, arena)
-        _, points = route.path.sample(0.05)
-        number = 1 if self.path is None else self.path.number + 1
-        sampled = tuple((float(x), float(y)) for x, y in points)
-        self.path = AssemblyPath(now, number, route.shape, sampled, self._reason)
+        self.path = shown_path(now, route, self.path, route.shape, self._reason)
         reason = f"{route.shape} of {float(route.path.length):.2f} m: {self._reason}"
         return _Transition(AssemblyState.TURN, reason)
+
+    def _find_route(self, arena: ArenaMap) -> Route | str:
+        """Return the best route, or why there is none."""
+        handover_m, half_width = self.params.route.handover_m, self._setup.half_width
+        obstacle = in_lane(arena.X_WD, handover_m, half_width, arena.obstacles)
+        if obstacle is not None:
+            return f"{obstacle} stands in the lane to the port"
+        return self._planner.plan(arena, self._caution) or self._planner.obstruction(arena)
 
     def _turn(self, observation: Observation, arena: ArenaMap) -> _Decision:
         """Turn on the spot to the heading with which the path begins."""

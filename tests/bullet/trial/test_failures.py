@@ -17,6 +17,8 @@ Load = Callable[..., Scene]
 
 BAD = {Outcome.COLLISION, Outcome.CLEARANCE_VIOLATED, Outcome.FALSE_DOCK, Outcome.FALSE_ABORT}
 
+POST = "shape: cylinder, radius_m: 0.05, height_m: 0.1, tag_id: 500, pose: {x_m: 0.17}"
+
 #: Two of three units become a pair. The one that is to drive seizes, so the third one takes its place.
 PAIR = """
 description: One of three units seizes on its way to a pair.
@@ -74,9 +76,8 @@ def test_a_shape_is_built_elsewhere_when_an_obstacle_comes_into_the_lane(
 ) -> None:
     """The unit is on its way to the lane, or in it, and is recalled; it neither tries again nor is lost."""
     text = "".join(line for line in PAIR.splitlines(keepends=True) if not line.startswith(("  c:", "faults")))
-    post = "{shape: cylinder, radius_m: 0.05, height_m: 0.1, tag_id: 500, pose: {x_m: 0.17, y_m: 0.0}"
     (tmp_path / "pair.yaml").write_text(
-        text + f"obstacles: {{post: {post}, appears_at_s: {appears_at_s}}}}}\n"
+        text + f"obstacles: {{post: {{{POST}, appears_at_s: {appears_at_s}}}}}\n"
     )
     blind = {"plant": "unicycle", "perception": "parametric"}
     result = run_trial(load_scene(tmp_path / "pair.yaml", blind), 1)
@@ -87,21 +88,22 @@ def test_a_shape_is_built_elsewhere_when_an_obstacle_comes_into_the_lane(
     assert result.steps[0].ended_s < appears_at_s + 6.0
 
 
-def test_a_unit_whose_lane_is_closed_is_told_why_it_cannot_dock(tmp_path: Path) -> None:
-    """A plan leaves no other port; the unit stands down at once instead of waiting to be told its way."""
+@pytest.mark.parametrize("led", [True, False])
+def test_a_unit_whose_lane_is_closed_says_why_it_cannot_dock(led: bool, tmp_path: Path) -> None:
+    """A plan leaves no other port."""
     text = "".join(
         line for line in PAIR.splitlines(keepends=True) if not line.startswith(("  c:", "faults", "shape"))
     )
-    post = "{shape: cylinder, radius_m: 0.05, height_m: 0.1, tag_id: 500, pose: {x_m: 0.17}, appears_at_s: 3}"
-    (tmp_path / "pair.yaml").write_text(
-        text + f"obstacles: {{post: {post}}}\nplan: [{{unit: b, to: a.rear}}]\nradio: {{}}\n"
-    )
+    text += f"obstacles: {{post: {{{POST}, appears_at_s: 9.5}}}}\nplan: [{{unit: b, to: a.rear}}]\n"
+    (tmp_path / "pair.yaml").write_text(text + "radio: {}\n" * led)
     blind = {"plant": "unicycle", "perception": "parametric"}
     result = run_trial(load_scene(tmp_path / "pair.yaml", blind), 1)
-    assert result.outcome is Outcome.INCOMPLETE
-    assert untouched(result)
-    assert "b cannot dock: post stands in the lane to the port" in reason(result)
-    assert [step.outcome for step in result.steps] == [Outcome.ABORTED]
+    assert result.outcome is (Outcome.INCOMPLETE if led else Outcome.BLOCKED)
+    assert not BAD & {step.outcome for step in result.steps}
+    told = reason(result) if led else result.steps[0].belief_reason
+    assert "post stands in the lane to the port" in told
+    assert [step.outcome for step in result.steps] == [Outcome.ABORTED if led else Outcome.BLOCKED]
+    assert len(result.steps[0].attempts) == 2
 
 
 def test_without_a_spare_the_mission_names_the_unit(tmp_path: Path) -> None:
