@@ -6,6 +6,11 @@ mapping). Fields keep the order of their class. Equal messages therefore give eq
 mean messages that are equal to the bit.
 
 The codec of a class is derived from its type hints, so a new message type needs only annotations.
+
+The schemas use the part of JSON Schema that Foxglove reads, which shows no topic whose schema has anything
+else in it: one type for each field, and arrays of which all items have one type that is no array. Fields of
+which that cannot be said are left out of the schema, as JSON Schema permits; readers find them in the
+messages. A float is a number there, although NaN and the infinities are strings.
 """
 
 from __future__ import annotations
@@ -13,7 +18,7 @@ from __future__ import annotations
 import json
 import math
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
 from functools import cache
@@ -54,12 +59,12 @@ class Codec(Generic[T]):
     Attributes:
         encode: Conversion of a value to what ``json`` can write.
         decode: Inverse of ``encode``.
-        schema: JSON Schema of the encoded value.
+        schema: JSON Schema of the encoded value; None if the part that Foxglove reads cannot tell it.
     """
 
     encode: Callable[[T], Json]
     decode: Callable[[Json], T]
-    schema: dict[str, Json]
+    schema: dict[str, Json] | None
 
 
 def to_bytes(value: Json) -> bytes:
@@ -96,9 +101,8 @@ def _array_in(values: Json) -> Array:
 _SCALARS: dict[Any, Codec[Any]] = {
     bool: Codec(bool, bool, {"type": "boolean"}),
     int: Codec(int, int, {"type": "integer"}),
-    float: Codec(number, float, {"type": ["number", "string"]}),
+    float: Codec(number, float, {"type": "number"}),
     str: Codec(str, str, {"type": "string"}),
-    type(None): Codec(lambda _: None, lambda _: None, {"type": "null"}),
 }
 
 
@@ -116,7 +120,7 @@ def codec(kind: Any) -> Codec[Any]:
         return _SCALARS[kind]
     origin, args = get_origin(kind), get_args(kind)
     if origin is np.ndarray:
-        return Codec(_array_out, _array_in, {"type": "array"})
+        return Codec(_array_out, _array_in, None)  # of any number of dimensions
     if origin is tuple:
         return _tuple_codec(args)
     if origin is dict and args[0] is str:
@@ -124,18 +128,19 @@ def codec(kind: Any) -> Codec[Any]:
         return Codec(
             lambda value: {k: inner.encode(v) for k, v in value.items()},
             lambda value: {k: inner.decode(v) for k, v in value.items()},
-            {"type": "object", "additionalProperties": inner.schema},
+            {"type": "object", "properties": {}, "additionalProperties": inner.schema or True},
         )
     if origin in (Union, types.UnionType) and len(args) == 2 and type(None) in args:
         inner = codec(args[0] if args[1] is type(None) else args[1])
         return Codec(
             lambda value: None if value is None else inner.encode(value),
             lambda value: None if value is None else inner.decode(value),
-            {"anyOf": [inner.schema, {"type": "null"}]},
+            None,
         )
     if isinstance(kind, type) and issubclass(kind, Enum):
         members = [m.value for m in kind]
-        return Codec(lambda value: value.value, kind, {"enum": members})
+        schema = {"type": "string" if isinstance(members[0], str) else "integer", "enum": members}
+        return Codec(lambda value: value.value, kind, schema)
     if isinstance(kind, type) and is_dataclass(kind):
         return _dataclass_codec(kind)
     raise TypeError(f"{kind!r} has no JSON form in a log")
@@ -147,14 +152,22 @@ def _tuple_codec(args: tuple[Any, ...]) -> Codec[Any]:
         return Codec(
             lambda values: [item.encode(v) for v in values],
             lambda values: tuple(item.decode(v) for v in values),
-            {"type": "array", "items": item.schema},
+            _array_schema([item]),
         )
     items = tuple(codec(a) for a in args)
     return Codec(
         lambda values: [c.encode(v) for c, v in zip(items, values, strict=True)],
         lambda values: tuple(c.decode(v) for c, v in zip(items, values, strict=True)),
-        {"type": "array", "prefixItems": [c.schema for c in items]},
+        _array_schema(items),
     )
+
+
+def _array_schema(items: Sequence[Codec[Any]]) -> dict[str, Json] | None:
+    """Return the schema of an array whose items have these codecs; None unless all are of one such type."""
+    first = items[0].schema
+    if first is None or first["type"] == "array" or any(item.schema != first for item in items):
+        return None
+    return {"type": "array", "items": first}
 
 
 def _dataclass_codec(kind: type) -> Codec[Any]:
@@ -170,6 +183,6 @@ def _dataclass_codec(kind: type) -> Codec[Any]:
         {
             "title": f"msrr.{log_name(kind)}",
             "type": "object",
-            "properties": {name: part.schema for name, part in parts},
+            "properties": {name: part.schema for name, part in parts if part.schema is not None},
         },
     )

@@ -65,6 +65,7 @@ class Format:
 
 def _plain(kind: type) -> Format:
     own = codec(kind)
+    assert own.schema is not None, "a message is an object, which every schema can tell"
     return Format(
         kind, f"msrr.{log_name(kind)}", own.schema, own.encode, lambda value: own.decode(_exact(value))
     )

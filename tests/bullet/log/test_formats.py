@@ -6,12 +6,14 @@ import base64
 import dataclasses
 import json
 import math
+import re
 import types
 import typing
 from collections.abc import Callable
 from enum import Enum
 
 import cv2
+import jsonschema
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -20,7 +22,7 @@ from hypothesis.extra.numpy import arrays
 
 import msrr_scenes.messages as messages
 from msrr_bullet.log import CameraWindow, LogError
-from msrr_bullet.log.codec import to_bytes
+from msrr_bullet.log.codec import log_name, to_bytes
 from msrr_bullet.log.formats import format_named, format_of, message_types
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.geometry.pinhole import Window
@@ -86,6 +88,35 @@ def test_every_message_comes_back_bit_for_bit(
     assert bits(back) == bits(message)
     assert to_bytes(message_format.encode(back)) == text
     json.loads(text, parse_constant=pytest.fail)  # strict JSON, readable by any viewer
+
+
+def assert_foxglove_reads(schema: dict[str, typing.Any], name: str) -> None:
+    """Assert that Foxglove shows messages of a schema; it drops topics whose schema has anything else in it.
+
+    Source: parseJsonSchema of Foxglove Studio and of Lichtblick.
+    """
+    assert schema["type"] == "object", name
+    for field, value in schema["properties"].items():
+        items = value["items"] if value["type"] == "array" else value
+        assert items["type"] in ("boolean", "string", "number", "integer", "object"), f"{name}.{field}"
+        if items["type"] == "object":
+            assert_foxglove_reads(items, f"{name}.{field}")
+
+
+@pytest.mark.parametrize("kind", message_types(), ids=lambda kind: kind.__name__)
+def test_foxglove_reads_the_schema_of_every_message(kind: type) -> None:
+    assert_foxglove_reads(format_named(log_name(kind)).schema, kind.__name__)
+
+
+@pytest.mark.parametrize("kind", WITHOUT_PIXELS, ids=lambda kind: kind.__name__)
+@settings(max_examples=10, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_every_message_is_as_its_schema_says(kind: type, data: st.DataObject) -> None:
+    """NaN and the infinities apart, which are strings, and which no type of a schema has."""
+    message_format = format_of(message := data.draw(strategy(kind)))
+    text = to_bytes(message_format.encode(message)).decode()
+    finite = json.loads(re.sub(r'"(NaN|-?Infinity)"', "0.0", text))
+    jsonschema.validate(finite, message_format.schema)
 
 
 def test_every_message_between_the_packages_can_be_logged() -> None:
