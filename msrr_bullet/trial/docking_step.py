@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from msrr_bullet.log import topics
@@ -167,13 +168,14 @@ class DockingStep:
         """Return whether the unit is clear of the port and its lock holds nothing."""
         return self.judge.parted() and not self._plant.lock_engaged(self.step.unit)
 
-    def test_lock(self, control: Periodic) -> None:
+    def test_lock(self, control: Periodic, report: Callable[[int], None]) -> None:
         """Pull at the lock of a pair that has docked; simulated time passes.
 
         A robot whose lock did not hold goes on for a while, to notice it; its actions change nothing.
 
         Args:
             control: Timer of the control instants.
+            report: Called at a control instant with its time [ns], after the decision of the robot.
         """
         plant = self._plant
         time_left_ns = self._deadline_ns - plant.now_ns()
@@ -190,6 +192,7 @@ class DockingStep:
             self.runner.sense(now_ns)
             if control.due(now_ns):
                 self.runner.decide(now_ns)
+                report(now_ns)
             plant.step()
         self._belief = self.robot.belief
 

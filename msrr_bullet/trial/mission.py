@@ -91,8 +91,12 @@ class Mission(ABC):
                 if not (plant.lock_engaged(dock.unit) and plant.pull_test(dock.unit).holds):
                     self._note_lock_failure(dock)
             elif last.outcome is Outcome.DOCKED:
-                last.test_lock(self._control)
+                last.test_lock(self._control, self._report_truth)
                 self._telemetry.verdict(plant.now_ns(), last)
+
+    def _report_truth(self, now_ns: int) -> None:
+        """Report where all bodies are at an instant after the end of the mission."""
+        self._telemetry.report(self._scene, now_ns, self._environment.simulation.poses(), (), None)
 
     def _note_lock_failure(self, dock: DockStep) -> None:
         """Note that the lock of a pair that was assembled at the start has not held the pull."""

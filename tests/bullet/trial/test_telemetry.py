@@ -188,3 +188,14 @@ def test_images_for_a_viewer_change_no_bit_of_a_trial(shipped: Load, tmp_path: P
             Trial(scene, 2, recorder=recorder, viewer=viewer).run()
     assert watching.drawn == {"overhead"}
     assert (tmp_path / "watched").read_bytes() == (tmp_path / "alone").read_bytes()
+
+
+def test_a_pair_that_is_pulled_apart_is_shown_apart(shipped: Load) -> None:
+    """The robot goes on after the pull test; what it sees then is compared with where it then is."""
+    watched = watch(shipped("weak_lock"), 1)
+    assert watched.result.outcome is Outcome.LOCK_FAILED
+    late = [s for s in watched.snapshots if 1e-9 * s.stamp_ns > watched.result.duration_s + 0.2]
+    assert len(late) > 10
+    series = TrialSeries.of(watched.scene, late)
+    assert (series.true_port[:, 0] > 0.005).all()
+    np.testing.assert_allclose(series.believed_port[:, 0], series.true_port[:, 0], atol=0.001)
