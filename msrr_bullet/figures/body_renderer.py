@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from msrr_bullet.built_poses import obstacle_tag_pose
 from msrr_bullet.figures.canvas import Image, bgr
 from msrr_bullet.figures.perspective import Perspective
 from msrr_bullet.render.raster.assembly import VisualShape
@@ -16,7 +17,6 @@ from msrr_bullet.render.raster.mesh import Mesh, box, cylinder, sphere
 from msrr_bullet.render.raster.mesh_file import read_mesh
 from msrr_bullet.render.raster.rasterizer import Rasterizer
 from msrr_bullet.render.raster.texture import texture_of
-from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
 from msrr_bullet.tag_print import plate_texture
 from msrr_bullet.timeline.palette import OBSTACLE, link_colour, unit_colours
 from msrr_scenes.arrays import Array

@@ -12,8 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from msrr_bullet.simulation.simulation import camera_pose, overhead_camera_pose
-from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
+from msrr_bullet.built_poses import camera_pose, obstacle_tag_pose, overhead_camera_pose
 from msrr_bullet.timeline.palette import OBSTACLE, link_colour, unit_colours
 from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import AsBuilt

@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from msrr_bullet.figures.stills import draw_stills
 from msrr_bullet.figures.summary import write_picture
 from msrr_bullet.log import topics
 from msrr_bullet.log.frame_tree import WORLD
@@ -220,7 +221,8 @@ def _write_derived_files(out: Path, result: RecordingResult) -> None:
             if not snapshots:
                 return
             views, scene = docking_views(log), log.header.scene
-            write_replay(out / REPLAY_NAME, scene, snapshots, events=read_events(log))
+            stills = draw_stills(log, snapshots)
+            write_replay(out / REPLAY_NAME, scene, snapshots, stills, read_events(log))
             write_picture(out / PICTURE_NAME, scene, snapshots, views, log.header.origin)
     except OSError as error:
         raise RunFolderError(f"{error.filename or out}: cannot be written ({error.strerror})") from None

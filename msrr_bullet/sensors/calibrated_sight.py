@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from msrr_bullet.simulation.simulation import camera_pose, overhead_camera_pose
-from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
+from msrr_bullet.built_poses import camera_pose, obstacle_tag_pose, overhead_camera_pose
 from msrr_perception.pose.joint_pose import joint_pose
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel

@@ -17,10 +17,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from msrr_bullet.built_poses import obstacle_tag_pose
 from msrr_bullet.sensors.kernels.image_motion import fastest_corner, place_tags
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.simulation import Simulation
-from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se3 import SE3

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from msrr_bullet.built_poses import camera_pose, overhead_camera_pose
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.render import RenderContext, Renderer, build_renderer
 from msrr_bullet.sensors.calibrated_sight import OnboardSight, OverheadSight
@@ -19,7 +20,7 @@ from msrr_bullet.sensors.localisation_error import LocalisationError
 from msrr_bullet.sensors.parametric_cameras import ParametricOnboardCamera, ParametricOverheadCamera
 from msrr_bullet.sensors.radio import Radio
 from msrr_bullet.sensors.wheel_encoders import WheelEncoders
-from msrr_bullet.simulation.simulation import Simulation, camera_pose, overhead_camera_pose
+from msrr_bullet.simulation.simulation import Simulation
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.as_built import BuiltCamera
 from msrr_scenes.errors import ProgramFailedError

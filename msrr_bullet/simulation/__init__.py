@@ -1,7 +1,7 @@
 """The simulation in PyBullet: world, units, obstacles, tags, pin lock, and the plant with contact."""
 
 from msrr_bullet.simulation.bullet_plant import BulletPlant
-from msrr_bullet.simulation.simulation import Simulation, camera_pose, open_simulation
+from msrr_bullet.simulation.simulation import Simulation, open_simulation
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 
@@ -10,6 +10,5 @@ __all__ = [
     "BulletWorld",
     "Simulation",
     "TagVisuals",
-    "camera_pose",
     "open_simulation",
 ]

@@ -13,11 +13,8 @@ from msrr_bullet.plant.plant import Plant
 from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
-from msrr_perception.pose.global_pose import overhead_pose
 from msrr_scenes.as_built import AsBuilt, as_drawn
-from msrr_scenes.geometry.pinhole import body_pose, optical_pose
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import seconds
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.scene import Scene
@@ -78,19 +75,3 @@ def open_simulation(scene: Scene, placement: Placement, built: AsBuilt | None = 
         for step in scene.assembled_docks:
             plant.assemble(step)
         yield Simulation(scene, built, placement, plant, world)
-
-
-def camera_pose(scene: Scene, built: AsBuilt, unit: str) -> SE3:
-    """Return the true pose ``X_UB`` of the camera body of a unit; x of B is the optical axis.
-
-    It differs from the pose in the URDF, which the robot knows, by what was built and by the fault
-    ``camera_misaligned``.
-    """
-    return built.units[unit].camera.mounted(scene.geometry(unit).frame("camera"))
-
-
-def overhead_camera_pose(scene: Scene, built: AsBuilt) -> SE3:
-    """Return the true pose ``X_WC`` of the optical frame of the overhead camera of a scene that has one."""
-    assert scene.cameras.overhead is not None, "the scene has an overhead camera"
-    assert built.overhead is not None, "an overhead camera was built"
-    return optical_pose(built.overhead.mounted(body_pose(overhead_pose(scene.cameras.overhead))))

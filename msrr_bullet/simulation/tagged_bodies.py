@@ -2,37 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
-import numpy as np
-
+from msrr_bullet.built_poses import obstacle_tag_pose
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.built_urdf import build
 from msrr_bullet.simulation.tag_plates import load_tag_plate, set_texture, write_plate
 from msrr_bullet.simulation.urdf_welding import weld, write_welded
-from msrr_scenes.as_built import AsBuilt, BuiltTag, as_drawn
+from msrr_scenes.as_built import AsBuilt, as_drawn
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import read_unit
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
-
-#: Height of the plate of an obstacle above the lid [m], so that the lid does not hide it: TinyRenderer draws
-#: a cylinder 1 mm too tall.
-PLATE_LIFT_M = 0.002
-
-#: A tag that lies face up: z of T points down into the obstacle, the top edge points to +y of the obstacle.
-R_BT = rotation_from_rpy(math.pi, 0.0, 0.0)
-
-
-def obstacle_tag_pose(height_m: float, built: BuiltTag) -> SE3:
-    """Return the true ``X_BT`` of the tag on the lid of an obstacle; B lies in the middle of the base."""
-    X_BT = SE3(R_BT, np.array([0.0, 0.0, height_m + PLATE_LIFT_M]))
-    return X_BT if built.X_TX is None else X_BT @ built.X_TX
 
 
 class TagVisuals:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -70,6 +71,9 @@ def test_good_pictures_are_used_and_others_named(
     page = (out / "replay.html").read_text()
     assert "its belief" in page
     assert "docking unit, truth" not in page
+    (camera,) = json.loads(re.search(r'id="data"[^>]*>(.*?)</script>', page, re.S)[1])["replay"]["stills"]
+    assert camera["name"] == "robot/onboard"
+    assert len(camera["images"]) >= 1
     assert cv2.imread(str(out / "picture.png")) is not None
     log = read_log(out)
     assert log.header.recording is not None

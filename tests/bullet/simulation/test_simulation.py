@@ -9,9 +9,10 @@ from pathlib import Path
 import pybullet
 import pytest
 
+from msrr_bullet.built_poses import camera_pose
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.simulation.bullet_plant import BulletPlant
-from msrr_bullet.simulation.simulation import camera_pose, open_simulation
+from msrr_bullet.simulation.simulation import open_simulation
 from msrr_scenes.as_built import as_drawn
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3

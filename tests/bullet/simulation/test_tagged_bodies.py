@@ -9,11 +9,12 @@ import numpy as np
 import pybullet
 import pytest
 
+from msrr_bullet.built_poses import obstacle_tag_pose
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.renderer import RenderContext
 from msrr_bullet.render.tiny_renderer import TinyRenderer
 from msrr_bullet.simulation.tag_plates import write_plate
-from msrr_bullet.simulation.tagged_bodies import TagVisuals, obstacle_tag_pose
+from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.as_built import BuiltTag
 from msrr_scenes.errors import GeometryError

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_bullet.simulation.tagged_bodies import obstacle_tag_pose
+from msrr_bullet.built_poses import obstacle_tag_pose
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.as_built import BuiltTag
 from msrr_scenes.errors import SceneError

@@ -1,0 +1,42 @@
+"""True poses of cameras and of obstacles' tags, which follow from a scene and from how it was built."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from msrr_perception.pose.global_pose import overhead_pose
+from msrr_scenes.as_built import AsBuilt, BuiltTag
+from msrr_scenes.geometry.pinhole import body_pose, optical_pose
+from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
+from msrr_scenes.specs.scene import Scene
+
+#: Height of the plate of an obstacle above the lid [m], so that the lid does not hide it: TinyRenderer draws
+#: a cylinder 1 mm too tall.
+PLATE_LIFT_M = 0.002
+
+#: A tag that lies face up: z of T points down into the obstacle, the top edge points to +y of the obstacle.
+R_BT = rotation_from_rpy(math.pi, 0.0, 0.0)
+
+
+def camera_pose(scene: Scene, built: AsBuilt, unit: str) -> SE3:
+    """Return the true pose ``X_UB`` of the camera body of a unit; x of B is the optical axis.
+
+    It differs from the pose in the URDF, which the robot knows, by what was built and by the fault
+    ``camera_misaligned``.
+    """
+    return built.units[unit].camera.mounted(scene.geometry(unit).frame("camera"))
+
+
+def overhead_camera_pose(scene: Scene, built: AsBuilt) -> SE3:
+    """Return the true pose ``X_WC`` of the optical frame of the overhead camera of a scene that has one."""
+    assert scene.cameras.overhead is not None, "the scene has an overhead camera"
+    assert built.overhead is not None, "an overhead camera was built"
+    return optical_pose(built.overhead.mounted(body_pose(overhead_pose(scene.cameras.overhead))))
+
+
+def obstacle_tag_pose(height_m: float, built: BuiltTag) -> SE3:
+    """Return the true ``X_BT`` of the tag on the lid of an obstacle; B lies in the middle of the base."""
+    X_BT = SE3(R_BT, np.array([0.0, 0.0, height_m + PLATE_LIFT_M]))
+    return X_BT if built.X_TX is None else X_BT @ built.X_TX
