@@ -85,7 +85,9 @@ class DisplayMessages:
         self._waiting: dict[str, SE2] = {}  # obstacles that have not appeared
         self._sight: dict[str, LosObservation] = {}
         self._routes: dict[str, int] = {}
+        self._estimates: dict[str, PoseEstimate] = {}
         self._last_ns: dict[tuple[type, str], int] = {}
+        self._drawings: dict[str, dict[str, SceneEntity]] = {}  # by topic and name
         self._derive: dict[type, Callable[[str, int, Any], Iterator[Display]]] = {
             AssemblyPath: self._path,
             Authority: self._authority,
@@ -104,11 +106,11 @@ class DisplayMessages:
         for name, lens in self._cameras.items():
             yield topics.calibration(name), 0, foxglove.camera_calibration(name, lens)
         yield from self._links(topics.FRAMES, 0, scene_frames(self._scene))
-        units = [
-            foxglove.solids_entity(0, name, name, self._scene.geometry(name).solids, _shade(i))
+        units = {
+            name: foxglove.solids_entity(0, name, name, self._scene.geometry(name).solids, _shade(i))
             for i, name in enumerate(self._scene.units)
-        ]
-        yield topics.DRAWINGS, 0, SceneUpdate(entities=units)
+        }
+        yield self._drawn(topics.DRAWN_BODIES, 0, units)
 
     def of(self, topic: str, stamp_ns: int, message: object) -> Iterator[Display]:
         """Yield what is shown of an exact message; most are not shown."""
@@ -130,7 +132,7 @@ class DisplayMessages:
             spec, X_WB = self._scene.obstacles[name], self._waiting.pop(name)
             yield from self._moved(stamp_ns, name, X_WB)
             shape = foxglove.solids_entity(stamp_ns, name, name, [spec.solid], foxglove.colour(_OBSTACLE))
-            yield topics.DRAWINGS, stamp_ns, SceneUpdate(entities=[shape])
+            yield self._drawn(topics.DRAWN_BODIES, stamp_ns, {name: shape})
 
     def _true_pose(self, topic: str, stamp_ns: int, pose: TruePose) -> Iterator[Display]:
         yield from self._moved(pose.stamp_ns, pose.name, pose.X_WB)
@@ -158,8 +160,10 @@ class DisplayMessages:
         unit = topics.unit_of(topic)
         frame = target_frame(unit)
         yield topics.shown_estimate(unit), stamp_ns, foxglove.pose_in_frame(estimate.stamp_ns, frame, X)
-        if self._is_due(estimate, unit, stamp_ns):
-            yield self._drawn(stamp_ns, f"{unit}/estimate", frame, _ellipse(X, P), _BELIEF, closed=True)
+        self._estimates[unit] = estimate
+        if self._is_due(estimate, "", stamp_ns):
+            ellipses = {f"{name}/estimate": _ellipse_line(name, e) for name, e in self._estimates.items()}
+            yield self._drawn(topics.DRAWN_ESTIMATES, stamp_ns, ellipses)
 
     def _los(self, topic: str, stamp_ns: int, los: LosObservation) -> Iterator[Display]:
         self._sight[topics.unit_of(topic)] = los
@@ -198,7 +202,8 @@ class DisplayMessages:
 
     def _path(self, topic: str, stamp_ns: int, path: AssemblyPath) -> Iterator[Display]:
         name = f"{topics.unit_of(topic)}/path"
-        yield self._drawn(stamp_ns, name, WORLD, np.array(path.points).reshape(-1, 2), _PATH)
+        line = _line(stamp_ns, name, WORLD, np.array(path.points).reshape(-1, 2), _PATH)
+        yield self._drawn(topics.DRAWN_PATHS, stamp_ns, {name: line})
 
     def _authority(self, topic: str, stamp_ns: int, granted: Authority) -> Iterator[Display]:
         if not granted.legs or self._routes.get(granted.unit) == granted.route:
@@ -206,15 +211,18 @@ class DisplayMessages:
         self._routes[granted.unit] = granted.route
         offset = self._scene.geometry(granted.unit).control_offset(ACTIVE_PORT)
         track = track_of(granted.legs, SE2(*granted.legs[0].start), offset)
-        yield self._drawn(stamp_ns, f"{granted.unit}/route", WORLD, track.poses[:, :2], _GRANTED)
+        name = f"{granted.unit}/route"
+        line = _line(stamp_ns, name, WORLD, track.poses[:, :2], _GRANTED)
+        yield self._drawn(topics.DRAWN_ROUTES, stamp_ns, {name: line})
 
-    def _drawn(
-        self, stamp_ns: int, name: str, frame: str, points: Array, rgb: int, *, closed: bool = False
-    ) -> Display:
-        raised = np.column_stack([points, np.full(len(points), _LIFT_M)])
-        shade = foxglove.colour(rgb)
-        entity: SceneEntity = foxglove.line_entity(stamp_ns, name, frame, raised, shade, closed=closed)
-        return topics.DRAWINGS, stamp_ns, SceneUpdate(entities=[entity])
+    def _drawn(self, topic: str, stamp_ns: int, entities: dict[str, SceneEntity]) -> Display:
+        """Return all that is drawn on a topic, with new entities by their names.
+
+        Every message is whole, for a client that jumps in time gets the last one of each topic alone.
+        """
+        drawn = self._drawings.setdefault(topic, {})
+        drawn.update(entities)
+        return topic, stamp_ns, SceneUpdate(entities=list(drawn.values()))
 
     def _is_due(self, message: object, unit: str, stamp_ns: int) -> bool:
         key = type(message), unit
@@ -231,6 +239,21 @@ def _shade(index: int) -> Any:
 def _outline(w: Window) -> Array:
     x0, y0, x1, y1 = w.x - 0.5, w.y - 0.5, w.x_end - 0.5, w.y_end - 0.5
     return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+
+
+def _line(
+    stamp_ns: int, name: str, frame: str, points: Array, rgb: int, *, closed: bool = False
+) -> SceneEntity:
+    """Return a line just above the floor, through points of shape (N, 2) [m] in ``frame``."""
+    raised = np.column_stack([points, np.full(len(points), _LIFT_M)])
+    return foxglove.line_entity(stamp_ns, name, frame, raised, foxglove.colour(rgb), closed=closed)
+
+
+def _ellipse_line(unit: str, estimate: PoseEstimate) -> SceneEntity:
+    """Return the 95 % ellipse of an estimated position as a line."""
+    points = _ellipse(estimate.X_DU, estimate.covariance)
+    name = f"{unit}/estimate"
+    return _line(estimate.stamp_ns, name, target_frame(unit), points, _BELIEF, closed=True)
 
 
 def _ellipse(X: SE2, P: Array) -> Array:

@@ -64,10 +64,12 @@ assembly, path = "/control/{}/assembly".format, "/control/{}/path".format
 authority, authority_received = "/radio/{}/authority".format, "/radio/{}/authority_received".format
 report, report_received = "/radio/{}/report".format, "/radio/{}/report_received".format
 
-#: Topics for clients such as Foxglove and Rerun, in their own schemas: transforms of all bodies, drawings in
-#: space, lines of the log; and, as functions of the name of a camera or of a unit, whole frames,
+#: Topics for clients such as Foxglove and Rerun, in their own schemas: transforms of all bodies and lines of
+#: the log; drawings in space; and, as functions of the name of a camera or of a unit, whole frames,
 #: calibrations, what was found in a frame, the estimated pose, and the angles of the wheels.
-TRANSFORMS, DRAWINGS, LOG_LINES = "/tf", "/scene", "/log"
+TRANSFORMS, LOG_LINES = "/tf", "/log"
+DRAWN_BODIES, DRAWN_ESTIMATES = "/scene", "/scene/estimates"
+DRAWN_PATHS, DRAWN_ROUTES = "/scene/paths", "/scene/routes"
 image, calibration = "/camera/{}/image".format, "/camera/{}/calibration".format
 image_annotations = "/camera/{}/annotations".format
 shown_estimate, joint_states = "/perception/{}/pose".format, "/joint_states/{}".format

@@ -8,13 +8,16 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from msrr_bullet.log import LOG_NAME, Event, Level, LogHeader, StepStart, topics
 from msrr_bullet.log.frame_tree import scene_frames, step_frames
 from msrr_bullet.log.mcap_recorder import McapRecorder
+from msrr_bullet.trial.trial import Trial
 from msrr_scenes.loading.load import load_scene
+from msrr_scenes.specs.scene import Scene
 
 Record = Callable[..., None]
 
@@ -37,6 +40,7 @@ def test_clients_get_messages_in_the_schemas_of_foxglove(
     assert kinds == {
         "/tf": "foxglove.FrameTransforms",
         "/scene": "foxglove.SceneUpdate",
+        "/scene/estimates": "foxglove.SceneUpdate",
         "/log": "foxglove.Log",
         "/joint_states/a": "foxglove.JointStates",
         "/perception/a/pose": "foxglove.PoseInFrame",
@@ -57,7 +61,7 @@ def test_clients_get_messages_in_the_schemas_of_foxglove(
     assert [(len(m.points), [t.text for t in m.texts]) for m in marked] == [(2, ["11"])] * 3
     children = {t.child_frame_id for topic, _, m in shown if topic == "/tf" for t in m.transforms}
     assert {"a", "a/onboard", "a/target", "b.rear"} <= children
-    entities = {e.id: e for topic, _, m in shown if topic == "/scene" for e in m.entities}
+    entities = {e.id: e for topic, _, m in shown if topic.startswith("/scene") for e in m.entities}
     assert {"a", "b", "a/estimate"} == entities.keys()
     assert len(entities["a"].cubes) + len(entities["a"].spheres) == len(header.scene.geometry("a").solids)
 
@@ -79,5 +83,31 @@ def test_the_layout_names_topics_that_logs_have(short_run: Path) -> None:
     with (short_run / LOG_NAME).open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
-    assert named <= {channel.topic for channel in summary.channels.values()}
+    of_missions = {topics.DRAWN_ROUTES}
+    assert named - of_missions <= {channel.topic for channel in summary.channels.values()}
     assert len(named) >= 8
+
+
+@pytest.mark.parametrize(
+    ("name", "time_limit_s", "topic", "drawn"),
+    [
+        ("late_obstacle", "4", topics.DRAWN_BODIES, {"a", "b", "post"}),
+        ("assemble_cross", "1", topics.DRAWN_ROUTES, {f"{unit}/route" for unit in "abcdefgh"}),
+    ],
+)
+def test_a_client_that_jumps_in_time_gets_all_that_is_drawn(
+    name: str, time_limit_s: str, topic: str, drawn: set[str], shipped: Callable[..., Scene], tmp_path: Path
+) -> None:
+    """It clears its view, and takes the last message of each topic before the time to which it jumps."""
+    scene = shipped(name, {"time_limit_s": time_limit_s}, blind=True)
+    with McapRecorder(tmp_path / "t.mcap", LogHeader.of(scene, 1, {})) as recorder:
+        Trial(scene, 1, recorder=recorder).run()
+    last: dict[str, set[str]] = {}
+    with (tmp_path / "t.mcap").open("rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            decode = DecoderFactory().decoder_for(channel.message_encoding, schema)
+            if decode is not None and channel.topic.startswith("/scene"):
+                shown = {entity.id for entity in decode(message.data).entities}
+                assert shown >= last.get(channel.topic, set())
+                last[channel.topic] = shown
+    assert last[topic] == drawn
