@@ -30,7 +30,7 @@ from msrr_bullet.cli.options import (
     use_one_thread_per_process,
     write_outputs,
 )
-from msrr_bullet.cli.run_commands import FRAMES_NAME, PLOT_NAME, TABLES_NAME
+from msrr_bullet.cli.run_commands import FRAMES_NAME, PLOT_NAME, RERUN_NAME, TABLES_NAME
 from msrr_bullet.seeds import MAX_SEED
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
 from msrr_scenes.errors import SceneError
@@ -148,7 +148,8 @@ def _report(console: Console, result: TrialResult, folder: Path) -> None:
     if result.mission is not None:
         console.print(mission_table(result, result.mission))
     typer.echo(f"{result.outcome.value}, run folder {folder}")
-    older = [name for name in (FRAMES_NAME, FILM_NAME, PLOT_NAME, TABLES_NAME) if (folder / name).exists()]
+    derived = FRAMES_NAME, FILM_NAME, PLOT_NAME, TABLES_NAME, RERUN_NAME
+    older = [name for name in derived if (folder / name).exists()]
     if older:
         typer.echo(f"Made from an earlier run in this folder: {', '.join(older)}")
 

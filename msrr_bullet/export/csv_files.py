@@ -8,6 +8,7 @@ import math
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TextIO
 
 from msrr_bullet.export.mission_tables import MISSION_TABLES
@@ -70,10 +71,10 @@ def documented_tables() -> Iterator[tuple[str, str, tuple[Column, ...]]]:
     yield APPROACH, _ABOUT_APPROACH, _APPROACH_COLUMNS
 
 
-def write_csv(log: Log, folder: Path) -> tuple[Path, ...]:
+def write_csv(log: Log, folder: str | Path) -> tuple[Path, ...]:
     """Write the tables of a log that have a row. The same log gives the same bytes.
 
-    Once they are written, tables of an earlier log that this one does not have are deleted from the folder.
+    Tables of an earlier log give way once all of these are written, also those that this log does not have.
 
     Args:
         log: Log of the run.
@@ -84,30 +85,39 @@ def write_csv(log: Log, folder: Path) -> tuple[Path, ...]:
 
     Raises:
         ExportError: The folder cannot be written.
+        LogError: The log is damaged.
     """
+    folder = Path(folder)
     tables = {table.kind: table for table in TABLES}
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with ExitStack() as stack:
-            files = _CsvFiles(folder, stack)
-            for record in log.records():
-                table = tables.get(record.kind)
-                if table is not None:
-                    for row in table.rows(record, record.message):
-                        files.add(table.name, table.columns, row)
-            snapshots = read_snapshots(log)
-            for row in _approach_rows(log.header.scene, snapshots) if snapshots else ():
-                files.add(APPROACH, _APPROACH_COLUMNS, row)
-            for name, about, table_columns in documented_tables():
-                if name in files.names:
-                    files.add(COLUMNS, _COLUMNS_COLUMNS, (name, None, about))
-                    for column in table_columns:
-                        files.add(COLUMNS, _COLUMNS_COLUMNS, (name, column.name, column.about))
+        # In the same folder, to be moved within one disk.
+        with TemporaryDirectory(prefix=".msrr-", dir=folder) as part_name:
+            part = Path(part_name)
+            with ExitStack() as stack:
+                files = _CsvFiles(part, stack)
+                for record in log.records():
+                    table = tables.get(record.kind)
+                    if table is not None:
+                        for row in table.rows(record, record.message):
+                            files.add(table.name, table.columns, row)
+                snapshots = read_snapshots(log)
+                for row in _approach_rows(log.header.scene, snapshots) if snapshots else ():
+                    files.add(APPROACH, _APPROACH_COLUMNS, row)
+                for name, about, table_columns in documented_tables():
+                    if name in files.names:
+                        files.add(COLUMNS, _COLUMNS_COLUMNS, (name, None, about))
+                        for column in table_columns:
+                            files.add(COLUMNS, _COLUMNS_COLUMNS, (name, column.name, column.about))
+            written = [folder / path.name for path in files.paths]
+            for path in written:
+                (part / path.name).replace(path)
         for name in {COLUMNS, *(name for name, _, _ in documented_tables())} - set(files.names):
-            files.path(name).unlink(missing_ok=True)
-        return files.paths
+            (folder / f"{name}.csv").unlink(missing_ok=True)
+        return tuple(written)
     except OSError as error:
-        raise ExportError(f"{error.filename or folder}: cannot be written ({error.strerror})") from None
+        place = error.filename2 or error.filename or folder
+        raise ExportError(f"{place}: cannot be written ({error.strerror})") from None
 
 
 def _approach_rows(scene: Scene, snapshots: Sequence[Snapshot]) -> Iterator[Row]:
@@ -156,14 +166,13 @@ class _CsvFiles:
 
     @property
     def paths(self) -> tuple[Path, ...]:
-        return tuple(map(self.path, self._files))
-
-    def path(self, name: str) -> Path:
-        return self._folder / f"{name}.csv"
+        return tuple(self._folder / f"{name}.csv" for name in self._files)
 
     def add(self, name: str, table_columns: Sequence[Column], row: Row) -> None:
         if name not in self._files:
-            file = self._stack.enter_context(self.path(name).open("w", encoding="utf-8", newline=""))
+            file = self._stack.enter_context(
+                (self._folder / f"{name}.csv").open("w", encoding="utf-8", newline="")
+            )
             self._files[name] = file
             _write_line(file, [column.name for column in table_columns])
         _write_line(self._files[name], [text(cell) for cell in row])

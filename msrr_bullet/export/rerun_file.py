@@ -7,7 +7,9 @@ detections and curves are added here.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,11 +43,11 @@ _FOOTER, _FOOTER_SIZE = b"RRF2FOOT", 12
 
 
 def write_rerun(log: Log, path: Path) -> None:
-    """Write a log as a file that Rerun opens.
+    """Write a log as a file that Rerun opens, all of it or nothing.
 
     Args:
         log: The log; its URDFs have to be unpacked (:func:`msrr_bullet.log.unpacked_log`).
-        path: File to write, ending in ``.rrd``.
+        path: File to write, ending in ``.rrd``. An older one is lost only when the new one is whole.
 
     Raises:
         MsrrError: The name does not end in ``.rrd``, the package rerun-sdk is not installed, the log ends
@@ -61,19 +63,24 @@ def write_rerun(log: Log, path: Path) -> None:
         raise MsrrError(
             f"{log.path}: the log ends early, and Rerun reads only whole ones; export it with --csv"
         )
+    file = path.resolve()
+    part = file.with_name(f".msrr-{os.getpid()}.rrd")  # in the same folder, to be moved within one disk
     try:
-        path.write_bytes(b"")  # Rerun's own error is an error of its program
+        part.write_bytes(b"")  # Rerun's own error is an error of its program
+        if file.exists():
+            file.open("r+").close()  # one that may not be written may not be replaced
+        _write(log, part)
+        # A thread of Rerun writes the file, and does not report that it cannot; the footer comes last.
+        if not part.read_bytes()[-_FOOTER_SIZE:].startswith(_FOOTER):
+            raise MsrrError(f"{path}: cannot be written to its end; is the disk full?")
+        part.replace(file)
     except OSError as error:
         raise MsrrError(f"{path}: cannot be written ({error.strerror})") from None
-    try:
-        _write(log, path)
     except RuntimeError as error:
-        path.unlink()
         raise MsrrError(f"{path}: Rerun cannot write it: {error}") from None
-    # A thread of Rerun writes the file, and does not report that it cannot; the footer comes last.
-    if not path.read_bytes()[-_FOOTER_SIZE:].startswith(_FOOTER):
-        path.unlink()
-        raise MsrrError(f"{path}: cannot be written to its end; is the disk full?")
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
 
 
 def _write(log: Log, path: Path) -> None:

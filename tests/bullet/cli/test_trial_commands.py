@@ -194,10 +194,12 @@ def test_dock_names_what_was_made_from_an_earlier_run(
     arguments = ["dock", "close_range", *short_trial, "--out", "run"]
     assert run(arguments) == 1
     assert "earlier run" not in capsys.readouterr().out
-    (tmp_path / "run" / "plot.png").write_text("of before")
+    for name in ("plot.png", "trial.rrd"):
+        (tmp_path / "run" / name).write_text("of before")
     (tmp_path / "run" / "notes.txt").write_text("mine")
     assert run(arguments) == 1
-    assert capsys.readouterr().out.splitlines()[-1] == "Made from an earlier run in this folder: plot.png"
+    said = "Made from an earlier run in this folder: plot.png, trial.rrd"
+    assert capsys.readouterr().out.splitlines()[-1] == said
     assert (tmp_path / "run" / "plot.png").read_text() == "of before"
 
 

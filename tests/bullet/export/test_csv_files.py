@@ -13,7 +13,7 @@ from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import BAD_INPUT
 from msrr_bullet.export import ExportError, documented_tables, write_csv
 from msrr_bullet.export.csv_files import TABLES
-from msrr_bullet.log import read_log
+from msrr_bullet.log import LOG_NAME, LogError, read_log
 from msrr_bullet.log.formats import message_types
 from msrr_bullet.log.records import CameraWindow, FrameLinks
 from msrr_scenes.messages import Action, LosStatus, ObstacleEstimate, PoseEstimate
@@ -139,6 +139,19 @@ def test_a_folder_that_cannot_be_written_is_refused(short_log, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ExportError, match="cannot be written"):
         write_csv(short_log, tmp_path / "file")
+
+
+def test_an_export_that_fails_leaves_the_tables_of_before(short_run, short_log, tmp_path, room):
+    """Of a damaged log and on a full disk alike: half of the new tables beside old ones would mislead."""
+    before = {path: path.read_bytes() for path in write_csv(short_log, str(tmp_path / "csv"))}
+    log = bytearray((short_run / LOG_NAME).read_bytes())
+    log[len(log) // 2] ^= 0xFF
+    (tmp_path / LOG_NAME).write_bytes(log)
+    with pytest.raises(LogError, match="the log is damaged"):
+        write_csv(read_log(tmp_path), tmp_path / "csv")
+    with pytest.raises(ExportError, match="cannot be written"), room(4096):
+        write_csv(short_log, tmp_path / "csv")
+    assert {path: path.read_bytes() for path in (tmp_path / "csv").iterdir()} == before
 
 
 def test_a_mission_has_its_tables(line_log, tmp_path):
