@@ -31,6 +31,10 @@ def test_a_perfect_follower_sees_the_papers_trajectory() -> None:
     at_pins = int(np.argmax(places >= -REACH))
     assert speeds[at_pins] == pytest.approx(SPEC.contact_mps, abs=0.005)
     assert places[-1] == pytest.approx(SPEC.overrun_m, abs=1e-3)
+    # It brakes before its end; a speed that is left there would push the unit for ever.
+    almost_there = int(np.argmax(places >= SPEC.overrun_m - 1e-3))
+    assert speeds[almost_there] < 0.5 * SPEC.contact_mps
+    assert speeds[-1] == 0.0
 
 
 def test_it_waits_for_a_unit_that_stands_still() -> None:
