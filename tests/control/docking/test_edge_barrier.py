@@ -163,7 +163,7 @@ def test_a_camera_ahead_of_the_axle_costs_a_part_of_the_margin(tight: DockSetup)
 def test_a_unit_slows_down_where_the_edges_are_soon_faster_than_it_turns(
     tight: DockSetup, reckless: bool
 ) -> None:
-    """A weak drive of which nine tenths stop the edges: without the bound on v they leave by 2.5 or 4.7 deg."""
+    """A weak drive, most of which stops the edges: without the bound on v they leave by 2.5 or 4.7 deg."""
     weak = replace(tight, limits=tight.limits.model_copy(update={"dw_max_radps2": 1.2}))
     assert largest_excess(weak, Lag(), weak, reckless=reckless, braking=0.9) < SAMPLING_DEG
 
