@@ -50,6 +50,26 @@ def test_the_potential_pushes_straight_away_and_ends_at_its_range(distance: floa
         np.testing.assert_array_equal(pushed, 0.0)
 
 
+def test_the_spring_rises_between_its_two_distances() -> None:
+    """Eq. 15: nothing at the far one, k_r tanh(tan(pi/4)) half-way, all of k_r from the near one on."""
+    gains, here = SpringGains(), Obstacles(np.zeros((1, 2)), np.array([True]))
+    for share, part in ((0.0, 0.0), (0.5, np.tanh(1.0)), (1.0, 1.0), (1.2, 1.0)):
+        rho = gains.far_m + share * (gains.near_m - gains.far_m)
+        force = spring_force(np.array([rho, 0.0]), here, gains)
+        assert force == pytest.approx([-part * gains.k_r_mps, 0.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("rho", [0.15, 0.3, 0.6])
+def test_the_repulsion_is_the_slope_of_khatibs_potential(rho: float) -> None:
+    gains, here, h = RepulsionGains(), Obstacles(np.zeros((1, 2)), np.array([True])), 1e-5
+
+    def potential(distance: float) -> float:
+        return 0.5 * gains.eta * (1.0 / distance - 1.0 / gains.range_m) ** 2
+
+    slope = (potential(rho + h) - potential(rho - h)) / (2.0 * h)
+    assert repulsion(np.array([rho, 0.0]), here, gains) == pytest.approx([-slope, 0.0], rel=1e-6)
+
+
 def test_absent_obstacles_do_not_push() -> None:
     tip = np.array([0.1, 0.0])
     none = Obstacles(np.zeros((1, 2)), np.array([False]))

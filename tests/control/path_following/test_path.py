@@ -43,6 +43,23 @@ def test_a_quarter_of_a_circle() -> None:
     assert (float(path.arc_end), float(path.length)) == pytest.approx((np.pi, np.pi + 1.0))
 
 
+def test_a_path_that_is_cut_is_its_first_part() -> None:
+    path = _path([(0.5, 0.6), (0.0, 0.5), (-1.0, 0.4)])
+    for s, pieces in ((-0.1, 0), (0.3, 1), (0.8, 2), (1.3, 3), (2.0, 3)):
+        cut = path.until(s)
+        end = min(max(s, 0.0), 1.5)
+        assert float(cut.length) == pytest.approx(end)
+        assert np.count_nonzero(cut.lengths) == pieces
+        np.testing.assert_allclose(cut.at(np.inf).point, path.at(end).point)
+
+
+def test_samples_are_no_further_apart_than_asked() -> None:
+    s, points = _path([(0.0, 1.0)]).sample(0.3)
+    assert (s[0], s[-1]) == (0.0, 1.0)
+    assert np.diff(s).max() <= 0.3
+    assert len(points) == len(s)
+
+
 def test_the_pace_ramps_cruises_and_stops_at_the_end() -> None:
     path, spec, dt = Path(np.zeros(3), np.array([0.8, 0.0]), np.array([1.5, 0.3])), PaceSpec(), 0.02
     pace, speeds, points = Pace(np.array(0.0), np.array(0.0)), [], []
@@ -60,6 +77,9 @@ def test_the_pace_ramps_cruises_and_stops_at_the_end() -> None:
     np.testing.assert_allclose(moved, velocity[:-1], atol=5e-3)
     acceleration = np.array([p.acceleration for p in points])[100:300]
     np.testing.assert_allclose(np.diff(velocity[100:301], axis=0) / dt, acceleration, atol=5e-3)
+    ramp = np.array([p.acceleration for p in points])[1:70]
+    tangent = velocity[1:70] / np.array(speeds)[1:70, None]
+    np.testing.assert_allclose(np.sum(ramp * tangent, axis=1), spec.acceleration, rtol=1e-9)
 
 
 def test_the_pace_waits_for_a_unit_that_is_held() -> None:

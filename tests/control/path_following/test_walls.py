@@ -73,6 +73,18 @@ def test_on_the_outside_of_a_bend_it_rises_later() -> None:
     assert 0.3 < right < SPEC.ahead_m
 
 
+@pytest.mark.parametrize(("side", "stands"), [(-1.0, False), (1.0, True)])
+def test_each_side_has_its_own_place_at_which_the_wall_rises(side: float, stands: bool) -> None:
+    """Between the two places of the bend above only the wall on the inside stands already."""
+    path = Path(np.zeros(3), np.array([1.0]), np.array([2.5]))
+    centre = path.at(1.5).point
+    encounter = find_encounter(path, centre, D, SPEC)
+    heading = float(encounter.heading)
+    between = float(encounter.rise.mean())
+    tip = centre - between * np.array([np.cos(heading), np.sin(heading)])
+    assert bool(side_wall(encounter, np.array(side), tip, centre, D, SPEC, 0.1).active) is stands
+
+
 def test_a_wall_that_cannot_be_reached_in_time_is_refused() -> None:
     assert SPEC.half_width(0.08, 0.10) == pytest.approx(0.18 + SPEC.margin_m)
     with pytest.raises(PassageError, match=r"radius 0\.300 m needs a wall 0\.455 m"):

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
 from msrr_perception.estimation.body_track import BodyTrack, Motion, SeenPose, TrackNoise
+from msrr_perception.pose.overhead_errors import PoseErrors
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, Twist
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -246,9 +247,28 @@ def test_a_gap_is_bridged_with_the_last_twist_but_not_for_ever() -> None:
     assert track.rejected == 0
     scene.run(7.0, blind=True)
     lost = track.pose(scene.now_ns, NOISE)
+    a_second_on = track.pose(3_000_000_000 + NS, NOISE)
+    assert pose_error(lost.X_WB, a_second_on.X_WB) == pytest.approx(0.0, abs=1e-9), "it waits there"
     reach = 2.0 * math.sqrt(float(np.linalg.eigvalsh(lost.covariance[:2, :2]).max()))
     for X in (stopped, scene.X_WB):
         assert math.hypot(X.x - lost.X_WB.x, X.y - lost.X_WB.y) < reach
+
+
+def test_errors_of_calibration_and_of_the_clock_are_part_of_the_covariance() -> None:
+    """Those of calibration always; that of the clock only for a body that moves, by the way in that time."""
+    own, shared = np.diag([1e-6, 2e-6, 3e-6]), np.diag([4e-6, 5e-6, 6e-6])
+    timed = replace(NOISE, clock_s=0.01)
+    for twist, clock_s in ((Twist(), 0.0), (Twist(0.25, 0.3), 0.01)):
+        track = Scene(twist=lambda t, u=twist: u).run(2.05)
+        plain = track.pose(2_100_000_000, NOISE)
+        assert plain.shared is None
+        doubted = replace(track, seen=replace(track.seen, errors=PoseErrors(own, shared)))
+        found = doubted.pose(2_100_000_000, timed)
+        yaw = found.X_WB.yaw
+        way = clock_s * np.array([0.25 * math.cos(yaw), 0.25 * math.sin(yaw), 0.3])
+        added = found.covariance - plain.covariance
+        np.testing.assert_allclose(added, own + shared + np.outer(way, way), rtol=0.1, atol=2e-8)
+        assert (found.name, found.stamp_ns, found.shared is shared) == ("c", 2_100_000_000, True)
 
 
 def test_a_body_that_drives_when_it_is_first_seen_is_known_after_three_frames() -> None:

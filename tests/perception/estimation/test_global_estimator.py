@@ -373,6 +373,23 @@ def test_a_body_seen_long_ago_is_known_less_well_than_one_just_seen(make: Make) 
     assert stale.obstacles[0].stamp_ns == fresh.obstacles[0].stamp_ns
 
 
+def test_a_clock_in_doubt_makes_a_unit_uncertain_along_its_way(scene: Scene, model: OverheadModel) -> None:
+    """At 0.22 m/s by 10 ms of time stamps: 2.2 mm ahead or behind, and nothing across."""
+    built = {"grade": "perfect", "overhead": {"clock_ms": {"sigma": 10.0}}}
+    doubtful = Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": built}).told()
+    found = []
+    for of, seen_by in ((scene, model), (doubtful, OverheadModel.from_scene(doubtful, ("a", "b")))):
+        estimator = estimator_of(of, seen_by)
+        wheels = TargetModel.from_scene(of, of.docks[0])
+        estimate = Arena(seen_by, wheels, estimator, 0, speed=lambda t: (0.22, 0.0)).drive(3.0)
+        assert estimate is not None
+        found.append(estimate.own)
+    yaw = found[1].X_WB.yaw
+    R = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+    added = R.T @ (found[1].covariance - found[0].covariance)[:2, :2] @ R
+    np.testing.assert_allclose(added, np.diag([0.0022**2, 0.0]), rtol=0.05, atol=1e-8)
+
+
 def test_other_cameras_and_other_wheels_change_nothing(make: Make) -> None:
     arena = make(7)
     arena.drive(1.0)

@@ -15,7 +15,7 @@ from msrr_perception.estimation.knowledge import CalibrationMemory, Knowledge
 from msrr_perception.estimation.motion import FilterState
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Detections, Exposure
+from msrr_scenes.messages import Detections, Exposure, PoseMeasurement
 from msrr_scenes.specs.scene import Scene
 
 See = Callable[..., Any]
@@ -111,3 +111,37 @@ def test_tolerances_make_a_pose_as_uncertain_as_it_is(scene: Scene, careful: Sce
     x, y, _, _, _, yaw = target.tolerances.bracket
     assert (sigmas[0] > [x, y, yaw]).all()
     assert (sigmas[1] < [1e-3, 1e-3, 1e-3]).all()
+
+
+def test_measured_poses_share_the_errors_of_calibration_with_corners(careful: Scene, see: See) -> None:
+    """However often a pose is measured, what camera and bracket are off by stays unknown.
+
+    Corners tell a little of it, because no pose fits them quite; a pose that is measured tells nothing.
+    """
+    target, pose = _target(careful), np.array([-0.3, 0.0, 0.0, 0.0, 0.0])
+    by_corners, by_poses = CornerEkf(target, careful.odometry), CornerEkf(target, careful.odometry)
+    _looks(by_corners, see, pose, 100)
+    for frame in range(100):
+        exposure = Exposure("a/onboard", frame, frame * 40_000_000)
+        by_poses.add_pose(PoseMeasurement(exposure, SE2(-0.3, 0.0, 0.0), 1e-10 * np.eye(3), (None, None)))
+    sigmas = []
+    for ekf in (by_corners, by_poses):
+        found = ekf.estimate(99 * 40_000_000)
+        assert found is not None
+        sigmas.append(np.sqrt(np.diag(found.covariance)))
+    assert (sigmas[0] < sigmas[1]).all()
+    assert (sigmas[1] < 2.0 * sigmas[0]).all()
+
+
+def test_errors_of_the_encoders_are_left_out_of_those_of_the_drive(careful: Scene) -> None:
+    """What was learned of a radius is split by the variances of both: a drawing's and an encoder's."""
+    target = _target(careful)
+    ekf = CornerEkf(target, careful.odometry)
+    mean = np.array(ekf.drawn.mean)
+    mean[:3] = 0.004, -0.002, 0.003
+    ekf.recall(Knowledge(mean, ekf.drawn.covariance, ekf.drawn.shared))
+    of_encoder = careful.odometry.scale_error**2
+    left, right, _ = np.square(target.tolerances.wheels)
+    shares = left / (left + of_encoder), right / (right + of_encoder), 1.0  # encoders tell nothing of a track
+    assert 0.05 < min(shares) < 0.95
+    np.testing.assert_allclose(ekf.drive_errors(), np.array(shares) * mean[:3], rtol=1e-9)
