@@ -118,10 +118,12 @@ def test_the_linters_contracts_are_kept() -> None:
 def test_the_robot_runs_where_there_is_no_simulator() -> None:
     """Not by what is written in the files, but in a process: nothing on the way loads PyBullet."""
     code = (
-        "import sys; sys.modules['pybullet'] = None\n"
-        "import msrr_perception.detection, msrr_perception.estimation, msrr_control.sequence\n"
-        "import msrr_bullet.robot, msrr_bullet.plant, msrr_bullet.collision\n"
-        "import msrr_bullet.replay.log_replay, msrr_bullet.recordings.run, msrr_scenes\n"
+        "import importlib, pkgutil, sys; sys.modules['pybullet'] = None\n"
+        "import msrr_bullet.replay.log_replay, msrr_bullet.recordings.run\n"
+        "for name in ('msrr_scenes', 'msrr_perception', 'msrr_control', 'msrr_bullet.robot',"
+        " 'msrr_bullet.plant', 'msrr_bullet.collision'):\n"
+        "    path = importlib.import_module(name).__path__\n"
+        "    for m in pkgutil.walk_packages(path, name + '.'): importlib.import_module(m.name)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -13,8 +13,9 @@ from msrr_control.planning.route import ArenaMap
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, GlobalPose, ObstacleEstimate
-from msrr_scenes.specs import ArenaSpec, Scene
+from msrr_scenes.specs.bodies import ArenaSpec
 from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 #: Error of the distance between two bodies for which the margins of the routes have room [m]: robots that are

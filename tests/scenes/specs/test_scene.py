@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from msrr_scenes.specs import LimitsSpec, Scene
-from msrr_scenes.specs.vehicle import LIMIT_SETTINGS
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.vehicle import LIMIT_SETTINGS, LimitsSpec
 
 
 def test_every_key_has_a_description() -> None:
