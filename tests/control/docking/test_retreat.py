@@ -49,6 +49,10 @@ def test_one_degree_does_not_grow(facts: DockSetup) -> None:
 def test_the_pins_leave_their_holes_without_steering(facts: DockSetup) -> None:
     twist = retreat_twist(np.array([-0.101, 0.004, 0.05]), 0.45, SPEC, facts)
     assert twist == pytest.approx([-SPEC.speed_mps, 0.0])
+    out_m = facts.pin_reach + SPEC.clear_m
+    for gap, steers in ((out_m - 0.001, False), (out_m + 0.001, True)):
+        _, w = retreat_twist(np.array([-facts.offset - gap, 0.004, 0.0]), 0.45, SPEC, facts)
+        assert bool(w != 0.0) is steers
 
 
 def test_there_it_stops(facts: DockSetup) -> None:

@@ -107,7 +107,9 @@ def test_commands_stay_within_the_drive(goal, pose, velocity, obstacle, limits, 
     """Any reference, any pose, an obstacle anywhere, the unit's own place included."""
     state = tracking_start(np.array([9.0, -9.0]), limits)
     reference = reference_start(goal, velocity)
+    rates = DT * np.array([limits.a_max_mps2, limits.dw_max_radps2])
     for _ in range(5):
+        before = state.limited
         command, state = tracking_step(
             state,
             reference,
@@ -124,6 +126,8 @@ def test_commands_stay_within_the_drive(goal, pose, velocity, obstacle, limits, 
         assert abs(command[0]) <= limits.v_max_mps
         assert abs(command[1]) <= limits.w_max_radps
         assert np.abs(state.lam).max() <= 1.5
+        towards = np.clip(command - before, -rates, rates)
+        np.testing.assert_allclose(state.limited, before + towards, atol=1e-12)
 
 
 def test_a_loop_slower_than_its_anti_windup_is_refused() -> None:
