@@ -7,28 +7,30 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from msrr_control.docking.guidance import (
-    CorrectedGuidanceParams,
-    GuidanceState,
-    corrected_guidance,
-    guidance_start,
-)
+from msrr_control.docking.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
 from msrr_control.docking.law import DockSetup, LawInputs
 from msrr_control.feedback.auxiliary import AuxiliaryGains, auxiliary_step
-from msrr_control.feedback.visibility_cone import ConeState
+from msrr_control.feedback.visibility_cone import ConeGains, ConeState, cone_force, cone_step
 from msrr_control.kinematics.controlled_point import offset_point, point_velocity, position_error, twist_for
 from msrr_control.kinematics.drive_limits import limit_twist, nested_limit_twist
 from msrr_scenes.arrays import Array
+from msrr_scenes.specs.spec import Spec
 
 
-class CorrectedLawParams(CorrectedGuidanceParams):
+class CorrectedLawParams(Spec):
     """Parameters of a :class:`CorrectedLaw`.
 
     Attributes:
+        cone: Line-of-sight correction (eqs. 21 to 24).
+        guidance: Guidance trajectory.
+        los_correction: Whether the line-of-sight correction is used (False is an ablation).
         windup: Anti-windup system xi (eq. 25).
         anti_windup: Whether the anti-windup system is used.
     """
 
+    cone: ConeGains = ConeGains()
+    guidance: GuidanceSpec = GuidanceSpec()
+    los_correction: bool = True
     windup: AuxiliaryGains = AuxiliaryGains(k_mps=0.05, gamma_m=0.10)
     anti_windup: bool = True
 
@@ -83,16 +85,26 @@ class CorrectedLaw(ABC, Generic[Params]):
         The saturation that drives xi is that of the drive's magnitude and rate limits without its lag. With
         measured wheel speeds in its place the law keeps 4.5 to 7.7 mm of final bias.
 
-        Source: Zheng et al., eqs. 24 to 27.
+        Source: Zheng et al., eqs. 21 to 27.
         """
         params, setup, limits = self.params, self.setup, self.setup.limits
         yaw = inputs.pose[..., 2]
         tip = offset_point(inputs.pose, setup.offset)
-        target = corrected_guidance(state.guidance, state.cone, tip, inputs, params, setup, dt)
-        error = position_error(tip, target.position)
+        guidance = guidance_step(state.guidance, tip, inputs.visibility, params.guidance, setup.pin_reach, dt)
+        target, rate = np.zeros_like(tip), np.zeros_like(tip)
+        target[..., 0], rate[..., 0] = guidance.x, guidance.speed
+        cone = state.cone
+        if params.los_correction:
+            force = cone_force(inputs.edges, yaw, setup.los, params.cone.x_share)
+            # The last angles of a lost target are no measurement: it exerts no force.
+            force *= (inputs.visibility > 0.0)[..., None]
+            cone, shift_rate = cone_step(cone, force, params.cone, dt)
+            target += cone.shift
+            rate += shift_rate
+        error = position_error(tip, target)
         if params.anti_windup:
             error -= params.windup.gamma_m * np.tanh(state.xi)
-        velocity = self.feedback(error) + target.velocity
+        velocity = self.feedback(error) + rate
         if params.anti_windup:
             velocity -= params.windup.k_mps * state.xi
         twist = twist_for(velocity, yaw, setup.offset)
@@ -101,7 +113,7 @@ class CorrectedLaw(ABC, Generic[Params]):
             limited = nested_limit_twist(limited, twist, limits, 1.0 / dt, dt, limits.v_close_mps)
             xi = auxiliary_step(xi, point_velocity(limited - twist, yaw, setup.offset), params.windup, dt)
         command = limit_twist(twist, limits.v_close_mps, limits.w_max_radps)
-        return command, CorrectedLawState(target.guidance, target.cone, xi, limited)
+        return command, CorrectedLawState(guidance, cone, xi, limited)
 
     def reference(self, state: CorrectedLawState) -> Array:
         """Return the guidance trajectory's point p_r in D, shape (..., 2) [m]."""

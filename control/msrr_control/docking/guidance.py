@@ -1,4 +1,4 @@
-"""The reference that a docking law tracks: guidance along the docking axis and line-of-sight correction."""
+"""The reference that a docking law tracks: the guidance trajectory along the docking axis."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msrr_control.docking.law import DockSetup, LawInputs
-from msrr_control.feedback.visibility_cone import ConeGains, ConeState, cone_force, cone_step
 from msrr_control.kinematics.elementwise import Number, at_least, at_most, limit, number, split, sqrt
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Distance, Duration, Length, NonNegative, Spec, Speed
@@ -98,52 +96,3 @@ def guidance_step(
 def _fade(ratio: Number) -> Number:
     """Return 1 up to a ratio of 1, falling to 0 at a ratio of 2."""
     return limit(2.0 - ratio, 0.0, 1.0)
-
-
-class CorrectedGuidanceParams(Spec):
-    """Parameters of the guidance with its line-of-sight correction, which C1 and C2 have in common.
-
-    Attributes:
-        cone: Line-of-sight correction (eqs. 21 to 24).
-        guidance: Guidance trajectory.
-        los_correction: Whether the line-of-sight correction is used (False is an ablation).
-    """
-
-    cone: ConeGains = ConeGains()
-    guidance: GuidanceSpec = GuidanceSpec()
-    los_correction: bool = True
-
-
-class CorrectedGuidance(NamedTuple):
-    """The corrected reference p_r + lambda_1 in D, its rate, shape (..., 2) [m, m/s], and the next states."""
-
-    position: Array
-    velocity: Array
-    guidance: GuidanceState
-    cone: ConeState
-
-
-def corrected_guidance(
-    guidance: GuidanceState,
-    cone: ConeState,
-    tip: Array,
-    inputs: LawInputs,
-    params: CorrectedGuidanceParams,
-    setup: DockSetup,
-    dt: float,
-) -> CorrectedGuidance:
-    """Advance the guidance and its line-of-sight correction by ``dt`` [s]; ``tip`` is p_l in D.
-
-    Source: Zheng et al., eqs. 21 to 24.
-    """
-    guidance = guidance_step(guidance, tip, inputs.visibility, params.guidance, setup.pin_reach, dt)
-    position, velocity = np.zeros_like(tip), np.zeros_like(tip)
-    position[..., 0], velocity[..., 0] = guidance.x, guidance.speed
-    if params.los_correction:
-        force = cone_force(inputs.edges, inputs.pose[..., 2], setup.los, params.cone.x_share)
-        # The last angles of a lost target are no measurement: it exerts no force.
-        force *= (inputs.visibility > 0.0)[..., None]
-        cone, shift_rate = cone_step(cone, force, params.cone, dt)
-        position += cone.shift
-        velocity += shift_rate
-    return CorrectedGuidance(position, velocity, guidance, cone)
