@@ -103,45 +103,26 @@ def safe_acceleration(position: Number, velocity: Number, gains: EnvelopeGains) 
 
 
 def enveloped_acceleration(
-    wanted: Number,
-    position: Number,
-    velocity: Number,
-    gains: EnvelopeGains,
-    max_acceleration: float,
-    lower: float | None = None,
-    upper: float | None = None,
+    wanted: Number, position: Number, velocity: Number, gains: EnvelopeGains, max_acceleration: float
 ) -> Number:
-    r"""Return the acceleration nearest to ``wanted`` that respects a lower and an upper wall.
+    r"""Return the acceleration nearest to ``wanted`` that does not lead across a wall.
 
-    .. math:: u = \mathrm{sat}(-u_{max}, \mathrm{sat}(-u_s^{lower}, u_r, u_s^{upper}), u_{max})
+    .. math:: u = \mathrm{sat}(-u_{max}, \max(u_r, -u_s), u_{max})
 
-    From a state inside the envelope no wanted acceleration leads across the wall. Walls in x and y at once
-    can deadlock a unit: use one wall, aligned with the path.
+    If gamma is less than u_max, no wanted acceleration leads across from a state inside the envelope.
 
-    Source: Zheng et al., eq. 9.
+    Source: Zheng et al., eq. 9, with the wall below alone. Walls in x and y at once can deadlock a unit: use
+    one, aligned with the path.
 
     Args:
         wanted: u_r, any shape [m/s2].
-        position: Coordinate across the wall, same shape [m].
-        velocity: Rate of that coordinate, same shape [m/s].
-        gains: Envelope; gamma has to be less than ``max_acceleration``.
+        position: Distance from the wall, positive where it is safe, same shape [m].
+        velocity: Rate of that distance, same shape [m/s].
+        gains: Envelope.
         max_acceleration: u_max [m/s2].
-        lower: Coordinate of the wall below, None if there is none [m].
-        upper: Coordinate of the wall above, None if there is none [m].
 
     Returns:
         u, same shape [m/s2].
-
-    Raises:
-        ValueError: gamma is not less than u_max: the envelope would ask for more than the drive can do.
     """
-    if gains.gamma >= max_acceleration:
-        raise ValueError(
-            f"the envelope's gamma = {gains.gamma} has to be less than u_max = {max_acceleration}"
-        )
-    u = wanted
-    if lower is not None:
-        u = at_least(u, -safe_acceleration(lower - position, -velocity, gains))
-    if upper is not None:
-        u = at_most(u, safe_acceleration(position - upper, velocity, gains))
+    u = at_least(wanted, -safe_acceleration(-position, -velocity, gains))
     return limit(u, -max_acceleration, max_acceleration)

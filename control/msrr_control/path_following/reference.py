@@ -146,7 +146,7 @@ def _saturate_at_wall(
     wanted, along = rotate_components(u_r[0], u_r[1], -normal)
     across, _ = rotate_components(position[0] - foot[0], position[1] - foot[1], -normal)
     rate, _ = rotate_components(velocity[0], velocity[1], -normal)
-    allowed = enveloped_acceleration(wanted, across, rate, gains.envelope, u_max, lower=0.0)
+    allowed = enveloped_acceleration(wanted, across, rate, gains.envelope, u_max)
     walled = rotate_components(allowed, limit(along, -u_max, u_max), normal)
     # Trials without a wall have no wall's frame: their accelerations are limited along the axes.
     return [where(number(wall.active), walled[i], limit(u_r[i], -u_max, u_max)) for i in (0, 1)]
