@@ -214,3 +214,22 @@ def test_commands_under_way_are_driven_before_the_new_one_arrives(scene: Scene) 
     # What counts is for how long a command is in force (20 ms are two steps of the prediction, give or take
     # one), not whether it is the first or the last.
     assert 0.5 * way("SSF") < way("FSS") < 2.0 * way("SSF")
+
+
+@pytest.mark.parametrize(
+    "command", [Twist(0.3, 1.2), Twist(-0.2, -0.9), Twist(0.3, 0.0), Twist(0.0, 1.0)], ids=str
+)
+def test_the_predicted_way_is_made_of_arcs(scene: Scene, command: Twist) -> None:
+    """A unit at speed that is told to stop: from pose to pose along one arc each, against exp on SE(2)."""
+    trajectory = StoppingTrajectory(scene)
+    for k in range(60):
+        trajectory.advance(k * 20_000_000)
+        trajectory.send(command)
+    X, turned = SE2(), 0.0
+    for x, y, yaw, travel in trajectory._poses(Twist(), 0.1):
+        length = math.copysign(travel - 0.1 * abs(yaw - turned), command.v)
+        end = X @ SE2.exp(length if command.v else 0.0, 0.0, yaw - turned)
+        np.testing.assert_allclose([x, y], end.translation, atol=1e-9)
+        X, turned = SE2(x, y, yaw), yaw
+    assert X.yaw * command.w >= 0.05 * command.w**2
+    assert X.x * command.v >= 0.1 * command.v**2

@@ -130,6 +130,22 @@ def _wide(sigma_y: float, sigma_yaw: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
+    ("beyond_m", "share_of_cone", "creeps"), [(0.01, 0.5, True), (-0.01, 0.5, False), (0.01, 1.02, False)]
+)
+def test_a_unit_that_is_not_certain_comes_nearer_but_not_too_near(
+    desk: Desk, beyond_m: float, share_of_cone: float, creeps: bool
+) -> None:
+    """In sight of the port; outside of the cone it would lose it."""
+    gap = TUNING.search.creep_gap_m + beyond_m
+    edge = share_of_cone * desk.facts.los.outer
+    action = desk.ask(
+        desk.at(gap), covariance=_wide(2.0 * TUNING.ready_sigma_m, 0.0), los=_edges(edge, edge - 0.1)
+    )
+    assert action.phase is Phase.HAND_OVER
+    assert action.twist.v == (TUNING.search.creep_mps if creeps else 0.0)
+
+
+@pytest.mark.parametrize(
     ("share_of_cone", "sigma_y", "sigma_yaw_deg", "docks"),
     [
         (0.98, 0.0, 0.0, True),
