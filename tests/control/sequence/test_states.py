@@ -422,6 +422,23 @@ def test_as_many_frames_in_a_row_as_commanded_have_to_agree(facts: DockSetup, fr
     assert _verify(desk, "g" * frames) == [Phase.VERIFY] * (frames - 1) + [Phase.DONE]
 
 
+def test_a_unit_that_is_seen_seated_says_how_large_a_gap_it_would_have_seen(desk: Desk) -> None:
+    """By two more standard deviations of 1 mm than are granted: sight shows such a gap 39 times of 40."""
+    desk.to_verify()
+    action = desk.ask(desk.at(0.0), closed=True)
+    while action.phase is Phase.VERIFY:
+        action = desk.ask(desk.at(0.0), closed=True)
+    told = math.hypot(desk.spec.verify.position_m, 0.003) + 0.002
+    assert f"a gap of {1e3 * told:.1f} mm would have been seen" in action.reason
+    failing = Desk(desk.facts)
+    failing.to_verify()
+    yaw = math.radians(desk.spec.verify.yaw_deg) + 0.01
+    while failing.machine.phase is Phase.VERIFY:
+        action = failing.ask(failing.at(0.0, yaw=yaw), closed=True)
+    off, accepted = math.degrees(yaw), math.degrees(math.hypot(yaw - 0.01, 0.003))
+    assert f"heading off by {off:.1f} deg, {accepted:.1f} deg accepted" in action.reason
+
+
 @pytest.mark.parametrize("bad", ["b", "y"])
 def test_one_frame_that_disagrees_starts_the_count_anew(desk: Desk, bad: str) -> None:
     assert TUNING.frames == 3
