@@ -44,8 +44,8 @@ def edge_angles(pose: Array, los: LosSpec, camera_offset: float) -> Array:
 
     Studies and predictions use it; the running system measures these angles in the image.
 
-    Source: Zheng et al., eq. 21; the target is set back by s_b (on the face itself it would leave the cone at
-    contact unless b <= 0.03 m).
+    Source: Zheng et al., eq. 21; the target is set back by s_b (on the face itself the shipped one would be
+    seen at 24 deg at contact, outside the inner bound, and the unit would stop short of the port).
 
     Args:
         pose: Axle pose (x, y, yaw) in D, shape (..., 3).
