@@ -19,7 +19,6 @@ from msrr_scenes.messages import Action, FailureReason, Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.random_streams import stream
-from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 PAIR = frozenset("ab")
@@ -157,17 +156,6 @@ def test_a_pair_that_docks_is_exempt_and_its_neighbours_are_not(scene: Scene) ->
     assert found.outcome is None
     assert found.nearest == seated.clearance.query(seated.simulation.poses(), {PAIR})[0]
     assert found.nearest.distance > 0.0
-
-
-def test_how_near_neighbours_may_be_follows_the_locks(scene: Scene) -> None:
-    """The corners of a unit behind b and of one at its side are 23 mm apart; another 5 mm are granted."""
-    crowded = beside(scene, 0.0)
-    judge = crowded.judge()
-    assert judge.neighbour_limits() == {}
-    crowded.locked.add(DockStep(unit="c", to="b.left"))
-    assert judge.neighbour_limits() == {frozenset("ac"): pytest.approx(0.0183, abs=1e-4)}
-    crowded.locked.remove("c")
-    assert judge.neighbour_limits() == {}
 
 
 def keep_seated(judge: Judge, ticks: int = 200) -> Judge:
