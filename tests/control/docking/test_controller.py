@@ -1,5 +1,6 @@
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -64,6 +65,19 @@ def test_a_reset_forgets_everything(facts: DockSetup, name: str) -> None:
     used.reset(_inputs())
     fresh.reset(_inputs())
     assert [used.step(_inputs()) for _ in range(5)] == [fresh.step(_inputs()) for _ in range(5)]
+
+
+@pytest.mark.parametrize(
+    ("status", "visibility"), [(LosStatus.SEEN, 1.0), (LosStatus.PREDICTED, 0.5), (LosStatus.LOST, 0.0)]
+)
+def test_the_less_is_seen_the_slower_is_the_guidance(status: LosStatus, visibility: float) -> None:
+    arrays = law_inputs(_inputs(status=status))
+    assert (float(arrays.visibility), arrays.edges.tolist()) == (visibility, [0.1, -0.1])
+    for edges in ((math.nan, -0.1), (0.1, math.nan), (math.nan, math.nan)):
+        los = LosObservation(0, *edges, math.nan, status)
+        blind = law_inputs(replace(_inputs(), los=los))
+        assert (float(blind.visibility), blind.edges.tolist()) == (0.0, [0.0, 0.0])
+    assert float(law_inputs(replace(_inputs(), los=None)).visibility) == 0.0
 
 
 def test_a_first_step_without_reset_begins_an_approach(facts: DockSetup) -> None:

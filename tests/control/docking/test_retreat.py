@@ -3,7 +3,7 @@ import pytest
 
 from msrr_control.docking.law import DockSetup
 from msrr_control.docking.retreat import RetreatSpec, retreat_twist
-from msrr_control.kinematics.controlled_point import offset_point, twist_for
+from msrr_control.kinematics.controlled_point import offset_point, point_velocity, twist_for
 
 SPEC = RetreatSpec()
 
@@ -53,6 +53,17 @@ def test_the_pins_leave_their_holes_without_steering(facts: DockSetup) -> None:
     for gap, steers in ((out_m - 0.001, False), (out_m + 0.001, True)):
         _, w = retreat_twist(np.array([-facts.offset - gap, 0.004, 0.0]), 0.45, SPEC, facts)
         assert bool(w != 0.0) is steers
+
+
+def test_the_rear_point_is_led_to_the_axis_and_brakes_before_the_end(facts: DockSetup) -> None:
+    for y, remaining in ((0.01, 0.2), (-0.02, 0.01), (0.3, 0.2)):
+        pose = np.array([-facts.offset - 0.45 + remaining, y, 0.1])
+        twist = retreat_twist(pose, 0.45, SPEC, facts)
+        rear = offset_point(pose, -facts.offset)
+        gap = -offset_point(pose, facts.offset)[0]
+        speed = min(SPEC.speed_mps, np.sqrt(2.0 * SPEC.stop_mps2 * (0.45 - gap)))
+        aside = np.clip(-SPEC.k_per_s * rear[1], -SPEC.slant * speed, SPEC.slant * speed)
+        assert point_velocity(twist, pose[2], -facts.offset) == pytest.approx([-speed, aside])
 
 
 def test_there_it_stops(facts: DockSetup) -> None:
