@@ -24,7 +24,7 @@ def run(
     actions = []
     for k in range(round(1e9 * time_s / PERIOD_NS)):
         now_ns = round(1e9 * start_s) + k * PERIOD_NS
-        angle = rate_radps * 1e-9 * now_ns
+        angle = 40.0 + rate_radps * 1e-9 * now_ns  # it has driven before
         watch.read(WheelOdometry("a", now_ns, angle, angle))
         actions.append(watch.judge(Action(now_ns, phase, 1, twist, reason="leg 1")))
     return actions
@@ -60,6 +60,25 @@ def test_wheels_that_stand_against_commands_end_the_way(watch: DriveWatch, twist
 def test_a_healthy_unit_goes_on(watch: DriveWatch, twist: Twist, rate_radps: float, phase: Phase) -> None:
     assert {a.phase for a in run(watch, twist, 3.0 * SEIZED_S, rate_radps, phase)} == {phase}
     assert watch.belief is None
+
+
+@pytest.mark.parametrize("share", [(1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (-1.0, 1.0)])
+def test_one_wheel_that_turns_is_enough(watch: DriveWatch, share: tuple[float, float]) -> None:
+    """On the spot, or about the other wheel."""
+    for k in range(round(1e9 * 2.0 * SEIZED_S / PERIOD_NS)):
+        angle = 0.006 * k
+        watch.read(WheelOdometry("a", k * PERIOD_NS, share[0] * angle, share[1] * angle))
+        assert watch.judge(Action(k * PERIOD_NS, Phase.ASSEMBLE, 1, TURN)).phase is Phase.ASSEMBLE
+
+
+@pytest.mark.parametrize(("rim_mps", "seized"), [(0.0019, False), (0.0021, True)])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_turn_asks_for_motion_by_the_speed_of_its_rims(rim_mps: float, seized: bool, sign: float) -> None:
+    """On the spot, and about one wheel."""
+    unit = read_unit(find_urdf("unit.urdf"))
+    w = sign * rim_mps / (0.5 * unit.track)
+    for twist in (Twist(0.0, w), Twist(0.5 * rim_mps, 0.5 * w)):
+        assert (run(DriveWatch(unit), twist, SEIZED_S + 1.0)[-1].phase is Phase.FAILED) is seized
 
 
 @pytest.mark.parametrize("speed_mps", [0.003, 0.006])

@@ -233,3 +233,6 @@ def test_the_predicted_way_is_made_of_arcs(scene: Scene, command: Twist) -> None
         X, turned = SE2(x, y, yaw), yaw
     assert X.yaw * command.w >= 0.05 * command.w**2
     assert X.x * command.v >= 0.1 * command.v**2
+    # The longest turn: at speed until the command is in force and followed, then as hard as the drive brakes.
+    lag_s = 1.0 / scene.control.rate_hz + 0.02 + 1.0 / scene.limits.kappa_per_s
+    assert abs(X.yaw) <= abs(command.w) * lag_s + 0.5 * command.w**2 / scene.limits.dw_max_radps2 + 1e-9
