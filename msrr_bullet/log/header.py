@@ -17,6 +17,7 @@ from pydantic import ValidationError
 
 from msrr_bullet.log.codec import LogError
 from msrr_scenes.geometry.unit_geometry import find_urdf
+from msrr_scenes.geometry.urdf_file import named_file
 from msrr_scenes.specs.scene import Scene
 
 METADATA = "msrr"
@@ -144,21 +145,37 @@ def _texts(text: str) -> dict[str, str]:
 
 
 def _bundle(urdf: Path, name: str) -> dict[str, bytes]:
-    """Return the URDF and the meshes of its collision shapes, stored beside it under numbered names."""
+    """Return the URDF and the meshes of its collision shapes, stored beside it under numbered names.
+
+    Meshes and textures that are only seen are left out of both: no replay and no figure draws them, and where
+    the log is read no package may be that they are named by.
+    """
     try:
         text = urdf.read_bytes()
         root = ElementTree.fromstring(text)
         meshes = [m for c in root.iter("collision") for m in c.iter("mesh")]
-        if not meshes:
+        if not any("filename" in element.attrib for element in root.iter()):
             return {name: text}
+        _drop_seen_files(root)
         files: dict[str, bytes] = {}
         renamed: dict[str, str] = {}
         for mesh in meshes:
             old = mesh.attrib["filename"]
             if old not in renamed:
                 renamed[old] = f"{len(renamed)}_{PurePosixPath(old).name}"
-                files[str(PurePosixPath(name).parent / renamed[old])] = (urdf.parent / old).read_bytes()
+                files[str(PurePosixPath(name).parent / renamed[old])] = named_file(urdf, old).read_bytes()
             mesh.set("filename", renamed[old])
         return {name: ElementTree.tostring(root), **files}
     except (OSError, ElementTree.ParseError, KeyError) as error:
         raise LogError(f"{urdf}: cannot be put into the log: {error}") from error
+
+
+def _drop_seen_files(root: ElementTree.Element) -> None:
+    """Remove visual shapes that are meshes, and textures, from a URDF in place."""
+    for link in root.iter("link"):
+        for visual in link.findall("visual"):
+            if visual.find("geometry/mesh") is not None:
+                link.remove(visual)
+    for material in root.iter("material"):
+        for texture in material.findall("texture"):
+            material.remove(texture)

@@ -42,7 +42,7 @@ def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
         if _XACRO.match(element.tag):
             raise GeometryError(f"{path}: holds macros; expand them first: xacro {path.name} > robot.urdf")
         if element.tag in ("mesh", "texture") and "filename" in element.attrib:
-            element.set("filename", str(_resolved(path, element.attrib["filename"])))
+            element.set("filename", str(named_file(path, element.attrib["filename"])))
     root = tree.getroot()
     _check_joints(path, root)
     if frames:
@@ -53,8 +53,12 @@ def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
     return tree
 
 
-def _resolved(urdf: Path, name: str) -> Path:
-    """Return the path of a file that a URDF names, beside itself or as ROS does, by a package."""
+def named_file(urdf: Path, name: str) -> Path:
+    """Return the path of a file that a URDF names, beside itself or as ROS does, by a package.
+
+    Raises:
+        GeometryError: The URDF is in no folder of the name of the package.
+    """
     if not name.startswith(_PACKAGE_SCHEME):
         return (urdf.parent / name.removeprefix("file://")).resolve()
     package, _, rest = name.removeprefix(_PACKAGE_SCHEME).partition("/")

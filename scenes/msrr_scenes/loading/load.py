@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from msrr_scenes.errors import GeometryError, SceneError, UnknownNameError
 from msrr_scenes.geometry.unit_geometry import library_folder
+from msrr_scenes.geometry.urdf_file import named_file
 from msrr_scenes.loading.as_built_checks import as_built_problems
 from msrr_scenes.loading.calibration_file import read_calibration
 from msrr_scenes.loading.camera_checks import camera_problems
@@ -156,7 +157,7 @@ def plain_name(stem: str) -> str:
 def _files_of(urdf: Path) -> list[Path]:
     """Return the URDF and the files that it names, in the order of naming."""
     named = [e.attrib["filename"] for e in ElementTree.parse(urdf).iter() if "filename" in e.attrib]
-    return [urdf, *(p for p in (urdf.parent / name for name in dict.fromkeys(named)) if p.is_file())]
+    return [urdf, *(p for p in (named_file(urdf, name) for name in dict.fromkeys(named)) if p.is_file())]
 
 
 def _embed_calibrations(document: YamlDocument, beside: Path) -> None:

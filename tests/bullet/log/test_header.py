@@ -31,13 +31,17 @@ def test_the_header_gives_back_scene_seed_and_geometry(
         assert all(bits(there.frames[k]) == bits(here.frames[k]) for k in here.frames)
 
 
-def test_a_urdf_is_stored_with_its_meshes(tmp_path: Path, scene: Scene) -> None:
+@pytest.mark.parametrize("mesh", ["../nose.obj", "package://home/nose.obj"])
+def test_a_urdf_is_stored_with_its_meshes(tmp_path: Path, scene: Scene, mesh: str) -> None:
+    """By whatever name; the log is read where neither the package nor the meshes that are only seen are."""
     home = tmp_path / "home" / "robots"
     home.mkdir(parents=True)
     (tmp_path / "home" / "nose.obj").write_text("v 0 0 0\nv 0.15 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 2 3\n")
     text = scene.geometry("a").urdf.read_text()
+    shape = f'<geometry><mesh filename="{mesh}"/></geometry>'
+    paint = '<material name="paint"><texture filename="package://home/paint.png"/></material>'
     nose = (
-        '<link name="nose"><collision><geometry><mesh filename="../nose.obj"/></geometry></collision></link>'
+        f'<link name="nose"><visual>{shape}{paint}</visual><collision>{shape}</collision></link>'
         '<joint name="nose" type="fixed"><parent link="axle"/><child link="nose"/></joint>'
     )
     (home / "own.urdf").write_text(text.replace("</robot>", f"{nose}</robot>"))

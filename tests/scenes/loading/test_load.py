@@ -74,6 +74,22 @@ def test_a_shipped_scene_has_the_shipped_robot_wherever_it_is_run(
     assert own.geometry("a").track == pytest.approx(track + 0.02), "beside a file of one's own it counts"
 
 
+@pytest.mark.parametrize("name", ["hood.stl", "package://mine/hood.stl", "file://{folder}/hood.stl"])
+def test_a_mesh_counts_by_what_it_holds_whatever_it_is_named_by(tmp_path: Path, name: str) -> None:
+    """Else a sweep takes results of the old mesh from its store."""
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    hood = f'<visual><geometry><mesh filename="{name.format(folder=folder)}"/></geometry></visual></link>'
+    text = (urdf_folder() / "unit.urdf").read_text()
+    (folder / "mine.urdf").write_text(text.replace("</link>", hood, 1))
+    mesh = folder / "hood.stl"
+    digests = set()
+    for z in (0.1, 0.2):
+        mesh.write_text(f"solid\nvertex 0 0 {z}\nvertex 1 0 {z}\nvertex 0 1 {z}\nendsolid\n")
+        digests.add(scene_hash(load_scene("close_range", {"units.a.urdf": str(folder / "mine.urdf")})))
+    assert len(digests) == 2
+
+
 def test_a_file_of_ones_own(tmp_path: Path) -> None:
     scene = load_scene(write(tmp_path, GOOD))
     assert scene.name == "scene"
