@@ -7,6 +7,8 @@ from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.recorder import NullRecorder
 from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.render import RENDERERS, RenderContext, build_renderer
+from msrr_bullet.render.raster.bodies import LoadedBodies
+from msrr_bullet.render.raster_renderer import RasterRenderer
 from msrr_bullet.robot.unit_programs import UnitPrograms
 from msrr_bullet.trial.coordinated_mission import CoordinatedMission
 from msrr_bullet.trial.environment import open_environment
@@ -72,7 +74,9 @@ def _check(scene: Scene) -> None:
         world = environment.simulation.world
         if scene.perception == "images" and world is not None:
             for camera in cameras:
-                build_renderer(camera.renderer, RenderContext(world.client, camera.samples))
+                renderer = build_renderer(camera.renderer, RenderContext(world.client, camera.samples))
+                if isinstance(renderer, RasterRenderer):
+                    LoadedBodies(world.client)  # reads the meshes that it draws
 
 
 def _check_programs(scene: Scene) -> None:

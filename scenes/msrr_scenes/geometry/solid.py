@@ -19,6 +19,10 @@ from msrr_scenes.geometry.urdf_tree import urdf_origin
 _FLAT_M2 = 1e-13
 
 
+#: Shapes without a file, and the attributes of a URDF that give their sizes.
+PRIMITIVES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
+
+
 @dataclass(frozen=True, eq=False)
 class Solid:
     """A collision shape of a unit, or the shape of an obstacle.
@@ -84,21 +88,40 @@ def read_solid(link: str, X_UL: SE3, collision: Element) -> Solid:
     shape = geometry[0] if geometry is not None and len(geometry) else None
     if shape is None:
         raise GeometryError(f"link {link!r}: a <collision> without a shape")
-    if shape.tag == "box":
-        return Solid(link, "box", X_UG, tuple(float(a) for a in shape.attrib["size"].split()))
-    if shape.tag == "cylinder":
-        return Solid(link, "cylinder", X_UG, (float(shape.attrib["radius"]), float(shape.attrib["length"])))
-    if shape.tag == "sphere":
-        return Solid(link, "sphere", X_UG, (float(shape.attrib["radius"]),))
+    if shape.tag in PRIMITIVES:
+        return Solid(link, shape.tag, X_UG, sizes_of(link, shape))
     if shape.tag == "mesh":
-        scale = tuple(float(a) for a in shape.get("scale", "1 1 1").split())
         mesh = Path(shape.attrib["filename"])
-        if mesh.suffix != ".obj" or not mesh.is_file():
+        if mesh.suffix.lower() != ".obj" or not mesh.is_file():
             raise GeometryError(
                 f"link {link!r}: its collision mesh has to be an OBJ file beside the URDF, found {mesh}"
             )
-        return Solid(link, "mesh", X_UG, scale, mesh)
+        return Solid(link, "mesh", X_UG, sizes_of(link, shape), mesh)
     raise GeometryError(f"link {link!r}: unsupported shape <{shape.tag}>; use box, cylinder, sphere or mesh")
+
+
+def sizes_of(link: str, shape: Element) -> tuple[float, ...]:
+    """Return what :attr:`Solid.size` holds of a shape: edges, radius and length [m], or the scale of a mesh.
+
+    Raises:
+        GeometryError: A number is missing or is none, a length is not above 0, or a scale is 0.
+    """
+    if shape.tag == "mesh":
+        texts, wanted = shape.get("scale", "1 1 1").split(), "scale of three numbers other than 0"
+        count = 3
+    else:
+        keys = PRIMITIVES[shape.tag]
+        texts = " ".join(shape.get(key, "") for key in keys).split()
+        count = 3 if keys == ("size",) else len(keys)
+        wanted = "size of three edges above 0" if count == 3 else f"{' and '.join(keys)} above 0"
+    try:
+        sizes = tuple(map(float, texts))
+    except ValueError:
+        sizes = ()
+    good = all(math.isfinite(a) and (a > 0.0 or (shape.tag == "mesh" and a != 0.0)) for a in sizes)
+    if len(sizes) != count or not good:
+        raise GeometryError(f"link {link!r}: a <{shape.tag}> needs a {wanted}, found {' '.join(texts)!r}")
+    return sizes
 
 
 def convex_hull(points: Array) -> Array:
@@ -132,7 +155,8 @@ def _lower_chain(points: list[list[float]]) -> list[list[float]]:
 
 def obj_vertices(path: Path) -> Array:
     """Return the vertices of an OBJ file, shape (N, 3), in the units of the file."""
-    rows = [line.split()[1:4] for line in path.read_text().splitlines() if line.startswith("v ")]
+    lines = (line.split() for line in path.read_text(errors="replace").splitlines())
+    rows = [words[1:4] for words in lines if words[:1] == ["v"]]
     if not rows:
         raise GeometryError(f"{path}: no vertices in this mesh")
     return np.array(rows, dtype=np.float64)

@@ -45,6 +45,7 @@ def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
             element.set("filename", str(named_file(path, element.attrib["filename"])))
     root = tree.getroot()
     _check_joints(path, root)
+    _check_one_tree(path, root)
     if frames:
         apply_frame_map(path, root, frames)
     links = LinkTree(path, root)
@@ -86,6 +87,33 @@ def _check_joints(path: Path, root: Element) -> None:
                     f"{path}: joint {joint.get('name')!r} names the link {name!r} as its {end.tag}, which is "
                     f"not in the file{nearest(name, links)} Links: {', '.join(links)}"
                 )
+
+
+def _check_one_tree(path: Path, root: Element) -> None:
+    """Refuse links that are not one tree, on which PyBullet ends the process.
+
+    Raises:
+        GeometryError: Two links have one name, a link hangs on two joints, or on none beside the root link.
+    """
+    links = [link.get("name", "") for link in root.findall("link")]
+    children = [child.get("link", "") for child in root.findall("joint/child")]
+    twice = next((name for name in links if links.count(name) > 1), None)
+    if twice is not None:
+        raise GeometryError(f"{path}: two links are called {twice!r}; rename or remove one of them")
+    hung = next((name for name in children if children.count(name) > 1), None)
+    if hung is not None:
+        joints = [
+            repr(j.get("name")) for j in root.findall("joint") for c in j.findall(f"child[@link='{hung}']")
+        ]
+        raise GeometryError(
+            f"{path}: the joints {' and '.join(joints)} both carry the link {hung!r}; remove one"
+        )
+    roots = [name for name in links if name not in children]
+    if len(roots) > 1:
+        raise GeometryError(
+            f"{path}: no joint carries {', '.join(map(repr, roots))}, and a robot has one such link, its "
+            "root; join the others to it, or remove them"
+        )
 
 
 def _turn_wheels_forward(path: Path, tree: LinkTree) -> None:

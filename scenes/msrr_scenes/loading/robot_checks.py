@@ -17,6 +17,7 @@ from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import LinkTree
 from msrr_scenes.loading.problems import KeyPath, Problem
+from msrr_scenes.loading.shape_checks import visual_problems
 from msrr_scenes.specs.scene import Scene
 
 #: Least cosine between the direction that a tag faces and that of its port. At 85 deg a tag is seen at a
@@ -49,7 +50,8 @@ def robot_problems(scene: Scene, unit: str) -> Iterator[Problem]:
     # Without contact and pixels there is no world in PyBullet, and nothing asks for a mass.
     weighs = scene.plant == "bullet" or scene.perception == "images"
     masses = (_without_mass(geometry) or _impossible_inertia(geometry)) if weighs else ()
-    found = [*masses, *_passive_ports(geometry)]
+    shapes = map(_Mistake, visual_problems(geometry)) if weighs else ()
+    found = [*masses, *shapes, *_passive_ports(geometry)]
     if scene.cameras.overhead is not None:
         found += _top(geometry)
     for port in _docking_ports(scene, unit):

@@ -123,6 +123,23 @@ def test_a_map_that_does_not_fit_is_refused(frames: list[MappedFrame], frame: st
             '<parent link="port_front"/><child link="left',
             "names the link 'port_front' as its parent, which is not in the file; did you mean",
         ),
+        # PyBullet ends the process on the first two.
+        ("</robot>", '<link name="mast"/></robot>', "two links are called 'mast'; rename or remove one"),
+        (
+            "</robot>",
+            '<link name="stray"/></robot>',
+            "no joint carries 'base_footprint', 'stray', and a robot has one such link, its root; join",
+        ),
+        (
+            "</robot>",
+            '<joint name="twice" type="fixed"><parent link="mast"/><child link="lid_link"/></joint></robot>',
+            "the joints 'lid_joint' and 'twice' both carry the link 'lid_link'; remove one",
+        ),
+        (
+            'size="0.2397 0.16 0.037"',
+            'size="0.2397 -0.16 0.037"',
+            "'base_link': a <box> needs a size of three",
+        ),
     ],
 )
 def test_a_robot_that_cannot_drive_or_see_is_refused(tmp_path: Path, old: str, new: str, text: str) -> None:

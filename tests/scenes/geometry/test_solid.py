@@ -62,3 +62,8 @@ def test_the_hull_is_that_of_scipy(seed: int) -> None:
 def test_points_on_one_line_have_no_hull() -> None:
     with pytest.raises(GeometryError, match="3 points on one line"):
         convex_hull(np.array([[0.0, 0.0], [0.1, 0.2], [0.3, 0.6]]))
+
+
+def test_vertices_of_a_file_may_stand_behind_tabs(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text("# by hand\nv\t1 2\t3\nvn 0 0 1\n  v 4 5 6 1.0\n")
+    np.testing.assert_array_equal(obj_vertices(tmp_path / "a.obj"), [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])

@@ -159,3 +159,31 @@ def test_a_robot_to_which_nobody_docks_needs_no_tags_at_its_port() -> None:
     assert "a link or frame port_rear_marker_<tag>" in str(caught.value)
     one = {**bare, "port_rear_marker_any": {"link": "board_link"}}
     load_scene("round_robots", {**no_tags, "units.b.frames": one})
+
+
+@pytest.mark.parametrize(
+    ("shape", "says"),
+    [
+        ("", "a <visual> without a shape"),
+        ('<box size="0.1 0.1"/>', "a <box> needs a size of three edges above 0, found '0.1 0.1'"),
+        ('<cylinder radius="-0.1" length="1"/>', "a <cylinder> needs a radius and length above 0"),
+        ('<sphere radius="0,1"/>', "a <sphere> needs a radius above 0, found '0,1'"),
+        ('<ellipsoid size="1 1 1"/>', "unsupported shape <ellipsoid>"),
+        ('<mesh filename="no.stl"/>', "no.stl; there is no such file"),
+        ('<mesh filename="hood.dae"/>', "hood.dae; convert it"),
+        ('<mesh filename="hood.STL" scale="1 0 1"/>', "a <mesh> needs a scale of three numbers other than 0"),
+    ],
+)
+def test_a_visual_shape_that_cannot_be_drawn_is_named_with_its_link(
+    shape: str, says: str, tmp_path: Path
+) -> None:
+    """PyBullet ended the process on the mesh that is no OBJ or STL file."""
+    (tmp_path / "hood.dae").write_text("<COLLADA/>")
+    (tmp_path / "hood.STL").write_text("solid\nendsolid\n")
+    visual = f"<visual><geometry>{shape}</geometry></visual>"
+    text = ROUND.read_text().replace('<link name="lid_link">', f'<link name="lid_link">{visual}')
+    (tmp_path / "drawn.urdf").write_text(text)
+    with pytest.raises(SceneError) as caught:
+        load_scene("round_robots", {"units.a.urdf": str(tmp_path / "drawn.urdf")})
+    assert "units.a.urdf: drawn.urdf: link 'lid_link': " in str(caught.value)
+    assert says in str(caught.value)
