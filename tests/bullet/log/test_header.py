@@ -31,15 +31,15 @@ def test_the_header_gives_back_scene_seed_and_geometry(
         assert all(bits(there.frames[k]) == bits(here.frames[k]) for k in here.frames)
 
 
-@pytest.mark.parametrize("mesh", ["../nose.obj", "package://home/nose.obj"])
+@pytest.mark.parametrize("mesh", ["../nose.obj", "package://mine/nose.obj"])
 def test_a_urdf_is_stored_with_its_meshes(tmp_path: Path, scene: Scene, mesh: str) -> None:
     """By whatever name; the log is read where neither the package nor the meshes that are only seen are."""
-    home = tmp_path / "home" / "robots"
+    home = tmp_path / "mine" / "robots"
     home.mkdir(parents=True)
-    (tmp_path / "home" / "nose.obj").write_text("v 0 0 0\nv 0.15 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 2 3\n")
+    (tmp_path / "mine" / "nose.obj").write_text("v 0 0 0\nv 0.15 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 2 3\n")
     text = scene.geometry("a").urdf.read_text()
     shape = f'<geometry><mesh filename="{mesh}"/></geometry>'
-    paint = '<material name="paint"><texture filename="package://home/paint.png"/></material>'
+    paint = '<material name="paint"><texture filename="package://mine/paint.png"/></material>'
     nose = (
         f'<link name="nose"><visual>{shape}{paint}</visual><collision>{shape}</collision></link>'
         '<joint name="nose" type="fixed"><parent link="axle"/><child link="nose"/></joint>'
@@ -50,7 +50,7 @@ def test_a_urdf_is_stored_with_its_meshes(tmp_path: Path, scene: Scene, mesh: st
     with McapRecorder(tmp_path / "t.mcap", LogHeader.of(own, 0, {})):
         pass
     footprint = own.geometry("a").footprint
-    for path in sorted((tmp_path / "home").rglob("*.*")):
+    for path in sorted((tmp_path / "mine").rglob("*.*")):
         path.unlink()
     back = read_log(tmp_path / "t.mcap").header.unpacked(tmp_path / "files").scene
     assert np.array_equal(back.geometry("a").footprint, footprint)
