@@ -11,6 +11,8 @@ from msrr_bullet.plant.lock_actuator import LOCK_REACH, MAX_PULL_DISPLACEMENT, P
 from msrr_bullet.plant.plant import PortMechanism
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.solid import Solid
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.vehicle import LockSpec
@@ -48,16 +50,20 @@ class CaptureRange:
 def pin_length(geometry: UnitGeometry, port: str) -> float:
     """Return the length of the pins of an active port, from the plane of the face to the tips [m]."""
     X_PU = geometry.frame(f"port_{port}").inverse()
-    tips = [
-        float((X_PU @ solid.X_UG).p[0] + 0.5 * abs((X_PU @ solid.X_UG).R[0]) @ solid.size)
-        for solid in geometry.solids
-        if solid.link.startswith("pin_") and solid.kind == "box"
-    ]
+    tips = [_reach(X_PU, solid) for solid in geometry.solids if solid.link.startswith("pin_")]
     if not tips:
         raise GeometryError(
-            f"{geometry.urdf}: no pins made of boxes; the unicycle plant needs the length of the pins"
+            f"{geometry.urdf}: no link named pin_* has a collision shape; a unit docks by pins"
         )
     return max(tips)
+
+
+def _reach(X_PU: SE3, solid: Solid) -> float:
+    """Return the largest x of a shape in frame P [m]."""
+    if solid.kind != "box":
+        return float(X_PU.act(solid.points())[:, 0].max())
+    X_PG = X_PU @ solid.X_UG
+    return float(X_PG.p[0] + 0.5 * abs(X_PG.R[0]) @ solid.size)
 
 
 def face_half_width(geometry: UnitGeometry, port: str) -> float:

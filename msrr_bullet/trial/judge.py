@@ -8,10 +8,11 @@ from collections.abc import Callable, Mapping
 from msrr_bullet.collision.clearance import Pair
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.collision.locked_group import neighbour_limits
+from msrr_bullet.plant.kinematic_port import pin_length
 from msrr_bullet.plant.lock_actuator import TILT_M
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.environment import LockedPairs
-from msrr_bullet.trial.port_pose import PortPose, is_near_zone
+from msrr_bullet.trial.port_pose import PortPose, is_near_zone, zone_depth
 from msrr_bullet.trial.step_result import Contact, PlanarPose, Seating
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.geometry.se3 import SE3
@@ -75,6 +76,7 @@ class Judge:
         geometry = scene.geometry(step.unit)
         self._X_UP_plane = geometry.port(step.port)
         self._X_UP = SE3.from_se2(self._X_UP_plane, geometry.pin_height)
+        self._zone_depth = zone_depth(pin_length(geometry, step.port))
         self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._X_TD = SE3.from_se2(self.X_TD)
         self._unit, self._target = step.unit, step.target_unit
@@ -115,9 +117,9 @@ class Judge:
         dx, dy = X_WU.x + c * X_UP.x - s * X_UP.y - X_WD.x, X_WU.y + s * X_UP.x + c * X_UP.y - X_WD.y
         c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
         gap, lateral = -(c * dx + s * dy), c * dy - s * dx
-        if is_near_zone(gap, lateral, self._travel + TILT_M):
+        if is_near_zone(gap, lateral, self._zone_depth, self._travel + TILT_M):
             return self._port_at_pins()
-        return PortPose(gap, lateral, wrap_angle(X_WU.yaw + X_UP.yaw - X_WD.yaw))
+        return PortPose(gap, lateral, wrap_angle(X_WU.yaw + X_UP.yaw - X_WD.yaw), self._zone_depth)
 
     def _port_at_pins(self) -> PortPose:
         # Of X_DP only a point and a direction are needed, at every tick near a port.
@@ -128,6 +130,7 @@ class Judge:
             gap=-(ux * px + uy * py + uz * pz),
             lateral=vx * px + vy * py + vz * pz,
             yaw=math.atan2(vx * ax + vy * ay + vz * az, ux * ax + uy * ay + uz * az),
+            zone_depth=self._zone_depth,
         )
 
     def seating(self) -> Seating | None:
@@ -154,7 +157,7 @@ class Judge:
         port = self.port
         if port is None or attempt != self._attempt:
             return True
-        return is_near_zone(port.gap, port.lateral, self._travel)
+        return is_near_zone(port.gap, port.lateral, port.zone_depth, self._travel)
 
     def tick(self, now_ns: int, attempt: int, estimate: Callable[[], PoseEstimate | None]) -> None:
         """Observe pins and seat at one physics tick; not needed at ticks that the judge does not watch.

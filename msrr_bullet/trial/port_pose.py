@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass
 
 #: The zone in front of a port in which contact is part of docking; contact outside it is a collision. The
-#: half-width is half the face of the port, the depth twice the length of the pins.
-_ZONE_DEPTH_M = 0.036
+#: half-width reaches over the mouths of the shipped port, the depth twice the length of the pins.
+#: It is at least that of the shipped unit.
+_LEAST_ZONE_DEPTH_M = 0.036
 #: Largest overlap of the faces in the zone; a larger overlap is inside the target or behind it.
 _ZONE_OVERLAP_M = 0.005
 _ZONE_HALF_WIDTH_M = 0.05
@@ -25,27 +26,32 @@ class PortPose:
         gap: Distance between the two faces along x of D [m], negative when they overlap.
         lateral: Offset from the axis of D, positive to the left [m].
         yaw: Angle to the axis of D [rad].
+        zone_depth: Depth of the zone for the pins of the docking unit [m].
     """
 
     gap: float
     lateral: float
     yaw: float
+    zone_depth: float
 
     @property
     def in_zone(self) -> bool:
         """Whether contact with the target is part of docking at this pose."""
-        return is_near_zone(self.gap, self.lateral, 0.0) and abs(self.yaw) <= _ZONE_YAW_RAD
+        return is_near_zone(self.gap, self.lateral, self.zone_depth, 0.0) and abs(self.yaw) <= _ZONE_YAW_RAD
 
 
-def is_near_zone(gap: float, lateral: float, margin: float) -> bool:
+def zone_depth(pin_length: float) -> float:
+    """Return the depth of the zone for pins of this length, both [m]."""
+    return max(_LEAST_ZONE_DEPTH_M, 2.0 * pin_length)
+
+
+def is_near_zone(gap: float, lateral: float, depth: float, margin: float) -> bool:
     """Return whether a port is in the zone, or no farther from it than ``margin`` [m], whatever its yaw.
 
     Args:
         gap: Distance between the two faces along x of D [m].
         lateral: Offset from the axis of D [m].
+        depth: Depth of the zone [m].
         margin: Distance by which the zone is grown to all sides [m].
     """
-    return (
-        -_ZONE_OVERLAP_M - margin <= gap <= _ZONE_DEPTH_M + margin
-        and abs(lateral) <= _ZONE_HALF_WIDTH_M + margin
-    )
+    return -_ZONE_OVERLAP_M - margin <= gap <= depth + margin and abs(lateral) <= _ZONE_HALF_WIDTH_M + margin

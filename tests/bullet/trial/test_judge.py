@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import pytest
 
@@ -156,6 +157,21 @@ def test_a_pair_that_docks_is_exempt_and_its_neighbours_are_not(scene: Scene) ->
     assert found.outcome is None
     assert found.nearest == seated.clearance.query(seated.simulation.poses(), {PAIR})[0]
     assert found.nearest.distance > 0.0
+
+
+def test_pins_may_touch_the_port_however_long_they_are(scene: Scene, tmp_path: Path) -> None:
+    """A robot with pins longer than 36 mm collided by the first touch of their tips, round ones here."""
+    rod = (
+        '<collision><origin xyz="0.02 0 0" rpy="0 1.570796327 0"/><geometry><cylinder radius="0.004" '
+        'length="0.04"/></geometry></collision><contact><lateral_friction value="0.35"/></contact></link>'
+    )
+    head, *pins = scene.geometry("a").urdf.read_text().split('name="pin_')
+    pins = [pin.replace("</link>", rod, 1) for pin in pins]
+    (tmp_path / "long.urdf").write_text('name="pin_'.join((head, *pins)))
+    units = {**scene.units, "a": scene.units["a"].model_copy(update={"urdf": str(tmp_path / "long.urdf")})}
+    touching = beside(scene.model_copy(update={"units": units}), -0.039, 0.02)
+    assert touching.check(touching.judge(), Phase.HAND_OVER).outcome is Outcome.COLLISION
+    assert touching.check(touching.judge(), Phase.DOCK).outcome is None
 
 
 def keep_seated(judge: Judge, ticks: int = 200) -> Judge:
