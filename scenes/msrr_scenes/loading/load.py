@@ -21,6 +21,7 @@ from msrr_scenes.loading.calibration_file import read_calibration
 from msrr_scenes.loading.camera_checks import camera_problems
 from msrr_scenes.loading.geometry_checks import geometry_problems
 from msrr_scenes.loading.marker_checks import marker_problems, unit_problem
+from msrr_scenes.loading.mechanism_checks import mechanism_problems
 from msrr_scenes.loading.move_checks import taken_ends
 from msrr_scenes.loading.plan_checks import fault_problems, mission_problems, plan_problems
 from msrr_scenes.loading.problems import KeyPath, Problem, dotted
@@ -266,6 +267,7 @@ def _contradictions(scene: Scene) -> list[Problem]:
             problems.append(unit_problem(unit, error))
     problems = problems or [*port_problems(scene), *plan_problems(scene)]
     problems = problems or [problem for unit in scene.units for problem in robot_problems(scene, unit)]
+    problems = problems or [*mechanism_problems(scene)]
     return problems or [*geometry_problems(scene), *taken_ends(scene)]
 
 

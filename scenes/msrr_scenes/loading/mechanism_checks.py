@@ -1,0 +1,96 @@
+"""Checks of a port against the port that it docks to: it lies straight ahead, and the pins fit the holes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import UnitGeometry
+from msrr_scenes.loading.problems import Problem
+from msrr_scenes.specs.scene import Scene
+
+#: Largest distance and angle of an active port from straight ahead. The robot steers the point ahead of the
+#: middle of its axle to the port, so that it misses by as much.
+_ASIDE_M, _TURNED_RAD = 1e-3, math.radians(0.5)
+
+#: Largest distance of a pin from where it fits: to the side and in height, and of its tip from the bottom of
+#: the hole when the faces meet. Seat switches have closed by then.
+_OFF_M = 0.002
+
+
+def mechanism_problems(scene: Scene) -> Iterator[Problem]:
+    """Yield active ports that are not straight ahead, and pins that do not fit the holes of a step."""
+    for unit, port, target, target_port in _pairs(scene):
+        path = ("units", unit, "frames", f"port_{port}")
+        if path[-1] not in scene.units[unit].frames:
+            path = ("units", unit, "urdf")
+        own = scene.geometry(unit)
+        text = _aside(own, port)
+        if text is None and scene.plant == "bullet":
+            text = _misfit(own, port, scene.geometry(target), target_port, scene.judge.seated_depth_m)
+            text = text and f"to dock to {target}.{target_port}: {text}"
+        if text is not None:
+            yield Problem(path, f"{own.urdf.name}: {text}")
+
+
+def _pairs(scene: Scene) -> list[tuple[str, str, str, str]]:
+    """Return what may dock: unit, its active port, the target unit and its port."""
+    if scene.shape is None:
+        docks = (*scene.docks, *scene.assembled_docks)
+        return [(dock.unit, dock.port, dock.target_unit, dock.target_port) for dock in docks]
+    alike: dict[tuple[UnitGeometry, UnitGeometry], tuple[str, str]] = {}
+    for unit in scene.units:
+        for target in scene.units:
+            if target != unit:
+                alike.setdefault((scene.geometry(unit), scene.geometry(target)), (unit, target))
+    return [
+        (unit, "front", target, port)
+        for (_, geometry), (unit, target) in alike.items()
+        for port in geometry.passive_ports
+    ]
+
+
+def _aside(own: UnitGeometry, port: str) -> str | None:
+    X_UP = own.port(port)
+    if abs(X_UP.y) <= _ASIDE_M and abs(X_UP.yaw) <= _TURNED_RAD:
+        return None
+    return (
+        f"port_{port} is {1e3 * abs(X_UP.y):.1f} mm beside the x axis of the frame axle and turned by "
+        f"{math.degrees(X_UP.yaw):.1f} deg; a robot docks with what is straight ahead of its axle"
+    )
+
+
+def _misfit(own: UnitGeometry, port: str, target: UnitGeometry, to: str, deepest: float) -> str | None:
+    """Return which pin does not fit its hole when the faces meet; None if all fit, or some are missing."""
+    X_PU, X_DU = (SE3.from_se2(X).inverse() for X in (own.port(port), target.dock_frame(to)))
+    for side in ("left", "right"):
+        pin, hole = _box(own, f"pin_{side}", X_PU), _box(target, f"port_{to}_hole_{side}", X_DU)
+        if pin is None or hole is None:
+            return None
+        room = 0.5 * abs((hole[1] - hole[0]) - (pin[1] - pin[0])) + _OFF_M
+        off = 0.5 * (pin[0] + pin[1] - hole[0] - hole[1])
+        for axis, ways in ((1, ("far to the left", "far to the right")), (2, ("high", "low"))):
+            if abs(off[axis]) > room[axis]:
+                way = ways[int(off[axis] < 0.0)]
+                return f"pin_{side} is {1e3 * abs(off[axis]):.1f} mm too {way} for its hole"
+        short = float(hole[0, 0] - pin[1, 0])
+        if not -deepest <= short <= _OFF_M:
+            way = "short of" if short > 0.0 else "behind"
+            return (
+                f"pin_{side} ends {1e3 * abs(short):.1f} mm {way} the bottom of its hole when port_{port} "
+                f"and port_{to} meet. They belong to the faces, and a pin is as long as its hole is deep"
+            )
+    return None
+
+
+def _box(geometry: UnitGeometry, link: str, X_FU: SE3) -> Array | None:
+    """Return lowest and highest x, y, z of the shapes of a link in a frame F, shape (2, 3) [m]."""
+    points = [X_FU.act(solid.points()) for solid in geometry.solids if solid.link == link]
+    if not points:
+        return None
+    every = np.concatenate(points)
+    return np.stack([every.min(axis=0), every.max(axis=0)])
