@@ -10,7 +10,7 @@ import numpy as np
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
-from msrr_scenes.loading.problems import Problem
+from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.specs.scene import Scene
 
 #: Largest distance and angle of an active port from straight ahead. The robot steers the point ahead of the
@@ -25,9 +25,8 @@ _OFF_M = 0.002
 def mechanism_problems(scene: Scene) -> Iterator[Problem]:
     """Yield active ports that are not straight ahead, and pins that do not fit the holes of a step."""
     for unit, port, target, target_port in _pairs(scene):
-        path = ("units", unit, "frames", f"port_{port}")
-        if path[-1] not in scene.units[unit].frames:
-            path = ("units", unit, "urdf")
+        mapped = f"port_{port}" in scene.units[unit].frames
+        path: KeyPath = ("units", unit, "frames", f"port_{port}") if mapped else ("units", unit, "urdf")
         own = scene.geometry(unit)
         text = _aside(own, port)
         if text is None and scene.plant == "bullet":
