@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from types import MappingProxyType
@@ -178,8 +179,8 @@ def _build_wheels(robot: Element, drawn: UnitGeometry, drive: BuiltDrive) -> Non
     for side, scale in zip(("left", "right"), drive.radius_scale, strict=True):
         name = f"wheel_{side}"
         joint = joint_of(robot, name)
-        p_U = drawn.frame(name).p
-        shift_U = np.array([0.0, (drive.track_scale - 1.0) * p_U[1], (scale - 1.0) * drawn.wheel_radius])
+        contact = math.copysign(0.5 * drawn.track, drawn.frame(name).p[1])
+        shift_U = np.array([0.0, (drive.track_scale - 1.0) * contact, (scale - 1.0) * drawn.wheel_radius])
         parent = joint.find("parent")
         assert parent is not None, "read_unit has checked that every joint has a parent"
         shift = drawn.frame(parent.attrib["link"]).R.T @ shift_U

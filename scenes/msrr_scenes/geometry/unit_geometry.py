@@ -17,7 +17,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -33,15 +33,13 @@ from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid, convex_hull, read_solid
 from msrr_scenes.geometry.urdf_file import read_urdf
 from msrr_scenes.geometry.urdf_tree import LinkTree
+from msrr_scenes.geometry.wheels import measure_wheels
 
 #: Rotation by pi: from a port's frame P (x out of the face) to its dock frame D (x into the unit).
 X_PD = SE2(0.0, 0.0, math.pi)
 
 #: Kind of a body without a drive in its URDF.
 FIXTURE = "fixture"
-
-#: Largest distance of the frame axle from where it belongs [m].
-_AXLE_TOLERANCE_M = 1e-3
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -238,36 +236,6 @@ def _check_markers(path: Path, links: Collection[str]) -> None:
             )
 
 
-def _check_wheels(path: Path, frames: Mapping[str, SE3], radius: float) -> None:
-    """Refuse an axle that is not on the ground under the middle between the wheels."""
-    left, right = frames["wheel_left"].p, frames["wheel_right"].p
-    x, y, z = 0.5 * (left + right) - [0.0, 0.0, radius]
-    if max(abs(x), abs(y), abs(z)) > _AXLE_TOLERANCE_M or left[1] <= right[1]:
-        found = f"the left wheel is at y = {left[1]:.4f} m, the right one at {right[1]:.4f}: swap the two"
-        if left[1] > right[1]:
-            found = f"that point is at ({x:.4f}, {y:.4f}, {z:.4f}) m in it"
-        raise GeometryError(
-            f"{path}: the frame axle has to be on the ground under the middle between the wheels, x forward; "
-            f"{found}. In a scene: frames: {{axle: {{link: ..., x_m: ..., z_m: ...}}}}"
-        )
-
-
-def _wheel_radius(path: Path, solids: Iterable[Solid]) -> float:
-    radii = []
-    for wheel in ("wheel_left", "wheel_right"):
-        round_ = [s.size[0] for s in solids if s.link == wheel and s.kind in ("sphere", "cylinder")]
-        if not round_:
-            raise GeometryError(
-                f"{path}: {wheel!r} has no radius; its collision shape has to be a sphere or a cylinder"
-            )
-        radii.append(round_[0])
-    if abs(radii[0] - radii[1]) > _AXLE_TOLERANCE_M:
-        raise GeometryError(
-            f"{path}: the wheels have radii of {radii[0]:g} m and {radii[1]:g} m; make them equal"
-        )
-    return radii[0]
-
-
 def _read_tree(path: Path, frame_map: FrameMap) -> UnitGeometry:
     root = read_urdf(path, frame_map).getroot()
     tree = LinkTree(path, root)
@@ -289,7 +257,5 @@ def _read_tree(path: Path, frame_map: FrameMap) -> UnitGeometry:
     if fixture:
         return UnitGeometry(path, tree.frames, solids, 0.0, 0.0, frame_map)
     _check_markers(path, tree.frames)
-    radius = _wheel_radius(path, solids)
-    _check_wheels(path, tree.frames, radius)
-    track = float(tree.frames["wheel_left"].p[1] - tree.frames["wheel_right"].p[1])
+    radius, track = measure_wheels(path, tree.frames, solids)
     return UnitGeometry(path, tree.frames, solids, radius, track, frame_map)

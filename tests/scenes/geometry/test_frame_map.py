@@ -102,6 +102,16 @@ def test_a_map_that_does_not_fit_is_refused(frames: list[MappedFrame], frame: st
     ("old", "new", "text"),
     [
         ('<sphere radius="0.04"/>', '<box size="1 1 1"/>', "'wheel_left' has no radius"),
+        (
+            '<collision><origin xyz="0 0 0"/><geometry><sphere radius="0.04"/>',
+            '<collision><origin xyz="0.004 0.002 0"/><geometry><sphere radius="0.04"/>',
+            r"collision shape of 'wheel_left' is \(0\.0040, -0\.0020\) m off its axis",
+        ),
+        (
+            '<origin xyz="0 0 0"/><geometry><sphere radius="0.04"/>',
+            '<origin xyz="0 0 0" rpy="1.5708 0 0"/><geometry><cylinder radius="0.04" length="0.02"/>',
+            r"a cylinder, has its axis along \(0\.000, -?0\.000, -?1\.000\) of the frame axle",
+        ),
         ('xyz="0 0.075 0"', 'xyz="0.01 0.075 0"', r"that point is at \(0\.0050, 0\.0000, 0\.0000\) m"),
         ('xyz="0 0 0.04"', 'xyz="0 0 0.05"', r"that point is at \(0\.0000, 0\.0000, 0\.0100\) m"),
         ('rpy="-1.570796327 0 0"', "", r"'wheel_left' turns about \(0\.000, 0\.000, 1\.000\)"),
@@ -164,3 +174,17 @@ def test_meshes_of_a_package_are_found_above_the_urdf(tmp_path: Path) -> None:
     mesh.parent.mkdir()
     mesh.write_text("v 0 0 0\nv 0.3 0 0\nv 0 0.1 0\nv 0 0 0.1\n")
     assert [solid.mesh for solid in read_unit(path, PARTS).solids if solid.mesh] == [mesh]
+
+
+def test_the_track_is_the_distance_between_the_points_on_which_the_wheels_roll(tmp_path: Path) -> None:
+    """Wheels of CAD programs stand beside the frames of their joints; a hub is no tyre."""
+    tyre = '<origin xyz="0 0 0"/><geometry><sphere radius="0.04"/>'
+    hub = '<geometry><cylinder radius="0.01" length="0.05"/></geometry></collision><collision>'
+    for left, right in ((0.02, -0.02), (-0.01, 0.01)):
+        text = ROUND.read_text()
+        for y in (left, right):  # z of the link is y of the axle
+            text = text.replace(tyre, f'{hub}<origin xyz="0 0 {y}"/><geometry><sphere radius="0.04" />', 1)
+        (tmp_path / "wide.urdf").write_text(text)
+        unit = read_unit(tmp_path / "wide.urdf", PARTS)
+        assert (unit.track, unit.wheel_radius) == (pytest.approx(0.15 + 2.0 * left), 0.04)
+        read_unit.cache_clear()
