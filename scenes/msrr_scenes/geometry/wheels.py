@@ -54,13 +54,13 @@ def _tyre(path: Path, X_UL: SE3, wheel: str, solids: Iterable[Solid]) -> Solid:
     if np.abs(off).max() > _TOLERANCE_M:
         raise GeometryError(
             f"{path}: the collision shape of {wheel!r} is ({off[0]:.4f}, {off[1]:.4f}) m off its axis, "
-            "forward and up, so that the wheel would wobble; correct the <origin> of the shape or of the joint"
+            "forward and up, so that the wheel would wobble; correct the <origin> of the shape"
         )
     if tyre.kind == "cylinder" and abs(tyre.X_UG.R[1, 2]) < _ALONG:
+        axis = ", ".join(f"{value:.3f}" for value in tyre.X_UG.R[:, 2])
         raise GeometryError(
-            f"{path}: the collision shape of {wheel!r}, a cylinder, has its axis "
-            f"along ({', '.join(f'{v:.3f}' for v in tyre.X_UG.R[:, 2])}) of the frame axle, and not along y; z of a "
-            "cylinder is its axis, so turn its <origin>"
+            f"{path}: the collision shape of {wheel!r}, a cylinder, has its axis along ({axis}) of the frame "
+            "axle, and not along y; z of a cylinder is its axis, so turn its <origin>"
         )
     return tyre
 
