@@ -18,6 +18,7 @@ from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import LinkTree
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.loading.shape_checks import visual_problems
+from msrr_scenes.loading.standing_checks import standing_problems
 from msrr_scenes.specs.scene import Scene
 
 #: Least cosine between the direction that a tag faces and that of its port. At 85 deg a tag is seen at a
@@ -52,6 +53,8 @@ def robot_problems(scene: Scene, unit: str) -> Iterator[Problem]:
     masses = (_without_mass(geometry) or _impossible_inertia(geometry)) if weighs else ()
     shapes = map(_Mistake, visual_problems(geometry)) if weighs else ()
     found = [*masses, *shapes, *_passive_ports(geometry)]
+    if scene.plant == "bullet" and not found:
+        found += map(_Mistake, standing_problems(geometry))
     if scene.cameras.overhead is not None:
         found += _top(geometry)
     for port in _docking_ports(scene, unit):

@@ -1,6 +1,7 @@
 """The PyBullet world: poses, settings, obstacles, the floor, and the client."""
 
 import math
+import re
 
 import numpy as np
 import pybullet
@@ -12,6 +13,8 @@ from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import find_urdf
+from msrr_scenes.loading.standing_checks import standing_problems
 from msrr_scenes.placement.placement import Placement
 
 OBSTACLES = {
@@ -115,6 +118,29 @@ def test_a_unit_stands_still_and_level(world):
     after = world.pose3("a")
     assert np.linalg.norm(after.p - before.p) < 5e-5
     assert math.degrees(math.acos(min(after.R[2, 2], 1.0))) < 0.01
+
+
+def test_a_unit_that_does_not_stand_level_pitches_as_the_check_says(two_units, tmp_path):
+    """What the check of a robot computes from its drawing is what the physics does."""
+    text = find_urdf("unit.urdf").read_text()
+    ballast = (
+        '<inertial><origin xyz="0.05 0 0.05"/><mass value="9"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    )
+    head, caster, rest = text.partition('<child link="caster_front"/><origin xyz="')
+    x, y, z = map(float, rest[: rest.index('"')].split())
+    text = head + caster + f"{x} {y} {z + 0.004}" + rest[rest.index('"') :]
+    (tmp_path / "askew.urdf").write_text(
+        text.replace('<link name="mast">', f'<link name="mast">{ballast}', 1)
+    )
+    scene = two_units()
+    units = {**scene.units, "a": scene.units["a"].model_copy(update={"urdf": str(tmp_path / "askew.urdf")})}
+    scene = scene.model_copy(update={"units": units})
+    (says,) = standing_problems(scene.geometry("a"))
+    with BulletWorld(scene, PLACEMENT) as world:
+        for _ in range(240):
+            world.step()
+        pitch = math.degrees(math.asin(-world.pose3("a").R[2, 0]))
+    assert float(re.search(r"askew by (\S+) deg", says)[1]) == pytest.approx(pitch, abs=0.5)
 
 
 def test_the_floor_is_not_drawn(world):
