@@ -228,8 +228,13 @@ def _pins(geometry: UnitGeometry, port: str) -> Iterator[_Mistake]:
 
 
 def _camera(geometry: UnitGeometry, port: str, half_fov: float) -> Iterator[_Mistake]:
-    """Find a camera that does not have in its image what is straight ahead of the port."""
-    axis, R_UP = geometry.frame("camera").R[:, 0], geometry.frame(f"port_{port}").R
+    """Find a camera below the floor, or one that does not have in its image what is straight ahead."""
+    X_UC, R_UP = geometry.frame("camera"), geometry.frame(f"port_{port}").R
+    axis, height = X_UC.R[:, 0], float(X_UC.p[2])
+    if height <= 0.0:
+        yield _Mistake(
+            f"the camera is {-1e3 * height:.1f} mm below the floor, which it does not see through", "camera"
+        )
     x, y, _ = R_UP.T @ axis
     if x > _ROUNDING_M and abs(math.atan2(y, x)) < half_fov:
         return

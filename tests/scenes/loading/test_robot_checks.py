@@ -74,6 +74,7 @@ def without_inertial(folder: Path, *links: str) -> Mapping[str, str]:
             "port_front faces backward, away from what the camera looks at, and has pin_left on its right",
         ),
         ({"tag_top.roll_deg": "0"}, "tag_top", "does not face up, but down"),
+        ({"camera": "{link: camera_link, z_m: -0.2}"}, "camera", "the camera is 10.0 mm below the floor"),
     ],
 )
 def test_a_frame_that_is_turned_or_swapped_is_named(
