@@ -281,7 +281,7 @@ def test_a_unit_that_sees_rendered_images_stops_in_front_of_a_post(
 def test_a_stall_names_the_body_at_which_the_monitor_holds_the_unit(
     shipped: Callable[..., Scene], tmp_path: Path
 ) -> None:
-    """A post appears before a unit that docks: decisions are logged, the attempt ends with body and distance."""
+    """A post appears before a unit that docks: decisions are logged, the attempt ends with its name."""
     post = {f"obstacles.post.pose.{k}": v for k, v in (("x_m", "-0.05"), ("y_m", "0.0"))}
     appears = {"obstacles.post.appears_at_s": "10.5", "docking.attempts": "1"}
     scene = shipped("bystander", {**post, **appears}, blind=True)
