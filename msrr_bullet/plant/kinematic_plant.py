@@ -53,12 +53,12 @@ class KinematicPlant(Plant):
             scene: A checked scene.
             placement: Start poses of the units.
             world: Bodies that follow the units, for the cameras; None when no camera is rendered.
-            capture: The idealised funnel; None stands for that of the shipped unit.
+            capture: The idealised funnel of all ports; None for what follows from their pins and holes.
             built: What is not as the scene says; None if all is.
         """
         super().__init__(scene, built or as_drawn(scene))
         self._world = world
-        self._capture = capture or CaptureRange()
+        self._capture = capture
         # Asking the scene means to look for the file of the URDF, which takes longer than a tick.
         self._geometries = {name: scene.geometry(name) for name in scene.units}
         self._poses = {name: placement.units[name] for name in scene.units}

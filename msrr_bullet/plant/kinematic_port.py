@@ -10,9 +10,8 @@ import numpy as np
 from msrr_bullet.plant.lock_actuator import LOCK_REACH, MAX_PULL_DISPLACEMENT, PullResult
 from msrr_bullet.plant.plant import PortMechanism
 from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.pin_and_hole import PinAndHole
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.solid import Solid
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.vehicle import LockSpec
@@ -26,6 +25,10 @@ _AT_MOUTH = 1e-9
 #: Deviation up to which a start pose in the funnel is taken to lie in it [m, rad].
 _START_TOLERANCE = 1e-5
 
+#: Lateral error short of the edge of the mouth from which pins may jam in PyBullet [m], and the yaw error up
+#: to which those of the shipped unit do not.
+_JAMS_M, _YAW_RAD = 0.002, math.radians(8.0)
+
 #: A point of a unit that is this close to the plane of a port's face is part of the face [m].
 _FACE_DEPTH = 1e-3
 
@@ -34,36 +37,20 @@ _FACE_DEPTH = 1e-3
 class CaptureRange:
     """The idealised funnel.
 
-    The defaults stay within what the shipped unit in PyBullet is drawn in from: 14 mm and 8 degrees.
-
     Attributes:
         lateral_m: Largest lateral error that is drawn in when the tips of the pins pass the mouth [m].
         yaw_rad: Largest yaw error that is drawn in at the mouth [rad].
         play_m: Lateral play of seated pins [m].
     """
 
-    lateral_m: float = 0.013
-    yaw_rad: float = math.radians(8.0)
-    play_m: float = 0.0015
+    lateral_m: float
+    yaw_rad: float
+    play_m: float
 
-
-def pin_length(geometry: UnitGeometry, port: str) -> float:
-    """Return the length of the pins of an active port, from the plane of the face to the tips [m]."""
-    X_PU = geometry.frame(f"port_{port}").inverse()
-    tips = [_reach(X_PU, solid) for solid in geometry.solids if solid.link.startswith("pin_")]
-    if not tips:
-        raise GeometryError(
-            f"{geometry.urdf}: no link named pin_* has a collision shape; a unit docks by pins"
-        )
-    return max(tips)
-
-
-def _reach(X_PU: SE3, solid: Solid) -> float:
-    """Return the largest x of a shape in frame P [m]."""
-    if solid.kind != "box":
-        return float(X_PU.act(solid.points())[:, 0].max())
-    X_PG = X_PU @ solid.X_UG
-    return float(X_PG.p[0] + 0.5 * abs(X_PG.R[0]) @ solid.size)
+    @classmethod
+    def of(cls, mechanism: PinAndHole) -> CaptureRange:
+        """Return the range in which a pair of ports docks without jamming."""
+        return cls(round(mechanism.mouth - _JAMS_M, 6), _YAW_RAD, mechanism.play)
 
 
 def face_half_width(geometry: UnitGeometry, port: str) -> float:
@@ -95,7 +82,7 @@ class KinematicPort(PortMechanism):
         geometry: UnitGeometry,
         target: UnitGeometry,
         spec: LockSpec,
-        capture: CaptureRange,
+        capture: CaptureRange | None,
         X_TU: SE2,
         switch_travel: float,
     ) -> None:
@@ -106,14 +93,15 @@ class KinematicPort(PortMechanism):
             geometry: Geometry of the docking unit.
             target: Geometry of the target unit.
             spec: Closing time and strength of the lock.
-            capture: Dimensions of the funnel.
+            capture: Dimensions of the funnel; None for those that follow from pins and holes.
             X_TU: Start pose of the docking unit in the frame of the target unit; pins that are in the funnel
                 at the start are held there.
             switch_travel: Distance from the bottom of the hole at which the seat switches close [m].
         """
         super().__init__(step, spec, switch_travel)
-        self._capture = capture
-        self._length = pin_length(geometry, step.port)
+        mechanism = PinAndHole.of(geometry, step.port, target, step.target_port)
+        self._capture = capture or CaptureRange.of(mechanism)
+        self._length = mechanism.pin_length
         self._X_UP = geometry.port(step.port)
         self._X_TD = target.dock_frame(step.target_port)
         self._half_width = face_half_width(target, step.target_port)

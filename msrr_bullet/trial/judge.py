@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping
 from msrr_bullet.collision.clearance import Pair
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.collision.locked_group import neighbour_limits
-from msrr_bullet.plant.kinematic_port import pin_length
 from msrr_bullet.plant.lock_actuator import TILT_M
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.environment import LockedPairs
-from msrr_bullet.trial.port_pose import PortPose, is_near_zone, zone_depth
+from msrr_bullet.trial.port_pose import DockingZone, PortPose
 from msrr_bullet.trial.step_result import Contact, PlanarPose, Seating
+from msrr_scenes.geometry.pin_and_hole import PinAndHole
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Action, FailureReason, Phase, PoseEstimate, seconds
@@ -33,9 +33,8 @@ _APART_M = math.ulp(0.0)
 #: Distance that a unit may move between two control instants beside what its drive allows [m].
 _PUSH_M = 0.01
 
-#: Largest lateral and yaw error of a seated unit.
-SEATED_LATERAL_M = 0.003
-SEATED_YAW_RAD = math.radians(2.0)
+#: Largest lateral error of a seated unit in plays of its pins, and its largest yaw error.
+SEATED_PLAYS, SEATED_YAW_RAD = 2.0, math.radians(2.0)
 
 #: Largest lateral and yaw error of a port in line with the axis: the play in the throat of the funnel.
 IN_LINE_M = 0.004
@@ -52,6 +51,7 @@ class Judge:
         step: The step.
         pair: The two units that dock.
         X_TD: Dock frame of the target port in the frame of the target unit.
+        zone: Zone in which contact is part of docking.
         docking: Whether the pair may be close, as of the last decision of the robot.
         port: Pose of the docking port at the last decision of the robot; None before the first.
     """
@@ -76,7 +76,8 @@ class Judge:
         geometry = scene.geometry(step.unit)
         self._X_UP_plane = geometry.port(step.port)
         self._X_UP = SE3.from_se2(self._X_UP_plane, geometry.pin_height)
-        self._zone_depth = zone_depth(pin_length(geometry, step.port))
+        mechanism = PinAndHole.of(geometry, step.port, scene.geometry(step.target_unit), step.target_port)
+        self.zone, self._seated_lateral = DockingZone.of(mechanism), SEATED_PLAYS * mechanism.play
         self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._X_TD = SE3.from_se2(self.X_TD)
         self._unit, self._target = step.unit, step.target_unit
@@ -117,9 +118,9 @@ class Judge:
         dx, dy = X_WU.x + c * X_UP.x - s * X_UP.y - X_WD.x, X_WU.y + s * X_UP.x + c * X_UP.y - X_WD.y
         c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
         gap, lateral = -(c * dx + s * dy), c * dy - s * dx
-        if is_near_zone(gap, lateral, self._zone_depth, self._travel + TILT_M):
+        if self.zone.is_near(gap, lateral, self._travel + TILT_M):
             return self._port_at_pins()
-        return PortPose(gap, lateral, wrap_angle(X_WU.yaw + X_UP.yaw - X_WD.yaw), self._zone_depth)
+        return PortPose(gap, lateral, wrap_angle(X_WU.yaw + X_UP.yaw - X_WD.yaw))
 
     def _port_at_pins(self) -> PortPose:
         # Of X_DP only a point and a direction are needed, at every tick near a port.
@@ -130,13 +131,12 @@ class Judge:
             gap=-(ux * px + uy * py + uz * pz),
             lateral=vx * px + vy * py + vz * pz,
             yaw=math.atan2(vx * ax + vy * ay + vz * az, ux * ax + uy * ay + uz * az),
-            zone_depth=self._zone_depth,
         )
 
     def seating(self) -> Seating | None:
         """Return the true relative pose of the pair; None when the port is not in the zone of the target."""
         port = self.port_pose()
-        if not port.in_zone:
+        if port not in self.zone:
             return None
         return Seating(
             axial_gap_m=port.gap,
@@ -148,7 +148,7 @@ class Judge:
     def _is_seated(self, port: PortPose) -> bool:
         return (
             port.gap <= self._scene.judge.seated_depth_m
-            and abs(port.lateral) <= SEATED_LATERAL_M
+            and abs(port.lateral) <= self._seated_lateral
             and abs(port.yaw) <= SEATED_YAW_RAD
         )
 
@@ -157,7 +157,7 @@ class Judge:
         port = self.port
         if port is None or attempt != self._attempt:
             return True
-        return is_near_zone(port.gap, port.lateral, port.zone_depth, self._travel)
+        return self.zone.is_near(port.gap, port.lateral, self._travel)
 
     def tick(self, now_ns: int, attempt: int, estimate: Callable[[], PoseEstimate | None]) -> None:
         """Observe pins and seat at one physics tick; not needed at ticks that the judge does not watch.
@@ -172,7 +172,7 @@ class Judge:
             self._deepest, self._deepest_pose = math.inf, None
             self._seated_since, self._was_seated = None, False
         port = self.port_pose()
-        if not port.in_zone:
+        if port not in self.zone:
             return
         if attempt not in self._contacts and self._plant.pins_touch(self.step.unit):
             self._contacts[attempt] = Contact(
@@ -227,7 +227,7 @@ class Judge:
         """Return whether the pair docks and touches nowhere but at its port, as of the last decision."""
         if not self.docking:
             return False
-        return (self.port is not None and self.port.in_zone) or not self._within(_APART_M)
+        return (self.port is not None and self.port in self.zone) or not self._within(_APART_M)
 
     def _within(self, distance: float) -> bool:
         """Return whether the clearance of the pair is less than ``distance`` [m]."""

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-#: The zone in front of a port in which contact is part of docking; contact outside it is a collision. The
-#: half-width reaches over the mouths of the shipped port, the depth twice the length of the pins.
-#: It is at least that of the shipped unit.
-_LEAST_ZONE_DEPTH_M = 0.036
+from msrr_scenes.geometry.pin_and_hole import PinAndHole
+
+#: Depth of the zone in lengths of the pins, and its half-width beyond the edges of the mouths [m]: pins that
+#: press on the face beside them are part of docking.
+_PIN_LENGTHS, _BESIDE_M = 2.0, 0.035
+#: Depth and half-width of the zone of a small mechanism, at least [m].
+_LEAST_DEPTH_M, _LEAST_HALF_WIDTH_M = 0.036, 0.05
 #: Largest overlap of the faces in the zone; a larger overlap is inside the target or behind it.
-_ZONE_OVERLAP_M = 0.005
-_ZONE_HALF_WIDTH_M = 0.05
-_ZONE_YAW_RAD = math.radians(20.0)
+_OVERLAP_M = 0.005
+_YAW_RAD = math.radians(20.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,32 +28,43 @@ class PortPose:
         gap: Distance between the two faces along x of D [m], negative when they overlap.
         lateral: Offset from the axis of D, positive to the left [m].
         yaw: Angle to the axis of D [rad].
-        zone_depth: Depth of the zone for the pins of the docking unit [m].
     """
 
     gap: float
     lateral: float
     yaw: float
-    zone_depth: float
-
-    @property
-    def in_zone(self) -> bool:
-        """Whether contact with the target is part of docking at this pose."""
-        return is_near_zone(self.gap, self.lateral, self.zone_depth, 0.0) and abs(self.yaw) <= _ZONE_YAW_RAD
 
 
-def zone_depth(pin_length: float) -> float:
-    """Return the depth of the zone for pins of this length, both [m]."""
-    return max(_LEAST_ZONE_DEPTH_M, 2.0 * pin_length)
+@dataclass(frozen=True, slots=True)
+class DockingZone:
+    """The zone in front of a port in which contact is part of docking; contact outside it is a collision.
 
-
-def is_near_zone(gap: float, lateral: float, depth: float, margin: float) -> bool:
-    """Return whether a port is in the zone, or no farther from it than ``margin`` [m], whatever its yaw.
-
-    Args:
-        gap: Distance between the two faces along x of D [m].
-        lateral: Offset from the axis of D [m].
-        depth: Depth of the zone [m].
-        margin: Distance by which the zone is grown to all sides [m].
+    Attributes:
+        depth: Largest gap between the faces [m].
+        half_width: Largest lateral offset [m].
     """
-    return -_ZONE_OVERLAP_M - margin <= gap <= depth + margin and abs(lateral) <= _ZONE_HALF_WIDTH_M + margin
+
+    depth: float
+    half_width: float
+
+    @classmethod
+    def of(cls, mechanism: PinAndHole) -> DockingZone:
+        """Return the zone of a pair of ports."""
+        return cls(
+            max(_LEAST_DEPTH_M, _PIN_LENGTHS * mechanism.pin_length),
+            max(_LEAST_HALF_WIDTH_M, mechanism.mouth + _BESIDE_M),
+        )
+
+    def __contains__(self, port: PortPose) -> bool:
+        """Return whether contact with the target is part of docking at this pose."""
+        return self.is_near(port.gap, port.lateral, 0.0) and abs(port.yaw) <= _YAW_RAD
+
+    def is_near(self, gap: float, lateral: float, margin: float) -> bool:
+        """Return whether a port is in the zone, or no farther from it than ``margin`` [m], whatever its yaw.
+
+        Args:
+            gap: Distance between the two faces along x of D [m].
+            lateral: Offset from the axis of D [m].
+            margin: Distance by which the zone is grown to all sides [m].
+        """
+        return -_OVERLAP_M - margin <= gap <= self.depth + margin and abs(lateral) <= self.half_width + margin

@@ -40,7 +40,13 @@ SEATED_GAP = 0.0013
 def make_setup(setting: str = "normal") -> DockSetup:
     limits = LimitsSpec.model_validate({"setting": setting})
     return DockSetup(
-        offset=0.1, camera_offset=0.0, pin_reach=0.018, los=LosSpec(), limits=limits, rate_hz=50.0
+        offset=0.1,
+        camera_offset=0.0,
+        pin_reach=0.018,
+        mouth=0.015,
+        los=LosSpec(),
+        limits=limits,
+        rate_hz=50.0,
     )
 
 

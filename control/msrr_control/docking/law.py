@@ -9,6 +9,7 @@ import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.pin_and_hole import PinAndHole
 from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -48,6 +49,7 @@ class DockSetup:
         offset: l, distance of the active port's face ahead of the axle [m].
         camera_offset: l_c, distance of the camera ahead of the axle [m].
         pin_reach: Distance by which the pins stick out beyond the face [m].
+        mouth: Lateral error up to which the pins pass the mouths of the holes [m].
         los: Line-of-sight target and cone.
         limits: What the drive can do.
         rate_hz: Control rate.
@@ -57,6 +59,7 @@ class DockSetup:
     offset: float
     camera_offset: float
     pin_reach: float
+    mouth: float
     los: LosSpec
     limits: LimitsSpec
     rate_hz: float
@@ -82,10 +85,13 @@ class DockSetup:
         """Read the facts of a step of the plan from the scene and the docking unit's URDF."""
         geometry = scene.geometry(step.unit)
         offset = geometry.control_offset(step.port)
+        target = scene.geometry(step.target_unit)
+        mechanism = PinAndHole.of(geometry, step.port, target, step.target_port)
         return cls(
             offset=offset,
             camera_offset=float(geometry.frame("camera").p[0]),
-            pin_reach=max(float(geometry.footprint[:, 0].max()) - offset, 0.0),
+            pin_reach=mechanism.pin_length,
+            mouth=mechanism.mouth,
             los=scene.los,
             limits=scene.limits,
             rate_hz=scene.control.rate_hz,

@@ -14,10 +14,12 @@ from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 
-#: Standard deviations of the pose of a seated unit: the lock pulls the faces together, the throat of the
-#: holes leaves 1.5 mm of play to both sides, and the lock may close before both pins rest at the bottom,
-#: which leaves the unit turned by up to half a degree.
-_SEAT_SIGMAS = np.array([0.0001, 0.0009, math.radians(0.2)])
+#: Standard deviations of gap [m] and yaw [rad] of a seated unit: the lock pulls the faces together, and it
+#: may close before both pins rest at the bottom, which leaves the unit turned by up to half a degree.
+_GAP_SIGMA, _YAW_SIGMA = 0.0001, math.radians(0.2)
+
+#: Standard deviation of its lateral pose in plays of the pins, between whose ends it may be anywhere.
+_PLAY_SHARE = 0.6
 
 
 def pose_in_D(layout: StateLayout, state: FilterState) -> tuple[SE2, Array]:
@@ -46,10 +48,12 @@ def in_seat(target: TargetModel, state: FilterState) -> FilterState:
         target: Target whose port the unit is in.
         state: State while it is there.
     """
+    assert target.mechanism is not None, "a unit in a seat has pins"
+    sigmas = np.array([_GAP_SIGMA, _PLAY_SHARE * target.mechanism.play, _YAW_SIGMA])
     X, H = pose_in_D(target.filter_layout, state)
     off = np.array([-target.front, 0.0, 0.0]) - X.as_array()
-    S = H @ state.covariance @ H.T + np.diag(_SEAT_SIGMAS**2)
+    S = H @ state.covariance @ H.T + np.diag(sigmas**2)
     gain = np.linalg.solve(S, H @ state.covariance).T
     left = np.eye(len(state.mean)) - gain @ H
-    covariance = left @ state.covariance @ left.T + (gain * _SEAT_SIGMAS**2) @ gain.T
+    covariance = left @ state.covariance @ left.T + (gain * sigmas**2) @ gain.T
     return replace(state, mean=state.mean + gain @ off, covariance=covariance)

@@ -70,7 +70,8 @@ class MotionNoise:
             [m per square root of a metre driven].
         guidance: Motion sideways and along each wheel in the contact zone, where the holes guide the pins and
             turn the unit [m per square root of a metre driven].
-        contact_zone: Gap between the faces below which the unit is in the contact zone [m].
+        contact_zone: Gap between the tips of the pins and the face of the port below which the unit is in the
+            contact zone [m].
         drift: Motion of a unit at rest [m per square root of a second].
         turn_drift: Rotation of a unit at rest [rad per square root of a second].
         tilt_sigma: Standard deviation of pitch and roll [rad].
@@ -81,7 +82,7 @@ class MotionNoise:
     sideways: float = 0.0002
     contact: float = 0.02
     guidance: float = 0.01
-    contact_zone: float = 0.03
+    contact_zone: float = 0.012
     drift: float = 5e-5
     turn_drift: float = 3e-4
     tilt_sigma: float = math.radians(0.05)
@@ -119,7 +120,7 @@ class DriveMotion:
         self._drive = Drive(
             radius=target.wheel_radius,
             track=target.track,
-            front=target.front,
+            tips=target.front + (target.mechanism.pin_length if target.mechanism else 0.0),
             contact_zone=noise.contact_zone,
             # Encoder noise grows with the angle turned, so it has the form of slip.
             wheel_variance=noise.slip**2 + odometry.noise_rad**2 * target.wheel_radius,

@@ -16,7 +16,7 @@ class Drive(NamedTuple):
 
     radius: float  # radius of the wheels [m]
     track: float  # distance between the wheels [m]
-    front: float  # distance of the port's face ahead of U [m]
+    tips: float  # distance of the tips of the pins ahead of U [m]
     contact_zone: float  # [m]
     wheel_variance: float  # variance along each wheel per metre
     sideways: float  # variance per metre
@@ -58,7 +58,7 @@ def add_slip(
     """
     way, rest = 0.5 * (left + right), drive.drift * dt
     per_wheel, forward, side = drive.wheel_variance, rest, drive.sideways * way + rest
-    if -x - drive.front < drive.contact_zone:  # the wheels may spin, and the holes guide the pins
+    if -x - drive.tips < drive.contact_zone:  # the wheels may spin, and the holes guide the pins
         per_wheel += drive.guidance
         forward += drive.contact * way
         side += drive.guidance * way

@@ -16,6 +16,7 @@ from msrr_perception.pose.tone import straight_tone
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.lens import Lens
+from msrr_scenes.geometry.pin_and_hole import PinAndHole
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -71,6 +72,8 @@ class TargetModel:
         wheel_radius: Wheel radius of the docking unit, by calibration [m].
         track: Distance between the wheels of the docking unit, by calibration [m].
         front: Distance of the docking port's face ahead of U [m].
+        mechanism: What the pins of the unit and the holes of the port tolerate; None for a unit without pins,
+            or without a target.
         corner_errors: Errors of the corners of tags, by data sheet of the camera.
         tolerances: Tolerances of all of this calibration.
         frame_period_s: Time between two exposures of the camera [s].
@@ -88,6 +91,7 @@ class TargetModel:
     wheel_radius: float
     track: float
     front: float
+    mechanism: PinAndHole | None
     corner_errors: CornerErrors
     tolerances: Tolerances
     frame_period_s: float
@@ -115,7 +119,11 @@ class TargetModel:
             raise SceneError(f"{step.to}: this port carries no tags, so nothing can be docked to it by sight")
         on_port = {i: corners[i] for i in port_tags}
         edges = _los_edges(on_port, scene.los, step.to) if target.drives else _outermost_edges(on_port)
-        return cls._of_unit(scene, step.unit, step.port, MappingProxyType(corners), port_tags, edges)
+        own = scene.geometry(step.unit)
+        mechanism = PinAndHole.of(own, step.port, target, step.target_port) if own.pins else None
+        return cls._of_unit(
+            scene, step.unit, step.port, MappingProxyType(corners), port_tags, edges, mechanism
+        )
 
     @classmethod
     def without_target(cls, scene: Scene, unit: str, port: str) -> TargetModel:
@@ -141,6 +149,7 @@ class TargetModel:
         corners_D: Mapping[int, Array],
         port_tags: tuple[int, ...],
         edges: tuple[TagEdge, ...],
+        mechanism: PinAndHole | None = None,
     ) -> TargetModel:
         own, spec = scene.geometry(unit), scene.cameras.onboard
         return cls(
@@ -153,6 +162,7 @@ class TargetModel:
             wheel_radius=own.wheel_radius,
             track=own.track,
             front=own.port(port).x,
+            mechanism=mechanism,
             corner_errors=CornerErrors.from_spec(spec, UPRIGHT_CONTRAST),
             tolerances=Tolerances.from_spec(scene.as_built),
             frame_period_s=1.0 / spec.rate_hz,

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-import numpy as np
-
-from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.pin_and_hole import PinAndHole, bounds
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.loading.problems import KeyPath, Problem
@@ -29,8 +27,11 @@ def mechanism_problems(scene: Scene) -> Iterator[Problem]:
         path: KeyPath = ("units", unit, "frames", f"port_{port}") if mapped else ("units", unit, "urdf")
         own = scene.geometry(unit)
         text = _aside(own, port)
-        if text is None and scene.plant == "bullet":
-            text = _misfit(own, port, scene.geometry(target), target_port, scene.judge.seated_depth_m)
+        if text is None:
+            holes = scene.geometry(target)
+            if scene.plant == "bullet":
+                text = _misfit(own, port, holes, target_port, scene.judge.seated_depth_m)
+            text = text or _narrow(own, port, holes, target_port)
             text = text and f"to dock to {target}.{target_port}: {text}"
         if text is not None:
             yield Problem(path, f"{own.urdf.name}: {text}")
@@ -63,11 +64,25 @@ def _aside(own: UnitGeometry, port: str) -> str | None:
     )
 
 
+def _narrow(own: UnitGeometry, port: str, target: UnitGeometry, to: str) -> str | None:
+    """Return where the holes are too narrow for the pins; None if nowhere, or if there are no pins."""
+    if not own.pins:
+        return None
+    fit = PinAndHole.of(own, port, target, to)
+    for where, room in (("mouths", fit.mouth), ("holes", fit.play)):
+        if room <= 0.0:
+            return (
+                f"the {where} of port_{to} of {target.urdf.name} are {-2e3 * room:.1f} mm too narrow for the "
+                "pins, at their height. Collision shapes are convex: draw the walls around a hole one by one"
+            )
+    return None
+
+
 def _misfit(own: UnitGeometry, port: str, target: UnitGeometry, to: str, deepest: float) -> str | None:
     """Return which pin does not fit its hole when the faces meet; None if all fit, or some are missing."""
     X_PU, X_DU = (SE3.from_se2(X).inverse() for X in (own.port(port), target.dock_frame(to)))
     for side in ("left", "right"):
-        pin, hole = _box(own, f"pin_{side}", X_PU), _box(target, f"port_{to}_hole_{side}", X_DU)
+        pin, hole = bounds(own, f"pin_{side}", X_PU), bounds(target, f"port_{to}_hole_{side}", X_DU)
         if pin is None or hole is None:
             return None
         room = 0.5 * abs((hole[1] - hole[0]) - (pin[1] - pin[0])) + _OFF_M
@@ -84,12 +99,3 @@ def _misfit(own: UnitGeometry, port: str, target: UnitGeometry, to: str, deepest
                 f"and port_{to} meet. They belong to the faces, and a pin is as long as its hole is deep"
             )
     return None
-
-
-def _box(geometry: UnitGeometry, link: str, X_FU: SE3) -> Array | None:
-    """Return lowest and highest x, y, z of the shapes of a link in a frame F, shape (2, 3) [m]."""
-    points = [X_FU.act(solid.points()) for solid in geometry.solids if solid.link == link]
-    if not points:
-        return None
-    every = np.concatenate(points)
-    return np.stack([every.min(axis=0), every.max(axis=0)])

@@ -112,7 +112,7 @@ def test_pins_in_the_funnel_at_first_are_held_there(bench) -> None:
 @pytest.mark.parametrize(("lateral_mm", "yaw_deg"), [(12.0, 0.0), (-12.0, 7.0), (2.0, -7.5)])
 def test_the_play_narrows_with_depth(bench, lateral_mm: float, yaw_deg: float) -> None:
     """In a straight line from the mouth to the bottom: 13 to 1.5 mm, and 8 deg to none."""
-    capture = CaptureRange()
+    capture = CaptureRange(0.013, math.radians(8.0), 0.0015)
     deepest, rooms = math.inf, []
     with bench("unicycle", SE2(-0.019, lateral_mm / 1e3, math.radians(yaw_deg))) as b:
         b.plant.command("a", Twist(0.05, 0.0))

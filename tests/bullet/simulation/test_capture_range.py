@@ -6,7 +6,9 @@ import pybullet
 import pytest
 
 from msrr_bullet.simulation.world import CONTACT_DISTANCE_M
+from msrr_scenes.geometry.pin_and_hole import PinAndHole
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.random_streams import stream
 
 #: ``b`` in the middle of three units, as keys of the scene.
@@ -23,10 +25,14 @@ def seats(bench, lateral_mm, yaw_deg, speed, port="rear", **keys):
         return b.plant.switches("a") == (True, True)
 
 
-@pytest.mark.parametrize(("lateral_mm", "seated"), [(14.5, True), (-14.5, True), (16.0, False)])
-def test_the_funnels_take_up_fifteen_millimetres(bench, lateral_mm, seated):
-    """The tip of a pin is 10 mm wide, the mouth of a hole 40 mm: its edge is 15 mm beside a tip."""
-    assert seats(bench, lateral_mm, 0.0, 0.2) is seated
+@pytest.mark.parametrize(
+    ("beyond_mm", "side", "seated"), [(-0.5, 1, True), (-0.5, -1, True), (1.0, 1, False)]
+)
+def test_the_funnels_take_up_what_passes_the_mouths(bench, beyond_mm, side, seated):
+    """By the drawing: the tip of a pin is 10 mm wide, the mouth of a hole 40 mm, and its edge 15 mm off."""
+    unit = read_unit(find_urdf("unit.urdf"))
+    mouth = PinAndHole.of(unit, "front", unit, "rear").mouth
+    assert seats(bench, side * (1e3 * mouth + beyond_mm), 0.0, 0.2) is seated
 
 
 @pytest.mark.parametrize(("lateral_mm", "yaw_deg"), [(2.0, -1.0), (-2.0, -1.0), (-1.0, 0.5)])

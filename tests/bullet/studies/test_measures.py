@@ -19,6 +19,8 @@ from msrr_bullet.studies.measures import (
 from msrr_bullet.studies.model import Row
 from msrr_bullet.studies.path_following_studies import path_following_row
 from msrr_bullet.studies.settings import STANDARD
+from msrr_scenes.geometry.pin_and_hole import PinAndHole
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.specs.spec import Choice
 
 ALL = [m for measures in MEASURES.values() for m in measures]
@@ -95,6 +97,8 @@ def test_units_follow_from_the_scale() -> None:
 
 
 def test_the_capture_range_is_that_of_the_mechanism() -> None:
-    assert CaptureRange().lateral_m == CAPTURE_M
-    assert CaptureRange().yaw_rad == pytest.approx(math.radians(CAPTURE_DEG))
+    unit = read_unit(find_urdf("unit.urdf"))
+    capture = CaptureRange.of(PinAndHole.of(unit, "front", unit, "rear"))
+    assert capture.lateral_m == CAPTURE_M
+    assert capture.yaw_rad == pytest.approx(math.radians(CAPTURE_DEG))
     assert SETTLED_M == 0.015  # the paper's 15 mm

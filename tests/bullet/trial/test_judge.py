@@ -64,7 +64,7 @@ def crowd(scene: Scene, model: ClearanceModel, units: dict[str, SE2], post: SE2)
 
 def check_all_pairs(judge: Judge, crowded: Crowd, docking: bool) -> tuple[Outcome | None, float | None]:
     """Return the outcome and the smallest clearance that counts, from every pair in turn."""
-    authorised = docking and judge.port_pose().in_zone
+    authorised = docking and judge.port_pose() in judge.zone
     counted = None
     for clearance in crowded.clearance.query(crowded.simulation.poses(), crowded.locked.pairs):
         own = clearance.pair == PAIR
@@ -107,7 +107,7 @@ def test_the_outcome_is_that_of_a_check_of_all_pairs(scene: Scene) -> None:
             assert (found_less.outcome, found_less.units) == (found.outcome, found.units)
             if counted is not None and counted < matters:
                 assert found_less.nearest == found.nearest
-        cases.add((found.outcome, judge.port_pose().in_zone))
+        cases.add((found.outcome, judge.port_pose() in judge.zone))
     assert {v for v, _ in cases} == {None, Outcome.COLLISION, Outcome.CLEARANCE_VIOLATED}
     assert (None, True) in cases  # docking, and no other body near
 

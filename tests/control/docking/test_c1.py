@@ -7,7 +7,7 @@ from msrr_control.docking.law import DockSetup, LawInputs
 from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-FACTS = DockSetup(0.1, 0.0, 0.018, LosSpec(), LimitsSpec.model_validate({}), 50.0)
+FACTS = DockSetup(0.1, 0.0, 0.018, 0.015, LosSpec(), LimitsSpec.model_validate({}), 50.0)
 LAW = C1DockingLaw(C1DockingParams(), FACTS)
 
 

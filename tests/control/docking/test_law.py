@@ -18,7 +18,7 @@ from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-FACTS = DockSetup(0.1, 0.02, 0.018, LosSpec(), LimitsSpec.model_validate({}), 50.0)
+FACTS = DockSetup(0.1, 0.02, 0.018, 0.015, LosSpec(), LimitsSpec.model_validate({}), 50.0)
 LAWS = {
     "c1": C1DockingLaw(C1DockingParams(), FACTS),
     "c2": C2DockingLaw(C2DockingParams(), FACTS),
@@ -155,14 +155,21 @@ def test_a_docking_law_drives_one_robot_as_it_drives_many(name: str, facts: Dock
     ],
 )
 def test_a_geometry_that_cannot_work_is_refused(changes, message) -> None:
-    values = {"offset": 0.1, "camera_offset": 0.0, "pin_reach": 0.018, "los": LosSpec()}
+    values = {"offset": 0.1, "camera_offset": 0.0, "pin_reach": 0.018, "mouth": 0.015, "los": LosSpec()}
     with pytest.raises(SceneError, match=message):
         DockSetup(**{**values, **changes}, limits=FACTS.limits, rate_hz=50.0)
 
 
 def test_a_camera_ahead_of_the_axle_sees_the_edges_under_larger_angles_at_contact() -> None:
     """44.1 mm to the side and 44.2 mm behind the face: 20 deg from 121 mm, 23 mm ahead of the axle."""
-    values = {"offset": 0.1, "pin_reach": 0.018, "los": LosSpec(), "limits": FACTS.limits, "rate_hz": 50.0}
+    values = {
+        "offset": 0.1,
+        "pin_reach": 0.018,
+        "mouth": 0.015,
+        "los": LosSpec(),
+        "limits": FACTS.limits,
+        "rate_hz": 50.0,
+    }
     assert DockSetup(camera_offset=0.022, **values).camera_offset == 0.022
     assert DockSetup(camera_offset=-0.5, **values).camera_offset == -0.5
     with pytest.raises(SceneError, match=r"sees the target's edges at 20\.1 deg, not inside"):
@@ -176,6 +183,6 @@ def test_the_facts_of_a_step_are_those_of_the_unit_and_of_the_scene() -> None:
     scene = Scene.model_validate({"name": "pair", "units": units, "plan": plan, "link": link})
     facts = DockSetup.of(scene, scene.docks[0])
     assert (facts.offset, facts.camera_offset) == pytest.approx((0.1, 0.0))
-    assert facts.pin_reach == pytest.approx(0.018, abs=1e-6)
+    assert (facts.pin_reach, facts.mouth) == pytest.approx((0.018, 0.015), abs=1e-6)
     assert (facts.link_latency_s, facts.rate_hz) == (0.03, scene.control.rate_hz)
     assert (facts.los, facts.limits) == (scene.los, scene.limits)

@@ -18,7 +18,13 @@ from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 FACTS = DockSetup(
-    offset=0.1, camera_offset=0.02, pin_reach=0.018, los=LosSpec(), limits=LimitsSpec(), rate_hz=50.0
+    offset=0.1,
+    camera_offset=0.02,
+    pin_reach=0.018,
+    mouth=0.015,
+    los=LosSpec(),
+    limits=LimitsSpec(),
+    rate_hz=50.0,
 )
 POSE = st.builds(SE2, st.floats(-1.5, -0.15), st.floats(-0.5, 0.5), st.floats(-1.2, 1.2))
 

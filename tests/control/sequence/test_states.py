@@ -38,6 +38,7 @@ from msrr_scenes.specs.spec import Choice
 DT_NS = 20_000_000
 SURE = np.diag([1e-6, 1e-6, 1e-6])
 TUNING = PhaseTuning()
+CAPTURE_M = 0.015 - TUNING.capture_margin_m  # that of `facts`, less the margin
 SIGHTLESS = DockingSpec(verify=VerifySpec(by_sight=False))
 
 
@@ -243,8 +244,8 @@ def test_a_unit_that_has_seen_nothing_searches_about_its_first_heading(desk: Des
         (0.0, 10.0, False),
         (0.0, 1.05 * TUNING.capture_deg, False),
         (0.0, 0.95 * TUNING.capture_deg, True),
-        (1.05 * TUNING.capture_m, 0.0, False),
-        (0.95 * TUNING.capture_m, 0.0, True),
+        (1.05 * CAPTURE_M, 0.0, False),
+        (0.95 * CAPTURE_M, 0.0, True),
     ],
 )
 def test_it_presses_only_from_where_the_funnel_captures(
@@ -262,7 +263,7 @@ def test_it_presses_only_from_where_the_funnel_captures(
 
 def test_pins_in_the_holes_are_pressed_whatever_sight_says_of_the_side(desk: Desk) -> None:
     desk.to_dock()
-    action = desk.ask(desk.at(0.4 * desk.facts.pin_reach, 2.0 * TUNING.capture_m, 0.0), closed=False)
+    action = desk.ask(desk.at(0.4 * desk.facts.pin_reach, 2.0 * CAPTURE_M, 0.0), closed=False)
     assert (action.phase, action.twist.v) == (Phase.DOCK, desk.spec.press_mps)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,19 @@ def test_a_port_looks_from_its_seat_as_it_did_the_last_time(careful: Scene, see:
     assert abs(after.X_DU.yaw) < math.radians(0.2)
     assert after.covariance[0, 0] < 0.25 * before.covariance[0, 0]
     assert after.covariance[1, 1] > (0.0006) ** 2  # the play of the throat hides the side
+
+
+def test_a_seat_with_more_play_says_less_of_the_side(careful: Scene, see: See) -> None:
+    target = _target(careful)
+    assert target.mechanism is not None
+    sides = []
+    for play in (0.0005, 0.0015, 0.006):
+        filter_ = CornerEkf(replace(target, mechanism=replace(target.mechanism, play=play)), careful.odometry)
+        _looks(filter_, see, np.array([-0.1, 0.0, 0.0, 0.0, 0.0]), 10)
+        learned = filter_.learned(seated=True)
+        assert learned is not None
+        sides.append(math.sqrt(learned.covariance[-2, -2]))  # of the marker on its bracket
+    assert 1.02 * sides[0] < sides[1] < sides[2] / 1.02
 
 
 def test_what_is_learned_of_the_unit_holds_at_another_port(careful: Scene) -> None:

@@ -147,7 +147,7 @@ def test_what_the_encoders_do_not_measure_adds_up_from_its_parts(scene: Scene, x
         motion = DriveMotion(target, spec, kind)
         state = replace(_start(motion, SE2(x, 0.02, 0.3), history), stamp_ns=TICK_NS, wheels=None)
         after.append(motion.propagate(state, history, 2 * TICK_NS))
-    at_port = -x - target.front < noise.contact_zone
+    at_port = -x - target.front - target.mechanism.pin_length < noise.contact_zone
     assert at_port == (x > -0.2)
     d, dt = radius * np.array([0.8, 0.5]), 1e-9 * TICK_NS
     wheel = noise.slip**2 + radius * (0.02**2 + 0.5 * backlash * loose) + at_port * noise.guidance**2
