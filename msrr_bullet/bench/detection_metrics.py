@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
-from msrr_perception.detection.detector import Detector, for_large_tags
+from msrr_perception.detection.detector import Detector, for_large_tags, for_noise
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, TagDetection
@@ -57,6 +57,10 @@ class RecordingDetector:
     def for_large_tags(self) -> RecordingDetector:
         """Return the detector for large tags, which records in the same list."""
         return RecordingDetector(for_large_tags(self._detector), self.windows)
+
+    def for_noise(self, noise_grey: float) -> RecordingDetector:
+        """Return the detector for noisy images, which records in the same list."""
+        return RecordingDetector(for_noise(self._detector, noise_grey), self.windows)
 
     def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
         """Return the tags of one window; see :meth:`Detector.detect`."""

@@ -12,6 +12,7 @@ from msrr_perception.detection.detector import (
     detector_for,
     detectors_by_size,
     for_lens,
+    for_noise,
 )
 from msrr_perception.detection.frame_reader import FrameReader
 from msrr_perception.detection.windows import (
@@ -100,9 +101,12 @@ class OverheadVision:
         self.model = model
         self._optic = optic_of(model.lens)
         self._localizer = model.localizer()
-        self._detector = for_lens(detector, model.lens)
+        noise_grey = model.corner_errors.noise_grey
+        self._detector = for_noise(for_lens(detector, model.lens), noise_grey)
         self._detectors = detectors_by_size(self._detector)
-        self._search_detector = search_detector or default_search_detector(model.tag_family.name)
+        self._search_detector = search_detector or for_noise(
+            default_search_detector(model.tag_family.name), noise_grey
+        )
         self._policy = policy.for_family(model.tag_family)
         self._standing_every = standing_every
         self._units = tuple(units)
