@@ -102,6 +102,17 @@ def test_units_that_part_while_they_overlap_are_not_thrown(bench):
         assert abs(b.gap) < 5e-4
 
 
+def test_the_pull_of_units_that_nothing_holds_ends_two_millimetres_apart(bench):
+    """A pull that went on would throw the units apart; the tick in which it ends adds a fraction of that."""
+    with bench("bullet", BEFORE) as b:
+        b.drive(0.05, 2.0, until_seated=True)
+        before = b.gap
+        result = b.plant.pull_test("a")
+        assert not result.holds
+        assert 0.002 <= result.displacement_m < 0.004
+        assert b.gap - before == pytest.approx(result.displacement_m, abs=1e-4)
+
+
 def test_a_port_without_holes_cannot_be_docked_to(two_units, before_port):
     scene = two_units("front")
     with BulletWorld(scene, before_port(scene, BEFORE)) as world:

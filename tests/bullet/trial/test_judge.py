@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,6 +26,7 @@ from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 
 PAIR = frozenset("ab")
+Bench = Callable[..., AbstractContextManager[Any]]
 
 
 @pytest.fixture(scope="module")
@@ -301,3 +305,21 @@ def test_docked_needs_the_seat_and_the_lock(scene: Scene) -> None:
     assert judge.verdict_docked(here, engaged=True, pull_passed=False) is Outcome.LOCK_FAILED
     assert judge.verdict_docked(here, engaged=False, pull_passed=True) is Outcome.FALSE_DOCK
     assert judge.verdict_docked(nowhere, engaged=True, pull_passed=True) is Outcome.FALSE_DOCK
+
+
+@pytest.mark.parametrize(
+    ("y", "drive_s", "outcome"),
+    [(0.008, 0.05, Outcome.BLOCKED), (0.014, 0.7, Outcome.JAMMED), (0.008, 0.7, Outcome.NOT_SEATED)],
+)
+def test_a_unit_whose_pins_have_touched_the_port_was_not_blocked_on_its_way(
+    bench: Bench, y: float, drive_s: float, outcome: Outcome
+) -> None:
+    """Whatever the robot says of its way, how far the pins went in tells what came of the attempt."""
+    with bench("bullet", SE2(-0.03, y, 0.0)) as b:
+        simulation = Simulation(b.scene, as_drawn(b.scene), Placement({}, {}), b.plant, b.plant.world)
+        judge = Judge(simulation, ClearanceModel.from_scene(b.scene), LockedPairs(), b.scene.plan[0])
+        for _ in range(round(drive_s / b.dt)):
+            b.drive(0.05, b.dt)
+            judge.tick(b.plant.now_ns(), 1, lambda: None)
+        assert (judge.contact_in(1) is None) is (outcome is Outcome.BLOCKED)
+        assert judge.verdict_gave_up(FailureReason.BLOCKED, ever_detected=True) is outcome
