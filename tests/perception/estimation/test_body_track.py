@@ -315,3 +315,14 @@ def test_a_body_unseen_gets_uncertain_by_the_root_of_the_time(axis: int) -> None
         grown = track.pose(round(wait_s * NS), NOISE).covariance[axis, axis] - at_once
         expected = slow * wait_s + fast * max(wait_s - NOISE.unseen_after_s, 0.0)
         assert grown == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_the_limits_of_the_drive_are_two_standard_deviations_of_an_unknown_motion(yaw: float) -> None:
+    """A frame later a body of which one pose is known may be where it drives in either direction."""
+    track, dt = BodyTrack.at_any_speed(seen(0, SE2(0.3, -0.4, yaw)), LIMITS), 0.1
+    P = track.pose(round(dt * NS), NOISE).covariance
+    ahead = np.array([math.cos(yaw), math.sin(yaw)])
+    way, turn = 0.5 * LIMITS.v_max_mps * dt, 0.5 * LIMITS.w_max_radps * dt
+    assert math.sqrt(ahead @ P[:2, :2] @ ahead) == pytest.approx(way, rel=0.05)
+    assert math.sqrt(P[2, 2]) == pytest.approx(turn, rel=0.05)

@@ -10,6 +10,7 @@ from scipy.stats import chi2
 from msrr_perception.estimation.dock_frame import pose_in_D
 from msrr_perception.estimation.motion import DEFAULT_NOISE, DriveMotion, FilterState, MotionNoise
 from msrr_perception.estimation.wheel_history import WheelHistory
+from msrr_perception.kernels.calibrated import CLOCK
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import WheelOdometry
@@ -181,3 +182,34 @@ def test_a_prediction_is_the_state_moved_and_seen_from_the_dock_frame(scene: Sce
         assert (found.stamp_ns, found.last_seen_ns) == (stamp_ns, TICK_NS)
         assert found.X_DU == X
         np.testing.assert_allclose(found.covariance, J @ moved.covariance @ J.T, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.03])
+@pytest.mark.parametrize(("left", "right"), [(0.2, 0.3), (-0.25, 0.25), (0.1, 0.1)])
+def test_the_rates_about_an_exposure_are_those_of_the_arc_that_is_driven(
+    scene: Scene, left: float, right: float, late_s: float
+) -> None:
+    """Way, velocity and acceleration in D of a unit on a circle, at the instant of the exposure.
+
+    A time by which the clock is ahead of 30 ms turns the unit on the spot by nearly a quarter of a radian.
+    """
+    built = {"grade": "perfect", "onboard": {"clock_ms": {"sigma": 8.0}}}
+    told = Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": built}).told()
+    target = TargetModel.from_scene(told, told.plan[0])
+    motion, ticks = DriveMotion(target, OdometrySpec(), DEFAULT_NOISE), np.arange(21)
+    history = _wheels(left * ticks, right * ticks)
+    start = _start(motion, SE2(-0.7, 0.1, 0.3), history)
+    mean = start.mean.copy()
+    mean[target.filter_layout.tags.columns[0, CLOCK]] = late_s
+    rates = motion.rates(replace(start, stamp_ns=10 * TICK_NS, mean=mean), history)
+
+    radius, period = target.wheel_radius, 1e-9 * TICK_NS
+    v, w = 0.5 * (left + right) * radius / period, (right - left) * radius / target.track / period
+    X_stamp = SE2(-0.7, 0.1, 0.3)
+    X_exposed = X_stamp @ SE2.exp(-late_s * v, 0.0, -late_s * w)
+    yaw = X_exposed.yaw
+    ahead, aside = np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])
+    assert rates.late == late_s
+    np.testing.assert_allclose(rates.way, X_stamp.as_array() - X_exposed.as_array(), rtol=5e-3, atol=1e-9)
+    np.testing.assert_allclose(rates.velocity, [*v * ahead, w], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(rates.acceleration, [*v * w * aside, 0.0], rtol=1e-6, atol=1e-6)

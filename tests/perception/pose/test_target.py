@@ -73,3 +73,20 @@ def test_calibration_comes_from_the_own_urdf(scene: Scene, target: TargetModel) 
     assert target.front == geometry.port("front").x
     np.testing.assert_allclose(target.X_UC.act([0.0, 0.0, 1.0]) - target.X_UC.p, [1.0, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose((target.X_UC @ target.X_CU).matrix(), np.eye(4), atol=1e-12)
+
+
+def test_a_camera_off_the_middle_of_its_image_at_another_rate_is_told_so(scene: Scene) -> None:
+    """What the kernels get: the image of the ideal camera, also counted from the corner of what is shown."""
+    told = {"fx_px": 400.0, "fy_px": 400.0, "cx_px": 330.0, "cy_px": 220.0, "k1": -0.1}
+    cameras = {"onboard": {"rate_hz": 12.5, "calibration": told}}
+    other = Scene.model_validate({**scene.model_dump(exclude={"cameras"}), "cameras": cameras})
+    target = TargetModel.from_scene(other, other.plan[0])
+    assert target.frame_period_s == 0.08
+    x, y, corner = 330.0, 220.0, target.lens.bounds
+    assert corner.x != corner.y
+    assert 0 not in (corner.x, corner.y)
+    np.testing.assert_allclose((target.optics.cx, target.optics.cy), (x, y))
+    in_bounds = target.optics_in_bounds
+    np.testing.assert_allclose((in_bounds.cx, in_bounds.cy), (x - corner.x, y - corner.y))
+    ahead = target.camera.project(np.array([[0.0, 0.0, 1.0]]))
+    np.testing.assert_allclose(ahead, [[target.optics.cx, target.optics.cy]])
