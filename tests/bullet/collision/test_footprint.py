@@ -7,7 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from msrr_bullet.collision.footprint import Part, obstacle_parts, simplify, unit_parts
+from msrr_bullet.collision.footprint import (
+    Part,
+    _in_box,
+    _without_covered,
+    obstacle_parts,
+    simplify,
+    unit_parts,
+)
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.bodies import BoxSpec, CylinderSpec
@@ -60,3 +67,23 @@ def test_simplify_keeps_the_union(polygon):
         outside = Part.polygon(np.concatenate([p.core for p in parts])).gap(points) > 0.0
         np.testing.assert_allclose(after[outside], before[outside], atol=3e-4)
         assert len(fewer) <= len(parts)
+
+
+def test_the_circumradius_is_reached_by_the_farthest_point_of_the_border():
+    """A bound that is too large is safe, but it makes every distance be measured that it should rule out."""
+    for part, expected in (
+        (Part.disc(0.1, -0.2, 0.3), 0.3),
+        (Part.polygon([[0, 0], [0.6, 0], [0.6, 0.2], [0, 0.2]]), math.hypot(0.3, 0.1)),
+    ):
+        assert part.circumradius == pytest.approx(expected, abs=1e-9)
+        assert np.linalg.norm(part.border() - part.centre, axis=1).max() == pytest.approx(expected, abs=1e-5)
+
+
+@pytest.mark.parametrize(("x", "y"), [(1, 0), (-1, 0), (0, 1), (0, -1)])
+@pytest.mark.parametrize(("beyond_m", "covered"), [(0.0, True), (5e-7, True), (5e-6, False), (0.01, False)])
+def test_a_part_is_covered_unless_it_stands_out_on_some_side(x, y, beyond_m, covered):
+    """A square inside a large one is moved to the edge, up to it or beyond it by some micrometres."""
+    square, off = np.array([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]), 0.4 + beyond_m
+    large, small = Part(5.0 * square), Part(square + off * np.array([x, y]))
+    assert _in_box(small, large) is covered
+    assert len(_without_covered([small, large], by_one_part=True)) == (1 if covered else 2)

@@ -236,3 +236,24 @@ def test_the_predicted_way_is_made_of_arcs(scene: Scene, command: Twist) -> None
     # The longest turn: at speed until the command is in force and followed, then as hard as the drive brakes.
     lag_s = 1.0 / scene.control.rate_hz + 0.02 + 1.0 / scene.limits.kappa_per_s
     assert abs(X.yaw) <= abs(command.w) * lag_s + 0.5 * command.w**2 / scene.limits.dw_max_radps2 + 1e-9
+
+
+@pytest.mark.parametrize("latency_ms", [0.0, 150.0])
+@pytest.mark.parametrize("command", [Twist(0.3, 0.0), Twist(-0.2, 0.9), Twist(0.0, 1.0)], ids=str)
+def test_the_bound_of_the_travel_is_above_it_by_the_lag_of_the_drive_at_most(
+    scene: Scene, command: Twist, latency_ms: float
+) -> None:
+    """At 10 Hz a period and the latency are longer than that lag: a bound with one too few or many fails."""
+    changes = {
+        "link": scene.link.model_copy(update={"latency_ms": latency_ms}),
+        "control": scene.control.model_copy(update={"rate_hz": 10.0}),
+    }
+    trajectory, reach = StoppingTrajectory(scene.model_copy(update=changes)), 0.15
+    for k in range(60):  # at speed, and so commanded by all that is on the link
+        trajectory.advance(k * 100_000_000)
+        trajectory.send(command)
+    travel = sum(step for *_, step in trajectory._poses(command, reach))
+    speed, lag_s = abs(command.v) + reach * abs(command.w), 1.0 / scene.limits.kappa_per_s
+    assert lag_s < 1.0 / 10.0
+    bound = trajectory.max_travel(command, reach)
+    assert travel <= bound <= travel + speed * (lag_s + 0.02)
