@@ -52,3 +52,19 @@ def test_random_paths_are_free_and_smooth_and_no_shorter_than_the_line() -> None
         np.testing.assert_allclose(points[[0, -1]], [start, end], atol=1e-9)
         assert float(path.length) >= float(np.hypot(*(end - start))) - 1e-9
     assert found > 15
+
+
+@pytest.mark.parametrize("degrees", [*range(65, 120, 10), *range(-115, -60, 10)])
+def test_no_path_follows_an_arc_through_another_disc(degrees: int) -> None:
+    """The shorter string about a disc meets a small disc on its arc: the other one is longer by 2 mm."""
+    angle = math.radians(degrees)
+    side = math.copysign(0.001, degrees)
+    bump = Disc("bump", math.cos(angle), math.sin(angle), 0.04)
+    space = FreeSpace((-5.0, 5.0, -5.0, 5.0), (Disc("d", 0.0, 0.0, 1.0), bump))
+    path = shortest_path(space, (-2.0, side), Goal(2.0, side))
+    assert path is not None
+    away = math.hypot(2.0, side)
+    arc = math.pi + 2.0 * math.atan2(0.001, 2.0) - 2.0 * math.acos(1.0 / away)
+    assert float(path.length) == pytest.approx(2.0 * math.sqrt(away**2 - 1.0) + arc, abs=1e-6)
+    _, points = path.sample(0.005)
+    assert np.hypot(points[:, 0] - bump.x, points[:, 1] - bump.y).min() >= bump.radius

@@ -465,6 +465,18 @@ def test_frames_that_never_agree_long_enough_open_the_lock(desk: Desk) -> None:
     assert desk.machine.belief.setback is FailureReason.NOT_VERIFIED
 
 
+def test_a_locked_unit_that_sees_nothing_does_not_believe_that_it_is_docked(desk: Desk) -> None:
+    """It waits for a view for as long as it may verify, and then says that it had none."""
+    desk.to_verify()
+    began, action = desk.now_ns, desk.ask(None, closed=True)
+    while action.phase is Phase.VERIFY:
+        assert action.twist == Twist()
+        action = desk.ask(None, closed=True)
+    assert seconds(desk.now_ns - began) == pytest.approx(desk.spec.verify.time_s, abs=0.05)
+    assert (action.phase, action.reason) == (Phase.RETREAT, "locked, but not seen")
+    assert desk.machine.belief.setback is FailureReason.NOT_VERIFIED
+
+
 @pytest.mark.parametrize(
     ("closed", "position"),
     [(False, LockPosition.CLOSED), (True, LockPosition.OPEN), (False, LockPosition.OPEN)],
