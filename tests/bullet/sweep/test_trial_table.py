@@ -33,10 +33,10 @@ def test_every_step_has_a_row_with_the_bits_of_its_result(scene: Scene, made_up:
     ]
     row = rows[0]
     assert float(row["contact_lateral_m"]) == contact.lateral_m
-    assert float(row["contact_believed_y_m"]) == error.y_m
+    assert float(row["contact_estimate_error_y_m"]) == error.y_m
     assert (row["tracking_error_m"], row["amplitude_m"], row["recovery_s"]) == ("0.01", "", "2.5")
     assert (row["pull_test_passed"], rows[1]["pull_test_passed"]) == ("", "0")
-    assert (rows[1]["contact_believed_y_m"], rows[1]["recovery_s"]) == ("", "")
+    assert (rows[1]["contact_estimate_error_y_m"], rows[1]["recovery_s"]) == ("", "")
 
 
 def test_a_trial_without_a_step_or_a_result_has_one_row(scene: Scene, made_up: TrialFunction) -> None:
