@@ -49,8 +49,12 @@ FRAME: tuple[tuple[str, str], ...] = (
 
 
 def package_graph(root: str) -> Graph:
-    """Return which packages and single files directly below ``root`` import which others."""
+    """Return which packages and single files directly below ``root`` import which others.
+
+    The file that ``python -m`` runs is left out: nothing imports it.
+    """
     graph = grimp.build_graph(root, cache_dir=None)
+    graph.remove_module(f"{root}.__main__")
     imports: dict[str, set[str]] = {m.rpartition(".")[2]: set() for m in graph.find_children(root)}
     for module in graph.modules - {root}:
         package = module.split(".")[1]

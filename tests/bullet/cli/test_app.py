@@ -135,6 +135,13 @@ def test_bad_input_is_one_message_and_code_2(arguments: list[str], message: str,
     assert out == ""
 
 
+def test_python_runs_the_command_line_by_the_name_of_the_package() -> None:
+    command = [sys.executable, "-m", "msrr_bullet", "schema", "no_such_kind"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "no_such_kind" in done.stderr
+
+
 def test_the_program_starts_without_the_simulator() -> None:
     code = (
         "import sys, msrr_bullet.cli.app as cli; cli.run(['scenes']); "
@@ -182,7 +189,7 @@ def test_a_signal_to_end_unwinds(number: int) -> None:
 
 @pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
 def test_standard_streams_may_be_closed(closed: str) -> None:
-    command = f"{sys.executable} -m msrr_bullet.cli check close_range {closed}"
+    command = f"{sys.executable} -m msrr_bullet check close_range {closed}"
     done = subprocess.run(command, shell=True, stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
 

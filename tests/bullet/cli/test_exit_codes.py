@@ -117,7 +117,7 @@ def test_a_full_disk_is_one_message(short_trial: list[str], capsys: Capture) -> 
 def test_what_there_is_no_room_for_on_standard_output_is_one_message(arguments: list[str]) -> None:
     with open("/dev/full", "w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "msrr_bullet.cli", *arguments],
+            [sys.executable, "-m", "msrr_bullet", *arguments],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,

@@ -222,7 +222,7 @@ def test_a_user_s_class_in_the_current_folder_that_fails_is_bad_input(
     says = "controller 'broken_law:Law', broken_law.py line 6: step raised ZeroDivisionError"
     done = subprocess.run(
         # -P: as with the console script, the current folder is not on the path.
-        [sys.executable, "-P", "-m", "msrr_bullet.cli", "dock", "close_range", *law, "--out", "run"],
+        [sys.executable, "-P", "-m", "msrr_bullet", "dock", "close_range", *law, "--out", "run"],
         capture_output=True,
         text=True,
         check=False,

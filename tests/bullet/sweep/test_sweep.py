@@ -202,7 +202,7 @@ def test_a_scene_that_no_seed_can_run_stops_the_sweep(scene: Scene, inline: Supp
 def running_sweep(overrides: dict[str, str], store: Path, jobs: int) -> Iterator[subprocess.Popen[str]]:
     """A sweep on the command line that has stored its first trials."""
     options = [arg for key, value in overrides.items() for arg in ("--set", f"{key}={value}")]
-    command = [sys.executable, "-m", "msrr_bullet.cli", "sweep", "close_range", *options]
+    command = [sys.executable, "-m", "msrr_bullet", "sweep", "close_range", *options]
     command += ["--seeds", "0:100000", "--jobs", str(jobs), "--store", str(store), "--json", "all.json"]
     process = subprocess.Popen(
         command,

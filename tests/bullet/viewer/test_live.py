@@ -109,7 +109,7 @@ def test_the_page_shows_the_newest_images_beside_the_scene(browser, with_cameras
 @pytest.mark.nightly
 def test_the_command_shows_its_running_trial_in_a_browser(browser, tmp_path):
     """``msrr dock --view`` waits for a browser, runs at the pace of real time, leaves no server behind."""
-    command = [sys.executable, "-u", "-m", "msrr_bullet.cli", "dock", "close_range", "--view"]
+    command = [sys.executable, "-u", "-m", "msrr_bullet", "dock", "close_range", "--view"]
     program = subprocess.Popen(
         [*command, "--out", str(tmp_path / "run")],
         stdin=subprocess.DEVNULL,

@@ -1,5 +1,0 @@
-"""Runs the command line with ``python -m msrr_bullet.cli``."""
-
-from msrr_bullet.cli import main
-
-main()
