@@ -28,7 +28,7 @@ def replay(
     """Run the robots again from a log and compare their commands.
 
     Perception and control run in a process that cannot import the simulator. The exit code is 1 if a command
-    differs, or if the log ends early, as that of a trial that was killed.
+    differs, or if the log ends early, as that of a trial that was interrupted or killed.
     """
     run = run_or_last(run)
     from msrr_bullet.replay.isolation import replay_isolated
@@ -49,21 +49,26 @@ def replay(
     verdict = "identical" if report.identical else "different"
     if not report.complete:
         verdict += f" up to {report.end_s:.3f} s, where the log ends early"
+    elif not report.judged:
+        verdict += f" up to {report.end_s:.3f} s, where the trial was interrupted"
     typer.echo(f"{run}: {verdict} ({counts})")
     here = trial_versions()
     other = {name: was for name, was in report.written_with.items() if was != here.get(name)}
     if other and not report.identical:
         then, now = (", ".join(f"{name} {of.get(name, 'none')}" for name in other) for of in (other, here))
         typer.echo(f"{run}: written with {then}; here with {now}, where robots may round or decide otherwise")
-    raise typer.Exit(0 if report.identical and report.complete else NOT_DOCKED)
+    raise typer.Exit(0 if report.identical and report.complete and report.judged else NOT_DOCKED)
 
 
 def warn_of_early_end(log: Log) -> None:
-    """Write to standard error where a log ends that was not finished; what is made of it has no more."""
+    """Write to standard error where a log ends that is not of a whole trial; it has no more."""
+    from msrr_bullet.timeline.log_snapshots import read_verdict
     from msrr_scenes.messages import seconds
 
     if not log.complete:
         typer.echo(f"{log.path}: the log ends early, at {seconds(log.end_ns()):.3f} s", err=True)
+    elif log.header.recording is None and read_verdict(log) is None:
+        typer.echo(f"{log.path}: the trial was interrupted at {seconds(log.end_ns()):.3f} s", err=True)
 
 
 def frames(
@@ -123,7 +128,7 @@ def plot(
 
     file = out if out is not None else folder_of(run) / PLOT_NAME
     with status_line(open_console(), f"{run}: drawing"), unpacked_log(run) as log:
-        verdict = read_verdict(log) or (None if log.header.recording else "broken off")
+        verdict = read_verdict(log) or (None if log.header.recording else "interrupted")
         headline = ", ".join(filter(None, (verdict, log.header.origin)))
         write_plot(file, log.header.scene, read_snapshots(log), headline, unit)
     typer.echo(str(file))
@@ -157,6 +162,7 @@ def export(
         file = out if out is not None else folder_of(run) / RERUN_NAME
         with status_line(open_console(), f"{run}: writing a recording"), unpacked_log(run) as log:
             write_rerun(log, file)
+        warn_of_early_end(log)
         typer.echo(str(file))
         return
     folder = out if out is not None else folder_of(run) / TABLES_NAME

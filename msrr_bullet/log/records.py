@@ -13,6 +13,7 @@ from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Exposure, Pixels
+from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
@@ -164,6 +165,11 @@ class Event:
     source: str
     text: str
     level: Level = Level.INFO
+
+    @property
+    def is_verdict(self) -> bool:
+        """Whether it is the verdict on the trial; that of an interrupted trial is missing."""
+        return self.source == JUDGE and self.text in {outcome.value for outcome in Outcome}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

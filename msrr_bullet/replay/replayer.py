@@ -11,10 +11,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass, field
+from typing import TypeGuard
 
 from msrr_bullet.log import topics
 from msrr_bullet.log.reader import Log, LogRecord
-from msrr_bullet.log.records import JUDGE, CameraWindow, Event, Level, StepStart
+from msrr_bullet.log.records import CameraWindow, Event, Level, StepStart
 from msrr_bullet.replay.comparison import COUNTS, Comparison, Diverged, ReplayError, ReplayReport, encoded
 from msrr_bullet.robot.interface import CameraReader, ObservableRobot
 from msrr_scenes.errors import ProgramFailedError
@@ -92,7 +93,7 @@ class Replayer(ABC):
                     raise Diverged
                 last = record
                 self._process(record)
-            if last is not None and _is_verdict(last):  # else a trial was ended in the middle of anything
+            if _is_verdict(last):  # else a trial was interrupted in the middle of anything
                 self._expose()
                 self._end(last)
         except Diverged:
@@ -100,6 +101,7 @@ class Replayer(ABC):
         report = ReplayReport(
             log=self._log.path,
             complete=self._log.complete,
+            judged=_is_verdict(last),
             end_s=0.0 if last is None else seconds(last.stamp_ns),
             mismatches=tuple(self._comparison.mismatches),
             written_with=self._log.header.versions,
@@ -235,6 +237,6 @@ def _gap(expected: int, found: int) -> str:
     return f"messages {expected} to {found - 1} are missing from the log"
 
 
-def _is_verdict(record: LogRecord) -> bool:
-    """Return whether a message says how a step or the trial ended; that of the trial is its last one."""
-    return record.kind is Event and record.message.source == JUDGE
+def _is_verdict(record: LogRecord | None) -> TypeGuard[LogRecord]:
+    """Return whether a message is the verdict on the trial, which is the last one of a log."""
+    return record is not None and record.kind is Event and record.message.is_verdict

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from msrr_bullet.log import topics
-from msrr_bullet.log.records import JUDGE, Event
+from msrr_bullet.log.records import Event
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.timeline.snapshot_builder import SnapshotBuilder
-from msrr_scenes.outcome import Outcome
 
 if TYPE_CHECKING:  # a running trial makes snapshots without reading a log
     from msrr_bullet.log.reader import Log
@@ -38,6 +37,4 @@ def read_events(log: Log) -> list[Event]:
 
 def read_verdict(log: Log) -> str | None:
     """Return the judge's verdict on the trial; None when the trial did not get that far."""
-    outcomes = {outcome.value for outcome in Outcome}
-    said = [event.text for event in read_events(log) if event.source == JUDGE]
-    return next((text for text in reversed(said) if text in outcomes), None)
+    return next((event.text for event in reversed(read_events(log)) if event.is_verdict), None)

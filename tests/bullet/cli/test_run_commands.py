@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import NOT_DOCKED
-from msrr_bullet.log.reader import LOG_NAME
+from msrr_bullet.log.reader import LOG_NAME, read_log
+from msrr_bullet.run import run_trial
+from msrr_bullet.trial.telemetry import Progress
+from msrr_scenes.specs.scene import Scene
 
 
 def test_a_log_that_ends_early_is_not_taken_for_a_whole_one(
@@ -29,3 +33,25 @@ def test_a_log_that_ends_early_is_not_taken_for_a_whole_one(
         assert run([command[0], str(short_run), *command[1:], "--out", f"whole{command[0]}.mp4"]) == 0
         assert capsys.readouterr().err == ""
     assert run(["replay", str(short_run)]) == 0
+
+
+def test_a_trial_that_was_interrupted_is_not_taken_for_a_whole_one(
+    shipped: Callable[..., Scene], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C leaves a log that was finished, without a verdict: a check that replays it passed."""
+
+    def interrupt(progress: Progress) -> None:
+        if progress.time_s > 1.0:
+            raise KeyboardInterrupt
+
+    scene, folder = shipped("close_range", blind=True), tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        run_trial(scene, 1, out=folder, observer=interrupt)
+    assert read_log(folder).complete
+    assert run(["replay", str(folder)]) == NOT_DOCKED
+    found = re.search(
+        r"identical up to (\d\.\d{3}) s, where the trial was interrupted", capsys.readouterr().out
+    )
+    assert found
+    assert run(["export", "--csv", str(folder)]) == 0
+    assert capsys.readouterr().err == f"{folder / LOG_NAME}: the trial was interrupted at {found[1]} s\n"

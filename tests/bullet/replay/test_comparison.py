@@ -47,7 +47,13 @@ def test_a_report_is_identical_only_if_something_was_compared_and_nothing_differ
     def report(commands: int, *mismatches: Mismatch) -> ReplayReport:
         counts = dict.fromkeys(("steps", "sensor_messages", "estimates", "windows", "detections"), 1)
         return ReplayReport(
-            log=Path("x"), complete=True, end_s=1.0, commands=commands, mismatches=mismatches, **counts
+            log=Path("x"),
+            complete=True,
+            judged=True,
+            end_s=1.0,
+            commands=commands,
+            mismatches=mismatches,
+            **counts,
         )
 
     difference = Mismatch(what="los", sequence=3, time_s=0.1, logged=None, replayed="{}")

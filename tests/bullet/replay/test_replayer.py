@@ -33,7 +33,7 @@ def test_the_recorded_robot_is_identical(recorded_run: Path, hash_robot: type) -
     report = replay(recorded_run, hash_robot)
     assert report.mismatches == ()
     assert report.identical
-    assert report.complete
+    assert (report.complete, report.judged) == (True, True)
     assert (report.steps, report.commands, report.sensor_messages) == (2, 100, 200)
     assert report.estimates == 2 * (47 + 47 + 50)
     assert report.windows == sum(1 for r in read_log(recorded_run).records("/camera/*/window"))
@@ -141,7 +141,7 @@ def test_the_log_of_a_killed_trial_is_compared_to_its_end(
 def test_a_trial_that_was_ended_early_is_compared_to_its_end(
     tmp_path: Path, recorded_run: Path, hash_robot: type, kind: type
 ) -> None:
-    """Ctrl-C ends a trial behind any message, and finishes the log nevertheless."""
+    """Ctrl-C ends a trial behind any message, and finishes the log nevertheless, but without a verdict."""
     log, seen = read_log(recorded_run), 0
     with McapRecorder(tmp_path / "trial.mcap", log.header) as recorder:
         for record in log.records("/[!f]*"):  # the recorder adds the frames itself
@@ -150,7 +150,7 @@ def test_a_trial_that_was_ended_early_is_compared_to_its_end(
             if seen == 20:
                 break
     report = replay(tmp_path, hash_robot)
-    assert report.complete
+    assert (report.complete, report.judged) == (True, False)
     assert report.mismatches == ()
     assert report.identical
 
