@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -11,9 +10,7 @@ import numpy as np
 
 from msrr_bullet.render.raster.mesh import Mesh
 from msrr_scenes.errors import GeometryError
-
-#: Endings of the image that is looked for beside a mesh, under the mesh's own name.
-_IMAGES = (".png", ".jpg", ".bmp")
+from msrr_scenes.geometry.obj_file import image_beside, material_images, material_library, obj_lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +62,7 @@ def _read_obj(path: Path) -> tuple[MeshPart, ...]:
     corners: dict[str, list[tuple[int, int, int]]] = {}
     images: dict[str, Path] = {}
     material, library = "", False
-    for words in _lines(path):
+    for words in obj_lines(path):
         key = words[0]
         if key in rows:
             rows[key].append([float(w) for w in words[1 : 1 + width[key]]])
@@ -78,10 +75,10 @@ def _read_obj(path: Path) -> tuple[MeshPart, ...]:
             material = " ".join(words[1:])
         elif key == "mtllib":
             library = True
-            images.update(_material_images(path.parent / " ".join(words[1:])))
+            images.update(material_images(material_library(path, words)))
     if not corners:
         raise ValueError("no faces")
-    beside = next((p for s in _IMAGES if (p := path.with_suffix(s)).is_file()), None)
+    beside = image_beside(path)
     vertices, uv, normals = (np.array(rows[k]).reshape(-1, width[k]) for k in ("v", "vt", "vn"))
     parts = []
     for name, listed in corners.items():
@@ -94,14 +91,6 @@ def _read_obj(path: Path) -> tuple[MeshPart, ...]:
         )
         parts.append(MeshPart(mesh, images.get(name) if library else beside, library))
     return tuple(parts)
-
-
-def _lines(path: Path) -> Iterator[list[str]]:
-    text = path.read_text(errors="replace").replace("\\\n", " ")
-    for line in text.splitlines():
-        words = line.split("#", 1)[0].split()
-        if words:
-            yield words
 
 
 def _corner(word: str, counts: tuple[int, int, int]) -> tuple[int, int, int]:
@@ -123,19 +112,6 @@ def _checked(index: np.ndarray, count: int) -> np.ndarray:
 def _unit(vectors: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(length > 0.0, length, 1.0)
-
-
-def _material_images(path: Path) -> dict[str, Path]:
-    """Return the diffuse image of each material, as far as its file exists (as in PyBullet)."""
-    images: dict[str, Path] = {}
-    name = ""
-    if path.is_file():
-        for words in _lines(path):
-            if words[0] == "newmtl":
-                name = " ".join(words[1:])
-            elif words[0] == "map_Kd" and (image := path.parent / words[-1]).is_file():
-                images[name] = image
-    return images
 
 
 def _read_stl(path: Path) -> tuple[MeshPart, ...]:

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 from pydantic import ValidationError
 
 from msrr_scenes.errors import GeometryError, SceneError, UnknownNameError
+from msrr_scenes.geometry.obj_file import named_by_obj
 from msrr_scenes.geometry.unit_geometry import library_folder
 from msrr_scenes.geometry.urdf_file import named_file
 from msrr_scenes.loading.as_built_checks import as_built_problems
@@ -128,7 +129,7 @@ def check_scene(scene: Scene) -> None:
 
 
 def scene_hash(scene: Scene) -> str:
-    """Return a digest of everything in a scene that can change a trial: its values, URDFs and meshes.
+    """Return a digest of everything in a scene that can change a trial: values, URDFs, meshes, textures.
 
     The description and the path of the file do not count.
 
@@ -156,9 +157,11 @@ def plain_name(stem: str) -> str:
 
 
 def _files_of(urdf: Path) -> list[Path]:
-    """Return the URDF and the files that it names, in the order of naming."""
+    """Return the URDF, the files that it names, and those that its meshes name, in the order of naming."""
     named = [e.attrib["filename"] for e in ElementTree.parse(urdf).iter() if "filename" in e.attrib]
-    return [urdf, *(p for p in (named_file(urdf, name) for name in dict.fromkeys(named)) if p.is_file())]
+    files = [p for p in (named_file(urdf, name) for name in dict.fromkeys(named)) if p.is_file()]
+    meshes = [p for p in files if p.suffix.lower() == ".obj"]
+    return [urdf, *files, *(p for mesh in meshes for p in named_by_obj(mesh))]
 
 
 def _embed_calibrations(document: YamlDocument, beside: Path) -> None:

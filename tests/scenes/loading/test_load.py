@@ -90,6 +90,27 @@ def test_a_mesh_counts_by_what_it_holds_whatever_it_is_named_by(tmp_path: Path, 
     assert len(digests) == 2
 
 
+@pytest.mark.parametrize("changed", ["hood.mtl", "skin.png", "bare.png"])
+def test_the_looks_of_a_mesh_count_by_what_their_files_hold(tmp_path: Path, changed: str) -> None:
+    """Cameras see the texture, so that a sweep with results of the old one would be of another robot."""
+    face = "v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nf 1 2 3\n"
+    (tmp_path / "hood.obj").write_text(f"mtllib hood.mtl\nusemtl skin\n{face}")
+    (tmp_path / "hood.mtl").write_text("newmtl skin\nmap_Kd skin.png\n")
+    (tmp_path / "bare.obj").write_text(face)
+    for image in ("skin.png", "bare.png"):
+        (tmp_path / image).write_bytes(b"grey")
+    shapes = "".join(
+        f'<visual><geometry><mesh filename="{mesh}.obj"/></geometry></visual>' for mesh in ("hood", "bare")
+    )
+    text = (urdf_folder() / "unit.urdf").read_text()
+    (tmp_path / "mine.urdf").write_text(text.replace("</link>", f"{shapes}</link>", 1))
+    scene = load_scene("close_range", {"units.a.urdf": str(tmp_path / "mine.urdf")})
+    before = scene_hash(scene)
+    file = tmp_path / changed
+    file.write_bytes(file.read_bytes() + b"\n")
+    assert scene_hash(scene) != before
+
+
 def test_a_file_of_ones_own(tmp_path: Path) -> None:
     scene = load_scene(write(tmp_path, GOOD))
     assert scene.name == "scene"
