@@ -34,7 +34,8 @@ class Inertial:
         """Read an ``<inertial>``; None has no mass.
 
         Raises:
-            ValueError: A value is no number.
+            GeometryError: The origin is malformed.
+            ValueError: Another value is no number.
             KeyError: A ``<mass>`` has no value.
         """
         if inertial is None:

@@ -81,9 +81,12 @@ def read_solid(link: str, X_UL: SE3, collision: Element) -> Solid:
         collision: The element.
 
     Raises:
-        GeometryError: There is no shape, or none that can be used.
+        GeometryError: There is no shape, none that can be used, or its origin is malformed.
     """
-    X_UG = X_UL @ urdf_origin(collision.find("origin"))
+    try:
+        X_UG = X_UL @ urdf_origin(collision.find("origin"))
+    except GeometryError as error:
+        raise GeometryError(f"link {link!r}: <collision>: {error}") from None
     geometry = collision.find("geometry")
     shape = geometry[0] if geometry is not None and len(geometry) else None
     if shape is None:

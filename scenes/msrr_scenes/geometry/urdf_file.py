@@ -10,7 +10,7 @@ import numpy as np
 
 from msrr_scenes.errors import GeometryError, nearest
 from msrr_scenes.geometry.frame_map import FrameMap, apply_frame_map
-from msrr_scenes.geometry.urdf_tree import LinkTree
+from msrr_scenes.geometry.urdf_tree import LinkTree, three_numbers, urdf_origin
 
 _WHEELS = ("wheel_left", "wheel_right")
 
@@ -73,7 +73,7 @@ def named_file(urdf: Path, name: str) -> Path:
 
 
 def _check_joints(path: Path, root: Element) -> None:
-    """Refuse a joint between links of which one is missing, before a frame map adds links.
+    """Refuse a joint with a missing link or a malformed origin, before a frame map adds links.
 
     Raises:
         GeometryError: There is one.
@@ -87,13 +87,20 @@ def _check_joints(path: Path, root: Element) -> None:
                     f"{path}: joint {joint.get('name')!r} names the link {name!r} as its {end.tag}, which is "
                     f"not in the file{nearest(name, links)} Links: {', '.join(links)}"
                 )
+        try:
+            urdf_origin(joint.find("origin"))
+        except GeometryError as error:
+            child = joint.find("child")
+            link = None if child is None else child.get("link")
+            raise GeometryError(f"{path}: link {link!r}: joint {joint.get('name')!r}: {error}") from None
 
 
 def _check_one_tree(path: Path, root: Element) -> None:
     """Refuse links that are not one tree, on which PyBullet ends the process.
 
     Raises:
-        GeometryError: Two links have one name, a link hangs on two joints, or on none beside the root link.
+        GeometryError: Two links have one name, a link hangs on two joints, or on none beside the root link,
+            or links hang on each other in a circle.
     """
     links = [link.get("name", "") for link in root.findall("link")]
     children = [child.get("link", "") for child in root.findall("joint/child")]
@@ -114,6 +121,32 @@ def _check_one_tree(path: Path, root: Element) -> None:
             f"{path}: no joint carries {', '.join(map(repr, roots))}, and a robot has one such link, its "
             "root; join the others to it, or remove them"
         )
+    _check_no_circle(path, root)
+
+
+def _check_no_circle(path: Path, root: Element) -> None:
+    """Refuse links that carry each other in a circle, which no other link carries.
+
+    Raises:
+        GeometryError: There are such links.
+    """
+    above = {
+        child.get("link", ""): (parent.get("link", ""), joint.get("name", ""))
+        for joint in root.findall("joint")
+        for parent in joint.findall("parent")
+        for child in joint.findall("child")
+    }
+    for first in above:
+        circle = [first]
+        while (carrier := above.get(circle[-1], ("", ""))[0]) and carrier not in circle:
+            circle.append(carrier)
+        if carrier == first:
+            joints = ", ".join(repr(above[link][1]) for link in circle)
+            raise GeometryError(
+                f"{path}: the links {', '.join(map(repr, circle))} carry each other in a circle, by the "
+                f"joints {joints}, and a robot has one link that no joint carries, its root; remove one of "
+                "these joints"
+            )
 
 
 def _turn_wheels_forward(path: Path, tree: LinkTree) -> None:
@@ -130,7 +163,12 @@ def _turn_wheels_forward(path: Path, tree: LinkTree) -> None:
         axis = joint.find("axis")
         if axis is None:
             axis = SubElement(joint, "axis", xyz="1 0 0")
-        xyz = np.array([float(a) for a in axis.attrib["xyz"].split()])
+        try:
+            xyz = np.array(three_numbers(axis, "xyz"))
+        except GeometryError as error:
+            raise GeometryError(f"{path}: link {name!r}: {error}") from None
+        if not xyz.any():
+            raise GeometryError(f"{path}: link {name!r}: the axis of its joint has no direction")
         y = tree.frames[name].R @ (xyz / np.linalg.norm(xyz))
         if abs(y[1]) < 1.0 - 0.5 * _ALONG**2:
             raise GeometryError(

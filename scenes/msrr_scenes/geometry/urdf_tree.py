@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -11,12 +12,30 @@ from msrr_scenes.geometry.se3 import SE3
 
 
 def urdf_origin(element: Element | None) -> SE3:
-    """Return the pose in an ``<origin>`` of a URDF; the identity for None."""
+    """Return the pose in an ``<origin>`` of a URDF; the identity for None.
+
+    Raises:
+        GeometryError: It has something else than three finite numbers.
+    """
     if element is None:
         return SE3()
-    xyz = [float(a) for a in element.get("xyz", "0 0 0").split()]
-    rpy = [float(a) for a in element.get("rpy", "0 0 0").split()]
-    return SE3.from_xyz_rpy(xyz, rpy)
+    return SE3.from_xyz_rpy(three_numbers(element, "xyz"), three_numbers(element, "rpy"))
+
+
+def three_numbers(element: Element, key: str) -> list[float]:
+    """Return the numbers of an attribute of a URDF that has three of them; zeros if it is not there.
+
+    Raises:
+        GeometryError: It has something else than three finite numbers.
+    """
+    text = element.get(key, "0 0 0")
+    try:
+        numbers = [float(word) for word in text.split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
+        raise GeometryError(f"an <{element.tag}> needs three numbers as its {key}, found {text!r}")
+    return numbers
 
 
 def set_origin(element: Element, X: SE3) -> None:
@@ -40,7 +59,7 @@ class LinkTree:
         """Read the joints.
 
         Raises:
-            GeometryError: A joint lacks a parent or a child.
+            GeometryError: A joint lacks a parent or a child, or its origin is malformed.
         """
         self.path = path
         self.links = {e.attrib["name"]: e for e in root.findall("link")}

@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from msrr_scenes.arrays import Array
+from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.inertial import Inertial
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
@@ -115,26 +116,28 @@ def _without_mass(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
 def _impossible_inertia(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
     """Find bodies with an inertia that none can have; PyBullet would take it to be zero."""
     tree = LinkTree(geometry.urdf, geometry.tree().getroot())
+    named = {frame.name: frame.link for frame in geometry.frame_map}
     bodies = defaultdict[str, list[str]](list)
     for name in tree.links:
         bodies[_body(tree, name)].append(name)
     for names in bodies.values():
-        try:
-            each = {name: Inertial.of(tree.links[name].find("inertial")) for name in names}
-        except (ValueError, KeyError):
-            return (_Mistake(f"an <inertial> of {', '.join(names)} has a value that is no number"),)
+        each: dict[str, Inertial] = {}
         whole = Inertial.of(None)
-        for name, inertial in each.items():
-            whole += inertial.in_frame(tree.pose(name))
+        for name in names:
+            try:
+                each[name] = Inertial.of(tree.links[name].find("inertial"))
+            except (GeometryError, ValueError, KeyError):
+                return (_Mistake(f"link {named.get(name, name)!r}: <inertial>: a value in it is no number"),)
+            whole += each[name].in_frame(tree.pose(name))
         if whole.mass > 0.0 and not _is_possible(whole):
             # One that is impossible by itself is to blame, or else a body of links that have no inertia.
             wrong = next((n for n in names if each[n].mass > 0.0 and not _is_possible(each[n])), names[0])
             moments = ", ".join(f"{moment:.3g}" for moment in each[wrong].moments)
-            link = {frame.name: frame.link for frame in geometry.frame_map}.get(wrong, wrong)
             return (
                 _Mistake(
-                    f"link {link!r} has an <inertia> that no body has: its principal moments are {moments} "
-                    "kg m^2. Each of them is above 0, and less than the sum of the other two"
+                    f"link {named.get(wrong, wrong)!r} has an <inertia> that no body has: its principal "
+                    f"moments are {moments} kg m^2. Each of them is above 0, and less than the sum of the "
+                    "other two"
                 ),
             )
     return ()

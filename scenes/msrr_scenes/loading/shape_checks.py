@@ -13,6 +13,7 @@ from xml.etree.ElementTree import Element
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.solid import PRIMITIVES, sizes_of
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
+from msrr_scenes.geometry.urdf_tree import urdf_origin
 
 #: Endings of the meshes that are drawn.
 _MESHES = (".obj", ".stl")
@@ -35,6 +36,10 @@ def _problems(geometry: UnitGeometry) -> Iterator[str]:
 
 
 def _problem(link: str, visual: Element) -> str | None:
+    try:
+        urdf_origin(visual.find("origin"))
+    except GeometryError as error:
+        return f"link {link!r}: <visual>: {error}"
     shape = visual.find("geometry/*")
     if shape is None:
         return f"link {link!r}: a <visual> without a shape; remove it"

@@ -158,6 +158,57 @@ def test_a_robot_that_cannot_drive_or_see_is_refused(tmp_path: Path, old: str, n
         read_unit(path, PARTS)
 
 
+def _carried(joint: str, parent: str, child: str) -> str:
+    return f'<joint name="{joint}" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint>'
+
+
+@pytest.mark.parametrize(
+    ("added", "text"),
+    [
+        (  # the links of the whole robot
+            _carried("back", "caster_rear", "base_footprint"),
+            "'caster_rear', 'base_footprint' carry each other in a circle, by .* 'caster_rear_joint', 'back'",
+        ),
+        (  # links beside it
+            '<link name="p"/><link name="q"/>' + _carried("pq", "p", "q") + _carried("qp", "q", "p"),
+            "the links 'q', 'p' carry each other in a circle, by the joints 'pq', 'qp', and a robot has one",
+        ),
+        ('<link name="p"/>' + _carried("pp", "p", "p"), "the links 'p' carry each other in a circle"),
+    ],
+)
+def test_links_in_a_circle_are_named_with_their_joints(tmp_path: Path, added: str, text: str) -> None:
+    path = changed(tmp_path, "</robot>", f"{added}</robot>")
+    with pytest.raises(GeometryError, match=text):
+        read_unit(path, PARTS)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        (
+            '"caster_front"/><origin xyz="0.09 0 0.012"',
+            '"caster_front"/><origin xyz="0.09 O 0.012"',
+            "link 'caster_front': joint '.*': an <origin> needs .* its xyz, found '0.09 O 0.012'",
+        ),
+        (
+            '<axis xyz="0 0 -1"',
+            '<axis xyz="0 0"',
+            "link 'wheel_right': an <axis> needs .* its xyz, found '0 0'",
+        ),
+        ('<axis xyz="0 0 -1"', '<axis xyz="0 0 0"', "link 'wheel_right': the axis .* has no direction"),
+        (
+            '<collision><origin xyz="0.12 0 0.016"',
+            '<collision><origin rpy="0 nan 0"',
+            "link 'base_link': <collision>: an <origin> needs three numbers as its rpy, found '0 nan 0'",
+        ),
+    ],
+)
+def test_a_number_that_is_none_is_named_with_its_link(tmp_path: Path, old: str, new: str, text: str) -> None:
+    path = changed(tmp_path, old, new)
+    with pytest.raises(GeometryError, match=text):
+        read_unit(path, PARTS)
+
+
 def test_macros_are_to_be_expanded(tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf.xacro"
     path.write_text('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="r"/></robot>')

@@ -188,3 +188,14 @@ def test_a_visual_shape_that_cannot_be_drawn_is_named_with_its_link(
         load_scene("round_robots", {"units.a.urdf": str(tmp_path / "drawn.urdf")})
     assert "units.a.urdf: drawn.urdf: link 'lid_link': " in str(caught.value)
     assert says in str(caught.value)
+
+
+@pytest.mark.parametrize("part", ["inertial", "visual"])
+def test_a_malformed_place_of_a_part_is_named_with_its_link(part: str, tmp_path: Path) -> None:
+    tree = ElementTree.parse(ROUND)
+    origin = tree.getroot().find(f"link[@name='left_wheel_link']/{part}/origin")
+    assert origin is not None
+    origin.set("xyz", "0 0 zero")
+    tree.write(tmp_path / "bad.urdf")
+    with pytest.raises(SceneError, match=rf"bad\.urdf: link 'left_wheel_link': <{part}>"):
+        load_scene("round_robots", {"units.a.urdf": str(tmp_path / "bad.urdf")})
