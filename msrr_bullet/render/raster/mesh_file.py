@@ -11,6 +11,7 @@ import numpy as np
 from msrr_bullet.render.raster.mesh import Mesh
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.obj_file import image_beside, material_images, material_library, obj_lines
+from msrr_scenes.geometry.stl_file import stl_corners
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,15 +116,5 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def _read_stl(path: Path) -> tuple[MeshPart, ...]:
-    data = path.read_bytes()
-    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-    count = int(np.frombuffer(data[80:84], "<u4")[0]) if len(data) >= 84 else -1
-    if len(data) == 84 + count * record.itemsize:
-        corners = np.frombuffer(data[84:], record)["corners"].astype(np.float64).reshape(-1, 3)
-    else:
-        text = (line.split() for line in data.decode("ascii", "replace").splitlines())
-        corners = np.array([[float(w) for w in words[1:4]] for words in text if words[:1] == ["vertex"]])
-    if corners.size == 0 or corners.size % 9:
-        raise ValueError("no triangles")
-    vertices, index = np.unique(corners, axis=0, return_inverse=True)
+    vertices, index = np.unique(stl_corners(path), axis=0, return_inverse=True)
     return (MeshPart(Mesh(vertices, index.reshape(-1, 3).astype(np.int64)), None),)

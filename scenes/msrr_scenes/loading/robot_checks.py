@@ -18,7 +18,7 @@ from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import LinkTree
 from msrr_scenes.loading.problems import KeyPath, Problem
-from msrr_scenes.loading.shape_checks import visual_problems
+from msrr_scenes.loading.shape_checks import shape_problems
 from msrr_scenes.loading.standing_checks import standing_problems
 from msrr_scenes.specs.scene import Scene
 
@@ -52,7 +52,8 @@ def robot_problems(scene: Scene, unit: str) -> Iterator[Problem]:
     # Without contact and pixels there is no world in PyBullet, and nothing asks for a mass.
     weighs = scene.plant == "bullet" or scene.perception == "images"
     masses = (_without_mass(geometry) or _impossible_inertia(geometry)) if weighs else ()
-    shapes = map(_Mistake, visual_problems(geometry)) if weighs else ()
+    (x0, x1), (y0, y1) = scene.arena.x_m, scene.arena.y_m
+    shapes = map(_Mistake, shape_problems(geometry, math.hypot(x1 - x0, y1 - y0))) if weighs else ()
     found = [*masses, *shapes, *_passive_ports(geometry)]
     if scene.plant == "bullet" and not found:
         found += map(_Mistake, standing_problems(geometry))

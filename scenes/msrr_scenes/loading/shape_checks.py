@@ -1,4 +1,4 @@
-"""Checks of the shapes of a robot that cameras see, before PyBullet reads them.
+"""Checks of the shapes of a robot, before PyBullet reads them.
 
 PyBullet answers a mesh that it cannot read with lines of its own on the terminal, or ends the process.
 """
@@ -10,8 +10,11 @@ from functools import lru_cache
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from msrr_scenes.errors import GeometryError
-from msrr_scenes.geometry.solid import PRIMITIVES, sizes_of
+from msrr_scenes.geometry.solid import PRIMITIVES, obj_vertices, sizes_of
+from msrr_scenes.geometry.stl_file import stl_corners
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import urdf_origin
 
@@ -20,19 +23,54 @@ _MESHES = (".obj", ".stl")
 
 
 @lru_cache(maxsize=32)
-def visual_problems(geometry: UnitGeometry) -> tuple[str, ...]:
-    """Return what is wrong with the visual shapes of a unit, in words that name the link."""
-    return tuple(_problems(geometry))
+def shape_problems(geometry: UnitGeometry, arena_m: float) -> tuple[str, ...]:
+    """Return what is wrong with the shapes of a unit, in words that name the link.
+
+    Args:
+        geometry: The unit, whose collision shapes can be read.
+        arena_m: Distance between opposite corners of the arena [m]; no larger robot can be in it.
+    """
+    return tuple(_problems(geometry, arena_m))
 
 
-def _problems(geometry: UnitGeometry) -> Iterator[str]:
+def _problems(geometry: UnitGeometry, arena_m: float) -> Iterator[str]:
     named = {frame.name: frame.link for frame in geometry.frame_map}
     for link in geometry.tree().getroot().findall("link"):
-        name = link.attrib["name"]
-        for visual in link.findall("visual"):
-            problem = _problem(named.get(name, name), visual)
+        name = named.get(link.attrib["name"], link.attrib["name"])
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            problem = _problem(name, shape) if shape.tag == "visual" else None
+            problem = problem or _too_large(name, shape, arena_m)
             if problem is not None:
                 yield problem
+
+
+def _too_large(link: str, holder: Element, arena_m: float) -> str | None:
+    shape = holder.find("geometry/*")
+    assert shape is not None, "_problem or read_solid has refused it"
+    if shape.tag == "capsule":
+        return None
+    sizes = sizes_of(link, shape)
+    if shape.tag != "mesh":
+        # A radius is half of what it spans.
+        longest = max(sizes) if shape.tag == "box" else max((2.0 * sizes[0], *sizes[1:]))
+        mend = "a URDF is in metres"
+    else:
+        mesh = Path(shape.attrib["filename"])
+        try:
+            points = obj_vertices(mesh) if mesh.suffix.lower() == ".obj" else stl_corners(mesh)
+        except ValueError as error:
+            return f"link {link!r}: {mesh}: malformed mesh: {error}"
+        longest = float(np.max(np.ptp(points, axis=0) * np.abs(sizes)))
+        mend = (
+            f'a mesh drawn in millimetres needs scale="0.001 0.001 0.001", found {shape.get("scale", "none")}'
+        )
+    if longest <= arena_m:
+        return None
+    what = shape.get("filename", f"<{shape.tag}>").rpartition("/")[2]
+    return (
+        f"link {link!r}: the <{holder.tag}> {what} is {longest:.3g} m long, and the whole arena is "
+        f"{arena_m:.3g} m across; {mend}"
+    )
 
 
 def _problem(link: str, visual: Element) -> str | None:

@@ -199,3 +199,36 @@ def test_a_malformed_place_of_a_part_is_named_with_its_link(part: str, tmp_path:
     tree.write(tmp_path / "bad.urdf")
     with pytest.raises(SceneError, match=rf"bad\.urdf: link 'left_wheel_link': <{part}>"):
         load_scene("round_robots", {"units.a.urdf": str(tmp_path / "bad.urdf")})
+
+
+@pytest.mark.parametrize(
+    ("link", "holder", "drawn", "says"),
+    [
+        ("lid_link", "visual", '<mesh filename="hood.stl"/>', "the <visual> hood.stl is 240 m long"),
+        ("lid_link", "visual", '<mesh filename="hood.obj"/>', "the <visual> hood.obj is 240 m long"),
+        ("base_link", "collision", '<mesh filename="hood.obj"/>', "the <collision> hood.obj is 240 m"),
+        ("base_link", "collision", '<sphere radius="60"/>', "the <collision> <sphere> is 120 m long"),
+    ],
+)
+def test_a_shape_drawn_in_millimetres_is_named_with_its_link(
+    link: str, holder: str, drawn: str, says: str, tmp_path: Path
+) -> None:
+    """A hood of 240 mm. Nothing that is larger than the arena, 5 m across, can be in it."""
+    corners = ("0 0 0", "240 0 0", "0 100 0")
+    triangle = "".join(f"vertex {corner}\n" for corner in corners)
+    (tmp_path / "hood.stl").write_text(f"solid\n{triangle}endsolid\n")
+    (tmp_path / "hood.obj").write_text("".join(f"v {corner}\n" for corner in corners) + "f 1 2 3\n")
+
+    def overrides(name: str, shape: str) -> Mapping[str, str]:
+        part = f"<{holder}><geometry>{shape}</geometry></{holder}>"
+        (tmp_path / name).write_text(ROUND.read_text().replace(f'"{link}">', f'"{link}">{part}', 1))
+        return {"units.a.urdf": str(tmp_path / name)}
+
+    with pytest.raises(SceneError) as caught:
+        load_scene("round_robots", overrides("drawn.urdf", drawn))
+    assert f"units.a.urdf: drawn.urdf: link '{link}': {says}" in str(caught.value)
+    assert "the whole arena is 5 m across" in str(caught.value)
+    if "mesh" in drawn:
+        assert 'needs scale="0.001 0.001 0.001", found none' in str(caught.value)
+    if holder == "visual":
+        load_scene("round_robots", overrides("scaled.urdf", drawn.replace("/>", ' scale="1e-3 1e-3 1e-3"/>')))
