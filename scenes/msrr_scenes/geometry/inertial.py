@@ -9,7 +9,7 @@ import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.urdf_tree import urdf_origin
+from msrr_scenes.geometry.urdf_tree import LinkTree, urdf_origin
 
 #: Attributes of an ``<inertia>``: the upper triangle of the matrix, row by row.
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -72,3 +72,11 @@ class Inertial:
             return self
         centre = (self.mass * self.centre + other.mass * other.centre) / mass
         return Inertial(mass, centre, self.inertia_about(centre) + other.inertia_about(centre))
+
+
+def whole_inertial(tree: LinkTree) -> Inertial:
+    """Return mass, centre and inertia of all links of a unit as one body, in U."""
+    whole = Inertial.of(None)
+    for name, link in tree.links.items():
+        whole += Inertial.of(link.find("inertial")).in_frame(tree.frames[name])
+    return whole

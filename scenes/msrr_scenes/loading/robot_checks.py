@@ -17,6 +17,7 @@ from msrr_scenes.geometry.inertial import Inertial
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import LinkTree
+from msrr_scenes.loading.drive_checks import drive_problems
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.loading.shape_checks import shape_problems
 from msrr_scenes.loading.standing_checks import standing_problems
@@ -56,7 +57,7 @@ def robot_problems(scene: Scene, unit: str) -> Iterator[Problem]:
     shapes = map(_Mistake, shape_problems(geometry, math.hypot(x1 - x0, y1 - y0))) if weighs else ()
     found = [*masses, *shapes, *_passive_ports(geometry)]
     if scene.plant == "bullet" and not found:
-        found += map(_Mistake, standing_problems(geometry))
+        found += map(_Mistake, (*standing_problems(geometry), *drive_problems(scene, unit)))
     if scene.cameras.overhead is not None:
         found += _top(geometry)
     for port in _docking_ports(scene, unit):

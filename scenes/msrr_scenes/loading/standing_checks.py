@@ -10,7 +10,7 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
-from msrr_scenes.geometry.inertial import Inertial
+from msrr_scenes.geometry.inertial import whole_inertial
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import LinkTree
 
@@ -75,11 +75,7 @@ def standing_problems(geometry: UnitGeometry) -> tuple[str, ...]:
 
 def _centre_of_mass(geometry: UnitGeometry) -> float:
     """Return how far ahead of the axle the centre of mass is [m]."""
-    tree = LinkTree(geometry.urdf, geometry.tree().getroot())
-    whole = Inertial.of(None)
-    for name, link in tree.links.items():
-        whole += Inertial.of(link.find("inertial")).in_frame(tree.frames[name])
-    return float(whole.centre[0])
+    return float(whole_inertial(LinkTree(geometry.urdf, geometry.tree().getroot())).centre[0])
 
 
 def _sticking(geometry: UnitGeometry, support: str) -> tuple[str, ...]:
