@@ -21,6 +21,7 @@ from msrr_scenes.loading.drive_checks import drive_problems
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.loading.shape_checks import shape_problems
 from msrr_scenes.loading.standing_checks import standing_problems
+from msrr_scenes.loading.tag_checks import covered_tags
 from msrr_scenes.specs.scene import Scene
 
 #: Least cosine between the direction that a tag faces and that of its port. At 85 deg a tag is seen at a
@@ -56,6 +57,7 @@ def robot_problems(scene: Scene, unit: str) -> Iterator[Problem]:
     (x0, x1), (y0, y1) = scene.arena.x_m, scene.arena.y_m
     shapes = map(_Mistake, shape_problems(geometry, math.hypot(x1 - x0, y1 - y0))) if weighs else ()
     found = [*masses, *shapes, *_passive_ports(geometry)]
+    found = found or [_Mistake(*covered) for covered in covered_tags(scene, unit)]
     if scene.plant == "bullet" and not found:
         found += map(_Mistake, (*standing_problems(geometry), *drive_problems(scene, unit)))
     if scene.cameras.overhead is not None:
