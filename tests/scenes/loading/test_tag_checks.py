@@ -44,7 +44,7 @@ def test_families_with_bits_around_the_square_need_all_of_their_print() -> None:
     family = FAMILIES["tagStandard52h13"]
     width = family.plate_ratio * 0.06
     assert 0.5 * (width + 0.06) < 2.0 * 0.049 < width
-    with pytest.raises(SceneError, match="cover each other"):
+    with pytest.raises(SceneError, match=f"tags {LEFT} and {RIGHT} cover each other by 2.0 mm"):
         load_scene("round_robots", tags(0.049, **{"tags.family": family.name}))
 
 
