@@ -86,15 +86,17 @@ def write_rerun(log: Log, path: Path) -> None:
 def _write(log: Log, path: Path) -> None:
     import rerun as rr
 
+    topics = "/control/*/path", "/camera/*/exposure", "/perception/*/detections", "/perception/*/estimate"
+    # Rerun ends the process on some damaged logs, so all of the log is read, and judged, before it.
+    messages = [(r.stamp_ns, unit_of(r.topic), r.message) for r in log.records(*topics)]
     scene = log.header.scene
     recording = rr.RecordingStream("msrr-bullet", recording_id=f"{scene.name}-{log.header.seed}")
     recording.save(path, default_blueprint=_layout(scene))
     recording.log_file_from_path(log.path)
     _log_bodies(recording, scene)
-    topics = "/control/*/path", "/camera/*/exposure", "/perception/*/detections", "/perception/*/estimate"
-    for record in log.records(*topics):
-        recording.set_time(_TIMELINE, timestamp=np.datetime64(record.stamp_ns, "ns"))
-        _log_message(recording, unit_of(record.topic), record.message)
+    for stamp_ns, unit, message in messages:
+        recording.set_time(_TIMELINE, timestamp=np.datetime64(stamp_ns, "ns"))
+        _log_message(recording, unit, message)
     recording.disconnect()
 
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import struct
+import zlib
 from collections.abc import Container, Iterator
 from io import BytesIO
 from pathlib import Path
+from typing import BinaryIO
 
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, McapRecord, Message
-from mcap.stream_reader import CRCValidationError, StreamReader, get_chunk_data_stream
+from mcap.records import Channel, Chunk, Footer, McapRecord, Message
+from mcap.stream_reader import MAGIC_SIZE, CRCValidationError, StreamReader, get_chunk_data_stream
 
 from msrr_bullet.log.codec import LogError
 
@@ -21,6 +24,9 @@ _DAMAGE = (McapError, CRCValidationError, struct.error, zstandard.ZstdError, Uni
 
 #: Opcode and length of an MCAP record, and what a message begins with: channel, sequence, two times [ns].
 _HEAD, _MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")
+
+#: Size of the checksum with which the footer ends [bytes].
+_CHECKSUM_SIZE = 4
 
 
 def mcap_records(path: Path, complete: bool, channels: Container[int]) -> Iterator[McapRecord]:
@@ -41,11 +47,29 @@ def mcap_records(path: Path, complete: bool, channels: Container[int]) -> Iterat
                     yield from _in_chunk(record, channels)
                 elif not isinstance(record, Message) or record.channel_id in channels:
                     yield record
+            if complete:
+                assert isinstance(record, Footer), "the reader ends with it"
+                _check_summary(file, record)
     except OSError as error:
         raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
     except _DAMAGE as error:
         if complete:
             raise LogError(f"{path}: the log is damaged: {_in_words(error)}") from error
+
+
+def _check_summary(file: BinaryIO, footer: Footer) -> None:
+    """Check what mcap does not: the schemas, channels and indices at the end, by which others read the file.
+
+    Raises:
+        CRCValidationError: Their checksum is not that of the bytes there.
+    """
+    if footer.summary_crc == 0:  # it was not computed
+        return
+    end = file.seek(-MAGIC_SIZE - _CHECKSUM_SIZE, os.SEEK_END)
+    start = file.seek(min(footer.summary_start, end))
+    found = zlib.crc32(file.read(end - start))
+    if found != footer.summary_crc:
+        raise CRCValidationError(expected=footer.summary_crc, actual=found, record=footer)
 
 
 def _in_words(error: Exception) -> str:

@@ -64,16 +64,22 @@ def test_a_recording_that_cannot_be_written_whole_is_an_error_and_leaves_no_file
     assert list(tmp_path.iterdir()) == [tmp_path / "folder.rrd"]
 
 
-def test_a_damaged_log_leaves_the_recording_of_before(short_run: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("part", [0.5, 0.999], ids=["messages", "summary"])
+def test_a_damaged_log_is_told_once_and_leaves_the_recording_of_before(
+    part: float, short_run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Rerun tells of it in lines of its own, and some damage makes it end the process."""
     pytest.importorskip("rerun")
     data = bytearray((short_run / LOG_NAME).read_bytes())
-    data[len(data) // 2] ^= 0xFF
+    start = round(part * len(data))
+    data[start : start + 100] = bytes(100)
     (tmp_path / LOG_NAME).write_bytes(data)
     (tmp_path / "t.rrd").write_text("of before")
     with unpacked_log(tmp_path) as log, pytest.raises(MsrrError, match="the log is damaged"):
         write_rerun(log, tmp_path / "t.rrd")
     assert {path.name for path in tmp_path.iterdir()} == {LOG_NAME, "t.rrd"}
     assert (tmp_path / "t.rrd").read_text() == "of before"
+    assert capfd.readouterr() == ("", "")
 
 
 def test_rerun_is_not_given_a_log_that_ends_early(short_run: Path, tmp_path: Path) -> None:
