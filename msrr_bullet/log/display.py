@@ -22,7 +22,7 @@ from foxglove.messages import (
 )
 
 from msrr_bullet.log import foxglove, topics
-from msrr_bullet.log.frame_tree import WORLD, scene_frames, target_frame
+from msrr_bullet.log.frame_tree import WORLD, target_frame
 from msrr_bullet.log.records import Event, FrameLinks, StartPoses, TruePose
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.coordination.track import track_of
@@ -102,10 +102,9 @@ class DisplayMessages:
         }
 
     def start(self) -> Iterator[Display]:
-        """Yield what clients have to know first: cameras, frames and the shapes of the units."""
+        """Yield what clients have to know first and no exact message says: cameras, shapes of the units."""
         for name, lens in self._cameras.items():
             yield topics.calibration(name), 0, foxglove.camera_calibration(name, lens)
-        yield from self._links(topics.FRAMES, 0, scene_frames(self._scene))
         units = {
             name: foxglove.solids_entity(0, name, name, self._scene.geometry(name).solids, _shade(i))
             for i, name in enumerate(self._scene.units)

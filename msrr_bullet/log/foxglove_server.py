@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import threading
 import time
-from functools import partial
+from collections.abc import Callable
+from functools import cache, partial
 from types import TracebackType
+from typing import Any
 
 import foxglove
+from foxglove.messages import FrameTransforms
 from foxglove.websocket import ChannelView, Client, ServerListener
+from mcap.records import Schema
+from mcap_protobuf.decoder import DecoderFactory
 
+from msrr_bullet.log import topics
 from msrr_bullet.log.channel_kind import ChannelKind
 from msrr_scenes.errors import MsrrError
 
@@ -19,11 +25,15 @@ HOST, PORT = "127.0.0.1", 8765
 #: Time on the wall clock for which the first message after the start waits for a client [s].
 _WAIT_S = 20.0
 
+#: Topics whose messages say what has happened; those of all others say how something is.
+_EVENTS = topics.EVENTS, topics.LOG_LINES
+
 
 class FoxgloveServer:
     """Publishes the messages of a log while they are written, no faster than they were sent.
 
-    A client that connects late gets what is said only at the start: cameras, frames, the shapes of bodies.
+    A client that subscribes late gets the last message of the topic, as from a publisher of ROS 2 whose
+    durability is transient local: of the transforms the last one of every frame, of events none.
     """
 
     def __init__(self) -> None:
@@ -33,7 +43,10 @@ class FoxgloveServer:
             MsrrError: There is no port to listen on.
         """
         self._channels: dict[str, foxglove.Channel] = {}
-        self._first: dict[str, list[bytes]] = {}
+        self._last: dict[str, bytes] = {}
+        self._frames: dict[str, Any] = {}  # the last transform of each, by its name
+        self._now_ns = 0
+        self._lock = threading.Lock()  # clients subscribe in threads of the server
         self._subscribed = threading.Event()
         self._begun: float | None = None
         self._context = foxglove.Context()
@@ -64,20 +77,34 @@ class FoxgloveServer:
                 self._subscribed.wait(_WAIT_S)
                 self._begun = time.monotonic()
             time.sleep(max(self._begun + 1e-9 * stamp_ns - time.monotonic(), 0.0))
-        if topic not in self._channels:
-            schema = foxglove.Schema(name=kind.name, encoding=kind.schema_encoding, data=kind.schema)
-            self._channels[topic] = foxglove.Channel(
-                topic, schema=schema, message_encoding=kind.encoding, context=self._context
-            )
-        if stamp_ns == 0:
-            self._first.setdefault(topic, []).append(data)
-        self._channels[topic].log(data, log_time=stamp_ns)
+        with self._lock:
+            if topic not in self._channels:
+                schema = foxglove.Schema(name=kind.name, encoding=kind.schema_encoding, data=kind.schema)
+                self._channels[topic] = foxglove.Channel(
+                    topic, schema=schema, message_encoding=kind.encoding, context=self._context
+                )
+            if topic not in _EVENTS:
+                self._last[topic] = self._with_all_frames(data) if topic == topics.TRANSFORMS else data
+            self._now_ns = max(self._now_ns, stamp_ns)
+            self._channels[topic].log(data, log_time=stamp_ns)
 
-    def repeat_first(self, topic: str) -> None:
-        """Send again what was said at the start, to a client that has just asked for a topic."""
+    def repeat_last(self, topic: str) -> None:
+        """Send the last message of a topic again, to a client that has just subscribed to it.
+
+        All clients get it, because the SDK does not tell in Python which one that is. For the others it
+        repeats what they have.
+        """
         self._subscribed.set()
-        for data in self._first.get(topic, ()):
-            self._channels[topic].log(data, log_time=0)
+        with self._lock:
+            if topic in self._last:
+                self._channels[topic].log(self._last[topic], log_time=self._now_ns)
+
+    def _with_all_frames(self, data: bytes) -> bytes:
+        """Return a message of transforms with the last ones of all other frames added."""
+        message = _transforms_decoder()(data)
+        self._frames.update((transform.child_frame_id, transform) for transform in message.transforms)
+        whole: bytes = type(message)(transforms=self._frames.values()).SerializeToString()
+        return whole
 
     def close(self) -> None:
         """Stop the server."""
@@ -93,9 +120,18 @@ class FoxgloveServer:
         self.close()
 
 
+@cache
+def _transforms_decoder() -> Callable[[bytes], Any]:
+    """Return what decodes messages of transforms; Foxglove's own class only encodes them."""
+    schema = FrameTransforms.get_schema()
+    decode = DecoderFactory().decoder_for("protobuf", Schema(1, schema.data, schema.encoding, schema.name))
+    assert decode is not None, "the factory decodes protobuf"
+    return decode
+
+
 class _Listener(ServerListener):
     def __init__(self, server: FoxgloveServer) -> None:
         self._server = server
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:
-        self._server.repeat_first(channel.topic)
+        self._server.repeat_last(channel.topic)

@@ -8,13 +8,17 @@ import socket
 import struct
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
+from foxglove.messages import CameraCalibration
+from mcap.reader import make_reader
 from mcap.records import Schema
 from mcap_protobuf.decoder import DecoderFactory
 from tornado.websocket import websocket_connect
 
-from msrr_bullet.log import LogHeader
+from msrr_bullet.log import Event, LogHeader
 from msrr_bullet.log.foxglove_server import HOST, FoxgloveServer
 from msrr_bullet.log.mcap_recorder import McapRecorder
 
@@ -44,6 +48,12 @@ async def first_of(url: str, wanted: dict[str, int]) -> dict[str, list[bytes]]:
     return got
 
 
+def decoded(schema: Schema, data: bytes) -> Any:
+    decode = DecoderFactory().decoder_for("protobuf", schema)
+    assert decode is not None
+    return decode(data)
+
+
 def test_a_client_sees_the_start_and_what_follows(
     tmp_path: Path, header: LogHeader, record_trial: Record
 ) -> None:
@@ -66,14 +76,45 @@ def test_a_client_sees_the_start_and_what_follows(
             served.set()
         trial.join(30.0)
         assert not trial.is_alive()
-    from foxglove.messages import CameraCalibration
-
-    schema = CameraCalibration.get_schema()
-    decode = DecoderFactory().decoder_for("protobuf", Schema(1, schema.data, schema.encoding, schema.name))
-    assert decode is not None
-    calibration = decode(got["/camera/a/onboard/calibration"][0])
+    told = CameraCalibration.get_schema()
+    schema = Schema(1, told.data, told.encoding, told.name)
+    calibration = decoded(schema, got["/camera/a/onboard/calibration"][0])
     assert (calibration.width, calibration.height) == (640, 480)
     assert all(b"PNG" in image for image in got["/camera/a/onboard/image"])
+
+
+def test_a_client_that_subscribes_late_gets_the_last_message_of_every_topic(
+    tmp_path: Path, header: LogHeader, record_trial: Record
+) -> None:
+    """As transient local durability gives it; what that is, the file of the log says."""
+    late = {"/tf": 1, "/scene": 1, "/scene/estimates": 1, "/joint_states/a": 1, "/control/a/action": 1}
+    with FoxgloveServer() as server:
+
+        def record() -> None:
+            with McapRecorder(tmp_path / "t.mcap", header, listener=server.publish) as recorder:
+                record_trial(recorder, 0.3)
+                recorder.write("/events", 300_000_000, Event(300_000_000, "trial", "contact"))
+
+        with ThreadPoolExecutor(max_workers=1) as pool:
+            recorded = pool.submit(record)
+            asyncio.run(first_of(server.url, {"/scene": 1}))  # the trial waits for its first client
+            recorded.result(30.0)
+        got = asyncio.run(first_of(server.url, {"/log": 0, "/events": 0} | late))
+    assert got.pop("/log") == got.pop("/events") == []
+    last: dict[str, bytes] = {}
+    frames: dict[str, object] = {}
+    with (tmp_path / "t.mcap").open("rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages(log_time_order=False):
+            last[channel.topic] = message.data
+            if channel.topic == "/tf":
+                assert schema is not None
+                of_transforms = schema
+                frames |= {t.child_frame_id: t for t in decoded(schema, message.data).transforms}
+    (transforms,) = got.pop("/tf")
+    told = {t.child_frame_id: str(t) for t in decoded(of_transforms, transforms).transforms}
+    assert told == {name: str(t) for name, t in frames.items()}
+    assert {"a", "a/onboard", "b.rear"} <= told.keys()
+    assert {topic: [last[topic]] for topic in got} == got
 
 
 def test_where_the_port_is_taken_another_one_serves() -> None:
