@@ -25,15 +25,12 @@ HOST, PORT = "127.0.0.1", 8765
 #: Time on the wall clock for which the first message after the start waits for a client [s].
 _WAIT_S = 20.0
 
-#: Topics whose messages say what has happened; those of all others say how something is.
-_EVENTS = topics.EVENTS, topics.LOG_LINES
-
 
 class FoxgloveServer:
     """Publishes the messages of a log while they are written, no faster than they were sent.
 
     A client that subscribes late gets the last message of the topic, as from a publisher of ROS 2 whose
-    durability is transient local: of the transforms the last one of every frame, of events none.
+    durability is transient local; of the transforms the last one of every frame.
     """
 
     def __init__(self) -> None:
@@ -83,8 +80,7 @@ class FoxgloveServer:
                 self._channels[topic] = foxglove.Channel(
                     topic, schema=schema, message_encoding=kind.encoding, context=self._context
                 )
-            if topic not in _EVENTS:
-                self._last[topic] = self._with_all_frames(data) if topic == topics.TRANSFORMS else data
+            self._last[topic] = self._with_all_frames(data) if topic == topics.TRANSFORMS else data
             self._now_ns = max(self._now_ns, stamp_ns)
             self._channels[topic].log(data, log_time=stamp_ns)
 
