@@ -22,8 +22,8 @@ from foxglove.messages import (
 )
 
 from msrr_bullet.log import foxglove, topics
-from msrr_bullet.log.frame_tree import WORLD, target_frame
-from msrr_bullet.log.records import Event, FrameLinks, StartPoses, TruePose
+from msrr_bullet.log.frame_tree import WORLD
+from msrr_bullet.log.records import Event, FrameLinks, StartPoses, StepStart, TruePose
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.coordination.track import track_of
 from msrr_scenes.arrays import Array
@@ -85,7 +85,8 @@ class DisplayMessages:
         self._waiting: dict[str, SE2] = {}  # obstacles that have not appeared
         self._sight: dict[str, LosObservation] = {}
         self._routes: dict[str, int] = {}
-        self._estimates: dict[str, PoseEstimate] = {}
+        self._ports: dict[str, str] = {}  # those to which the units dock: the frames of their estimates
+        self._estimates: dict[str, tuple[str, PoseEstimate]] = {}  # with their frames
         self._last_ns: dict[tuple[type, str], int] = {}
         self._drawings: dict[str, dict[str, SceneEntity]] = {}  # by topic and name
         self._derive: dict[type, Callable[[str, int, Any], Iterator[Display]]] = {
@@ -97,6 +98,7 @@ class DisplayMessages:
             LosObservation: self._los,
             PoseEstimate: self._estimate,
             StartPoses: self._starts,
+            StepStart: self._step,
             TruePose: self._true_pose,
             WheelOdometry: self._wheels,
         }
@@ -149,6 +151,12 @@ class DisplayMessages:
             states = JointStates(timestamp=foxglove.timestamp(wheels.stamp_ns), joints=joints)
             yield topics.joint_states(wheels.unit), stamp_ns, states
 
+    def _step(self, topic: str, stamp_ns: int, start: StepStart) -> Iterator[Display]:
+        step = start.step(self._scene)
+        if step is not None:
+            self._ports[start.unit] = step.to
+        yield from ()
+
     def _event(self, topic: str, stamp_ns: int, event: Event) -> Iterator[Display]:
         yield topics.LOG_LINES, stamp_ns, foxglove.log_line(event)
 
@@ -157,11 +165,13 @@ class DisplayMessages:
         if not (np.isfinite(X.as_array()).all() and np.isfinite(P).all()):
             return  # the filter of somebody's own program has diverged
         unit = topics.unit_of(topic)
-        frame = target_frame(unit)
+        if unit not in self._ports:
+            return  # nobody has said where it docks
+        frame = self._ports[unit]
         yield topics.shown_estimate(unit), stamp_ns, foxglove.pose_in_frame(estimate.stamp_ns, frame, X)
-        self._estimates[unit] = estimate
+        self._estimates[unit] = frame, estimate
         if self._is_due(estimate, "", stamp_ns):
-            ellipses = {f"{name}/estimate": _ellipse_line(name, e) for name, e in self._estimates.items()}
+            ellipses = {f"{name}/estimate": _ellipse_line(name, *e) for name, e in self._estimates.items()}
             yield self._drawn(topics.DRAWN_ESTIMATES, stamp_ns, ellipses)
 
     def _los(self, topic: str, stamp_ns: int, los: LosObservation) -> Iterator[Display]:
@@ -248,11 +258,10 @@ def _line(
     return foxglove.line_entity(stamp_ns, name, frame, raised, foxglove.colour(rgb), closed=closed)
 
 
-def _ellipse_line(unit: str, estimate: PoseEstimate) -> SceneEntity:
-    """Return the 95 % ellipse of an estimated position as a line."""
+def _ellipse_line(unit: str, frame: str, estimate: PoseEstimate) -> SceneEntity:
+    """Return the 95 % ellipse of a position that is estimated in ``frame`` as a line."""
     points = _ellipse(estimate.X_DU, estimate.covariance)
-    name = f"{unit}/estimate"
-    return _line(estimate.stamp_ns, name, target_frame(unit), points, _BELIEF, closed=True)
+    return _line(estimate.stamp_ns, f"{unit}/estimate", frame, points, _BELIEF, closed=True)
 
 
 def _ellipse(X: SE2, P: Array) -> Array:

@@ -6,18 +6,13 @@ import math
 
 import numpy as np
 
-from msrr_bullet.log.records import FrameLink, FrameLinks, StepStart
+from msrr_bullet.log.records import FrameLink, FrameLinks
 from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
 from msrr_scenes.messages import OVERHEAD, onboard_camera
 from msrr_scenes.specs.scene import Scene
 
 WORLD = "world"
-
-
-def target_frame(unit: str) -> str:
-    """Return the name of the dock frame D of the port to which ``unit`` docks."""
-    return f"{unit}/target"
 
 
 def scene_frames(scene: Scene) -> FrameLinks:
@@ -40,10 +35,3 @@ def scene_frames(scene: Scene) -> FrameLinks:
         position = np.array([overhead.x_m, overhead.y_m, overhead.height_m])
         links.append(FrameLink(WORLD, OVERHEAD, SE3(down, position)))
     return FrameLinks(0, tuple(links))
-
-
-def step_frames(scene: Scene, start: StepStart) -> FrameLinks:
-    """Return the dock frame in which the estimates of a step are given, ``<unit>/target``, if it has one."""
-    step = start.step(scene)
-    links = () if step is None else (FrameLink(step.to, target_frame(start.unit), SE3()),)
-    return FrameLinks(start.stamp_ns, links)

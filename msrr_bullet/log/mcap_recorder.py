@@ -26,10 +26,10 @@ from msrr_bullet.log.codec import LogError, log_name, to_bytes
 from msrr_bullet.log.display import Display, DisplayMessages, Shown
 from msrr_bullet.log.formats import format_named, format_of
 from msrr_bullet.log.foxglove import compressed_image
-from msrr_bullet.log.frame_tree import scene_frames, step_frames
+from msrr_bullet.log.frame_tree import scene_frames
 from msrr_bullet.log.frames import FRAMES_OF, FrameComposer
 from msrr_bullet.log.header import LIBRARY, METADATA, LogHeader
-from msrr_bullet.log.records import CameraWindow, StepStart
+from msrr_bullet.log.records import CameraWindow
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.loading.camera_lenses import camera_lenses
@@ -114,17 +114,13 @@ class McapRecorder:
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="msrr-log")
         self._submit(self._writer.start, header)
         self._await_batches(0)
-        self._scene = header.scene
         self._display = DisplayMessages(header.scene)
         self._frame: _FrameToWrite | None = None
         self.write(topics.FRAMES, 0, scene_frames(header.scene))
         self._show(self._display.start())
 
     def write(self, topic: str, stamp_ns: int, message: object) -> None:
-        """Record a message; see :class:`~msrr_bullet.log.recorder.Recorder`.
-
-        The start of a step is followed by the frame in which the estimates of that step are given.
-        """
+        """Record a message; see :class:`~msrr_bullet.log.recorder.Recorder`."""
         message_format = format_of(message)
         if isinstance(message, CameraWindow):
             frame = self._frame
@@ -140,8 +136,6 @@ class McapRecorder:
         if isinstance(message, Exposure):
             self._frame = _FrameToWrite(message, [])
         self._show(self._display.of(topic, stamp_ns, message))
-        if isinstance(message, StepStart) and (frames := step_frames(self._scene, message)).links:
-            self.write(topics.FRAMES, stamp_ns, frames)
 
     def window(self, exposure: Exposure, window: Window, pixels: Pixels) -> None:
         """Record the pixels that were read from a window of an exposure."""

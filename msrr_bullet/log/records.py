@@ -183,7 +183,7 @@ class FrameLink:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameLinks:
-    """Coordinate frames that do not move in their parents: cameras, ports, the target of a step."""
+    """Coordinate frames that do not move in their parents: cameras, ports, the target of a recording."""
 
     stamp_ns: int
     links: tuple[FrameLink, ...]

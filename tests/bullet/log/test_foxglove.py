@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,10 +14,12 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from msrr_bullet.log import LOG_NAME, Event, Level, LogHeader, StepStart, topics
-from msrr_bullet.log.frame_tree import scene_frames, step_frames
+from msrr_bullet.log.frame_tree import scene_frames
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.trial.trial import Trial
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
+from msrr_scenes.messages import PoseEstimate
 from msrr_scenes.specs.scene import Scene
 
 Record = Callable[..., None]
@@ -61,7 +63,7 @@ def test_clients_get_messages_in_the_schemas_of_foxglove(
     marked = [message for topic, _, message in shown if topic.endswith("annotations")]
     assert [(len(m.points), [t.text for t in m.texts]) for m in marked] == [(2, ["11"])] * 3
     children = Counter(t.child_frame_id for topic, _, m in shown if topic == "/tf" for t in m.transforms)
-    assert {"a", "a/onboard", "a/target", "b.rear"} <= children.keys()
+    assert {"a", "a/onboard", "b.rear"} <= children.keys()
     assert {count for frame, count in children.items() if frame != "a"} == {1}
     entities = {e.id: e for topic, _, m in shown if topic.startswith("/scene") for e in m.entities}
     assert {"a", "b", "a/estimate"} == entities.keys()
@@ -74,8 +76,29 @@ def test_the_tree_holds_ports_and_cameras() -> None:
     assert {("b", "b.rear"), ("a", "a/onboard"), ("world", "overhead")} <= links.keys()
     # The overhead camera looks straight down.
     np.testing.assert_allclose(links["world", "overhead"].R[:, 2], [0.0, 0.0, -1.0], atol=1e-12)
-    (target,) = step_frames(scene, StepStart(5, 0, "a")).links
-    assert (target.parent, target.child) == ("b.rear", "a/target")
+
+
+def test_an_estimate_stays_in_the_frame_of_its_port(tmp_path: Path, shipped: Callable[..., Scene]) -> None:
+    """Frames have one parent for all times: clients would draw a first estimate at a second port."""
+    scene, estimate = shipped("assemble_line"), PoseEstimate(0, SE2(-0.5, 0.0, 0.0), np.eye(3), 0)
+    with McapRecorder(tmp_path / "t.mcap", LogHeader.of(scene, 1, {})) as recorder:
+        for now, port in ((0, "b.rear"), (1_000_000_000, "c.rear")):
+            recorder.write(topics.STEPS, now, StepStart(now, 0, "a", "front", port))
+            recorder.write(topics.estimate("a"), now, estimate)
+    parents, frames = defaultdict(set), []
+    with (tmp_path / "t.mcap").open("rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            decode = DecoderFactory().decoder_for(channel.message_encoding, schema)
+            if channel.topic == "/tf":
+                for link in decode(message.data).transforms:
+                    parents[link.child_frame_id].add(link.parent_frame_id)
+            elif channel.topic == "/perception/a/pose":
+                frames.append(decode(message.data).frame_id)
+            elif channel.topic == "/scene/estimates":
+                frames += [entity.frame_id for entity in decode(message.data).entities]
+    assert all(len(known) == 1 for known in parents.values())
+    assert frames == ["b.rear", "b.rear", "c.rear", "c.rear"]
+    assert {"b.rear", "c.rear"} <= parents.keys()
 
 
 def test_the_layout_names_topics_that_logs_have(short_run: Path) -> None:

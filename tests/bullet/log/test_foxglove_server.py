@@ -18,7 +18,7 @@ from mcap.records import Schema
 from mcap_protobuf.decoder import DecoderFactory
 from tornado.websocket import websocket_connect
 
-from msrr_bullet.log import Event, LogHeader
+from msrr_bullet.log import Event, LogHeader, StepStart, topics
 from msrr_bullet.log.foxglove_server import HOST, FoxgloveServer
 from msrr_bullet.log.mcap_recorder import McapRecorder
 
@@ -92,6 +92,7 @@ def test_a_client_that_subscribes_late_gets_the_last_message_of_every_topic(
 
         def record() -> None:
             with McapRecorder(tmp_path / "t.mcap", header, listener=server.publish) as recorder:
+                recorder.write(topics.STEPS, 0, StepStart(0, 0, "a"))
                 record_trial(recorder, 0.3)
                 recorder.write("/events", 300_000_000, Event(300_000_000, "trial", "contact"))
 
