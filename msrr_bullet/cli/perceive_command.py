@@ -21,7 +21,7 @@ def perceive(
         Path,
         typer.Argument(
             metavar="RECORDING",
-            help="MCAP file of Foxglove or ROS 2, film, picture, folder of pictures, or run folder.",
+            help="MCAP file, bag of ROS 2, film, picture, folder of pictures, or run folder.",
         ),
     ],
     target: Annotated[Path, typer.Option(metavar="FILE", help="Target file: target, robot and camera.")],

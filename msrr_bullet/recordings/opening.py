@@ -13,8 +13,8 @@ from msrr_bullet.recordings.trial_recording import open_trial
 from msrr_bullet.recordings.wheels import WheelReader
 from msrr_perception.photographs.picture_files import FILMS
 
-#: Ending of MCAP files.
-_MCAP = ".mcap"
+#: Ending of MCAP files; what the folder of a bag of ROS 2 holds beside them; the ending of its other format.
+_MCAP, _BAG, _SQLITE = ".mcap", "metadata.yaml", ".db3"
 
 
 def open_recording(
@@ -29,7 +29,7 @@ def open_recording(
     """Open a recording.
 
     Args:
-        path: MCAP file, run folder of a trial, film, picture, or folder of pictures.
+        path: MCAP file, bag of ROS 2, run folder of a trial, film, picture, or folder of pictures.
         wheels: Returns a reader of wheel angles.
         topic: Topic of the images; None if there is no choice.
         odometry: Topic of the odometry, or ``none``; None if there is no choice.
@@ -43,6 +43,8 @@ def open_recording(
         raise RecordingError(f"{path}: no such file or folder")
     if path.is_dir() and (path / LOG_NAME).is_file():
         path = path / LOG_NAME
+    elif (path / _BAG).is_file() or path.suffix.lower() == _SQLITE:
+        path = _mcap_of_bag(path)
     if path.suffix.lower() == _MCAP:
         if not path.stat().st_size:
             raise RecordingError(f"{path}: the file is empty")
@@ -54,3 +56,18 @@ def open_recording(
     if path.suffix.lower() in FILMS:
         return open_film(path, latency_ns)
     return open_pictures(path, rate_hz, latency_ns)
+
+
+def _mcap_of_bag(path: Path) -> Path:
+    """Return the file of a bag of ROS 2.
+
+    Raises:
+        RecordingError: It has several, or is of another format.
+    """
+    files = list(path.glob(f"*{_MCAP}"))
+    if len(files) != 1:
+        raise RecordingError(
+            f"{path}: a bag of ROS 2 is read if it is one MCAP file, not compressed as a whole; this one has "
+            f"{len(files)}, and `ros2 bag convert` makes one of it"
+        )
+    return files[0]

@@ -167,6 +167,18 @@ def test_what_is_no_recording_is_refused(
         perceive(path, trial.target)
 
 
+def test_bags_of_other_kinds_are_told_what_to_do(trial: Trial, tmp_path: Path) -> None:
+    (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
+    for number in range(3):
+        if number != 1:
+            with pytest.raises(RecordingError, match=f"this one has {number}, and `ros2 bag convert` makes"):
+                perceive(tmp_path, trial.target)
+        _first_frames(trial, tmp_path / f"bag_{number}.mcap")
+    (tmp_path / "bag.db3").write_bytes(b"SQLite format 3")
+    with pytest.raises(RecordingError, match="`ros2 bag convert` makes"):
+        perceive(tmp_path / "bag.db3", trial.target)
+
+
 def test_topics_that_are_not_there_are_refused_with_those_that_are(trial: Trial, tmp_path: Path) -> None:
     path = _first_frames(trial, tmp_path / "film.mcap")
     with pytest.raises(RecordingError, match=r"--topic /head: no such topic .*there are /camera$"):

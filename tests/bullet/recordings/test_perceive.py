@@ -76,7 +76,7 @@ def test_a_target_that_is_another_unit_is_told_by_the_tags(
     assert re.search(r"no estimate: the target has the tags 20, 21, .* and only 1\d, .* were found; ", told)
 
 
-@pytest.mark.parametrize("kind", ["json", "protobuf", "ros2", "ros2_raw"])
+@pytest.mark.parametrize("kind", ["json", "protobuf", "ros2", "ros2_raw", "ros2_bag"])
 def test_mcap_files_of_its_pictures_give_the_estimates_of_the_trial(
     trial: Trial, tmp_path: Path, kind: str
 ) -> None:
@@ -92,6 +92,9 @@ def test_mcap_files_of_its_pictures_give_the_estimates_of_the_trial(
     if kind.startswith("ros2"):  # with absolute times
         write_ros2(path, frames, wheels, raw=kind == "ros2_raw", start_ns=1_700_000_000_000_000_000)
         shift_ns = 2_000_000_000
+        if kind == "ros2_bag":  # a folder
+            (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
+            path = tmp_path
     else:
         write_foxglove(path, frames, wheels, protobuf=kind == "protobuf")
     # A frame arrives at a tick of the physics, and not at every one the robot of the trial decides.
