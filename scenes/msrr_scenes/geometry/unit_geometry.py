@@ -126,6 +126,12 @@ class UnitGeometry:
         return self.wheel_radius > 0.0
 
     @cached_property
+    def wheel_joints(self) -> tuple[str, str]:
+        """Names of the joints of the left and the right wheel in the URDF of a unit."""
+        joints = LinkTree(self.urdf, self.tree().getroot()).joints
+        return joints["wheel_left"].attrib["name"], joints["wheel_right"].attrib["name"]
+
+    @cached_property
     def ports(self) -> tuple[str, ...]:
         """Names of the ports, without the prefix ``port_``."""
         return tuple(

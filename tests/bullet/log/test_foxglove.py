@@ -19,7 +19,7 @@ from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import PoseEstimate
+from msrr_scenes.messages import PoseEstimate, WheelOdometry
 from msrr_scenes.specs.scene import Scene
 
 Record = Callable[..., None]
@@ -99,6 +99,20 @@ def test_an_estimate_stays_in_the_frame_of_its_port(tmp_path: Path, shipped: Cal
     assert all(len(known) == 1 for known in parents.values())
     assert frames == ["b.rear", "b.rear", "c.rear", "c.rear"]
     assert {"b.rear", "c.rear"} <= parents.keys()
+
+
+def test_joint_states_name_the_joints_of_the_urdf(tmp_path: Path, shipped: Callable[..., Scene]) -> None:
+    scene = shipped("round_robots")
+    unit = next(iter(scene.units))
+    with McapRecorder(tmp_path / "t.mcap", LogHeader.of(scene, 1, {})) as recorder:
+        recorder.write(f"/sensors/{unit}/odometry", 0, WheelOdometry(unit, 0, 0.25, -0.5))
+    with (tmp_path / "t.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        (state,) = [m.decoded_message for m in reader.iter_decoded_messages([topics.joint_states(unit)])]
+    assert {joint.name: joint.position for joint in state.joints} == {
+        "left_wheel_joint": 0.25,
+        "right_wheel_joint": -0.5,
+    }
 
 
 def test_the_layout_names_topics_that_logs_have(short_run: Path) -> None:
