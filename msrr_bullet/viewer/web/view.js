@@ -16,11 +16,14 @@ viewer.gui.domElement.remove();  // the raw tree of nodes
 // Turn about the position of the camera's node, where three.js would turn about the origin of the world.
 const lookAt = camera.lookAt.bind(camera);
 camera.lookAt = (target) => lookAt(camera.parent.localToWorld(target.clone()));
+// The view holds all bodies in its height; a pane that is hardly wider than high shows as much in its width.
+const tangent = Math.tan(0.5 * camera.fov * Math.PI / 180);
 // Meshcat takes the height of the window.
 const setPaneSize = viewer.set_3d_pane_size.bind(viewer);
 function fit() {
   const {clientWidth: width, clientHeight: height} = pane;
   if (!width || !height) return;
+  camera.fov = 360 / Math.PI * Math.atan(tangent * Math.max(1, 1.1 * height / width));
   setPaneSize(width, height);
   viewer.set_dirty();
 }

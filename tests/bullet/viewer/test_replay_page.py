@@ -207,6 +207,19 @@ def test_it_fits_the_window_in_light_and_dark(browser, run_page, short_log, size
 
 
 @pytest.mark.nightly
+def test_a_pane_that_is_higher_than_wide_shows_all_units(browser, run_page):
+    browser.open(f"{run_page.as_uri()}#t=0.0", (900, 1400))
+    browser.evaluate("Object.assign($('pane').style, {width: '400px', height: '700px'})")
+    browser.picture()
+    assert browser.evaluate("camera.aspect") < 0.7
+    farthest = """Math.max(...Object.keys(data.colours).flatMap((name) => {
+      const body = viewer.scene_tree.find(["units", name]).object;
+      return [[0.1, 0.1], [0.1, -0.1], [-0.1, 0.1], [-0.1, -0.1]].map(([x, y]) =>
+        Math.abs(body.localToWorld(body.position.clone().set(x, y, 0.1)).project(camera).x)); }))"""
+    assert 0.4 < browser.evaluate(farthest) < 1.0
+
+
+@pytest.mark.nightly
 def test_it_shows_units_tags_and_paths(browser, drive, tmp_path):
     path = write_replay(tmp_path / "replay.html", drive.scene, drive.snapshots)
     image = browser.screenshot(f"{path.as_uri()}#t=3.0")
