@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,9 @@ from msrr_bullet.log.frame_tree import WORLD
 from msrr_bullet.log.topics import image, unit_of
 from msrr_bullet.timeline.palette import DETECTION, OBSTACLE, PATH, unit_colours
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.solid import Solid
+from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import (
     OVERHEAD,
     AssemblyPath,
@@ -94,9 +96,10 @@ def _write(log: Log, path: Path) -> None:
     recording.save(path, default_blueprint=_layout(scene))
     recording.log_file_from_path(log.path)
     _log_bodies(recording, scene)
+    lenses = camera_lenses(scene)
     for stamp_ns, unit, message in messages:
         recording.set_time(_TIMELINE, timestamp=np.datetime64(stamp_ns, "ns"))
-        _log_message(recording, unit, message)
+        _log_message(recording, lenses, unit, message)
     recording.disconnect()
 
 
@@ -128,7 +131,7 @@ def _log_solids(recording: rr.RecordingStream, body: str, solids: list[Solid], r
     recording.log(f"bodies/{body}", rr.CoordinateFrame(body), boxes, static=True)
 
 
-def _log_message(recording: rr.RecordingStream, unit: str, message: Any) -> None:
+def _log_message(recording: rr.RecordingStream, lenses: Mapping[str, Lens], unit: str, message: Any) -> None:
     import rerun as rr
 
     if isinstance(message, AssemblyPath):
@@ -136,11 +139,11 @@ def _log_message(recording: rr.RecordingStream, unit: str, message: Any) -> None
         line = rr.LineStrips3D([points], colors=[_rgb(PATH)])
         recording.log(f"paths/{unit}", rr.CoordinateFrame(WORLD), line)
     elif isinstance(message, Exposure):
-        _log_tags(recording, message, ())  # those of the frame before belong to that alone
+        _log_tags(recording, lenses, message, ())  # those of the frame before belong to that alone
     elif isinstance(message, Detections):
         stamp = np.datetime64(message.exposure.stamp_ns, "ns")
         recording.set_time(_TIMELINE, timestamp=stamp)  # that of the image
-        _log_tags(recording, message.exposure, message.tags)
+        _log_tags(recording, lenses, message.exposure, message.tags)
     elif isinstance(message, PoseEstimate):
         X, P = message.X_DU, message.covariance
         for name, value, variance in (("x", X.x, P[0, 0]), ("y", X.y, P[1, 1])):
@@ -149,10 +152,16 @@ def _log_message(recording: rr.RecordingStream, unit: str, message: Any) -> None
         recording.log(f"curves/{unit}/yaw_deg", rr.Scalars(math.degrees(X.yaw)))
 
 
-def _log_tags(recording: rr.RecordingStream, exposure: Exposure, tags: Sequence[TagDetection]) -> None:
+def _log_tags(
+    recording: rr.RecordingStream,
+    lenses: Mapping[str, Lens],
+    exposure: Exposure,
+    tags: Sequence[TagDetection],
+) -> None:
     import rerun as rr
 
-    outlines = [np.vstack([tag.corners, tag.corners[:1]]) for tag in tags]
+    lens = lenses[exposure.camera]  # the image is that of the lens, and corners are those of the ideal image
+    outlines = [lens.distorted(np.vstack([tag.corners, tag.corners[:1]])) for tag in tags]
     labels = [str(tag.tag_id) for tag in tags]
     # Rerun names the plane of an image after the frame of its camera.
     plane = rr.CoordinateFrame(f"{exposure.camera}_image_plane")

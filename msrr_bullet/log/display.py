@@ -182,11 +182,12 @@ class DisplayMessages:
     def _detections(self, topic: str, stamp_ns: int, found: Detections) -> Iterator[Display]:
         camera, at_ns = found.exposure.camera, found.exposure.stamp_ns
         window, tag = foxglove.colour(_WINDOW), foxglove.colour(_DETECTION)
-        points, texts = [], []
+        points, texts, lens = [], [], self._cameras[camera]
         for read in found.windows:
             points.append(foxglove.loop(at_ns, _outline(read), window)[0])
         for detected in found.tags:
-            line, label = foxglove.loop(at_ns, detected.corners, tag, str(detected.tag_id))
+            corners = lens.distorted(detected.corners)  # the image is that of the lens, and not the ideal one
+            line, label = foxglove.loop(at_ns, corners, tag, str(detected.tag_id))
             points.append(line)
             texts += label
         unit = carrier_of(camera)

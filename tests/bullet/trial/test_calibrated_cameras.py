@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 from msrr_bullet.log import LogHeader
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
+from msrr_perception.detection.detector import PupilDetector
+from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
@@ -38,6 +45,29 @@ def test_a_unit_docks_behind_a_lens_that_it_knows(seeds: range, shipped: Callabl
         result = Trial(shipped("close_range", ONBOARD), seed).run()
         assert result.outcome is Outcome.DOCKED
         assert contact_mm(result) < 0.1
+
+
+def test_clients_see_tags_where_the_image_of_the_lens_shows_them(
+    tmp_path: Path, shipped: Callable[..., Scene]
+) -> None:
+    """Found again in the images of the log; perception itself has the corners of an ideal camera."""
+    scene = shipped("close_range", {**ONBOARD, "time_limit_s": "1"})
+    with McapRecorder(tmp_path / "t.mcap", LogHeader.of(scene, 1, {})) as recorder:
+        Trial(scene, 1, recorder=recorder).run()
+    shown, found, named = {}, {}, ["/camera/a/onboard/image", "/camera/a/onboard/annotations"]
+    with (tmp_path / "t.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages(named):
+            stamp = message.timestamp.seconds, message.timestamp.nanos
+            if channel.topic == named[1]:
+                shown |= {(stamp, text.text): (text.position.x, text.position.y) for text in message.texts}
+                continue
+            image = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_GRAYSCALE)
+            tags = PupilDetector().detect(image, Window(0, 0, 640, 480))
+            found |= {(stamp, str(tag.tag_id)): tuple(tag.corners[0]) for tag in tags}
+    both = shown.keys() & found.keys()
+    assert len(both) >= 20
+    assert max(math.dist(shown[key], found[key]) for key in both) < 0.5
 
 
 @pytest.mark.nightly
