@@ -80,7 +80,10 @@ class FoxgloveServer:
                 self._channels[topic] = foxglove.Channel(
                     topic, schema=schema, message_encoding=kind.encoding, context=self._context
                 )
-            self._last[topic] = self._with_all_frames(data) if topic == topics.TRANSFORMS else data
+            self._last[topic] = data
+            if topic == topics.TRANSFORMS:
+                links = _transforms_decoder()(data).transforms
+                self._frames.update((link.child_frame_id, link) for link in links)
             self._now_ns = max(self._now_ns, stamp_ns)
             self._channels[topic].log(data, log_time=stamp_ns)
 
@@ -93,14 +96,15 @@ class FoxgloveServer:
         self._subscribed.set()
         with self._lock:
             if topic in self._last:
-                self._channels[topic].log(self._last[topic], log_time=self._now_ns)
+                data = self._all_frames() if topic == topics.TRANSFORMS else self._last[topic]
+                self._channels[topic].log(data, log_time=self._now_ns)
 
-    def _with_all_frames(self, data: bytes) -> bytes:
-        """Return a message of transforms with the last ones of all other frames added."""
-        message = _transforms_decoder()(data)
-        self._frames.update((transform.child_frame_id, transform) for transform in message.transforms)
-        whole: bytes = type(message)(transforms=self._frames.values()).SerializeToString()
-        return whole
+    def _all_frames(self) -> bytes:
+        """Return a message with the last transform of every frame."""
+        message = _transforms_decoder()(b"")
+        message.transforms.extend(self._frames.values())
+        data: bytes = message.SerializeToString()
+        return data
 
     def close(self) -> None:
         """Stop the server."""
