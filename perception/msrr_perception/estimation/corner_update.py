@@ -16,10 +16,16 @@ from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.estimation.motion import FilterState
 from msrr_perception.kernels.calibrated import AT_REST, EDGE, Rates
 from msrr_perception.kernels.corners import Seen, derivatives, roots_of_covariance
-from msrr_perception.kernels.section_errors import CornerVariances, DataSheet, variances_of_corners
+from msrr_perception.kernels.section_errors import CornerVariances, DataSheet
 from msrr_perception.kernels.update import Rules, update
 from msrr_perception.pose.corner_fit import equally_good, fit_corners
-from msrr_perception.pose.joint_pose import CornerNoise, JointPose, consistent_pose, good_fit
+from msrr_perception.pose.joint_pose import (
+    DEFAULT_CORNER_NOISE,
+    CornerNoise,
+    JointPose,
+    consistent_pose,
+    good_fit,
+)
 from msrr_perception.pose.target import YAW, TargetModel, pose_vector
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import PoseMeasurement, TagDetection
@@ -94,7 +100,8 @@ class CornerUpdate:
         P[:3, :3] += pose.covariance - pose.tilt_covariance[:3, :3]
         P[:3, :3] *= self._inflation
         used = [t for t in measurement if t.tag_id in pose.tags]
-        return StartingPose(mean, P, self._by_errors(self._at(mean), self._seen(used, self._at(mean))))
+        seen = equally_good(self._layout, used, self._noise.corner_sigma_px)
+        return StartingPose(mean, P, self._by_errors(self._at(mean), seen, self._noise.tilt_sigma))
 
     def by_pose(self, prior: FilterState, measurement: PoseMeasurement) -> FilterState | None:
         """Return the state corrected by a measured pose; None if that lies outside the gate."""
@@ -170,12 +177,6 @@ class CornerUpdate:
         sigmas = [not_measured if t.corner_sigma_px is None else t.corner_sigma_px for t in tags]
         return which, corners, np.array(sigmas, dtype=np.float64)
 
-    def _seen(self, tags: Sequence[TagDetection], state: Array) -> Seen:
-        """Return measured corners of a unit that stands with their covariances; there must be a tag."""
-        which, corners, sigma_px = self._measured(tags)
-        variances = variances_of_corners(corners, sigma_px, self._sheet, 1.0)
-        return Seen(which, corners, self._roots(which, corners, state, variances), AT_REST)
-
     def _roots(
         self, which: NDArray[np.int64], corners: Array, state: Array, variances: CornerVariances
     ) -> Array:
@@ -198,30 +199,37 @@ class CornerUpdate:
         state[:5] = pose
         return state
 
-    def _all_tags(self) -> Seen:
-        """Return the tags of the port, as equally good measurements."""
-        which = np.array([self._layout.index[i] for i in self._target.port_tags], dtype=np.int64)
-        roots = np.tile(np.eye(8), (len(which), 1, 1))
-        return Seen(which, np.zeros((len(which), 8)), roots, AT_REST)
-
     def _of_pose(self, state: Array) -> Array:
         """Return what each error of calibration adds to the true pose where one is measured, shape (5, k).
 
-        It is as a pose from the tags of the port would be, but for where their edges look to be.
+        A pose is measured as :func:`joint_pose` computes it from the tags of the port, by the noise that it
+        assumes and not by that of this filter, but without errors of the edges in an image. The tilt is not
+        measured with it.
         """
-        by_errors = self._by_errors(state, self._all_tags())
+        noise = DEFAULT_CORNER_NOISE
+        which = np.array([self._layout.index[i] for i in self._target.port_tags], dtype=np.int64)
+        roots = np.tile(noise.corner_sigma_px * np.eye(8), (len(which), 1, 1))
+        seen = Seen(which, np.zeros((len(which), 8)), roots, AT_REST)
+        by_errors = self._by_errors(state, seen, noise.tilt_sigma)
         by_errors[:, self._no_pixels] = 0.0
+        by_errors[3:] = 0.0
         return by_errors
 
-    def _by_errors(self, state: Array, seen: Seen) -> Array:
-        """Return what each error of calibration adds to the true pose of given corners, shape (5, k)."""
+    def _by_errors(self, state: Array, seen: Seen, tilt_sigma: float) -> Array:
+        """Return what each error of calibration adds to the true pose where one is fitted, shape (5, k).
+
+        Args:
+            state: State, shape (n,).
+            seen: Corners, with the variances by which the fit weighs them.
+            tilt_sigma: Standard deviation of pitch and roll in the fit [rad].
+        """
         first = self._layout.first
         if self._shown == first:
             return np.zeros((5, 0))
         _, J = derivatives(self._target.optics, self._layout.tags, seen, state)
         information = J[:, :5].T @ J[:, :5]
         # The tilt is hardly determined by corners; its prior bounds what errors can make of it.
-        information[range(3, 5), range(3, 5)] += self._noise.tilt_sigma**-2
+        information[range(3, 5), range(3, 5)] += tilt_sigma**-2
         return np.asarray(-np.linalg.solve(information, J[:, :5].T @ J[:, first : self._shown]))
 
     def _agree(self, pose: JointPose, tags: Sequence[TagDetection]) -> bool:
