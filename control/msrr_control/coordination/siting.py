@@ -56,12 +56,8 @@ class Siting:
         Raises:
             SceneError: The shape cannot be built from what is there; the message says why.
         """
-        mission, shape, lanes, box = (
-            self._mission,
-            self._mission.shape,
-            self._know.lanes,
-            self._know.finder.box,
-        )
+        mission, shape = self._mission, self._mission.shape
+        lanes, box = self._know.lanes, self._know.finder.box
         assert shape is not None
         self.chosen, units = True, list(units)
         there = {unit.name: unit.pose for unit in units if unit.X_WU is not None and _may_take_part(unit)}
