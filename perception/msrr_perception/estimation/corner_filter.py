@@ -14,6 +14,7 @@ import numpy as np
 
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.dock_frame import in_seat
+from msrr_perception.estimation.first_fit import StartingState
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.measurement_history import Measurement, MeasurementHistory
 from msrr_perception.estimation.motion import DEFAULT_NOISE, RATES_NS, DriveMotion, FilterState, MotionNoise
@@ -87,7 +88,7 @@ class CornerEkf:
             gate_probability: Share of good tags that pass the gate.
             reset_after: Number of exposures in a row with nothing inside the gate after which it starts anew.
             horizon_s: Largest delay of a measurement that still counts [s].
-            start_inflation: Factor on the first pose's covariance.
+            start_inflation: Factor on the covariance of what a first state is computed from.
             slip: ``slip`` of :class:`msrr_perception.estimation.motion.MotionNoise`.
             motion: Random motion that the encoders do not measure, with a tilt of ``tilt_sigma_deg``; None
                 takes that of a unit near a port with ``slip``.
@@ -248,14 +249,15 @@ class CornerEkf:
 
     def _start(self, measurement: Measurement) -> FilterState | None:
         """Return a state from one measurement alone; None when it does not determine one."""
-        found = self._update.start(
-            measurement if isinstance(measurement, PoseMeasurement) else self._of_target(measurement)
-        )
+        found: StartingState | None
+        if isinstance(measurement, PoseMeasurement):
+            found = self._update.start_by_pose(measurement, self._known)
+        else:
+            found = self._update.start_by_corners(self._of_target(measurement), self._known)
         if found is None:
             return None
         stamp = measurement.exposure.stamp_ns
-        wheels = self._wheels.angles_at(stamp)
-        return self._motion.initial(stamp, found.mean, found.covariance, wheels, found.by_errors, self._known)
+        return FilterState(stamp, found.mean, found.covariance, self._wheels.angles_at(stamp), stamp)
 
     def _of_target(self, detections: Detections) -> list[TagDetection]:
         return [t for t in detections.tags if t.tag_id in self.target.corners_D]

@@ -7,25 +7,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
+from msrr_perception.estimation.first_fit import FirstFit, StartingState
+from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.motion import FilterState
 from msrr_perception.kernels.calibrated import AT_REST, EDGE, Rates
-from msrr_perception.kernels.corners import Seen, derivatives, roots_of_covariance
-from msrr_perception.kernels.section_errors import CornerVariances, DataSheet
+from msrr_perception.kernels.corners import Seen, derivatives
+from msrr_perception.kernels.section_errors import DataSheet
 from msrr_perception.kernels.update import Rules, update
-from msrr_perception.pose.corner_fit import equally_good, fit_corners
-from msrr_perception.pose.joint_pose import (
-    DEFAULT_CORNER_NOISE,
-    CornerNoise,
-    JointPose,
-    consistent_pose,
-    good_fit,
-)
+from msrr_perception.pose.calibration import POSE_SIZE
+from msrr_perception.pose.corner_fit import fit_corners, measured_corners
+from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
 from msrr_perception.pose.target import YAW, TargetModel, pose_vector
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import PoseMeasurement, TagDetection
@@ -35,22 +31,6 @@ _NOISE_SHARE, _LARGEST_SCALE = 0.1, 100.0
 
 #: Largest number of linearisations in an update, and the step at which it ends, in standard deviations.
 _ITERATIONS, _TOLERANCE = 6, 1e-3
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StartingPose:
-    """A measured pose with tilt that determines a state.
-
-    Attributes:
-        mean: ``(x, y, yaw, pitch, roll)``, shape (5,) [m, rad].
-        covariance: Covariance of the mean by everything but the errors of calibration, shape (5, 5).
-        by_errors: What each error of calibration adds to the true pose where this one was measured, shape
-            (5, k).
-    """
-
-    mean: Array
-    covariance: Array
-    by_errors: Array
 
 
 class CornerUpdate:
@@ -72,7 +52,7 @@ class CornerUpdate:
             corner_sigma_px: Standard deviation of each corner coordinate [px]; None goes by the data sheet of
                 the camera and the size of the tag in the image.
             gate_probability: Share of good tags that pass the gate.
-            start_inflation: Factor on the first pose's covariance.
+            start_inflation: Factor on the covariance of what a first state is computed from.
         """
         self._target, self._layout = target, target.filter_layout
         errors = target.corner_errors
@@ -83,25 +63,25 @@ class CornerUpdate:
         self._no_pixels = sorted({int(column) for column in edges if column >= 0})
         self._gate_probability = gate_probability
         self._inflation = start_inflation
+        self._first = FirstFit(target, self._sheet, noise, start_inflation)
 
-    def start(self, measurement: PoseMeasurement | Sequence[TagDetection]) -> StartingPose | None:
-        """Return a pose from one measurement alone; None when it does not determine one."""
-        tilt = self._noise.tilt_sigma**2
-        if isinstance(measurement, PoseMeasurement):
-            P = np.diag([0.0, 0.0, 0.0, tilt, tilt])
-            P[:3, :3] = self._inflation * measurement.covariance
-            mean = pose_vector(measurement.X_DU)
-            return StartingPose(mean, P, self._of_pose(self._at(mean)))
-        pose = consistent_pose(self._target, measurement, self._noise, self._agree)
-        if pose is None:
-            return None
-        mean = pose_vector(pose.X_DU, pose.pitch, pose.roll)
-        P = pose.tilt_covariance.copy()
-        P[:3, :3] += pose.covariance - pose.tilt_covariance[:3, :3]
-        P[:3, :3] *= self._inflation
-        used = [t for t in measurement if t.tag_id in pose.tags]
-        seen = equally_good(self._layout, used, self._noise.corner_sigma_px)
-        return StartingPose(mean, P, self._by_errors(self._at(mean), seen, self._noise.tilt_sigma))
+    def start_by_pose(self, measurement: PoseMeasurement, known: Knowledge) -> StartingState:
+        """Return a first state from a measured pose and what is known of drive and calibration."""
+        pose = pose_vector(measurement.X_DU)
+        by_errors = self._of_pose(self._at(pose))
+        first, k = self._layout.first - POSE_SIZE, by_errors.shape[1]
+        A = np.zeros((POSE_SIZE, len(known.mean)))
+        A[:, first : first + k] = by_errors
+        measured = np.zeros((POSE_SIZE, POSE_SIZE))
+        measured[:3, :3] = self._inflation * measurement.covariance
+        measured[3:, 3:] = self._noise.tilt_sigma**2 * np.eye(2)
+        AQ = A @ known.covariance
+        covariance = np.block([[measured + AQ @ A.T, AQ], [AQ.T, known.covariance]])
+        return StartingState(np.concatenate([pose + A @ known.mean, known.mean]), covariance)
+
+    def start_by_corners(self, tags: Sequence[TagDetection], known: Knowledge) -> StartingState | None:
+        """Return a first state from the tags of one exposure; see :meth:`FirstFit.state`."""
+        return self._first.state(tags, known)
 
     def by_pose(self, prior: FilterState, measurement: PoseMeasurement) -> FilterState | None:
         """Return the state corrected by a measured pose; None if that lies outside the gate."""
@@ -134,7 +114,7 @@ class CornerUpdate:
             tags: Tags of the target.
             rates: How the unit moves about the exposure.
         """
-        which, corners, sigma_px = self._measured(tags)
+        which, corners, sigma_px = measured_corners(self._layout, tags)
         target, layout, scale = self._target, self._layout, prior.noise_scale
         mean, covariance, chi2, seen, fell = update(
             target.optics,
@@ -167,30 +147,6 @@ class CornerUpdate:
             last_seen_ns=prior.stamp_ns,
             rejected=0,
             noise_scale=min(max(scale, 1.0), _LARGEST_SCALE),
-        )
-
-    def _measured(self, tags: Sequence[TagDetection]) -> tuple[NDArray[np.int64], Array, Array]:
-        """Return index, corners and their measured deviations of K tags, shapes (K,), (K, 8) and (K, 4)."""
-        which = np.array([self._layout.index[t.tag_id] for t in tags], dtype=np.int64)
-        corners = np.array([t.corners for t in tags], dtype=np.float64).reshape(-1, 8)
-        not_measured = np.zeros(4)
-        sigmas = [not_measured if t.corner_sigma_px is None else t.corner_sigma_px for t in tags]
-        return which, corners, np.array(sigmas, dtype=np.float64)
-
-    def _roots(
-        self, which: NDArray[np.int64], corners: Array, state: Array, variances: CornerVariances
-    ) -> Array:
-        """Return the lower triangles of the covariances of corners, shape (K, 8, 8) [px]."""
-        target = self._target
-        return roots_of_covariance(
-            target.optics,
-            self._layout.tags,
-            which,
-            corners,
-            AT_REST,
-            state,
-            variances,
-            target.frame_period_s,
         )
 
     def _at(self, pose: Array) -> Array:
@@ -231,21 +187,3 @@ class CornerUpdate:
         # The tilt is hardly determined by corners; its prior bounds what errors can make of it.
         information[range(3, 5), range(3, 5)] += tilt_sigma**-2
         return np.asarray(-np.linalg.solve(information, J[:, :5].T @ J[:, first : self._shown]))
-
-    def _agree(self, pose: JointPose, tags: Sequence[TagDetection]) -> bool:
-        """Return whether the tags of a pose agree, for all that calibration may have moved them."""
-        if not len(self._layout.prior):
-            return good_fit(pose.chi2, len(pose.tags))
-        used = equally_good(self._layout, tags, self._noise.corner_sigma_px)
-        state = self._at(pose_vector(pose.X_DU, pose.pitch, pose.roll))
-        variances = _equal(len(tags), self._noise.corner_sigma_px**2)
-        roots = self._roots(used.which, used.corners, state, variances)
-        r, J = derivatives(self._target.optics, self._layout.tags, used._replace(roots=roots), state)
-        J = J[:, self._layout.first :] * self._layout.prior
-        return good_fit(float(r @ np.linalg.solve(np.eye(len(r)) + J @ J.T, r)), len(tags))
-
-
-def _equal(count: int, variance: float) -> CornerVariances:
-    """Return one variance [px^2] of each coordinate of all corners, which are independent."""
-    none = np.zeros(count)
-    return CornerVariances(none, none, np.full((count, 4), variance))

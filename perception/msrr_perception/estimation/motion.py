@@ -12,7 +12,7 @@ from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
 from msrr_perception.kernels.calibrated import AT_REST, CLOCK, LASTS_S, Rates
 from msrr_perception.kernels.dock_frame import predict
 from msrr_perception.kernels.drive import Drive, propagate
-from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
+from msrr_perception.pose.calibration import POSE_SIZE
 from msrr_perception.pose.target import YAW, TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
@@ -134,38 +134,6 @@ class DriveMotion:
             tilt=noise.tilt_sigma**2,
             tilt_time=noise.tilt_time,
         )
-
-    def initial(
-        self,
-        stamp_ns: int,
-        mean: Array,
-        covariance: Array,
-        wheels: WheelAngles | None,
-        by_errors: Array,
-        known: Knowledge,
-    ) -> FilterState:
-        """Return a first state from a measured pose with tilt.
-
-        Args:
-            stamp_ns: Time.
-            mean: Pose with tilt as measured, shape (5,).
-            covariance: Its covariance, shape (5, 5), of everything but the errors of calibration.
-            wheels: Encoder angles at that time.
-            by_errors: What each error of calibration adds to the true pose, shape (5, k), for the first k.
-            known: What is known of the drive and of the errors of calibration.
-        """
-        k = by_errors.shape[1]
-        A = np.zeros((POSE_SIZE, len(known.mean)))
-        A[:, DRIVE_SIZE : DRIVE_SIZE + k] = by_errors
-        n = POSE_SIZE + len(known.mean)
-        full, P = np.zeros(n), np.zeros((n, n))
-        full[:POSE_SIZE] = mean + by_errors @ known.mean[DRIVE_SIZE : DRIVE_SIZE + k]
-        full[POSE_SIZE:] = known.mean
-        AQ = A @ known.covariance
-        P[:POSE_SIZE, :POSE_SIZE] = covariance + AQ @ A.T
-        P[:POSE_SIZE, POSE_SIZE:], P[POSE_SIZE:, :POSE_SIZE] = AQ, AQ.T
-        P[POSE_SIZE:, POSE_SIZE:] = known.covariance
-        return FilterState(stamp_ns, full, P, wheels, stamp_ns)
 
     def rates(self, state: FilterState, history: WheelHistory) -> Rates:
         """Return how the unit moves about an exposure with the time of a state as its stamp, by the wheels.

@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from msrr_perception.kernels.corners import Seen
-from msrr_perception.pose.corner_fit import CornerFit, deviation, equally_good, fit_corners
-from msrr_perception.pose.target import YAW, TargetModel, pose_vector
+from msrr_perception.pose.corner_fit import (
+    CornerFit,
+    distinct,
+    equally_good,
+    fit_corners,
+    is_determined,
+    moment_along_yaw,
+    second_moment,
+)
+from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import TagDetection
-
-#: Range beyond the solutions and step in which a single tag's yaw is sampled, and the standard deviation with
-#: which the yaw is held at a sample [rad].
-_YAW_RANGE = 0.5
-_YAW_STEP = 0.035
-_YAW_HOLD = 1e-5
-
-#: Variance of the pose [m^2, rad^2] above which corners say nothing of it.
-_LARGEST_VARIANCE = 1e6
-
-#: Distance in standard deviations below which two solutions count as one.
-_SAME_SIGMAS = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +94,17 @@ def one_tag_poses(target: TargetModel, tag: TagDetection) -> tuple[SE2, ...]:
     return tuple(poses)
 
 
+def largest_tag(tags: Sequence[TagDetection]) -> TagDetection:
+    """Return the tag that is largest in the image; of two the one with the lower id."""
+    return max(tags, key=lambda tag: (_area(tag.corners), -tag.tag_id))
+
+
+def _area(corners: Array) -> float:
+    (a, b, c, d) = corners
+    p, q = c - a, d - b
+    return 0.5 * abs(float(p[0] * q[1] - p[1] * q[0]))
+
+
 def joint_pose(
     target: TargetModel, tags: Sequence[TagDetection], noise: CornerNoise = DEFAULT_CORNER_NOISE
 ) -> JointPose | None:
@@ -119,147 +125,36 @@ def joint_pose(
     if not known:
         return None
     seen = equally_good(target.layout, known, noise.corner_sigma_px)
-    largest = max(known, key=lambda t: (_area(t.corners), -t.tag_id))
     prior = np.zeros((5, 5))
     prior[3, 3] = prior[4, 4] = noise.tilt_sigma**-2
     fits = []
-    for start in one_tag_poses(target, largest):
+    for start in one_tag_poses(target, largest_tag(known)):
         vector = pose_vector(start)
         try:
             fit = fit_corners(target, target.layout, seen, vector, np.zeros(5), prior, max_iterations=40)
         except np.linalg.LinAlgError:  # there is no solution near this start; there may be one near the other
             continue
-        if _is_determined(fit):
+        if is_determined(fit):
             fits.append(fit)
     if not fits:
         return None
-    fits.sort(key=lambda f: f.cost)
-    pose = _report(fits, tuple(sorted(t.tag_id for t in known)))
-    if len(known) > 1 or (pose.alternative is None and pose.covariance[2, 2] < (0.2 * _YAW_STEP) ** 2):
-        return pose
-    spread = _covariance_along_yaw(target, seen, fits, prior)
-    if spread is None:
-        return None
-    # Where the yaw is known better than a step of the sampling, the curvature is right and the sum is coarse.
-    return pose if spread[2, 2] < _YAW_STEP**2 else replace(pose, covariance=spread)
+    fits = distinct(fits)
+    moment = second_moment(fits)
+    if len(known) == 1:
+        moment = moment_along_yaw(target, target.layout, seen, fits, np.zeros(5), prior)
+    return _report(fits, moment[:3, :3], tuple(sorted(t.tag_id for t in known)))
 
 
-def consistent_pose(
-    target: TargetModel,
-    tags: Sequence[TagDetection],
-    noise: CornerNoise = DEFAULT_CORNER_NOISE,
-    agree: Callable[[JointPose, Sequence[TagDetection]], bool] | None = None,
-) -> JointPose | None:
-    """Return the joint pose of tags that agree with each other, for a start without a prior.
-
-    Of three tags or more the one that disagrees is left out; of two that disagree neither can be trusted.
-
-    Args:
-        target: Camera and map of the tags.
-        tags: Detections; those of other units are ignored.
-        noise: Assumed noise of corners and tilt.
-        agree: Function that returns whether a pose explains its tags; None goes by its chi2.
-    """
-    known = [t for t in tags if t.tag_id in target.corners_D]
-
-    def fits(some: Sequence[TagDetection], pose: JointPose) -> bool:
-        return good_fit(pose.chi2, len(pose.tags)) if agree is None else agree(pose, some)
-
-    pose = joint_pose(target, known, noise)
-    if pose is None or fits(known, pose):
-        return pose
-    if len(known) < 3:
-        return None
-    best: JointPose | None = None
-    for odd in known:
-        rest = [t for t in known if t is not odd]
-        found = joint_pose(target, rest, noise)
-        if found is not None and fits(rest, found) and (best is None or found.chi2 < best.chi2):
-            best = found
-    return best
-
-
-def good_fit(chi2: float, tags: int) -> bool:
-    """Return whether the squared residuals of a pose are those of tags that agree.
-
-    Args:
-        chi2: Squared residuals of all corners by their covariance.
-        tags: Number of tags.
-    """
-    # The bound is above twice the degrees of freedom because rendered corners are not quite independent.
-    return chi2 <= 2.0 * (8 * tags - 3) + 12.0
-
-
-def _is_determined(fit: CornerFit) -> bool:
-    """Return whether a fit says where the unit is, which corners in an order that no tag has do not."""
-    if not (np.isfinite(fit.state).all() and np.isfinite(fit.covariance).all()):
-        return False
-    least, _, greatest = np.linalg.eigvalsh(fit.covariance[:3, :3]).tolist()
-    return bool(least > 0.0 and greatest < _LARGEST_VARIANCE)
-
-
-def _report(fits: list[CornerFit], tags: tuple[int, ...]) -> JointPose:
-    best = fits[0]
-    covariance, alternative, gap = best.covariance[:3, :3], None, math.inf
-    X_DU = SE2(*best.state[:3])
-    for other in fits[1:]:
-        d = other.state[:3] - best.state[:3]
-        d[2] = math.remainder(d[2], 2.0 * math.pi)
-        if float(d @ np.linalg.solve(covariance, d)) < _SAME_SIGMAS**2:
-            continue
-        alternative, gap = SE2(*other.state[:3]), other.cost - best.cost
-        # Second moment of the two-peaked posterior about the better peak.
-        w = 1.0 / (1.0 + math.exp(min(0.5 * gap, 500.0)))
-        covariance = (1.0 - w) * covariance + w * (other.covariance[:3, :3] + np.outer(d, d))
+def _report(fits: list[CornerFit], covariance: Array, tags: tuple[int, ...]) -> JointPose:
+    best, other = fits[0], (fits[1] if len(fits) > 1 else None)
     return JointPose(
-        X_DU=X_DU,
+        X_DU=SE2(*best.state[:3]),
         covariance=covariance,
         pitch=float(best.state[3]),
         roll=float(best.state[4]),
         tilt_covariance=best.covariance,
         chi2=best.chi2,
         tags=tags,
-        alternative=alternative,
-        gap=gap,
+        alternative=None if other is None else SE2(*other.state[:3]),
+        gap=math.inf if other is None else other.cost - best.cost,
     )
-
-
-def _covariance_along_yaw(
-    target: TargetModel, seen: Seen, fits: Sequence[CornerFit], prior: Array
-) -> Array | None:
-    """Return the second moment of (x, y, yaw) about the first fit, shape (3, 3), summed over the yaw.
-
-    A single flat tag seen from the front determines the yaw so poorly that the likelihood is not Gaussian: it
-    is flat or has two peaks, and its curvature at the best point is far too optimistic. So the yaw is
-    sampled, the other entries are solved for at each sample, and the moments are taken over all samples. None
-    when there is a solution at no sample, as for corners that are not those of a tag.
-    """
-    best = fits[0].state
-    turns = [math.remainder(float(f.state[YAW] - best[YAW]), 2.0 * math.pi) for f in fits]
-    held = prior.copy()
-    held[YAW, YAW] = _YAW_HOLD**-2
-    costs, moments = [], []
-    start = fits[int(np.argmin(turns))].state.copy()
-    for turn in np.arange(min(turns) - _YAW_RANGE, max(turns) + _YAW_RANGE, _YAW_STEP):
-        mean = np.zeros(5)
-        mean[YAW] = start[YAW] = best[YAW] + turn
-        try:
-            fit = fit_corners(target, target.layout, seen, start, mean, held, max_iterations=8)
-        except np.linalg.LinAlgError:  # at this yaw the corners explain nothing
-            continue
-        if not (math.isfinite(fit.cost) and np.isfinite(fit.covariance).all()):
-            continue
-        d = deviation(fit.state, best)[:3]
-        costs.append(fit.cost)
-        moments.append(fit.covariance[:3, :3] + np.outer(d, d))
-        start = fit.state.copy()
-    if not costs:
-        return None
-    weights = np.exp(-0.5 * (np.array(costs) - min(costs)))
-    return np.asarray(np.tensordot(weights / weights.sum(), np.array(moments), axes=1))
-
-
-def _area(corners: Array) -> float:
-    (a, b, c, d) = corners
-    p, q = c - a, d - b
-    return 0.5 * abs(float(p[0] * q[1] - p[1] * q[0]))

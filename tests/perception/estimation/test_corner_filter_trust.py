@@ -101,8 +101,8 @@ def test_the_first_covariance_is_inflated_by_the_given_factor(
     one, more = plain.estimate(0), inflated.estimate(0)
     assert one is not None
     assert more is not None
-    # Where edges look to be is an error of calibration, which is not inflated, and small.
-    np.testing.assert_allclose(more.covariance, inflation * one.covariance, rtol=0.02)
+    # Where edges look to be, and the tilt of the floor, are not inflated, and small.
+    np.testing.assert_allclose(more.covariance, inflation * one.covariance, rtol=0.05)
 
 
 def test_the_first_covariance_is_inflated_by_default(target: TargetModel, scene: Scene, see: See) -> None:

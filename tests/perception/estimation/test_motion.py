@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from msrr_perception.estimation.dock_frame import pose_in_D
@@ -29,9 +30,10 @@ def _wheels(left: np.ndarray, right: np.ndarray) -> WheelHistory:
 
 
 def _start(motion: DriveMotion, pose: SE2, history: WheelHistory) -> FilterState:
-    mean = np.array([pose.x, pose.y, pose.yaw, 0.0, 0.0])
-    P, by_errors = np.diag([1e-6, 1e-6, 1e-6, 1e-5, 1e-5]), np.zeros((5, 1))
-    return motion.initial(0, mean, P, history.angles_at(0), by_errors, motion.drawn)
+    drawn = motion.drawn
+    mean = np.concatenate([[pose.x, pose.y, pose.yaw, 0.0, 0.0], drawn.mean])
+    P = block_diag(np.diag([1e-6, 1e-6, 1e-6, 1e-5, 1e-5]), drawn.covariance)
+    return FilterState(0, mean, P, history.angles_at(0), 0)
 
 
 def test_odometry_alone_is_the_integral_on_se2(target: TargetModel) -> None:

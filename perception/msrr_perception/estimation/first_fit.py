@@ -1,0 +1,133 @@
+"""The first state of the corner filter: pose and errors of calibration, fitted at once to one exposure.
+
+With everything as drawn, few or small tags can put the pose off by so much that its dependence on the errors
+of calibration is another one there. So these are free in the fit, held by what is known of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from msrr_perception.estimation.knowledge import Knowledge
+from msrr_perception.kernels.calibrated import AT_REST
+from msrr_perception.kernels.corners import Seen, derivatives, roots_of_covariance
+from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
+from msrr_perception.pose.calibration import POSE_SIZE
+from msrr_perception.pose.corner_fit import (
+    CornerFit,
+    distinct,
+    equally_good,
+    fit_corners,
+    is_determined,
+    measured_corners,
+    moment_along_yaw,
+    second_moment,
+)
+from msrr_perception.pose.joint_pose import CornerNoise, joint_pose, largest_tag, one_tag_poses
+from msrr_perception.pose.target import TargetModel, pose_vector
+from msrr_scenes.arrays import Array
+from msrr_scenes.messages import TagDetection
+
+#: Largest number of linearisations, in which errors of calibration move as well.
+_ITERATIONS = 30
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StartingState:
+    """Mean and covariance of a first state, shapes (n,) and (n, n)."""
+
+    mean: Array
+    covariance: Array
+
+
+class _Found(NamedTuple):
+    """A first state, the cost of its fit, and whether that explains the tags."""
+
+    state: StartingState
+    cost: float
+    agrees: bool
+
+
+class FirstFit:
+    """Fits first states."""
+
+    def __init__(self, target: TargetModel, sheet: DataSheet, noise: CornerNoise, inflation: float) -> None:
+        """Set up for a target.
+
+        Args:
+            target: Camera, map of the tags, and tolerances.
+            sheet: What errors of corners depend on.
+            noise: Tilt of the floor, and errors of corners by which tags are said to agree.
+            inflation: Factor on the variances of corners: those of one exposure are alike.
+        """
+        self._target, self._layout = target, target.filter_layout
+        self._sheet, self._noise, self._inflation = sheet, noise, inflation
+
+    def state(self, tags: Sequence[TagDetection], known: Knowledge) -> StartingState | None:
+        """Return a first state; None if the tags determine none, or do not agree.
+
+        Of three tags or more the one that disagrees is left out; of two that disagree neither can be trusted.
+        Where the tags allow two poses, the covariance covers both by their odds.
+
+        Args:
+            tags: Tags of the target in one exposure.
+            known: What is known of drive and calibration.
+        """
+        found = self._fit(tags, known)
+        if found is not None and not found.agrees:
+            rests = [[t for t in tags if t is not odd] for odd in tags] if len(tags) > 2 else []
+            fitted = [fit for rest in rests if (fit := self._fit(rest, known)) is not None and fit.agrees]
+            found = min(fitted, key=lambda fit: fit.cost, default=None)
+        return None if found is None else found.state
+
+    def _fit(self, tags: Sequence[TagDetection], known: Knowledge) -> _Found | None:
+        """Return what a fit to some tags found; None if they determine nothing."""
+        pose = joint_pose(self._target, tags, self._noise)
+        if pose is None:
+            return None
+        target, layout, n = self._target, self._layout, POSE_SIZE + len(known.mean)
+        prior, information = np.concatenate([np.zeros(POSE_SIZE), known.mean]), np.zeros((n, n))
+        information[range(3, POSE_SIZE), range(3, POSE_SIZE)] = self._noise.tilt_sigma**-2
+        information[POSE_SIZE:, POSE_SIZE:] = np.linalg.inv(known.covariance)
+        starts = [pose_vector(pose.X_DU, pose.pitch, pose.roll)]
+        starts += [pose_vector(X_DU) for X_DU in one_tag_poses(target, largest_tag(tags))]
+        seen = self._seen(tags, np.concatenate([starts[0], known.mean]))
+        fits = list[CornerFit]()
+        for start in starts:
+            state = np.concatenate([start, known.mean])
+            try:
+                fit = fit_corners(target, layout, seen, state, prior, information, _ITERATIONS)
+            except np.linalg.LinAlgError:  # there is no solution near this start; there may be one elsewhere
+                continue
+            if is_determined(fit):
+                fits.append(fit)
+        if not fits:
+            return None
+        solutions = distinct(fits)
+        covariance = second_moment(solutions)
+        if len(tags) == 1:
+            covariance = moment_along_yaw(target, layout, seen, solutions, prior, information)
+        best = solutions[0]
+        return _Found(StartingState(best.state, covariance), best.cost, self._agree(tags, best))
+
+    def _seen(self, tags: Sequence[TagDetection], state: Array) -> Seen:
+        """Return measured corners with their covariances."""
+        which, corners, sigma_px = measured_corners(self._layout, tags)
+        variances = variances_of_corners(corners, sigma_px, self._sheet, self._inflation)
+        target = self._target
+        roots = roots_of_covariance(
+            target.optics, self._layout.tags, which, corners, AT_REST, state, variances, target.frame_period_s
+        )
+        return Seen(which, corners, roots, AT_REST)
+
+    def _agree(self, tags: Sequence[TagDetection], fit: CornerFit) -> bool:
+        """Return whether a solution explains the tags, with errors of calibration that there may be."""
+        seen = equally_good(self._layout, tags, self._noise.corner_sigma_px)
+        residuals, _ = derivatives(self._target.optics, self._layout.tags, seen, fit.state)
+        by_prior = fit.cost - fit.chi2
+        # The bound is above twice the degrees of freedom because rendered corners are not quite independent.
+        return float(residuals @ residuals) + by_prior <= 2.0 * (8 * len(tags) - 3) + 12.0
