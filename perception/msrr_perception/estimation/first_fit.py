@@ -14,13 +14,12 @@ import numpy as np
 
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.kernels.calibrated import AT_REST
-from msrr_perception.kernels.corners import Seen, derivatives, roots_of_covariance
+from msrr_perception.kernels.corners import Seen, roots_of_covariance
 from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
 from msrr_perception.pose.calibration import POSE_SIZE
 from msrr_perception.pose.corner_fit import (
     CornerFit,
     distinct,
-    equally_good,
     fit_corners,
     is_determined,
     measured_corners,
@@ -96,15 +95,16 @@ class FirstFit:
         starts = [pose_vector(pose.X_DU, pose.pitch, pose.roll)]
         starts += [pose_vector(X_DU) for X_DU in one_tag_poses(target, largest_tag(tags))]
         seen = self._seen(tags, np.concatenate([starts[0], known.mean]))
-        fits = list[CornerFit]()
-        for start in starts:
-            state = np.concatenate([start, known.mean])
+
+        def fit(corners: Seen, start: Array) -> CornerFit | None:
             try:
-                fit = fit_corners(target, layout, seen, state, prior, information, _ITERATIONS)
+                found = fit_corners(target, layout, corners, start, prior, information, _ITERATIONS)
             except np.linalg.LinAlgError:  # there is no solution near this start; there may be one elsewhere
-                continue
-            if is_determined(fit):
-                fits.append(fit)
+                return None
+            return found if is_determined(found) else None
+
+        states = [np.concatenate([start, known.mean]) for start in starts]
+        fits = [found for state in states if (found := fit(seen, state)) is not None]
         if not fits:
             return None
         solutions = distinct(fits)
@@ -112,22 +112,30 @@ class FirstFit:
         if len(tags) == 1:
             covariance = moment_along_yaw(target, layout, seen, solutions, prior, information)
         best = solutions[0]
-        return _Found(StartingState(best.state, covariance), best.cost, self._agree(tags, best))
+        # Tilt, motion and what surrounds a tag put corners off by more than they are weighed by.
+        loose = self._seen(tags, best.state, self._noise.corner_sigma_px)
+        agreed = fit(loose, best.state)
+        agree = agreed is not None and _is_good(agreed.cost, len(tags))
+        return _Found(StartingState(best.state, covariance), best.cost, agree)
 
-    def _seen(self, tags: Sequence[TagDetection], state: Array) -> Seen:
-        """Return measured corners with their covariances."""
+    def _seen(self, tags: Sequence[TagDetection], state: Array, more_px: float = 0.0) -> Seen:
+        """Return measured corners with their covariances, and with another independent deviation [px]."""
         which, corners, sigma_px = measured_corners(self._layout, tags)
         variances = variances_of_corners(corners, sigma_px, self._sheet, self._inflation)
+        variances = variances._replace(rest=variances.rest + more_px**2)
         target = self._target
         roots = roots_of_covariance(
             target.optics, self._layout.tags, which, corners, AT_REST, state, variances, target.frame_period_s
         )
         return Seen(which, corners, roots, AT_REST)
 
-    def _agree(self, tags: Sequence[TagDetection], fit: CornerFit) -> bool:
-        """Return whether a solution explains the tags, with errors of calibration that there may be."""
-        seen = equally_good(self._layout, tags, self._noise.corner_sigma_px)
-        residuals, _ = derivatives(self._target.optics, self._layout.tags, seen, fit.state)
-        by_prior = fit.cost - fit.chi2
-        # The bound is above twice the degrees of freedom because rendered corners are not quite independent.
-        return float(residuals @ residuals) + by_prior <= 2.0 * (8 * len(tags) - 3) + 12.0
+
+def _is_good(cost: float, tags: int) -> bool:
+    """Return whether the cost of a fit is that of tags that agree.
+
+    Args:
+        cost: Squared residuals of all corners and of what is known, by their covariances.
+        tags: Number of tags.
+    """
+    # The bound is above twice the degrees of freedom because rendered corners are not quite independent.
+    return cost <= 2.0 * (8 * tags - 3) + 12.0

@@ -25,7 +25,7 @@ X_DU = SE2(-0.6, 0.05, 0.1)
 EXPOSURE = Exposure("a/onboard", 0, 0)
 
 #: Errors of a camera's mount that are one standard deviation: x, y, z [m], roll, pitch, yaw [rad].
-MOUNT = (0.001, 0.001, 0.001, *[math.radians(0.3)] * 3)
+MOUNT = np.array([0.001, 0.001, 0.001, *[math.radians(0.3)] * 3])
 
 
 def _built(target: TargetModel, mount: Array) -> TargetModel:
@@ -76,11 +76,11 @@ def test_the_first_pose_by_corners_is_as_uncertain_as_it_is_wrong(
     fit with all as drawn, from which the errors were told to first order, had 13 and more.
     """
     sigma_px, rng = 0.25, np.random.default_rng(8)
-    told = replace(target, tolerances=replace(target.tolerances, camera=tuple(4.0 * s for s in MOUNT)))
+    told = replace(target, tolerances=replace(target.tolerances, camera=tuple((4.0 * MOUNT).tolist())))
     ids = target.port_tags[:count]
     squares = []
     for _ in range(150):
-        built = _built(target, 4.0 * np.array(MOUNT) * rng.normal(size=6))
+        built = _built(target, 4.0 * MOUNT * rng.normal(size=6))
         tags = tuple(
             replace(tag, corners=tag.corners + rng.normal(0.0, sigma_px, (4, 2)))
             for tag in _tags(built, project, ids)
@@ -120,6 +120,24 @@ def test_a_flat_tag_from_the_front_leaves_open_what_it_does_not_show(
         off = estimate.X_DU.as_array() - pose.as_array()
         squares.append(float(off @ np.linalg.solve(estimate.covariance, off)))
     assert 1.0 < np.mean(squares) < 3.8
+
+
+@pytest.mark.parametrize("sigma_px", [0.03, 0.1, 0.5, 1.5])
+def test_tags_that_are_as_good_as_their_edges_tell_start_a_state(
+    target: TargetModel, scene: Scene, project: Callable[..., Any], sigma_px: float
+) -> None:
+    """Robots waited for seconds before ports that they saw with small tags beside large ones."""
+    rng, told = (
+        np.random.default_rng(4),
+        replace(target, tolerances=replace(target.tolerances, camera=tuple(MOUNT.tolist()))),
+    )
+    for _ in range(40):
+        tags = []
+        for k, tag in enumerate(_tags(_built(target, MOUNT * rng.normal(size=6)), project, target.port_tags)):
+            sigma = sigma_px if k else 0.03
+            off = rng.normal(0.0, sigma, (4, 2))
+            tags.append(replace(tag, corners=tag.corners + off, corner_sigma_px=(sigma,) * 4))
+        assert _first(told, scene, tags) is not None
 
 
 def test_a_tag_in_the_wrong_place_is_left_out(
