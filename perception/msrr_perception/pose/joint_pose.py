@@ -53,7 +53,6 @@ class JointPose:
             it covers both solutions where the tags allow two.
         pitch: Most likely pitch [rad].
         roll: Most likely roll [rad].
-        tilt_covariance: Covariance of (x, y, yaw, pitch, roll) about the chosen solution, shape (5, 5).
         chi2: Sum of the squared residuals over sigma^2, with 8 coordinates per tag.
         tags: Ids of the tags used.
         alternative: The other solution, where the tags allow two that lie apart.
@@ -64,7 +63,6 @@ class JointPose:
     covariance: Array
     pitch: float
     roll: float
-    tilt_covariance: Array
     chi2: float
     tags: tuple[int, ...]
     alternative: SE2 | None
@@ -152,7 +150,6 @@ def _report(fits: list[CornerFit], covariance: Array, tags: tuple[int, ...]) -> 
         covariance=covariance,
         pitch=float(best.state[3]),
         roll=float(best.state[4]),
-        tilt_covariance=best.covariance,
         chi2=best.chi2,
         tags=tags,
         alternative=None if other is None else SE2(*other.state[:3]),
