@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import socket
 import struct
 import threading
@@ -26,7 +27,11 @@ Record = Callable[..., None]
 
 
 async def first_of(url: str, wanted: dict[str, int]) -> dict[str, list[bytes]]:
-    """Subscribe to topics, and return as many messages of each as are wanted."""
+    """Subscribe to topics, and return as many messages of each as are wanted.
+
+    The SDK (0.30) sends the advertisement of a channel before it enters the channel in the list of what this
+    client may subscribe to. It refuses a subscription that comes in between, which is then sent again.
+    """
     connection = await websocket_connect(url, subprotocols=["foxglove.sdk.v1"])
     topics: dict[int, str] = {}
     got: dict[str, list[bytes]] = {topic: [] for topic in wanted}
@@ -39,11 +44,18 @@ async def first_of(url: str, wanted: dict[str, int]) -> dict[str, list[bytes]]:
             got[topics[subscription]].append(message[13:])
             continue
         told = json.loads(message)
-        for channel in told.get("channels", ()) if told["op"] == "advertise" else ():
-            if channel["topic"] in wanted:
-                topics[channel["id"]] = channel["topic"]
-                asked = {"id": channel["id"], "channelId": channel["id"]}
-                await connection.write_message(json.dumps({"op": "subscribe", "subscriptions": [asked]}))
+        subscribe_to: list[int] = []
+        if told["op"] == "advertise":
+            new = {channel["id"]: channel["topic"] for channel in told["channels"]}
+            subscribe_to = [channel for channel, topic in new.items() if topic in wanted]
+            topics |= new
+        elif told["op"] == "status":
+            refused = re.fullmatch(r"Unknown channel ID: (\d+)", told["message"])
+            assert refused, told
+            subscribe_to = [int(refused[1])]
+        for channel in subscribe_to:
+            asked = {"id": channel, "channelId": channel}
+            await connection.write_message(json.dumps({"op": "subscribe", "subscriptions": [asked]}))
     connection.close()
     return got
 
