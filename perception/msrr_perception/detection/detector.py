@@ -55,6 +55,10 @@ _CONTRAST, _SEARCH_CONTRAST = 30, 90
 #: that of a tile and its eight neighbours; of 144 pixels the range exceeds this in 6 of 1000 cases.
 _NOISE_SIGMAS = 7.0
 
+#: Largest contrast that is asked for on account of noise [grey levels]: tiles of tags have more. With a limit
+#: beyond what 8 bits can differ by, no tag at all would be found.
+_MOST_CONTRAST = 128
+
 
 class Detector(Protocol):
     """An object that finds tags in one window of one frame."""
@@ -165,9 +169,10 @@ class PupilDetector(RefiningDetector):
     def for_noise(self, noise_grey: float) -> PupilDetector:
         """Return a detector that skips tiles whose contrast may be noise, unless a contrast was given.
 
-        It finds the same tags: those have the contrast of their modules beside that of the noise.
+        It finds the same tags: those have the contrast of their modules beside that of the noise. With more
+        noise than 18 grey levels the search lets tiles of noise through, and takes longer.
         """
-        contrast = math.ceil(_NOISE_SIGMAS * noise_grey)
+        contrast = min(math.ceil(_NOISE_SIGMAS * noise_grey), _MOST_CONTRAST)
         if self._contrast_is_given or contrast <= self.settings.min_white_black_diff:
             return self
         noisy = copy(self)
