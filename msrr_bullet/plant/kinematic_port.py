@@ -25,9 +25,9 @@ _AT_MOUTH = 1e-9
 #: Deviation up to which a start pose in the funnel is taken to lie in it [m, rad].
 _START_TOLERANCE = 1e-5
 
-#: Lateral error short of the edge of the mouth from which pins may jam in PyBullet [m], and the yaw error up
-#: to which those of the shipped unit do not.
-_JAMS_M, _YAW_RAD = 0.002, math.radians(8.0)
+#: Share of the way from the middle of a mouth to its edge, and yaw error, up to which the pins of the shipped
+#: unit do not jam in PyBullet. Those of a mechanism of another size jam at the same share.
+_CAPTURE_SHARE, _YAW_RAD = 13.0 / 15.0, math.radians(8.0)
 
 #: A point of a unit that is this close to the plane of a port's face is part of the face [m].
 _FACE_DEPTH = 1e-3
@@ -50,7 +50,7 @@ class CaptureRange:
     @classmethod
     def of(cls, mechanism: PinAndHole) -> CaptureRange:
         """Return the range in which a pair of ports docks without jamming."""
-        return cls(round(mechanism.mouth - _JAMS_M, 6), _YAW_RAD, mechanism.play)
+        return cls(round(_CAPTURE_SHARE * mechanism.mouth, 6), _YAW_RAD, mechanism.play)
 
 
 def face_half_width(geometry: UnitGeometry, port: str) -> float:

@@ -138,9 +138,7 @@ def dock(c: DockingContext) -> Twist | Transition:
         return twist
     if view.gap > _IN_HOLES * c.setup.pin_reach:
         off_yaw, off_lateral = abs(view.yaw), abs(view.lateral - c.aim.lateral)
-        if off_lateral > c.setup.mouth - tuning.capture_margin_m or off_yaw > math.radians(
-            tuning.capture_deg
-        ):
+        if off_lateral > tuning.capture_share * c.setup.mouth or off_yaw > math.radians(tuning.capture_deg):
             return _fail(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
     turn = min(max(twist.w, -tuning.press_turn_radps), tuning.press_turn_radps)
     one_closed = switches is not None and switches.left != switches.right

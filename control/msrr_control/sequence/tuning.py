@@ -45,8 +45,8 @@ class PhaseTuning(Spec):
         ready_time_s: Time for which a target may be seen, but uncertain or outside the cone, before the
             attempt ends; a search in between does not count.
         contact_m: Gap beyond the pins' length at which pressing replaces the controller.
-        capture_margin_m: Distance from the edges of the mouths within which pins may jam instead of being
-            centred.
+        capture_share: Share of the way from the middle of a mouth to its edge from which the funnel still
+            centres a pin; nearer to the edge it may jam.
         capture_deg: Largest heading error from which the funnel still centres the pins.
         press_turn_radps: Largest turn rate while pressing.
         askew_s: Time for which one seat switch alone may be closed before the unit turns the other pin in.
@@ -73,7 +73,7 @@ class PhaseTuning(Spec):
     ready_sigma_deg: Tolerance = 3.0
     ready_time_s: Duration = 6.0
     contact_m: Length = 0.003
-    capture_margin_m: Length = 0.003
+    capture_share: float = Field(default=0.8, gt=0.0, le=1.0)
     capture_deg: Tolerance = 7.0
     press_turn_radps: NonNegative = 0.4
     askew_s: Time = 0.5

@@ -9,6 +9,7 @@ import pytest
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.plant.kinematic_port import CaptureRange, face_half_width
 from msrr_scenes.as_built import as_drawn
+from msrr_scenes.geometry.pin_and_hole import PinAndHole
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
 from msrr_scenes.random_streams import stream
@@ -107,6 +108,12 @@ def test_pins_in_the_funnel_at_first_are_held_there(bench) -> None:
         b.drive(0.05, 1.0)
         assert b.plant.switches("a") == (True, True)
         assert b.gap == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("mouth", [0.0005, 0.002, 0.015, 0.03])
+def test_pins_enter_mouths_of_any_width_before_they_reach_their_edges(mouth: float) -> None:
+    capture = CaptureRange.of(PinAndHole(pin_length=MOUTH_M, mouth=mouth, play=0.0004))
+    assert 0.8 * mouth < capture.lateral_m < mouth
 
 
 @pytest.mark.parametrize(("lateral_mm", "yaw_deg"), [(12.0, 0.0), (-12.0, 7.0), (2.0, -7.5)])

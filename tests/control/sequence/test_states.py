@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ from msrr_scenes.specs.spec import Choice
 DT_NS = 20_000_000
 SURE = np.diag([1e-6, 1e-6, 1e-6])
 TUNING = PhaseTuning()
-CAPTURE_M = 0.015 - TUNING.capture_margin_m  # that of `facts`, less the margin
+CAPTURE_M = TUNING.capture_share * 0.015  # of the mouths of `facts`
 SIGHTLESS = DockingSpec(verify=VerifySpec(by_sight=False))
 
 
@@ -259,6 +259,14 @@ def test_it_presses_only_from_where_the_funnel_captures(
     else:
         assert action.phase is Phase.RETREAT
         assert desk.machine.belief.setback is FailureReason.OFF_AXIS
+
+
+@pytest.mark.parametrize("mouth", [0.0005, 0.003, 0.04])
+def test_it_presses_on_the_axis_of_mouths_of_any_width(facts: DockSetup, mouth: float) -> None:
+    desk = Desk(replace(facts, mouth=mouth))
+    desk.to_dock()
+    for lateral, phase in ((0.7 * mouth, Phase.DOCK), (mouth, Phase.RETREAT)):
+        assert desk.ask(desk.at(facts.pin_reach, lateral, 0.0), closed=False).phase is phase
 
 
 def test_pins_in_the_holes_are_pressed_whatever_sight_says_of_the_side(desk: Desk) -> None:
