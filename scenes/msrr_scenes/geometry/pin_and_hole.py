@@ -13,7 +13,7 @@ import numpy as np
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.solid import convex_hull
+from msrr_scenes.geometry.solid import hull_or_line
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 
 #: What a port without drawn holes is taken to tolerate: as much as that of the shipped unit [m].
@@ -117,8 +117,9 @@ def _measure(unit: UnitGeometry, port: str, target: UnitGeometry, target_port: s
 def _fit(pin: list[Array], walls: list[Array], middle: float, length: float) -> tuple[float, float]:
     """Return by how much a hole is wider than a pin, to each side: at its mouth for the tip, and all along.
 
-    Both are infinite if the hole has no walls. All widths change linearly between the corners of the
-    sections, so that the narrowest place is at the depth of a corner.
+    Both are infinite if the hole has no walls, or if the pin does not stand out of the face.
+    All widths change linearly between the corners of the sections, so that the narrowest place is at the
+    depth of a corner.
 
     Args:
         pin: Sections of the parts of the pin in P, each of shape (N, 2) [m].
@@ -134,15 +135,18 @@ def _fit(pin: list[Array], walls: list[Array], middle: float, length: float) -> 
         room = np.fmin(room, np.where(low + high > 2.0 * middle, low - middle, middle - high))
     lows, highs = zip(*(_extent(part, depths) for part in pin), strict=True)
     half = 0.5 * (np.fmax.reduce(highs) - np.fmin.reduce(lows))
+    reached = half[np.isfinite(half)]  # a pin may end before the longest one
+    if not len(reached):
+        return math.inf, math.inf
     mouth = next((float(r) for r in room if math.isfinite(r)), math.inf)
-    return mouth - float(half[-1]), float(np.fmin.reduce(room - half))
+    return mouth - float(reached[-1]), float(np.fmin.reduce(room - half))
 
 
 def _extent(section: Array, depths: Array) -> tuple[Array, Array]:
     """Return the lowest and the highest y of a convex section at each depth [m], NaN where it does not reach.
 
     Args:
-        section: Corners of the section, counter-clockwise, shape (N, 2) [m].
+        section: Corners of the section, counter-clockwise, shape (N, 2) [m]; two if it is a line.
         depths: Values of x, shape (K,) [m].
     """
     first, last = section[:, 0].min(), section[:, 0].max()
@@ -152,6 +156,7 @@ def _extent(section: Array, depths: Array) -> tuple[Array, Array]:
     p, q = section, np.roll(section, -1, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (at[:, None] - p[:, 0]) / (q[:, 0] - p[:, 0])
+    share[np.isnan(share)] = 0.0  # a line across x is all at the depth
     y = np.where(np.abs(share - 0.5) <= 0.5 + _ROUNDING, p[:, 1] + share * (q[:, 1] - p[:, 1]), math.nan)
     y[~inside] = math.nan
     return np.fmin.reduce(y, axis=1), np.fmax.reduce(y, axis=1)
@@ -170,14 +175,15 @@ def _sections(
         depth: Largest depth [m].
 
     Returns:
-        For each shape the corners of its section in F, counter-clockwise, shape (N, 2) [m].
+        For each shape the corners of its section in F, counter-clockwise, shape (N, 2) [m]; two of one that
+        is flat or touches the height.
     """
     found = []
     for solid in unit.solids:
         points = X_FU.act(solid.points()) if solid.link in links else np.empty((0, 3))
         low, high = points.min(axis=0, initial=math.inf), points.max(axis=0, initial=-math.inf)
         if low[0] <= depth and high[0] >= 0.0 and low[2] < height < high[2]:
-            found.append(convex_hull(_section(points, height)))
+            found.append(hull_or_line(_section(points, height)))
     return found
 
 
@@ -192,7 +198,10 @@ def _section(points: Array, height: float) -> Array:
         # Its import takes longer than all that is computed here.
         from scipy.spatial import ConvexHull
 
-        points = points[ConvexHull(points).vertices]
+        # Flat shapes have no hull; with what is added about the middle, which is inside others, they do.
+        about = points.mean(axis=0) + _WITHIN_M * np.concatenate([np.eye(3), -np.eye(3)])
+        kept = ConvexHull(np.concatenate([points, about])).vertices
+        points = points[kept[kept < len(points)]]
     below, above = points[points[:, 2] < height], points[points[:, 2] >= height]
     p, q = below[:, None], above[None]
     share = (height - p[..., 2]) / (q[..., 2] - p[..., 2])

@@ -130,17 +130,27 @@ def sizes_of(link: str, shape: Element) -> tuple[float, ...]:
 def convex_hull(points: Array) -> Array:
     """Return the convex hull of ``points``, shape (N, 2) [m], as its vertices counter-clockwise.
 
-    Andrew's monotone chain. The first vertex is the leftmost, the upper one of two. To import SciPy's hull
-    takes longer than all that a check of a scene computes.
+    The first vertex is the leftmost, the upper one of two.
 
     Raises:
         GeometryError: All points are on one line.
     """
-    rightwards = points[np.lexsort((-points[:, 1], points[:, 0]))].tolist()
-    hull = np.array(_lower_chain(rightwards)[:-1] + _lower_chain(rightwards[::-1])[:-1])
+    hull = hull_or_line(points)
     if len(hull) < 3:
         raise GeometryError(f"the convex hull of {len(points)} points on one line has no area")
     return hull
+
+
+def hull_or_line(points: Array) -> Array:
+    """Return the convex hull as :func:`convex_hull` does, or the two ends if all points are on one line.
+
+    Andrew's monotone chain. To import SciPy's hull takes longer than all that a check of a scene computes.
+
+    Args:
+        points: Two points or more, shape (N, 2) [m].
+    """
+    rightwards = points[np.lexsort((-points[:, 1], points[:, 0]))].tolist()
+    return np.array(_lower_chain(rightwards)[:-1] + _lower_chain(rightwards[::-1])[:-1])
 
 
 def _lower_chain(points: list[list[float]]) -> list[list[float]]:

@@ -127,6 +127,46 @@ def test_round_pins_and_pins_from_a_mesh_are_as_wide_as_they_are(tmp_path: Path)
     assert pin_length(with_pins(drawn), "front") == pytest.approx(LENGTH, abs=1e-8)
 
 
+@pytest.mark.parametrize("thick_first", [False, True])
+def test_a_pin_that_is_shorter_than_another_one_passes_the_mouth_by_its_own_tip(thick_first: bool) -> None:
+    """15 mm long and 20 mm wide in a hole of 20 mm, beside one of 20 mm and 12 mm."""
+    walls = [box("body", at(0.02, sign * 0.02), 0.04, 0.02, 0.03) for sign in (-1, 1)]
+    thick = box("pin_right", at(0.0075, 0.0), 0.015, 0.02, 0.01)
+    pins = (thick, PIN) if thick_first else (PIN, thick)
+    assert measured(with_pins(*pins), with_hole(*walls)) == (0.0, 0.0)
+
+
+def test_a_tip_above_the_middle_of_a_pin_does_not_hide_the_pin() -> None:
+    walls = [box("body", at(0.02, sign * 0.02), 0.04, 0.02, 0.03) for sign in (-1, 1)]
+    tip = box("pin_left", at(LENGTH + 0.004, 0.0, z=Z + 0.01), 0.01, 0.004, 0.004)
+    assert measured(with_pins(PIN, tip), with_hole(*walls)) == (0.004, 0.004)
+
+
+@pytest.mark.parametrize("count", [4, 400])
+@pytest.mark.parametrize("across", [False, True])
+def test_a_flat_mesh_is_a_wall(tmp_path: Path, count: int, across: bool) -> None:
+    """Sheets along both sides of a hole, or one across it, of a few points or of many."""
+    edges = [[0.0, -0.02], [0.04, -0.02], [0.04, 0.02], [0.0, 0.02]]
+    inside = np.random.default_rng(2).uniform([0.0, -0.02], [0.04, 0.02], (count - 4, 2))
+    along, up = np.concatenate([edges, inside]).T
+    (tmp_path / "sheet.obj").write_text("".join(f"v {x} 0 {z}\n" for x, z in zip(along, up, strict=True)))
+
+    def sheet(X: SE3) -> Solid:
+        return Solid("body", "mesh", X, (1.0, 1.0, 1.0), tmp_path / "sheet.obj")
+
+    walls = [sheet(at(0.0, sign * 0.01)) for sign in (-1, 1)]
+    if across:
+        walls = [sheet(at(0.01, -0.02, yaw=0.5 * math.pi))]
+    room = -0.026 if across else 0.004
+    assert measured(with_pins(PIN), with_hole(*walls)) == pytest.approx((room, room), abs=1e-6)
+
+
+@pytest.mark.parametrize("touch_m", [1e-4, 1e-7, 1e-12])
+def test_a_ball_that_touches_the_middle_of_the_pins_is_in_their_way(touch_m: float) -> None:
+    ball = Solid("body", "sphere", at(0.01, 0.0, z=Z - 0.01 + touch_m), (0.01,))
+    assert measured(with_pins(PIN), with_hole(ball))[1] <= -0.006
+
+
 def test_without_drawn_holes_it_is_the_shipped_mechanism_and_without_pins_none() -> None:
     assert measured(with_pins(PIN), with_hole()) == (0.015, 0.0015)
     with pytest.raises(GeometryError, match="a unit docks by pins"):
