@@ -10,8 +10,8 @@ import numpy as np
 
 from msrr_bullet.render.raster.mesh import Mesh
 from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.mesh_points import stl_corners
 from msrr_scenes.geometry.obj_file import image_beside, material_images, material_library, obj_lines
-from msrr_scenes.geometry.stl_file import stl_corners
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.mesh_points import obj_vertices
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.urdf_tree import urdf_origin
 
@@ -164,15 +165,6 @@ def _lower_chain(points: list[list[float]]) -> list[list[float]]:
             chain.pop()
         chain.append([x, y])
     return chain
-
-
-def obj_vertices(path: Path) -> Array:
-    """Return the vertices of an OBJ file, shape (N, 3), in the units of the file."""
-    lines = (line.split() for line in path.read_text(errors="replace").splitlines())
-    rows = [words[1:4] for words in lines if words[:1] == ["v"]]
-    if not rows:
-        raise GeometryError(f"{path}: no vertices in this mesh")
-    return np.array(rows, dtype=np.float64)
 
 
 def _circle() -> Array:

@@ -13,8 +13,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from msrr_scenes.errors import GeometryError
-from msrr_scenes.geometry.solid import PRIMITIVES, obj_vertices, sizes_of
-from msrr_scenes.geometry.stl_file import stl_corners
+from msrr_scenes.geometry.mesh_points import mesh_points
+from msrr_scenes.geometry.solid import PRIMITIVES, sizes_of
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import urdf_origin
 
@@ -57,9 +57,9 @@ def _too_large(link: str, holder: Element, arena_m: float) -> str | None:
     else:
         mesh = Path(shape.attrib["filename"])
         try:
-            points = obj_vertices(mesh) if mesh.suffix.lower() == ".obj" else stl_corners(mesh)
-        except ValueError as error:
-            return f"link {link!r}: {mesh}: malformed mesh: {error}"
+            points = mesh_points(mesh)
+        except GeometryError as error:
+            return f"link {link!r}: {error}"
         longest = float(np.max(np.ptp(points, axis=0) * np.abs(sizes)))
         mend = (
             f'a mesh drawn in millimetres needs scale="0.001 0.001 0.001", found {shape.get("scale", "none")}'

@@ -15,9 +15,9 @@ from msrr_bullet.simulation.tag_plates import load_tag_plate, write_plate
 from msrr_bullet.tag_print import plate_texture
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.detection.native_apriltag import DetectorError, tag_bitmap
+from msrr_scenes.geometry.mesh_points import obj_vertices
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.solid import obj_vertices
 from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.specs.tag_families import FAMILIES, TAG36H11
 

@@ -229,10 +229,11 @@ def test_a_class_that_fails_is_refused_by_check_and_an_outcome_of_dock(
 
 def test_a_mesh_that_the_cameras_could_not_draw_is_refused(tmp_path: Path) -> None:
     """The check accepted it, and the first picture of a trial did not."""
-    (tmp_path / "hood.stl").write_text("solid\nendsolid\n")
-    hood = '<visual><geometry><mesh filename="hood.stl"/></geometry></visual></link>'
+    (tmp_path / "hood.obj").write_text("v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\n")
+    hood = '<visual><geometry><mesh filename="hood.obj"/></geometry></visual></link>'
     text = (urdf_folder() / "unit.urdf").read_text()
     (tmp_path / "mine.urdf").write_text(text.replace("</link>", hood, 1))
     own = {"units.a.urdf": str(tmp_path / "mine.urdf"), "cameras.overhead": "null"}
-    with pytest.raises(SceneError, match=r"hood\.stl: malformed mesh: no triangles"):
-        check_trial(load_scene("close_range", own))
+    scene = load_scene("close_range", own)
+    with pytest.raises(SceneError, match=r"hood\.obj: malformed mesh: no faces"):
+        check_trial(scene)

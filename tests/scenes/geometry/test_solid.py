@@ -8,8 +8,9 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.mesh_points import obj_vertices
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.solid import Solid, convex_hull, obj_vertices
+from msrr_scenes.geometry.solid import Solid, convex_hull
 
 X_UG = SE3.from_xyz_rpy([0.1, -0.2, 0.3], [0.0, 0.0, 0.5])
 

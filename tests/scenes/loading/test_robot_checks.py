@@ -202,6 +202,27 @@ def test_a_malformed_place_of_a_part_is_named_with_its_link(part: str, tmp_path:
 
 
 @pytest.mark.parametrize(
+    ("mesh", "holder", "data", "says"),
+    [
+        ("hood.obj", "visual", "f 1 2 3\n", "no vertices"),
+        ("hood.obj", "visual", "v 0 0\nv 1 0\nv 0 1\n", "a point in it is not three finite numbers"),
+        ("hood.obj", "visual", "v 0 0 0\nv 1 0 nan\nv 0 1 0\n", "a point in it is not three finite"),
+        ("hood.obj", "collision", "v 0 0\nv 1 0\nv 0 1\n", "a point in it is not three finite numbers"),
+        ("hood.obj", "collision", "v 0 0 0\nv 1 0\nv 0 1 0\n", "a point in it is not three finite"),
+        ("hood.stl", "visual", "solid\nendsolid\n", "no triangles"),
+        ("hood.stl", "visual", "vertex 0 0 0\nvertex 1 0\nvertex 0 1 0\n", "a point in it is not three"),
+        ("hood.stl", "visual", 4 * "vertex 0 0 0\n", "no triangles"),
+    ],
+)
+def test_a_malformed_mesh_is_named(mesh: str, holder: str, data: str, says: str, tmp_path: Path) -> None:
+    (tmp_path / mesh).write_text(data)
+    part = f'<{holder}><geometry><mesh filename="{mesh}"/></geometry></{holder}>'
+    (tmp_path / "drawn.urdf").write_text(ROUND.read_text().replace('"base_link">', f'"base_link">{part}', 1))
+    with pytest.raises(SceneError, match=rf"units\.a\.urdf: .*{re.escape(mesh)}: .*{says}"):
+        load_scene("round_robots", {"units.a.urdf": str(tmp_path / "drawn.urdf")})
+
+
+@pytest.mark.parametrize(
     ("link", "holder", "drawn", "says"),
     [
         ("lid_link", "visual", '<mesh filename="hood.stl"/>', "the <visual> hood.stl is 240 m long"),

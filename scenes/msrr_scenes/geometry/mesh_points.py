@@ -1,0 +1,62 @@
+"""The points of mesh files: vertices of Wavefront OBJ, corners of the triangles of STL, binary or text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from msrr_scenes.arrays import Array
+from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.obj_file import obj_lines
+
+
+def mesh_points(path: Path) -> Array:
+    """Return the points of an OBJ or STL file, shape (N, 3), in the units of the file.
+
+    Raises:
+        GeometryError: The file is malformed.
+    """
+    return obj_vertices(path) if path.suffix.lower() == ".obj" else stl_corners(path)
+
+
+def obj_vertices(path: Path) -> Array:
+    """Return the vertices of an OBJ file, shape (N, 3), in the units of the file.
+
+    Raises:
+        GeometryError: There are none, or one of them is not three finite numbers.
+    """
+    rows = [words[1:4] for words in obj_lines(path) if words[0] == "v"]
+    if not rows:
+        raise GeometryError(f"{path}: no vertices in this mesh")
+    return _points(path, rows)
+
+
+def stl_corners(path: Path) -> Array:
+    """Return the corners of the triangles of an STL file, shape (3 N, 3), in the units of the file.
+
+    Raises:
+        GeometryError: There is no triangle, or a corner is not three finite numbers.
+    """
+    data = path.read_bytes()
+    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    count = int(np.frombuffer(data[80:84], "<u4")[0]) if len(data) >= 84 else -1
+    rows: Array | list[list[str]]
+    if len(data) == 84 + count * record.itemsize:
+        rows = np.frombuffer(data[84:], record)["corners"].reshape(-1, 3)
+    else:
+        text = (line.split() for line in data.decode("ascii", "replace").splitlines())
+        rows = [words[1:4] for words in text if words[:1] == ["vertex"]]
+    if len(rows) == 0 or len(rows) % 3:
+        raise GeometryError(f"{path}: malformed mesh: no triangles")
+    return _points(path, rows)
+
+
+def _points(path: Path, rows: Array | list[list[str]]) -> Array:
+    try:
+        points = np.array(rows, dtype=np.float64)
+    except ValueError:  # of a word, or of rows of different lengths
+        points = np.empty(0)
+    if points.shape != (len(rows), 3) or not np.isfinite(points).all():
+        raise GeometryError(f"{path}: malformed mesh: a point in it is not three finite numbers")
+    return points
