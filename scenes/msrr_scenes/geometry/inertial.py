@@ -9,7 +9,7 @@ import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.urdf_tree import LinkTree, urdf_origin
+from msrr_scenes.geometry.urdf_tree import LinkTree, one_number, urdf_origin
 
 #: Attributes of an ``<inertia>``: the upper triangle of the matrix, row by row.
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -34,18 +34,14 @@ class Inertial:
         """Read an ``<inertial>``; None has no mass.
 
         Raises:
-            GeometryError: The origin is malformed.
-            ValueError: Another value is no number.
-            KeyError: A ``<mass>`` has no value.
+            GeometryError: A value in it is no number.
         """
         if inertial is None:
             return cls(0.0, np.zeros(3), np.zeros((3, 3)))
         X_LI = urdf_origin(inertial.find("origin"))
         mass, inertia = inertial.find("mass"), inertial.find("inertia")
-        m = 0.0 if mass is None else float(mass.attrib["value"])
-        xx, xy, xz, yy, yz, zz = (
-            0.0 if inertia is None else float(inertia.get(name, "0")) for name in INERTIA
-        )
+        m = 0.0 if mass is None else one_number(mass, "value")
+        xx, xy, xz, yy, yz, zz = (0.0 if inertia is None else one_number(inertia, name) for name in INERTIA)
         J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         return cls(m, X_LI.p, X_LI.R @ J @ X_LI.R.T)
 

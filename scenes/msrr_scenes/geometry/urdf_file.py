@@ -73,7 +73,7 @@ def named_file(urdf: Path, name: str) -> Path:
 
 
 def _check_joints(path: Path, root: Element) -> None:
-    """Refuse a joint with a missing link or a malformed origin, before a frame map adds links.
+    """Refuse a joint with a missing link, a malformed origin or no name, before a frame map adds links.
 
     Raises:
         GeometryError: There is one.
@@ -87,11 +87,13 @@ def _check_joints(path: Path, root: Element) -> None:
                     f"{path}: joint {joint.get('name')!r} names the link {name!r} as its {end.tag}, which is "
                     f"not in the file{nearest(name, links)} Links: {', '.join(links)}"
                 )
+        child = joint.find("child")
+        link = None if child is None else child.get("link")
+        if not joint.get("name"):
+            raise GeometryError(f"{path}: link {link!r}: the joint that carries it has no name; give it one")
         try:
             urdf_origin(joint.find("origin"))
         except GeometryError as error:
-            child = joint.find("child")
-            link = None if child is None else child.get("link")
             raise GeometryError(f"{path}: link {link!r}: joint {joint.get('name')!r}: {error}") from None
 
 

@@ -28,13 +28,26 @@ def three_numbers(element: Element, key: str) -> list[float]:
     Raises:
         GeometryError: It has something else than three finite numbers.
     """
-    text = element.get(key, "0 0 0")
+    return _numbers(element, key, 3, "three numbers")
+
+
+def one_number(element: Element, key: str) -> float:
+    """Return the number of an attribute of a URDF; 0 if it is not there.
+
+    Raises:
+        GeometryError: It has something else than one finite number.
+    """
+    return _numbers(element, key, 1, "a number")[0]
+
+
+def _numbers(element: Element, key: str, count: int, wanted: str) -> list[float]:
+    text = element.get(key, " ".join(count * "0"))
     try:
         numbers = [float(word) for word in text.split()]
     except ValueError:
         numbers = []
-    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
-        raise GeometryError(f"an <{element.tag}> needs three numbers as its {key}, found {text!r}")
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise GeometryError(f"the {key} of <{element.tag}> has to be {wanted}, found {text!r}")
     return numbers
 
 

@@ -130,8 +130,8 @@ def _impossible_inertia(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
         for name in names:
             try:
                 each[name] = Inertial.of(tree.links[name].find("inertial"))
-            except (GeometryError, ValueError, KeyError):
-                return (_Mistake(f"link {named.get(name, name)!r}: <inertial>: a value in it is no number"),)
+            except GeometryError as error:
+                return (_Mistake(f"link {named.get(name, name)!r}: <inertial>: {error}"),)
             whole += each[name].in_frame(tree.pose(name))
         if whole.mass > 0.0 and not _is_possible(whole):
             # One that is impossible by itself is to blame, or else a body of links that have no inertia.

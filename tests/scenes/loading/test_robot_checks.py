@@ -197,7 +197,20 @@ def test_a_malformed_place_of_a_part_is_named_with_its_link(part: str, tmp_path:
     assert origin is not None
     origin.set("xyz", "0 0 zero")
     tree.write(tmp_path / "bad.urdf")
-    with pytest.raises(SceneError, match=rf"bad\.urdf: link 'left_wheel_link': <{part}>"):
+    says = rf"bad\.urdf: link 'left_wheel_link': <{part}>: the xyz of <origin> .*, found '0 0 zero'"
+    with pytest.raises(SceneError, match=says):
+        load_scene("round_robots", {"units.a.urdf": str(tmp_path / "bad.urdf")})
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "", "1 2", "1e-4 kg"])
+def test_a_malformed_moment_of_inertia_is_named_with_its_link(value: str, tmp_path: Path) -> None:
+    tree = ElementTree.parse(ROUND)
+    inertia = tree.getroot().find("link[@name='left_wheel_link']/inertial/inertia")
+    assert inertia is not None
+    inertia.set("iyy", value)
+    tree.write(tmp_path / "bad.urdf")
+    says = rf"link 'left_wheel_link': <inertial>: the iyy of <inertia> has to be a number, found '{value}'"
+    with pytest.raises(SceneError, match=says):
         load_scene("round_robots", {"units.a.urdf": str(tmp_path / "bad.urdf")})
 
 
