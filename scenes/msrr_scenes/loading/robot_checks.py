@@ -213,7 +213,7 @@ def _backward(geometry: UnitGeometry, port: str) -> list[_Mistake]:
 
 
 def _pins(geometry: UnitGeometry, port: str) -> Iterator[_Mistake]:
-    """Find pins of which left is right, and pins that do not stand out of the face."""
+    """Find pins of which left is right, pins without a shape, and pins that do not stand out of the face."""
     X_UP = geometry.frame(f"port_{port}")
     y = _sides(geometry, X_UP, "pin_left", "pin_right")
     if y is not None and y[0] <= y[1]:
@@ -225,6 +225,8 @@ def _pins(geometry: UnitGeometry, port: str) -> Iterator[_Mistake]:
     X_PU = X_UP.inverse()
     for pin in ("pin_left", "pin_right"):
         points = [X_PU.act(solid.points()) for solid in geometry.solids if solid.link == pin]
+        if pin in geometry.pins and not points:
+            yield _Mistake(f"{pin} has no collision shape; it is its shapes that enter the hole", pin)
         tip = max((float(p[:, 0].max()) for p in points), default=math.inf)
         if tip <= _ROUNDING_M:
             yield _Mistake(

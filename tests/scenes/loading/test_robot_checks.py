@@ -214,6 +214,23 @@ def test_a_malformed_moment_of_inertia_is_named_with_its_link(value: str, tmp_pa
         load_scene("round_robots", {"units.a.urdf": str(tmp_path / "bad.urdf")})
 
 
+@pytest.mark.parametrize("plant", ["bullet", "unicycle"])
+@pytest.mark.parametrize("link", ["latch_pin_left", "latch_pin_right"])
+def test_a_pin_without_a_shape_is_named(link: str, plant: str, tmp_path: Path) -> None:
+    """A robot with the other pin alone tried until it gave up."""
+    tree = ElementTree.parse(ROUND)
+    pin = tree.getroot().find(f"link[@name='{link}']")
+    assert pin is not None
+    for shape in pin.findall("collision"):
+        pin.remove(shape)
+    tree.write(tmp_path / "bare.urdf")
+    bare = {"units.a.urdf": str(tmp_path / "bare.urdf"), "plant": plant}
+    frame = link.removeprefix("latch_")
+    says = rf"{FRAMES}\.{frame}: bare\.urdf: {frame} has no collision shape"
+    with pytest.raises(SceneError, match=says):
+        load_scene("round_robots", bare)
+
+
 @pytest.mark.parametrize(
     ("mesh", "holder", "data", "says"),
     [
