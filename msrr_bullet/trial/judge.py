@@ -36,9 +36,8 @@ _PUSH_M = 0.01
 #: Largest lateral error of a seated unit in plays of its pins, and its largest yaw error.
 SEATED_PLAYS, SEATED_YAW_RAD = 2.0, math.radians(2.0)
 
-#: Largest lateral and yaw error of a port in line with the axis: the play in the throat of the funnel.
-IN_LINE_M = 0.004
-IN_LINE_YAW_RAD = math.radians(4.0)
+#: The same of a port in line with the axis, whose pins are in the throats of the holes but not at the bottom.
+IN_LINE_PLAYS, IN_LINE_YAW_RAD = 8.0 / 3.0, math.radians(4.0)
 
 #: Time in the seat after which giving up is a false abort [s].
 FALSE_ABORT_TIME_S = 0.3
@@ -77,7 +76,7 @@ class Judge:
         self._X_UP_plane = geometry.port(step.port)
         self._X_UP = SE3.from_se2(self._X_UP_plane, geometry.pin_height)
         mechanism = PinAndHole.of(geometry, step.port, scene.geometry(step.target_unit), step.target_port)
-        self.zone, self._seated_lateral = DockingZone.of(mechanism), SEATED_PLAYS * mechanism.play
+        self.zone, self._play = DockingZone.of(mechanism), mechanism.play
         self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._X_TD = SE3.from_se2(self.X_TD)
         self._unit, self._target = step.unit, step.target_unit
@@ -148,7 +147,7 @@ class Judge:
     def _is_seated(self, port: PortPose) -> bool:
         return (
             port.gap <= self._scene.judge.seated_depth_m
-            and abs(port.lateral) <= self._seated_lateral
+            and abs(port.lateral) <= SEATED_PLAYS * self._play
             and abs(port.yaw) <= SEATED_YAW_RAD
         )
 
@@ -258,5 +257,6 @@ class Judge:
             return Outcome.NEVER_DETECTED
         if contact is None or deepest is None:
             return Outcome.TARGET_LOST if reason is FailureReason.TARGET_LOST else Outcome.GAVE_UP
-        in_line = abs(deepest.lateral) <= IN_LINE_M and abs(deepest.yaw) <= IN_LINE_YAW_RAD
+        straight = abs(deepest.yaw) <= IN_LINE_YAW_RAD
+        in_line = straight and abs(deepest.lateral) <= IN_LINE_PLAYS * self._play
         return Outcome.NOT_SEATED if in_line else Outcome.JAMMED

@@ -19,6 +19,7 @@ from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.judge import FALSE_ABORT_TIME_S, Judge
 from msrr_scenes.as_built import as_drawn
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import find_urdf
 from msrr_scenes.messages import Action, FailureReason, Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import Placement
@@ -316,10 +317,35 @@ def test_a_unit_whose_pins_have_touched_the_port_was_not_blocked_on_its_way(
 ) -> None:
     """Whatever the robot says of its way, how far the pins went in tells what came of the attempt."""
     with bench("bullet", SE2(-0.03, y, 0.0)) as b:
-        simulation = Simulation(b.scene, as_drawn(b.scene), Placement({}, {}), b.plant, b.plant.world)
-        judge = Judge(simulation, ClearanceModel.from_scene(b.scene), LockedPairs(), b.scene.plan[0])
-        for _ in range(round(drive_s / b.dt)):
-            b.drive(0.05, b.dt)
-            judge.tick(b.plant.now_ns(), 1, lambda: None)
+        judge = _judged(b, drive_s)
         assert (judge.contact_in(1) is None) is (outcome is Outcome.BLOCKED)
         assert judge.verdict_gave_up(FailureReason.BLOCKED, ever_detected=True) is outcome
+
+
+def test_pins_with_more_play_are_in_line_farther_off(bench: Bench, tmp_path: Path) -> None:
+    """Pins of 4 mm in throats of 16 mm, 5 mm beside the axis, stopped by a plug: nothing has jammed them."""
+    thin = find_urdf("unit.urdf").read_text()
+    for thick, slim in (
+        ("0.019 0.013 ", "0.019 0.004 "),  # the pins
+        ("0.008 0.01 ", "0.008 0.004 "),  # their tips
+        ("0.004345506", "0.0003"),  # and the tapers between
+    ):
+        assert thick in thin
+        thin = thin.replace(thick, slim)
+    (tmp_path / "thin.urdf").write_text(thin)
+    units = {"a": {"number": 1, "urdf": str(tmp_path / "thin.urdf")}, "b": {"number": 2}}
+    with bench("bullet", SE2(-0.03, 0.005, 0.0), units=units) as b:
+        b.plant.set_plug("b", "rear", True)
+        judge = _judged(b, 0.7)
+        assert judge.contact_in(1) is not None
+        assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is Outcome.NOT_SEATED
+
+
+def _judged(b: Any, drive_s: float) -> Judge:
+    """Drive ``a`` straight ahead, and return the judge that observed every tick."""
+    simulation = Simulation(b.scene, as_drawn(b.scene), Placement({}, {}), b.plant, b.plant.world)
+    judge = Judge(simulation, ClearanceModel.from_scene(b.scene), LockedPairs(), b.scene.plan[0])
+    for _ in range(round(drive_s / b.dt)):
+        b.drive(0.05, b.dt)
+        judge.tick(b.plant.now_ns(), 1, lambda: None)
+    return judge
