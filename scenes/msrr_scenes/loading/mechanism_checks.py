@@ -71,9 +71,10 @@ def _narrow(own: UnitGeometry, port: str, target: UnitGeometry, to: str) -> str 
     fit = PinAndHole.of(own, port, target, to)
     for where, room in (("mouths", fit.mouth), ("holes", fit.play)):
         if room <= 0.0:
+            width = f"{-2e3 * room:.1f} mm too narrow for" if room < 0.0 else "no wider than"
             return (
-                f"the {where} of port_{to} of {target.urdf.name} are {-2e3 * room:.1f} mm too narrow for the "
-                "pins, at their height. Collision shapes are convex: draw the walls around a hole one by one"
+                f"the {where} of port_{to} of {target.urdf.name} are {width} the pins, at their height. "
+                "Collision shapes are convex: draw the walls around a hole one by one"
             )
     return None
 

@@ -53,12 +53,13 @@ def test_a_pin_that_misses_its_hole_is_named(pin: str, says: str, tmp_path: Path
     load_scene("round_robots", {**other, "plant": "unicycle"})  # has no contact, and no pins that miss
 
 
-def test_pins_that_are_too_thick_for_the_holes_are_named(tmp_path: Path) -> None:
-    """By 4 mm: pins of 20 mm in throats of 16 mm; the tips pass the mouths."""
+@pytest.mark.parametrize(("width", "says"), [("0.02", "4.0 mm too narrow for"), ("0.016", "no wider than")])
+def test_pins_that_are_too_thick_for_the_holes_are_named(width: str, says: str, tmp_path: Path) -> None:
+    """Pins of 20 mm or of 16 mm in throats of 16 mm; the tips pass the mouths."""
     text = find_urdf("round.urdf").read_text()
     assert text.count('"0.019 0.013 0.013"') == 4
-    (tmp_path / "thick.urdf").write_text(text.replace('"0.019 0.013 0.013"', '"0.019 0.02 0.013"'))
-    with pytest.raises(SceneError, match=r"the holes of port_rear of round\.urdf are 4\.0 mm too narrow"):
+    (tmp_path / "thick.urdf").write_text(text.replace('"0.019 0.013 0.013"', f'"0.019 {width} 0.013"'))
+    with pytest.raises(SceneError, match=rf"the holes of port_rear of round\.urdf are {says} the pins"):
         load_scene("round_robots", {"units.a.urdf": str(tmp_path / "thick.urdf")})
 
 
