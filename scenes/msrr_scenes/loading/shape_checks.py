@@ -14,7 +14,7 @@ import numpy as np
 
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.mesh_points import mesh_points
-from msrr_scenes.geometry.solid import PRIMITIVES, sizes_of
+from msrr_scenes.geometry.solid import PRIMITIVES, hull_or_line, sizes_of
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import urdf_origin
 
@@ -42,6 +42,12 @@ def _problems(geometry: UnitGeometry, arena_m: float) -> Iterator[str]:
             problem = problem or _too_large(name, shape, arena_m)
             if problem is not None:
                 yield problem
+    for solid in geometry.solids:
+        if solid.mesh is not None and len(hull_or_line(solid.outline())) < 3:
+            yield (
+                f"link {named.get(solid.link, solid.link)!r}: its collision mesh {solid.mesh.name} is a line "
+                "seen from above; give it a thickness, because distances are those of areas on the ground"
+            )
 
 
 def _too_large(link: str, holder: Element, arena_m: float) -> str | None:
