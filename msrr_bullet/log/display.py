@@ -146,9 +146,9 @@ class DisplayMessages:
 
     def _wheels(self, topic: str, stamp_ns: int, wheels: WheelOdometry) -> Iterator[Display]:
         if self._is_due(wheels, wheels.unit, stamp_ns):
-            names = self._scene.geometry(wheels.unit).wheel_joints
-            angles = zip(names, (wheels.left, wheels.right), strict=True)
-            joints = [JointState(name=name, position=angle) for name, angle in angles]
+            drawn = self._scene.geometry(wheels.unit).wheel_joints
+            angles = zip(drawn, (wheels.left, wheels.right), strict=True)
+            joints = [JointState(name=joint.name, position=joint.forward * angle) for joint, angle in angles]
             states = JointStates(timestamp=foxglove.timestamp(wheels.stamp_ns), joints=joints)
             yield topics.joint_states(wheels.unit), stamp_ns, states
 

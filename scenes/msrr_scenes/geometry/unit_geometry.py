@@ -31,7 +31,7 @@ from msrr_scenes.geometry.frame_map import FrameMap, check_rigid
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid, convex_hull, read_solid
-from msrr_scenes.geometry.urdf_file import read_urdf
+from msrr_scenes.geometry.urdf_file import WheelJoint, read_urdf, read_wheel_joints
 from msrr_scenes.geometry.urdf_tree import LinkTree
 from msrr_scenes.geometry.wheels import measure_wheels
 
@@ -104,7 +104,7 @@ class UnitGeometry:
     frame_map: FrameMap = ()
 
     def tree(self) -> ElementTree[Element]:
-        """Return the URDF anew, its links by the names of this project."""
+        """Return the URDF anew, its links by the names of this project, its wheels turning forward."""
         return read_urdf(self.urdf, self.frame_map)
 
     def frame(self, name: str) -> SE3:
@@ -126,10 +126,9 @@ class UnitGeometry:
         return self.wheel_radius > 0.0
 
     @cached_property
-    def wheel_joints(self) -> tuple[str, str]:
-        """Names of the joints of the left and the right wheel in the URDF of a unit."""
-        joints = LinkTree(self.urdf, self.tree().getroot()).joints
-        return joints["wheel_left"].attrib["name"], joints["wheel_right"].attrib["name"]
+    def wheel_joints(self) -> tuple[WheelJoint, WheelJoint]:
+        """Joints of the left and the right wheel of a unit, as its URDF has them."""
+        return read_wheel_joints(self.urdf, self.frame_map)
 
     @cached_property
     def ports(self) -> tuple[str, ...]:

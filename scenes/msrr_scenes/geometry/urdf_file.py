@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, ParseError, SubElement, parse
 
@@ -21,6 +22,19 @@ _XACRO = re.compile(r"\{[^}]*xacro[^}]*\}")
 _ALONG = 1e-3
 
 
+@dataclass(frozen=True, slots=True)
+class WheelJoint:
+    """The joint of a wheel as the URDF has it.
+
+    Attributes:
+        name: Its name.
+        forward: 1.0 if a positive angle turns the wheel forward, and -1.0 if backward.
+    """
+
+    name: str
+    forward: float
+
+
 def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
     """Read a URDF: file names absolute, links by the names of this project, wheels turning forward.
 
@@ -31,6 +45,46 @@ def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
     Raises:
         GeometryError: The file is missing or is no URDF, or a joint names a link that is not in it.
         FrameMapError: A frame is not one of a unit, or its link is not in the URDF.
+    """
+    tree = read_drawn_urdf(path, frames)
+    links = LinkTree(path, tree.getroot())
+    if {"axle", *_WHEELS} <= links.links.keys():
+        for name in _WHEELS:
+            axis, forward = _wheel_axis(links, name)
+            if forward < 0.0:
+                xyz = np.array(three_numbers(axis, "xyz"))
+                axis.set("xyz", " ".join(repr(float(a)) for a in -xyz))
+    return tree
+
+
+def read_wheel_joints(path: Path, frames: FrameMap = ()) -> tuple[WheelJoint, WheelJoint]:
+    """Return the joints of the left and the right wheel of a unit, as its URDF has them.
+
+    Args:
+        path: The URDF.
+        frames: As in :func:`read_urdf`.
+
+    Raises:
+        GeometryError: As in :func:`read_urdf`.
+        FrameMapError: As in :func:`read_urdf`.
+    """
+    links = LinkTree(path, read_drawn_urdf(path, frames).getroot())
+    left, right = (
+        WheelJoint(links.joints[name].attrib["name"], _wheel_axis(links, name)[1]) for name in _WHEELS
+    )
+    return left, right
+
+
+def read_drawn_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
+    """Read a URDF as :func:`read_urdf` does, but its wheels turn as they are drawn.
+
+    Args:
+        path: The file.
+        frames: As in :func:`read_urdf`.
+
+    Raises:
+        GeometryError: As in :func:`read_urdf`.
+        FrameMapError: As in :func:`read_urdf`.
     """
     try:
         tree = parse(path)
@@ -48,9 +102,6 @@ def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
     _check_one_tree(path, root)
     if frames:
         apply_frame_map(path, root, frames)
-    links = LinkTree(path, root)
-    if {"axle", *_WHEELS} <= links.links.keys():
-        _turn_wheels_forward(path, links)
     return tree
 
 
@@ -151,31 +202,31 @@ def _check_no_circle(path: Path, root: Element) -> None:
             )
 
 
-def _turn_wheels_forward(path: Path, tree: LinkTree) -> None:
-    """Turn the axes of both wheels to the left, in place, so that a positive speed drives forward.
+def _wheel_axis(tree: LinkTree, wheel: str) -> tuple[Element, float]:
+    """Return the axis of a wheel's joint, and which way a positive angle turns the wheel.
+
+    That is 1.0, forward, if the axis points to the left, and -1.0, backward, if to the right.
 
     Raises:
-        GeometryError: A wheel does not turn, or not about the axle.
+        GeometryError: The wheel does not turn, or not about the axle.
     """
-    for name in _WHEELS:
-        joint = tree.joints.get(name)
-        kind = None if joint is None else joint.get("type")
-        if joint is None or kind != "continuous":
-            raise GeometryError(f"{path}: the joint of {name!r} has to be continuous, found {kind}")
-        axis = joint.find("axis")
-        if axis is None:
-            axis = SubElement(joint, "axis", xyz="1 0 0")
-        try:
-            xyz = np.array(three_numbers(axis, "xyz"))
-        except GeometryError as error:
-            raise GeometryError(f"{path}: link {name!r}: {error}") from None
-        if not xyz.any():
-            raise GeometryError(f"{path}: link {name!r}: the axis of its joint has no direction")
-        y = tree.frames[name].R @ (xyz / np.linalg.norm(xyz))
-        if abs(y[1]) < 1.0 - 0.5 * _ALONG**2:
-            raise GeometryError(
-                f"{path}: {name!r} turns about ({', '.join(f'{v:.3f}' for v in y)}) of the frame axle; a "
-                "wheel turns about its y axis. Is the frame axle turned?"
-            )
-        if y[1] < 0.0:
-            axis.set("xyz", " ".join(repr(float(a)) for a in -xyz))
+    joint = tree.joints.get(wheel)
+    kind = None if joint is None else joint.get("type")
+    if joint is None or kind != "continuous":
+        raise GeometryError(f"{tree.path}: the joint of {wheel!r} has to be continuous, found {kind}")
+    axis = joint.find("axis")
+    if axis is None:
+        axis = SubElement(joint, "axis", xyz="1 0 0")
+    try:
+        xyz = np.array(three_numbers(axis, "xyz"))
+    except GeometryError as error:
+        raise GeometryError(f"{tree.path}: link {wheel!r}: {error}") from None
+    if not xyz.any():
+        raise GeometryError(f"{tree.path}: link {wheel!r}: the axis of its joint has no direction")
+    y = tree.frames[wheel].R @ (xyz / np.linalg.norm(xyz))
+    if abs(y[1]) < 1.0 - 0.5 * _ALONG**2:
+        raise GeometryError(
+            f"{tree.path}: {wheel!r} turns about ({', '.join(f'{v:.3f}' for v in y)}) of the frame axle; a "
+            "wheel turns about its y axis. Is the frame axle turned?"
+        )
+    return axis, 1.0 if y[1] > 0.0 else -1.0

@@ -101,7 +101,10 @@ def test_an_estimate_stays_in_the_frame_of_its_port(tmp_path: Path, shipped: Cal
     assert {"b.rear", "c.rear"} <= parents.keys()
 
 
-def test_joint_states_name_the_joints_of_the_urdf(tmp_path: Path, shipped: Callable[..., Scene]) -> None:
+def test_joint_states_are_those_of_the_joints_of_the_urdf(
+    tmp_path: Path, shipped: Callable[..., Scene]
+) -> None:
+    """The axis of the right wheel of the round robot points to the right: its joint turns backward."""
     scene = shipped("round_robots")
     unit = next(iter(scene.units))
     with McapRecorder(tmp_path / "t.mcap", LogHeader.of(scene, 1, {})) as recorder:
@@ -111,7 +114,7 @@ def test_joint_states_name_the_joints_of_the_urdf(tmp_path: Path, shipped: Calla
         (state,) = [m.decoded_message for m in reader.iter_decoded_messages([topics.joint_states(unit)])]
     assert {joint.name: joint.position for joint in state.joints} == {
         "left_wheel_joint": 0.25,
-        "right_wheel_joint": -0.5,
+        "right_wheel_joint": 0.5,
     }
 
 
