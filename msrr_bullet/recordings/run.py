@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from msrr_bullet.figures.stills import draw_stills
@@ -120,9 +120,14 @@ def _would_delete(out: Path, path: Path) -> bool:
 
 def _opened(path: Path, spec: TargetSpec, target: Path, options: Options) -> Recording:
     robot = read_unit(find_urdf(spec.robot.urdf, target.parent))
+    joints = None
+    if spec.robot.wheel_joints is not None:  # a driver may have other names for them than the URDF
+        left, right = spec.robot.wheel_joints
+        drawn_left, drawn_right = robot.wheel_joints
+        joints = replace(drawn_left, name=left), replace(drawn_right, name=right)
 
     def wheels() -> WheelReader:
-        return WheelReader(robot.wheel_radius, robot.track, spec.robot.wheel_joints)
+        return WheelReader(robot.wheel_radius, robot.track, joints)
 
     rate_hz = options.rate_hz or spec.camera.rate_hz
     # A film does not say when its frames arrived; estimates that are made later may use them at once.

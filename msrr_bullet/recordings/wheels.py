@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.urdf_file import WheelJoint
 
 WHEELS, JOINT_STATE, ODOMETRY = "msrr.WheelOdometry", "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 
@@ -20,25 +21,27 @@ class WheelReader:
     Attributes:
         radius: Radius of the wheels [m].
         track: Distance between the wheels [m].
-        joints: Names of the left and the right wheel in joint states; None if others tell of them.
+        joints: Joints of the left and the right wheel in joint states; None if others tell of them.
     """
 
     radius: float
     track: float
-    joints: tuple[str, str] | None = None
+    joints: tuple[WheelJoint, WheelJoint] | None = None
     _pose: SE2 | None = field(default=None, init=False)
     _left: float = field(default=0.0, init=False)
     _right: float = field(default=0.0, init=False)
 
     def angles(self, schema: str, message: Any) -> tuple[float, float] | None:
-        """Return the angles of the left and the right wheel [rad]; None if a message does not tell."""
+        """Return the angles of both wheels [rad], left first, forwards positive; None if it tells none."""
         if schema == WHEELS:
             return float(message.left), float(message.right)
         if schema == JOINT_STATE:
             assert self.joints is not None
             known = dict(zip(message.name, message.position, strict=False))
-            left, right = (known.get(name) for name in self.joints)
-            return None if left is None or right is None else (float(left), float(right))
+            if any(joint.name not in known for joint in self.joints):
+                return None
+            left, right = (joint.forward * float(known[joint.name]) for joint in self.joints)
+            return left, right
         return self._driven(message.pose.pose)
 
     def _driven(self, pose: Any) -> tuple[float, float]:

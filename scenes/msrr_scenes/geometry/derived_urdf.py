@@ -9,6 +9,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import FIXTURE, X_PD, read_unit
+from msrr_scenes.geometry.urdf_file import read_drawn_urdf
 from msrr_scenes.geometry.urdf_tree import set_origin
 
 #: Thickness of the plates of a fixture's tags [m], and their edge over that of the black square.
@@ -16,7 +17,7 @@ _PLATE_M, _PLATE_RATIO = 0.002, 1.25
 
 
 def with_camera(urdf: Path, X_UC: SE3) -> str:
-    """Return a URDF whose camera is mounted elsewhere.
+    """Return a URDF whose camera is mounted elsewhere; the rest of it stays as drawn.
 
     Args:
         urdf: URDF of a unit.
@@ -26,7 +27,7 @@ def with_camera(urdf: Path, X_UC: SE3) -> str:
         GeometryError: The file is no URDF of a unit.
     """
     unit = read_unit(urdf)
-    root = unit.tree().getroot()
+    root = read_drawn_urdf(urdf).getroot()
     for joint in root.findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")
         if parent is not None and child is not None and child.get("link") == "camera":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -20,6 +21,7 @@ from msrr_bullet.recordings.run import Options, perceive
 from msrr_bullet.recordings.wheels import ODOMETRY, WheelReader
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import find_urdf
 from msrr_scenes.messages import NS_PER_S, PoseEstimate
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CalibrationSpec
@@ -76,7 +78,7 @@ def test_a_target_that_is_another_unit_is_told_by_the_tags(
     assert re.search(r"no estimate: the target has the tags 20, 21, .* and only 1\d, .* were found; ", told)
 
 
-@pytest.mark.parametrize("kind", ["json", "protobuf", "ros2", "ros2_raw", "ros2_bag"])
+@pytest.mark.parametrize("kind", ["json", "protobuf", "ros2", "ros2_raw", "ros2_bag", "ros2_reversed"])
 def test_mcap_files_of_its_pictures_give_the_estimates_of_the_trial(
     trial: Trial, tmp_path: Path, kind: str
 ) -> None:
@@ -87,6 +89,13 @@ def test_mcap_files_of_its_pictures_give_the_estimates_of_the_trial(
         del told["camera"]["hfov_deg"]
         if kind != "json":
             told["robot"]["wheel_joints"] = ["l", "r"]
+        if kind == "ros2_reversed":  # the joint of the right wheel turns backward, and so do its joint states
+            drawn = find_urdf("unit.urdf").read_text()
+            joint = '<origin xyz="0 -0.065 0.033"/><axis xyz="0 1 0"/>'
+            assert joint in drawn
+            (tmp_path / "reversed.urdf").write_text(drawn.replace(joint, joint.replace("0 1 0", "0 -1 0")))
+            told["robot"]["urdf"] = "reversed.urdf"
+            wheels = [(arrival, replace(reading, right=-reading.right)) for arrival, reading in wheels]
         target = tmp_path / "target.yaml"
         target.write_text(yaml.safe_dump(told))
     if kind.startswith("ros2"):  # with absolute times
