@@ -11,7 +11,7 @@ from typing import Any
 
 import foxglove
 from foxglove.messages import FrameTransforms
-from foxglove.websocket import ChannelView, Client, ServerListener
+from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 from mcap.records import Schema
 from mcap_protobuf.decoder import DecoderFactory
 
@@ -25,12 +25,17 @@ HOST, PORT = "127.0.0.1", 8765
 #: Time on the wall clock for which the first message after the start waits for a client [s].
 _WAIT_S = 20.0
 
+#: Least simulated time between two readings of the clock that are sent while the trial runs [ns], about that
+#: between two images of a screen. Not every message has a reading of its own: the SDK (0.30) queues no more
+#: than 1024 for a client, 20 s with this one, and disconnects a client that falls further behind.
+_CLOCK_NS = 20_000_000
+
 
 class FoxgloveServer:
-    """Publishes the messages of a log while they are written, no faster than they were sent.
+    """Publishes the messages of a log and their clock while they are written, no faster than they were sent.
 
     A client that subscribes late gets the last message of the topic, as from a publisher of ROS 2 whose
-    durability is transient local; of the transforms the last one of every frame.
+    durability is transient local; of the transforms the last one of every frame, and all lines of the log.
     """
 
     def __init__(self) -> None:
@@ -40,9 +45,10 @@ class FoxgloveServer:
             MsrrError: There is no port to listen on.
         """
         self._channels: dict[str, foxglove.Channel] = {}
-        self._last: dict[str, bytes] = {}
+        self._kept: dict[str, list[bytes]] = {}  # by topic, what late clients get
         self._frames: dict[str, Any] = {}  # the last transform of each, by its name
         self._now_ns = 0
+        self._clock_due_ns = 0
         self._lock = threading.Lock()  # clients subscribe in threads of the server
         self._subscribed = threading.Event()
         self._begun: float | None = None
@@ -51,6 +57,7 @@ class FoxgloveServer:
             foxglove.start_server,
             name="msrr-bullet",
             host=HOST,
+            capabilities=[Capability.Time],
             server_listener=_Listener(self),
             context=self._context,
         )
@@ -80,24 +87,28 @@ class FoxgloveServer:
                 self._channels[topic] = foxglove.Channel(
                     topic, schema=schema, message_encoding=kind.encoding, context=self._context
                 )
-            self._last[topic] = data
+            earlier = self._kept.get(topic, []) if topic == topics.LOG_LINES else []
+            self._kept[topic] = [*earlier, data]
             if topic == topics.TRANSFORMS:
                 links = _transforms_decoder()(data).transforms
                 self._frames.update((link.child_frame_id, link) for link in links)
             self._now_ns = max(self._now_ns, stamp_ns)
+            if self._now_ns >= self._clock_due_ns:
+                self._server.broadcast_time(self._now_ns)
+                self._clock_due_ns = self._now_ns + _CLOCK_NS
             self._channels[topic].log(data, log_time=stamp_ns)
 
     def repeat_last(self, topic: str) -> None:
-        """Send the last message of a topic again, to a client that has just subscribed to it.
+        """Send the clock and the last of a topic again, to a client that has just subscribed to it.
 
         All clients get it, because the SDK does not tell in Python which one that is. For the others it
-        repeats what they have.
+        repeats what they have; the panel of a log shows them its lines twice.
         """
-        self._subscribed.set()
         with self._lock:
-            if topic in self._last:
-                data = self._all_frames() if topic == topics.TRANSFORMS else self._last[topic]
+            self._server.broadcast_time(self._now_ns)
+            for data in [self._all_frames()] if topic == topics.TRANSFORMS else self._kept[topic]:
                 self._channels[topic].log(data, log_time=self._now_ns)
+        self._subscribed.set()
 
     def _all_frames(self) -> bytes:
         """Return a message with the last transform of every frame."""

@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from foxglove.messages import CameraCalibration
 from mcap.reader import make_reader
 from mcap.records import Schema
@@ -25,9 +26,19 @@ from msrr_bullet.log.mcap_recorder import McapRecorder
 
 Record = Callable[..., None]
 
+#: First bytes of the binary messages of a server.
+MESSAGE_DATA, TIME = 1, 2
 
-async def first_of(url: str, wanted: dict[str, int]) -> dict[str, list[bytes]]:
+#: End of a trial of 0.3 s [ns].
+END_NS = 300_000_000
+
+
+async def first_of(
+    url: str, wanted: dict[str, int], clock: list[int] | None = None
+) -> dict[str, list[bytes]]:
     """Subscribe to topics, and return as many messages of each as are wanted.
+
+    Readings of the clock [ns], of which at least one has to come, are added to ``clock`` if it is given.
 
     The SDK (0.30) sends the advertisement of a channel before it enters the channel in the list of what this
     client may subscribe to. It refuses a subscription that comes in between, which is then sent again.
@@ -35,17 +46,23 @@ async def first_of(url: str, wanted: dict[str, int]) -> dict[str, list[bytes]]:
     connection = await websocket_connect(url, subprotocols=["foxglove.sdk.v1"])
     topics: dict[int, str] = {}
     got: dict[str, list[bytes]] = {topic: [] for topic in wanted}
-    while any(len(got[topic]) < count for topic, count in wanted.items()):
+    while clock == [] or any(len(got[topic]) < count for topic, count in wanted.items()):
         message = await asyncio.wait_for(connection.read_message(), 20.0)
         assert message is not None, "the server closed the connection"
         if isinstance(message, bytes):
+            if message[0] == TIME:
+                if clock is not None:
+                    clock += struct.unpack_from("<Q", message, 1)
+                continue
             kind, subscription, _ = struct.unpack_from("<BIQ", message)
-            assert kind == 1
+            assert kind == MESSAGE_DATA
             got[topics[subscription]].append(message[13:])
             continue
         told = json.loads(message)
         subscribe_to: list[int] = []
-        if told["op"] == "advertise":
+        if told["op"] == "serverInfo":
+            assert "time" in told["capabilities"]
+        elif told["op"] == "advertise":
             new = {channel["id"]: channel["topic"] for channel in told["channels"]}
             subscribe_to = [channel for channel, topic in new.items() if topic in wanted]
             topics |= new
@@ -98,26 +115,30 @@ def test_a_client_sees_the_start_and_what_follows(
 def test_a_client_that_subscribes_late_gets_the_last_message_of_every_topic(
     tmp_path: Path, header: LogHeader, record_trial: Record
 ) -> None:
-    """As transient local durability gives it; what that is, the file of the log says."""
-    late = {"/tf": 1, "/scene": 1, "/scene/estimates": 1, "/joint_states/a": 1, "/log": 1}
+    """As transient local durability gives it; what that is, the file of the log says. It gets all events."""
+    late = {"/tf": 1, "/scene": 1, "/scene/estimates": 1, "/joint_states/a": 1, "/log": 3, "/events": 1}
+    clock: list[int] = []
     with FoxgloveServer() as server:
 
         def record() -> None:
             with McapRecorder(tmp_path / "t.mcap", header, listener=server.publish) as recorder:
                 recorder.write(topics.STEPS, 0, StepStart(0, 0, "a"))
+                recorder.write("/events", 0, Event(0, "a", "attempt 1"))
                 record_trial(recorder, 0.3)
-                recorder.write("/events", 300_000_000, Event(300_000_000, "trial", "contact"))
+                for text in ("contact", "docked"):
+                    recorder.write("/events", END_NS, Event(END_NS, "trial", text))
 
         with ThreadPoolExecutor(max_workers=1) as pool:
             recorded = pool.submit(record)
             asyncio.run(first_of(server.url, {"/scene": 1}))  # the trial waits for its first client
             recorded.result(30.0)
-        got = asyncio.run(first_of(server.url, late))
-    last: dict[str, bytes] = {}
+        got = asyncio.run(first_of(server.url, late, clock))
+    assert set(clock) == {END_NS}
+    sent: dict[str, list[bytes]] = {}
     frames: dict[str, object] = {}
     with (tmp_path / "t.mcap").open("rb") as file:
         for schema, channel, message in make_reader(file).iter_messages(log_time_order=False):
-            last[channel.topic] = message.data
+            sent.setdefault(channel.topic, []).append(message.data)
             if channel.topic == "/tf":
                 assert schema is not None
                 of_transforms = schema
@@ -126,7 +147,26 @@ def test_a_client_that_subscribes_late_gets_the_last_message_of_every_topic(
     told = {t.child_frame_id: str(t) for t in decoded(of_transforms, transforms).transforms}
     assert told == {name: str(t) for name, t in frames.items()}
     assert {"a", "a/onboard", "b.rear"} <= told.keys()
-    assert {topic: [last[topic]] for topic in got} == got
+    assert got.pop("/log") == sent["/log"]
+    assert {topic: sent[topic][-1:] for topic in got} == got
+
+
+def test_clients_get_the_clock_of_the_trial(tmp_path: Path, header: LogHeader, record_trial: Record) -> None:
+    """Without one, Foxglove takes that of the wall: it draws and plots by when messages arrive."""
+    clock: list[int] = []
+    with FoxgloveServer() as server, ThreadPoolExecutor(max_workers=1) as pool:
+
+        def record() -> None:
+            with McapRecorder(tmp_path / "t.mcap", header, listener=server.publish) as recorder:
+                record_trial(recorder, 0.3)
+                recorder.write("/events", END_NS, Event(END_NS, "trial", "contact"))
+
+        recorded = pool.submit(record)
+        asyncio.run(first_of(server.url, {"/scene": 1, "/log": 1}, clock))
+        recorded.result(30.0)
+    steps = np.diff(clock)
+    assert (clock[0], clock[-1]) == (0, END_NS)
+    assert 0 <= steps.min() <= steps.max() <= 20_000_000
 
 
 def test_where_the_port_is_taken_another_one_serves() -> None:
