@@ -17,7 +17,7 @@ from msrr_perception.estimation.dock_frame import in_seat
 from msrr_perception.estimation.first_fit import StartingState
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.measurement_history import Measurement, MeasurementHistory
-from msrr_perception.estimation.motion import DEFAULT_NOISE, RATES_NS, DriveMotion, FilterState, MotionNoise
+from msrr_perception.estimation.motion import DEFAULT_NOISE, DriveMotion, FilterState, MotionNoise
 from msrr_perception.estimation.wheel_history import WheelHistory
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
@@ -133,7 +133,7 @@ class CornerEkf:
             self._head = None  # it has passed the time of the reading
         newest_ns = self._history.newest_ns
         # A reading tells how the unit moved at exposures shortly before the reading before it, too.
-        since_ns = None if before_ns is None else before_ns - RATES_NS
+        since_ns = None if before_ns is None else before_ns - self._motion.told_ns
         if newest_ns is not None and since_ns is not None and since_ns >= newest_ns:
             self._predictions = {t: pose for t, pose in self._predictions.items() if t <= newest_ns}
             return  # all exposures stay as they are

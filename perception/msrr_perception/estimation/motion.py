@@ -24,8 +24,10 @@ from msrr_scenes.specs.sensors import OdometrySpec
 _LEAST_SCALE_SIGMA, _LEAST_TRACK_SIGMA = 0.003, 0.003
 
 #: Time before and after an instant over which the wheels are differenced for velocity and acceleration [ns].
-#: The clocks of cameras are wrong by as much.
-RATES_NS = round(LASTS_S * NS_PER_S)
+_RATES_NS = round(LASTS_S * NS_PER_S)
+
+#: Standard deviations of a camera's clock up to which an exposure after its stamp is told by the motion then.
+_CLOCK_SIGMAS = 3.0
 
 _NO_STEPS = np.zeros((0, 5))
 
@@ -101,6 +103,7 @@ class DriveMotion:
         drawn: What the drawing and its tolerances say of everything in a state but the pose.
         in_motion: Share of the errors of both radii and of the track, as the state has them, that act on the
             motion and not on the readings alone.
+        told_ns: Time after the stamp of an exposure until which the wheels tell how the unit moved then [ns].
     """
 
     def __init__(self, target: TargetModel, odometry: OdometrySpec, noise: MotionNoise) -> None:
@@ -116,6 +119,8 @@ class DriveMotion:
         self.drawn = Knowledge(np.zeros(len(sigmas)), np.diag(sigmas**2), layout.own - POSE_SIZE)
         self._play = 3.0 * target.tolerances.backlash
         self._clock = int(layout.tags.columns[0, CLOCK]) if len(layout.tags.columns) else -1
+        self._behind = _CLOCK_SIGMAS * target.tolerances.clock_s
+        self.told_ns = round(self._behind * NS_PER_S) + _RATES_NS
         self._marker, self._pivot = -1 if layout.marker is None else layout.marker, layout.tags.pivot
         self._drive = Drive(
             radius=target.wheel_radius,
@@ -138,12 +143,11 @@ class DriveMotion:
     def rates(self, state: FilterState, history: WheelHistory) -> Rates:
         """Return how the unit moves about an exposure with the time of a state as its stamp, by the wheels.
 
-        An exposure after its stamp is told by the motion at the stamp, because what the wheels have done
-        since may not be known yet.
+        What they did until :attr:`told_ns` after the stamp may not be known yet, and is extrapolated then.
         """
-        late = max(float(state.mean[self._clock]), 0.0) if self._clock >= 0 else 0.0
+        late = max(float(state.mean[self._clock]), -self._behind) if self._clock >= 0 else 0.0
         now_ns = state.stamp_ns - round(late * NS_PER_S)
-        times_ns = now_ns - RATES_NS, now_ns, now_ns + RATES_NS, state.stamp_ns
+        times_ns = now_ns - _RATES_NS, now_ns, now_ns + _RATES_NS, state.stamp_ns
         before, now, after, stamp = map(history.angles_at, times_ns)
         if before is None or now is None or after is None or stamp is None:
             return AT_REST
@@ -152,7 +156,7 @@ class DriveMotion:
         since = np.array([way * math.cos(yaw - 0.5 * turn), way * math.sin(yaw - 0.5 * turn), turn])
         first, first_turn = self._moved(state, before, now)
         second, second_turn = self._moved(state, now, after)
-        period, yaw = seconds(RATES_NS), yaw - turn
+        period, yaw = seconds(_RATES_NS), yaw - turn
         v, w = 0.5 * (first + second) / period, 0.5 * (first_turn + second_turn) / period
         dv, dw = (second - first) / period**2, (second_turn - first_turn) / period**2
         c, s = math.cos(yaw), math.sin(yaw)

@@ -41,7 +41,8 @@ class TagMap(NamedTuple):
 class Rates(NamedTuple):
     """How a unit moves about an exposure, for the time by which the camera's clock is ahead.
 
-    The motion is that at the instant when the exposure is thought to have been, ``late`` before its stamp.
+    The motion is that at the instant when the exposure is thought to have been, ``late`` before its stamp, or
+    after it if that is negative.
     """
 
     late: float  # [s]

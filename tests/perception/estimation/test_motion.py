@@ -186,7 +186,7 @@ def test_a_prediction_is_the_state_moved_and_seen_from_the_dock_frame(scene: Sce
         np.testing.assert_allclose(found.covariance, J @ moved.covariance @ J.T, rtol=1e-9, atol=1e-15)
 
 
-@pytest.mark.parametrize("late_s", [0.0, 0.03])
+@pytest.mark.parametrize("late_s", [-0.02, 0.0, 0.03])
 @pytest.mark.parametrize(("left", "right"), [(0.2, 0.3), (-0.25, 0.25), (0.1, 0.1)])
 def test_the_rates_about_an_exposure_are_those_of_the_arc_that_is_driven(
     scene: Scene, left: float, right: float, late_s: float
