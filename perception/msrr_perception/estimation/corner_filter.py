@@ -140,7 +140,7 @@ class CornerEkf:
         self._predictions.clear()
         if newest_ns is None:
             # No state begins before what a measurement that still counts can be of.
-            self._wheels.forget_before(reading.stamp_ns - self._horizon_ns)
+            self._wheels.forget_before(reading.stamp_ns - self._horizon_ns - self._motion.told_ns)
         elif reading.stamp_ns >= newest_ns - self._horizon_ns:  # the motion at some exposures was guessed
             self._head = None
             self._history.process_again(since_ns)
@@ -231,12 +231,12 @@ class CornerEkf:
         if self._history.insert(measurement):
             self._predictions.clear()
             self._head = None
-            self._wheels.forget_before(self._history.needed_from_ns)
+            self._wheels.forget_before(self._history.needed_from_ns - self._motion.told_ns)
 
     def _process(self, before: FilterState | None, measurement: Measurement) -> FilterState | None:
         if before is None:
             return self._start(measurement)
-        prior = self._motion.propagate(before, self._wheels, measurement.exposure.stamp_ns)
+        prior = self._motion.to_measurement(before, self._wheels, measurement.exposure.stamp_ns)
         if isinstance(measurement, PoseMeasurement):
             after = self._update.by_pose(prior, measurement)
         else:

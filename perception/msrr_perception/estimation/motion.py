@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,11 +24,22 @@ from msrr_scenes.specs.sensors import OdometrySpec
 #: relative error of the track.
 _LEAST_SCALE_SIGMA, _LEAST_TRACK_SIGMA = 0.003, 0.003
 
-#: Time before and after an instant over which the wheels are differenced for velocity and acceleration [ns].
+#: Time before and after an instant whose readings tell velocity and acceleration [ns]. The errors of encoders
+#: look like changes of the velocity, which tell the clock of the camera: by two readings 20 ms from the
+#: instant, at 4096 ticks per turn, its error was twice its standard deviation. Most pictures come 40 ms after
+#: their exposure, when all these readings are there already.
 _RATES_NS = round(LASTS_S * NS_PER_S)
 
 #: Standard deviations of a camera's clock up to which an exposure after its stamp is told by the motion then.
 _CLOCK_SIGMAS = 3.0
+
+#: Number of readings that are used of each of these two times, and their times about the instant [ns].
+_READINGS = 3
+_TIMES_NS = [k * _RATES_NS // _READINGS for k in range(-_READINGS, _READINGS + 1)]
+
+#: Weights of their angles in the velocity [1/s] and the acceleration [1/s^2] of the parabola nearest to them.
+_PARABOLA = np.linalg.pinv(np.vander(np.array(_TIMES_NS) / NS_PER_S, 3, increasing=True))
+_VELOCITY, _ACCELERATION = _PARABOLA[1].tolist(), (2.0 * _PARABOLA[2]).tolist()
 
 _NO_STEPS = np.zeros((0, 5))
 
@@ -103,7 +115,8 @@ class DriveMotion:
         drawn: What the drawing and its tolerances say of everything in a state but the pose.
         in_motion: Share of the errors of both radii and of the track, as the state has them, that act on the
             motion and not on the readings alone.
-        told_ns: Time after the stamp of an exposure until which the wheels tell how the unit moved then [ns].
+        told_ns: Time before and after the stamp of an exposure in which the wheels tell how the unit moved
+            about it [ns].
     """
 
     def __init__(self, target: TargetModel, odometry: OdometrySpec, noise: MotionNoise) -> None:
@@ -117,6 +130,8 @@ class DriveMotion:
         layout = target.filter_layout
         sigmas = np.concatenate([wheels, layout.prior])
         self.drawn = Knowledge(np.zeros(len(sigmas)), np.diag(sigmas**2), layout.own - POSE_SIZE)
+        # Two readings, each rounded to a tick.
+        self._rounding = 2.0 * (2.0 * math.pi / odometry.ticks_per_turn * target.wheel_radius) ** 2 / 12.0
         self._play = 3.0 * target.tolerances.backlash
         self._clock = int(layout.tags.columns[0, CLOCK]) if len(layout.tags.columns) else -1
         self._behind = _CLOCK_SIGMAS * target.tolerances.clock_s
@@ -147,27 +162,24 @@ class DriveMotion:
         """
         late = max(float(state.mean[self._clock]), -self._behind) if self._clock >= 0 else 0.0
         now_ns = state.stamp_ns - round(late * NS_PER_S)
-        times_ns = now_ns - _RATES_NS, now_ns, now_ns + _RATES_NS, state.stamp_ns
-        before, now, after, stamp = map(history.angles_at, times_ns)
-        if before is None or now is None or after is None or stamp is None:
+        now, stamp = history.angles_at(now_ns), history.angles_at(state.stamp_ns)
+        if now is None or stamp is None:
             return AT_REST
         yaw = float(state.mean[YAW])
-        way, turn = self._moved(state, now, stamp)
+        way, turn = self._moved(state, stamp.left - now.left, stamp.right - now.right)
         since = np.array([way * math.cos(yaw - 0.5 * turn), way * math.sin(yaw - 0.5 * turn), turn])
-        first, first_turn = self._moved(state, before, now)
-        second, second_turn = self._moved(state, now, after)
-        period, yaw = seconds(_RATES_NS), yaw - turn
-        v, w = 0.5 * (first + second) / period, 0.5 * (first_turn + second_turn) / period
-        dv, dw = (second - first) / period**2, (second_turn - first_turn) / period**2
-        c, s = math.cos(yaw), math.sin(yaw)
+        about = [history.angles_at(now_ns + t) or now for t in _TIMES_NS]
+        v, w = self._moved(state, *_weighted(about, _VELOCITY))
+        dv, dw = self._moved(state, *_weighted(about, _ACCELERATION))
+        c, s = math.cos(yaw - turn), math.sin(yaw - turn)
         velocity = np.array([v * c, v * s, w])
         return Rates(late, since, velocity, np.array([dv * c - v * w * s, dv * s + v * w * c, dw]))
 
-    def _moved(self, state: FilterState, before: WheelAngles, after: WheelAngles) -> tuple[float, float]:
-        """Return the way of the axle [m] and the turn [rad] between two readings."""
+    def _moved(self, state: FilterState, left: float, right: float) -> tuple[float, float]:
+        """Return the way of the axle [m] and the turn [rad] by angles of both wheels [rad], or rates."""
         by_left, by_right = state.mean[5:7].tolist()
-        left = (after.left - before.left) * self._drive.radius * (1.0 + by_left)
-        right = (after.right - before.right) * self._drive.radius * (1.0 + by_right)
+        left *= self._drive.radius * (1.0 + by_left)
+        right *= self._drive.radius * (1.0 + by_right)
         return 0.5 * (left + right), (right - left) / self._drive.track
 
     def propagate(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
@@ -177,6 +189,21 @@ class DriveMotion:
         steps, wheels = self._steps(state, history, stamp_ns)
         mean, P = propagate(state.mean, state.covariance, steps, self._drive)
         return FilterState(stamp_ns, mean, P, wheels, state.last_seen_ns, state.rejected, state.noise_scale)
+
+    def to_measurement(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
+        """Return the state moved forward to a measurement at ``stamp_ns``, with what encoders do not resolve.
+
+        The rounding of a reading is part of two motions, one before and one after it, and taken to be another
+        one in each: it adds up to more than it is, as slip does.
+        """
+        moved = self.propagate(state, history, stamp_ns)
+        if moved is state or state.wheels is None or moved.wheels is None:
+            return moved
+        yaw, P = float(moved.mean[YAW]), moved.covariance
+        for turn in (-1.0, 1.0):  # also where no tick has passed: a wheel may have turned by less
+            by_wheel = np.array([0.5 * math.cos(yaw), 0.5 * math.sin(yaw), turn / self._drive.track])
+            P[:3, :3] += self._rounding * np.outer(by_wheel, by_wheel)
+        return moved
 
     def predict(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> PoseEstimate:
         """Return the pose in the dock frame at ``stamp_ns``, or at the time of the state if that is later."""
@@ -209,3 +236,9 @@ class DriveMotion:
             steps += left, right, dt, loose_left, loose_right
             wheels, before_ns = angles, angles.stamp_ns
         return np.array(steps, dtype=np.float64).reshape(-1, 5), wheels
+
+
+def _weighted(angles: Sequence[WheelAngles], weights: Sequence[float]) -> tuple[float, float]:
+    """Return the weighted sums of the angles of the left and of the right wheel."""
+    left = sum(a.left * weight for a, weight in zip(angles, weights, strict=True))
+    return left, sum(a.right * weight for a, weight in zip(angles, weights, strict=True))

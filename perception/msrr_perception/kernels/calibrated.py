@@ -55,7 +55,7 @@ class Rates(NamedTuple):
 AT_REST = Rates(0.0, np.zeros(3), np.zeros(3), np.zeros(3))
 
 #: Time for which an acceleration is known to last [s]; beyond it the velocity is that at its end.
-LASTS_S = 0.02
+LASTS_S = 0.03
 
 
 @kernel

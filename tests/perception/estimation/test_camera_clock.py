@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from msrr_bullet.sensors.wheel_encoders import WheelEncoders
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.kernels.calibrated import CLOCK
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, WheelOdometry
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import OdometrySpec
 
 See = Callable[..., Any]
 MS, SIGMA_PX, LATENCY_MS = 1_000_000, 0.05, 40
@@ -27,13 +29,16 @@ def _doubtful(scene: Scene, sigma_ms: float = 8.0) -> Scene:
     return Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": built}).told()
 
 
-def _messages(target: TargetModel, see: See, seed: int, late_ms: float) -> tuple[list[Any], SE2]:
+def _messages(
+    target: TargetModel, see: See, seed: int, late_ms: float, odometry: OdometrySpec | None = None
+) -> tuple[list[Any], SE2]:
     """Return a second of readings and pictures by arrival, and the pose at its end.
 
     The unit stands for 0.1 s, sets off, turns to and fro and brakes. A picture of the time t has the stamp
-    ``t + late_ms``.
+    ``t + late_ms``. Without a data sheet the encoders make no errors.
     """
     rng = np.random.default_rng(seed)
+    encoders = None if odometry is None else WheelEncoders("a", odometry, np.random.default_rng(seed))
     X, wheels, poses = SE2(-0.7, 0.02, 0.05), np.zeros(2), []
     arrivals: list[tuple[float, int, Any]] = []
     phase = rng.uniform(0.8, 1.2)
@@ -43,7 +48,9 @@ def _messages(target: TargetModel, see: See, seed: int, late_ms: float) -> tuple
         w = 0.8 * phase * math.sin(2.0 * math.pi * phase * t) * min(4.0 * t, 1.0)
         poses.append(X)
         if ms >= 0 and ms % 10 == 0:
-            arrivals.append((ms, 0, WheelOdometry("a", ms * MS, *wheels.tolist())))
+            left, right = wheels.tolist()
+            reading = WheelOdometry("a", ms * MS, left, right)
+            arrivals.append((ms, 0, encoders.read((left, right), ms * MS) if encoders else reading))
         half = 0.5 * w * target.track
         wheels = wheels + np.array([v - half, v + half]) * 1e-3 / target.wheel_radius
         X = X @ SE2.exp(1e-3 * v, 0.0, 1e-3 * w)
@@ -61,8 +68,9 @@ def _step(poses: list[SE2], k: int) -> tuple[float, float, float]:
     return step.x, step.y, step.yaw
 
 
-def _filter(scene: Scene, messages: list[Any]) -> CornerEkf:
-    ekf = CornerEkf(TargetModel.from_scene(scene, scene.docks[0]), scene.odometry, corner_sigma_px=SIGMA_PX)
+def _filter(scene: Scene, messages: list[Any], horizon_s: float = 1.0) -> CornerEkf:
+    target = TargetModel.from_scene(scene, scene.docks[0])
+    ekf = CornerEkf(target, scene.odometry, corner_sigma_px=SIGMA_PX, horizon_s=horizon_s)
     for _, kind, message in messages:
         ekf.add_odometry(message) if kind == 0 else ekf.add_detections(message)
     return ekf
@@ -94,6 +102,27 @@ def test_the_clock_is_found_and_its_covariance_is_honest(
     assert pose < chi2.ppf(1 - 1e-6, 30)
 
 
+@pytest.mark.parametrize("ticks_per_turn", [1024, 512])
+def test_errors_of_the_encoders_are_not_taken_for_motion_that_tells_the_clock(
+    scene: Scene, see: See, ticks_per_turn: int
+) -> None:
+    """Twenty drives with encoders that round and have noise; the squared errors are chi-square: odds 1e-6.
+
+    A tick is 0.2 and 0.4 mm at the wheel, and between two exposures a unit drives 4 mm.
+    """
+    doubtful = _doubtful(scene)
+    odometry = doubtful.odometry.model_copy(update={"ticks_per_turn": ticks_per_turn, "scale_error": 0.0})
+    coarse = doubtful.model_copy(update={"odometry": odometry})
+    target = TargetModel.from_scene(coarse, coarse.docks[0])
+    column, clock = target.filter_layout.tags.columns[0, CLOCK], 0.0
+    for seed in range(20):
+        messages, _ = _messages(target, see, seed, -8.0, odometry)
+        state = _filter(coarse, messages)._history.newest
+        assert state is not None
+        clock += (state.mean[column] + 8e-3) ** 2 / state.covariance[column, column]
+    assert clock < chi2.ppf(1 - 1e-6, 20)
+
+
 @pytest.mark.parametrize(("sigma_ms", "late_ms"), [(8.0, -8.0), (16.0, -32.0)])
 def test_the_order_of_arrival_does_not_matter(
     scene: Scene, see: See, sigma_ms: float, late_ms: float
@@ -104,6 +133,25 @@ def test_the_order_of_arrival_does_not_matter(
     messages, _ = _messages(target, see, 0, late_ms)
     early = sorted(messages, key=lambda m: (m[0] - (LATENCY_MS - late_ms) * m[1], m[1]))
     a, b = (_filter(doubtful, order).predict(1000 * MS) for order in (messages, early))
+    assert a is not None
+    assert b is not None
+    assert a.X_DU == b.X_DU
+    assert np.array_equal(a.covariance, b.covariance)
+
+
+@pytest.mark.parametrize("late_ms", [-16.0, 16.0])
+def test_a_picture_that_is_nearly_too_late_finds_the_readings_about_its_exposure(
+    scene: Scene, see: See, late_ms: float
+) -> None:
+    """A picture 0.28 s late at a horizon of 0.3 s gives the result of pictures in order, bit for bit."""
+    doubtful = _doubtful(scene)
+    target = TargetModel.from_scene(doubtful, doubtful.docks[0])
+    messages, _ = _messages(target, see, 0, late_ms)
+    stamp_ns = 600 * MS
+    pictures = {m[2].exposure.stamp_ns: m for m in messages if m[1]}
+    held, due = pictures[stamp_ns], pictures[stamp_ns + 280 * MS][0]
+    late = sorted(((due, 2, held[2]) if m is held else m for m in messages), key=lambda m: m[:2])
+    a, b = (_filter(doubtful, order, horizon_s=0.3).predict(1000 * MS) for order in (messages, late))
     assert a is not None
     assert b is not None
     assert a.X_DU == b.X_DU

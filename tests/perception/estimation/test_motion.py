@@ -111,6 +111,27 @@ def test_wheel_errors_are_covered_by_the_covariance(target: TargetModel) -> None
     assert 0.3 * 3 * n < nees < chi2.ppf(1 - 1e-6, 3 * n)
 
 
+def test_what_readings_are_rounded_by_is_in_the_covariance(target: TargetModel) -> None:
+    """400 motions of 4 mm and 0.04 rad between two exposures, by encoders of 512 ticks per turn.
+
+    Their summed NEES is chi-square with 1200 degrees of freedom at most (the unit does not slip): odds 1e-6
+    to exceed the upper bound; the lower one says that it is not idle.
+    """
+    spec, tick, nees, n = OdometrySpec(ticks_per_turn=512), 2.0 * math.pi / 512, 0.0, 400
+    rng, motion = np.random.default_rng(5), DriveMotion(target, spec, DEFAULT_NOISE)
+    for _ in range(n):
+        true = rng.uniform(0.0, tick, 2) + np.outer([0.0, 0.25, 0.5, 0.75, 1.0], [0.04, 0.2])
+        history = _wheels(*(tick * np.floor(true / tick)).T)
+        way = (true[-1] - true[0]) * target.wheel_radius
+        X = SE2(-0.7, 0.0, 0.0) @ SE2.exp(way.mean(), 0.0, float(way[1] - way[0]) / target.track)
+        start = _start(motion, SE2(-0.7, 0.0, 0.0), history)
+        state = motion.to_measurement(start, history, 4 * TICK_NS)
+        e = state.X_DU.as_array() - X.as_array()
+        known = state.covariance[:3, :3] - start.covariance[:3, :3]
+        nees += float(e @ np.linalg.solve(known, e))
+    assert 0.3 * 3 * n < nees < chi2.ppf(1 - 1e-6, 3 * n)
+
+
 def test_tilt_forgets_and_scales_do_not(target: TargetModel) -> None:
     motion = DriveMotion(target, OdometrySpec(), DEFAULT_NOISE)
     state = _start(motion, SE2(-0.7, 0.0, 0.0), WheelHistory())
