@@ -165,7 +165,8 @@ class CornerUpdate:
         noise = DEFAULT_CORNER_NOISE
         which = np.array([self._layout.index[i] for i in self._target.port_tags], dtype=np.int64)
         roots = np.tile(noise.corner_sigma_px * np.eye(8), (len(which), 1, 1))
-        seen = Seen(which, np.zeros((len(which), 8)), roots, AT_REST)
+        none = np.zeros(len(which))
+        seen = Seen(which, np.zeros((len(which), 8)), none, roots, AT_REST)
         by_errors = self._by_errors(state, seen, noise.tilt_sigma)
         by_errors[:, self._no_pixels] = 0.0
         by_errors[3:] = 0.0

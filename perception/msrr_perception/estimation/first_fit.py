@@ -127,7 +127,7 @@ class FirstFit:
         roots = roots_of_covariance(
             target.optics, self._layout.tags, which, corners, AT_REST, state, variances, target.frame_period_s
         )
-        return Seen(which, corners, roots, AT_REST)
+        return Seen(which, corners, variances.border, roots, AT_REST)
 
 
 def _is_good(cost: float, tags: int) -> bool:

@@ -2,6 +2,7 @@
 
 A filter carries errors of the calibration as states: of the camera's mount and intrinsics, of its clock, of
 the print and of the places of bracket and tags. All are small, so that turns of mounts enter to first order.
+To these come errors of the edges in the image that an approach has from its begin to its end.
 """
 
 from __future__ import annotations
@@ -20,11 +21,24 @@ from msrr_scenes.arrays import Array
 #: pair; the mount of the camera ``(x, y, z, roll, pitch, yaw)`` in its body frame; relative error of the
 #: focal length; principal point (2) [px]; k1; time by which the camera's clock is ahead [s]; distance by
 #: which edges look farther out than they are [px]; relative error of the print; mounts of the bracket, in D
-#: about the middle of the marker, and of the tag, in its own frame.
-POSE, CAMERA, FOCAL, CENTRE, K1, CLOCK, EDGE, PRINT, BRACKET, TAG = 0, 5, 11, 12, 14, 15, 16, 17, 18, 24
+#: about the middle of the marker, and of the tag, in its own frame; distances by which what lies beyond the
+#: borders moves the four edges outward, as shares of the most that it may.
+POSE, CAMERA, FOCAL, CENTRE, K1, CLOCK, EDGE, PRINT, BRACKET, TAG, BORDER = (
+    0,
+    5,
+    11,
+    12,
+    14,
+    15,
+    16,
+    17,
+    18,
+    24,
+    30,
+)
 
 #: Number of those parameters.
-PARAMETERS = 30
+PARAMETERS = 34
 
 
 class TagMap(NamedTuple):
@@ -60,7 +74,7 @@ LASTS_S = 0.03
 
 @kernel
 def project_tag(
-    optics: Optics, tags: TagMap, tag: int, rates: Rates, state: Array, pixels: Array, J: Array
+    optics: Optics, tags: TagMap, tag: int, border: float, rates: Rates, state: Array, pixels: Array, J: Array
 ) -> None:
     """Project the corners of a tag and write pixels and derivatives.
 
@@ -68,6 +82,7 @@ def project_tag(
         optics: Camera and its mounting as drawn.
         tags: The tags.
         tag: Index of the tag.
+        border: Distance by which what lies beyond the borders may move an edge [px].
         rates: How the unit moves about the exposure.
         state: State, shape (n,).
         pixels: Output, shape (8,), ordered u0, v0, u1, v1 ...
@@ -157,7 +172,7 @@ def project_tag(
         pixels[row + 1] = f * bend * v + optics.cy + e[CENTRE + 1]
         uu, uv = f * (bend + 2.0 * e[K1] * u * u), 2.0 * f * e[K1] * u * v
         vv = f * (bend + 2.0 * e[K1] * v * v)
-        for k in range(PARAMETERS):
+        for k in range(BORDER):
             if CAMERA <= k <= CAMERA + 2:
                 kx, ky, kz = 0.0, 0.0, 0.0
                 if k == CAMERA:
@@ -184,6 +199,7 @@ def project_tag(
         J[row, CENTRE], J[row + 1, CENTRE + 1] = 1.0, 1.0
         J[row, K1], J[row + 1, K1] = f * r2 * u, f * r2 * v
     outward = np.empty(8)
+    J[:, BORDER:] = 0.0
     for corner in range(4):
         before, after = 2 * ((corner + 3) % 4), 2 * ((corner + 1) % 4)
         row = 2 * corner
@@ -194,6 +210,14 @@ def project_tag(
         nu, nv = -av / a - bv / b, au / a + bu / b
         widen = 1.0 / max(1.0 + (au * bu + av * bv) / (a * b), 0.1)
         outward[row], outward[row + 1] = widen * nu, widen * nv
+        # An edge that moves takes the corner along the other edge.
+        sine = (au * bv - av * bu) / (a * b)
+        far = border / math.copysign(max(abs(sine), 0.1), sine)
+        to, of = BORDER + (corner + 3) % 4, BORDER + corner  # the edge that ends here and that which begins
+        J[row, to], J[row + 1, to] = far * bu / b, far * bv / b
+        J[row, of], J[row + 1, of] = -far * au / a, -far * av / a
     for r in range(8):
         J[r, EDGE] = outward[r]
         pixels[r] += e[EDGE] * outward[r]
+        for k in range(BORDER, PARAMETERS):
+            pixels[r] += e[k] * J[r, k]

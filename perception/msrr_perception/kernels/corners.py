@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_perception.kernels.calibrated import PARAMETERS, Rates, TagMap, project_tag
+from msrr_perception.kernels.calibrated import BORDER, PARAMETERS, Rates, TagMap, project_tag
 from msrr_perception.kernels.compiled import kernel, subroutine
 from msrr_perception.kernels.edges import BY_OFFSET, BY_SLOPE
 from msrr_perception.kernels.linear_algebra import cholesky
@@ -20,12 +20,16 @@ from msrr_scenes.arrays import Array
 #: of exposures that count as one.
 _ANOTHER_PLACE_PX, _MOST_REPEATED = 0.5, 250.0
 
+#: Number of exposures of an approach, in which what lies beyond the borders moves an edge by as much.
+_LASTING_FRAMES = 60.0
+
 
 class Seen(NamedTuple):
     """The K tags that were detected in one exposure."""
 
     which: NDArray[np.int64]  # (K,) index of each tag in the map of the target
     corners: Array  # (K, 8) measured pixels, ordered u0, v0, u1, v1 ...
+    border: Array  # (K,) distance by which what lies beyond the borders may move an edge [px]
     roots: Array  # (K, 8, 8) lower triangles L, with covariance L L^T of the pixels of a tag [px]
     rates: Rates  # how the unit moves about the exposure
 
@@ -46,7 +50,8 @@ def roots_of_covariance(
     The errors of an edge move both of its corners. Those that depend on where it lies between pixels are the
     same in all exposures until the tag has moved in the image. As a filter takes them for noise that is drawn
     anew, their variance is multiplied by the number of exposures that it takes. To this comes what is not
-    known of the calibration and is not in the state either.
+    known of the calibration and is not in the state either. What lies beyond the borders of a tag moves its
+    edges alike all along an approach, but for a part that changes with the view.
 
     Args:
         optics: Camera and its mounting.
@@ -55,13 +60,13 @@ def roots_of_covariance(
         corners: Measured pixels, shape (K, 8).
         rates: How the unit moves about the exposure.
         state: Predicted state, shape (n,) with n >= 5.
-        variances: Variances by noise and by place.
+        variances: Variances of the corners.
         period: Time between two exposures [s].
     """
     pixels, J, S = np.empty(8), np.empty((8, PARAMETERS)), np.empty((8, 8))
     roots, velocity = np.zeros((which.shape[0], 8, 8)), rates.velocity
     for t in range(which.shape[0]):
-        project_tag(optics, tags, which[t], rates, state, pixels, J)
+        project_tag(optics, tags, which[t], 0.0, rates, state, pixels, J)
         moved = 0.0
         for r in range(8):
             speed = J[r, 0] * velocity[0] + J[r, 1] * velocity[1] + J[r, 2] * velocity[2]
@@ -70,8 +75,12 @@ def roots_of_covariance(
                 S[r, q] = variances.rest[t, r // 2] if r == q else 0.0
         repeated = min(max(_ANOTHER_PLACE_PX / max(moved, 1e-9), 1.0), _MOST_REPEATED)
         section = variances.noise[t] + repeated * variances.place[t]
-        same = section * (BY_OFFSET * BY_OFFSET + BY_SLOPE * BY_SLOPE)
-        other = section * (BY_OFFSET * BY_OFFSET - BY_SLOPE * BY_SLOPE)
+        # All cross sections of an edge have what lies beyond the border in common: no mean makes it less.
+        changing = repeated * variances.changing[t]
+        if tags.columns[which[t], BORDER] < 0:
+            changing += _LASTING_FRAMES * variances.border[t] ** 2
+        offset, slope = section * BY_OFFSET * BY_OFFSET + changing, (section + changing) * BY_SLOPE * BY_SLOPE
+        same, other = offset + slope, offset - slope
         for e in range(4):
             a, b = 2 * e, 2 * ((e + 1) % 4)
             du, dv = corners[t, b] - corners[t, a], corners[t, b + 1] - corners[t, a + 1]
@@ -98,7 +107,7 @@ def roots_of_covariance(
 def whitened(optics: Optics, tags: TagMap, seen: Seen, t: int, state: Array, pixels: Array, J: Array) -> None:
     """Write the residual of a tag into ``pixels`` and its derivatives into ``J``, both by its covariance."""
     tag, L = seen.which[t], seen.roots[t]
-    project_tag(optics, tags, tag, seen.rates, state, pixels, J)
+    project_tag(optics, tags, tag, seen.border[t], seen.rates, state, pixels, J)
     for r in range(8):
         total = seen.corners[t, r] - pixels[r]
         for k in range(r):

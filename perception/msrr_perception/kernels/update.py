@@ -115,7 +115,7 @@ def update(
     """
     n, variances = mean.shape[0], variances_of_corners(corners, sigma_px, sheet, scale)
     roots = roots_of_covariance(optics, tags, which, corners, rates, mean, variances, period)
-    seen = Seen(which, corners, roots, rates)
+    seen = Seen(which, corners, variances.border, roots, rates)
     rows = 8 * which.shape[0]
     r, J, JP, S = np.empty(rows), np.empty((rows, PARAMETERS)), np.empty((rows, n)), np.empty((rows, rows))
     for t in range(which.shape[0]):
@@ -123,7 +123,7 @@ def update(
     relate(tags, which, covariance, J, JP, S)
     inside = distances(S, r) <= rules.gate
     if not inside.all():
-        seen = Seen(which[inside], corners[inside], roots[inside], rates)
+        seen = Seen(which[inside], corners[inside], seen.border[inside], roots[inside], rates)
         rows = 8 * seen.which.shape[0]
         of_tags = np.repeat(inside, 8)
         r, J, JP, S = r[of_tags], J[of_tags], JP[of_tags], S[of_tags][:, of_tags].copy()

@@ -45,7 +45,7 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     row, sheet = pixels.reshape(1, 8), DataSheet(1.0, 1.0, 1.0, 0.0)
     variances = variances_of_corners(row, np.ones((1, 4)), sheet, 1.0)
     roots = roots_of_covariance(optics, tags, which, row, AT_REST, state, variances, 0.1)
-    seen, rules = Seen(which, row, roots, AT_REST), Rules(1.0, 1, 1.0)
+    seen, rules = Seen(which, row, np.zeros(1), roots, AT_REST), Rules(1.0, 1, 1.0)
     update(optics, tags, which, row, np.ones((1, 4)), AT_REST, sheet, 1.0, 0.1, state, np.eye(8), rules)
     derivatives(optics, tags, seen, state)
     fit(optics, tags, seen, state, state, np.eye(8), 2, 1e-3)

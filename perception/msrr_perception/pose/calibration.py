@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_perception.kernels.calibrated import (
+    BORDER,
     BRACKET,
     CAMERA,
     CENTRE,
@@ -109,6 +110,7 @@ class Tolerances:
         out[CAMERA : CAMERA + 6], out[FOCAL], out[CENTRE : CENTRE + 2] = self.camera, self.focal, self.centre
         out[K1], out[CLOCK], out[EDGE], out[PRINT] = self.k1, self.clock_s, self.edge_px, self.printed
         out[BRACKET : BRACKET + 6], out[TAG : TAG + 6] = self.bracket, self.tag
+        out[BORDER:] = 1.0
         return out
 
 
@@ -200,7 +202,7 @@ def filter_layout(drawn: StateLayout, port_tags: Sequence[int], tolerances: Tole
     elsewhere = [k for k in range(len(drawn.index)) if k not in on_port]
     # Twice, because the brackets of both ports are off.
     considered[elsewhere, BRACKET:TAG] = 2.0 * _LASTING_FRAMES * sigmas[BRACKET:TAG] ** 2
-    considered[elsewhere, TAG:] = _LASTING_FRAMES * sigmas[TAG:] ** 2
+    considered[elsewhere, TAG:BORDER] = _LASTING_FRAMES * sigmas[TAG:BORDER] ** 2
     tags = drawn.tags._replace(columns=columns, considered=considered)
     x, y, _, _, _, yaw = tolerances.bracket
     if on_port and any((x, y, yaw)):

@@ -166,7 +166,7 @@ def equally_good(layout: StateLayout, tags: Sequence[TagDetection], sigma_px: fl
     """
     which, corners, _ = measured_corners(layout, tags)
     roots = np.tile(sigma_px * np.eye(8), (len(which), 1, 1))
-    return Seen(which, corners, roots, AT_REST)
+    return Seen(which, corners, np.zeros(len(which)), roots, AT_REST)
 
 
 def fit_corners(
