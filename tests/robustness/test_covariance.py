@@ -46,10 +46,9 @@ GAPS_M, VIEWS, FRAMES = (0.58, 0.62), 16, 51
 SEEDS = range(2000, 2050)
 WAYPOINTS_M = (0.6, 0.4, 0.2)
 
-#: Bounds of the mean NEES with perfect calibration: variances up to five times too large, and the value
-#: that those of an honest covariance exceed once in 2000 times. What lies beyond the borders of small tags
-#: counts once in 60 exposures, so that at 0.6 m, after fewer of them, a pose is surer than the filter says.
-_SAFE = 0.6, float(chi2.ppf(0.9995, 3 * len(SEEDS)) / len(SEEDS))
+#: Bounds of the mean NEES with perfect calibration: variances up to three times too large, and the value
+#: that those of an honest covariance exceed once in 2000 times.
+_SAFE = 1.0, float(chi2.ppf(0.9995, 3 * len(SEEDS)) / len(SEEDS))
 
 #: What robots and cameras are like: overrides, and the bounds of the mean NEES.
 _CAREFUL_OPTICS = {"noise_grey": "4", "blur_px": "0.8", "gamma": "1.2", "exposure_ms": "10"}
@@ -105,7 +104,7 @@ def ratios(what: str, samples: Iterable[Sample]) -> np.ndarray:
 def test_standing_at_the_blur_of_the_scene(gallery: Callable[..., Any]) -> None:
     """16 views from 0.6 m for 2 s: the standard deviations are right to a factor of 1.6.
 
-    Measured: 0.46, 0.57 and 0.56. The errors of the views are independent, so that 16 times the square of
+    Measured: 0.36, 0.44 and 0.43. The errors of the views are independent, so that 16 times the square of
     such a ratio is distributed as chi-square; 1.6 is exceeded by chance once in 1000 times.
     """
     views = gallery(GAPS_M, VIEWS)
@@ -117,11 +116,11 @@ def test_standing_at_a_blur_of_one_pixel(gallery: Callable[..., Any]) -> None:
     """The other side: the same frames blurred by 1 px, where the corners of all frames err alike.
 
     The filter takes each frame for new information, so that its standard deviation falls and the error stays:
-    it is optimistic. Measured: 1.25, 1.41 and 1.43; chance leaves 0.7 .. 2.3 once in 500 times.
+    it is optimistic. Measured: 1.25, 1.13 and 1.15; chance leaves 0.7 .. 2.0 once in 500 times.
     """
     views = gallery(GAPS_M, VIEWS)
     seen = ratios("stands, 1 px", (stand(v, views.target, i, 1.0) for i, v in enumerate(views.views)))
-    assert (seen < 2.3).all()
+    assert (seen < 2.0).all()
     assert (seen[1:] > 0.7).all()
 
 
@@ -131,11 +130,11 @@ def test_standing_at_a_blur_of_one_pixel(gallery: Callable[..., Any]) -> None:
 def test_on_the_way(what: str, shipped: Callable[..., Scene]) -> None:
     """The mean NEES of 50 approaches, at 0.6, 0.4 and 0.2 m, is that of a covariance that may be trusted.
 
-    These gave 1.09, 1.77 and 2.46 with perfect calibration, and 0.93, 1.64 and 2.44 with a noise of 8 grey
-    levels, where 3 is right, with standard errors of 0.1 to 0.3: far away the variances are three times too
-    large. So by chance a mean of 50 lies below the lower bound less than once in 300 times, and above the
-    upper one once in 2000. The other bounds are wider, because blur shifts the corners of small tags, and
-    errors of calibration enter to first order.
+    These gave 1.73, 3.64 and 2.41 with perfect calibration, and 1.63, 2.78 and 2.45 with a noise of 8 grey
+    levels, where 3 is right, with standard errors of 0.2 to 0.4: far away the variances are nearly twice too
+    large. So by chance a mean of 50 lies below the lower bound once in 1000 times, and above the upper one
+    of an honest covariance once in 2000. The other bounds are wider, because blur shifts the corners of small
+    tags, and errors of calibration enter to first order.
     """
     overrides, low, high = BOUNDS[what]
     at: dict[float, list[float]] = {gap: [] for gap in WAYPOINTS_M}
@@ -152,14 +151,14 @@ def test_on_the_way(what: str, shipped: Callable[..., Scene]) -> None:
 
 @pytest.mark.nightly
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize(("name", "high"), [("close_range", 1.5), ("two_units", 2.1)])
+@pytest.mark.parametrize("name", ["close_range", "two_units"])
 def test_what_an_approach_shows_of_the_camera(
-    name: str, high: float, shipped: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
+    name: str, shipped: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The errors of the filter about its camera in 24 trials are as large as their standard deviations.
 
-    An honest deviation gives a ratio above 1.5 once in 2000 times. In ``two_units``, where the unit hardly
-    turns, that of the clock is 1.44, because noise of the encoders is taken for motion; 2.1 is as rare there.
+    Measured: 1.1 to 1.4. An honest deviation gives a ratio above 1.5 once in 2000 times, and one that is 1.4
+    times too small a ratio above 2.1.
     """
     filters: list[CornerEkf] = []
     receive = CornerEkf.add_detections
@@ -182,7 +181,7 @@ def test_what_an_approach_shows_of_the_camera(
             errors[key].append((learned.mean[i] - true) / math.sqrt(learned.covariance[i, i]))
     ratio = {key: math.sqrt(np.square(values).mean()) for key, values in errors.items()}
     print(f"\n{name}:", *(f"{key} {value:.2f}" for key, value in ratio.items()), end="")
-    assert all(value < high for value in ratio.values()), ratio
+    assert all(value < 2.1 for value in ratio.values()), ratio
 
 
 @pytest.mark.nightly
