@@ -125,25 +125,24 @@ class CornerEkf:
         self._head: tuple[FilterState, FilterState] | None = None
 
     def add_odometry(self, reading: WheelOdometry) -> None:
-        """Add an encoder reading; exposures near and after the reading before it are processed again."""
+        """Add an encoder reading; exposures that rest on what it tells are processed again."""
         before_ns = self._wheels.newest_stamp(reading.stamp_ns)
         if before_ns == reading.stamp_ns:
             return  # delivered twice
         if not self._wheels.add(reading):
             self._head = None  # it has passed the time of the reading
-        newest_ns = self._history.newest_ns
-        # A reading tells how the unit moved at exposures shortly before the reading before it, too.
-        since_ns = None if before_ns is None else before_ns - self._motion.told_ns
-        if newest_ns is not None and since_ns is not None and since_ns >= newest_ns:
-            self._predictions = {t: pose for t, pose in self._predictions.items() if t <= newest_ns}
-            return  # all exposures stay as they are
-        self._predictions.clear()
+        newest_ns, told_ns = self._history.newest_ns, self._motion.told_ns
         if newest_ns is None:
+            self._predictions.clear()
             # No state begins before what a measurement that still counts can be of.
-            self._wheels.forget_before(reading.stamp_ns - self._horizon_ns - self._motion.told_ns)
-        elif reading.stamp_ns >= newest_ns - self._horizon_ns:  # the motion at some exposures was guessed
+            self._wheels.forget_before(reading.stamp_ns - self._horizon_ns - told_ns)
+        elif reading.stamp_ns < newest_ns - self._horizon_ns:
+            self._predictions.clear()
+        elif self._history.process_again(before_ns, told_ns):  # the motion at some exposures was guessed
+            self._predictions.clear()
             self._head = None
-            self._history.process_again(since_ns)
+        else:
+            self._predictions = {t: pose for t, pose in self._predictions.items() if t <= newest_ns}
 
     def add_detections(self, detections: Detections) -> None:
         """Add the tags of one exposure; tags of other units and empty frames change nothing."""
@@ -241,11 +240,13 @@ class CornerEkf:
             after = self._update.by_pose(prior, measurement)
         else:
             rates = self._motion.rates(prior, self._wheels)
+            prior = replace(prior, told_ns=self._motion.told_until(rates, prior.stamp_ns))
             after = self._update.by_corners(prior, self._of_target(measurement), rates)
         if after is not None:
             return after
         lost = replace(prior, rejected=prior.rejected + 1)
-        return (self._start(measurement) or lost) if lost.rejected >= self._reset_after else lost
+        anew = self._start(measurement) if lost.rejected >= self._reset_after else None
+        return lost if anew is None else replace(anew, told_ns=prior.told_ns)
 
     def _start(self, measurement: Measurement) -> FilterState | None:
         """Return a state from one measurement alone; None when it does not determine one."""

@@ -26,6 +26,11 @@ class _Entry:
     measurement: Measurement
     after: FilterState | None
 
+    @property
+    def told_ns(self) -> int:
+        """Time until which the state rests on what the wheels did [ns]."""
+        return self.key[0] if self.after is None else max(self.key[0], self.after.told_ns)
+
 
 class MeasurementHistory:
     """The measurements that still count, each with the state after it.
@@ -83,15 +88,28 @@ class MeasurementHistory:
         del self._entries[: self._forgotten()]
         return True
 
-    def process_again(self, after_ns: int | None) -> None:
-        """Process all measurements again that are newer than an instant; None for all that count.
+    def process_again(self, after_ns: int | None, told_ns: int) -> bool:
+        """Process measurements again that rest on what the wheels did after an instant, and all newer ones.
 
         The first one whose predecessors are forgotten stays as it is.
+
+        Args:
+            after_ns: The instant [ns]; None for all that count.
+            told_ns: Largest time after a measurement on which it may rest [ns].
+
+        Returns:
+            Whether there was one.
         """
-        first = 0 if after_ns is None else bisect_right(self._entries, after_ns, key=lambda e: e.key[0])
+        first = 0
+        if after_ns is not None:
+            first = bisect_right(self._entries, after_ns - told_ns, key=lambda e: e.key[0])
+            while first < len(self._entries) and self._entries[first].told_ns <= after_ns:
+                first += 1
         if self._entries[0].key[0] < self._oldest_ns:
             first = max(first, 1)
-        self._process_from(first, [e.measurement for e in self._entries[first:]])
+        again = [e.measurement for e in self._entries[first:]]
+        self._process_from(first, again)
+        return bool(again)
 
     def _forgotten(self) -> int:
         """Return the number of measurements that no other one is processed from any more."""

@@ -57,6 +57,7 @@ class FilterState:
         last_seen_ns: Exposure time of the last measurement that passed the gate.
         rejected: Number of exposures in a row of which nothing passed the gate.
         noise_scale: Variance of the corners, as their residuals show it, over that by the data sheet.
+        told_ns: Time until which the last measurement rests on what the wheels did [ns].
     """
 
     stamp_ns: int
@@ -66,6 +67,7 @@ class FilterState:
     last_seen_ns: int
     rejected: int = 0
     noise_scale: float = 1.0
+    told_ns: int = 0
 
     @property
     def X_DU(self) -> SE2:
@@ -115,8 +117,8 @@ class DriveMotion:
         drawn: What the drawing and its tolerances say of everything in a state but the pose.
         in_motion: Share of the errors of both radii and of the track, as the state has them, that act on the
             motion and not on the readings alone.
-        told_ns: Time before and after the stamp of an exposure in which the wheels tell how the unit moved
-            about it [ns].
+        told_ns: Largest time before and after the stamp of an exposure in which the wheels tell how the unit
+            moved about it [ns].
     """
 
     def __init__(self, target: TargetModel, odometry: OdometrySpec, noise: MotionNoise) -> None:
@@ -158,7 +160,7 @@ class DriveMotion:
     def rates(self, state: FilterState, history: WheelHistory) -> Rates:
         """Return how the unit moves about an exposure with the time of a state as its stamp, by the wheels.
 
-        What they did until :attr:`told_ns` after the stamp may not be known yet, and is extrapolated then.
+        What they did until :meth:`told_until` may not be known yet, and is extrapolated then.
         """
         late = max(float(state.mean[self._clock]), -self._behind) if self._clock >= 0 else 0.0
         now_ns = state.stamp_ns - round(late * NS_PER_S)
@@ -174,6 +176,10 @@ class DriveMotion:
         c, s = math.cos(yaw - turn), math.sin(yaw - turn)
         velocity = np.array([v * c, v * s, w])
         return Rates(late, since, velocity, np.array([dv * c - v * w * s, dv * s + v * w * c, dw]))
+
+    def told_until(self, rates: Rates, stamp_ns: int) -> int:
+        """Return the time until which the wheels tell the rates about an exposure with a stamp [ns]."""
+        return stamp_ns - round(rates.late * NS_PER_S) + _RATES_NS
 
     def _moved(self, state: FilterState, left: float, right: float) -> tuple[float, float]:
         """Return the way of the axle [m] and the turn [rad] by angles of both wheels [rad], or rates."""
