@@ -205,10 +205,14 @@ class DriveMotion:
         moved = self.propagate(state, history, stamp_ns)
         if moved is state or state.wheels is None or moved.wheels is None:
             return moved
+        # Each wheel for itself, and also where no tick has passed: it may have turned by less than one.
         yaw, P = float(moved.mean[YAW]), moved.covariance
-        for turn in (-1.0, 1.0):  # also where no tick has passed: a wheel may have turned by less
-            by_wheel = np.array([0.5 * math.cos(yaw), 0.5 * math.sin(yaw), turn / self._drive.track])
-            P[:3, :3] += self._rounding * np.outer(by_wheel, by_wheel)
+        c, s = math.cos(yaw), math.sin(yaw)
+        P[0, 0] += 0.5 * self._rounding * c * c
+        P[0, 1] += 0.5 * self._rounding * c * s
+        P[1, 0] += 0.5 * self._rounding * c * s
+        P[1, 1] += 0.5 * self._rounding * s * s
+        P[2, 2] += 2.0 * self._rounding / self._drive.track**2
         return moved
 
     def predict(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> PoseEstimate:
