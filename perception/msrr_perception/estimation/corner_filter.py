@@ -131,14 +131,14 @@ class CornerEkf:
             return  # delivered twice
         if not self._wheels.add(reading):
             self._head = None  # it has passed the time of the reading
-        newest_ns, told_ns = self._history.newest_ns, self._motion.told_ns
+        newest_ns, about_ns = self._history.newest_ns, self._motion.about_ns
         if newest_ns is None:
             self._predictions.clear()
             # No state begins before what a measurement that still counts can be of.
-            self._wheels.forget_before(reading.stamp_ns - self._horizon_ns - told_ns)
+            self._wheels.forget_before(reading.stamp_ns - self._horizon_ns - about_ns)
         elif reading.stamp_ns < newest_ns - self._horizon_ns:
             self._predictions.clear()
-        elif self._history.process_again(before_ns, told_ns):  # the motion at some exposures was guessed
+        elif self._history.process_again(before_ns, about_ns):  # the motion at some exposures was guessed
             self._predictions.clear()
             self._head = None
         else:
@@ -230,7 +230,7 @@ class CornerEkf:
         if self._history.insert(measurement):
             self._predictions.clear()
             self._head = None
-            self._wheels.forget_before(self._history.needed_from_ns - self._motion.told_ns)
+            self._wheels.forget_before(self._history.needed_from_ns - self._motion.about_ns)
 
     def _process(self, before: FilterState | None, measurement: Measurement) -> FilterState | None:
         if before is None:

@@ -88,21 +88,21 @@ class MeasurementHistory:
         del self._entries[: self._forgotten()]
         return True
 
-    def process_again(self, after_ns: int | None, told_ns: int) -> bool:
+    def process_again(self, after_ns: int | None, about_ns: int) -> bool:
         """Process measurements again that rest on what the wheels did after an instant, and all newer ones.
 
         The first one whose predecessors are forgotten stays as it is.
 
         Args:
             after_ns: The instant [ns]; None for all that count.
-            told_ns: Largest time after a measurement on which it may rest [ns].
+            about_ns: Largest time after a measurement on which it may rest [ns].
 
         Returns:
             Whether there was one.
         """
         first = 0
         if after_ns is not None:
-            first = bisect_right(self._entries, after_ns - told_ns, key=lambda e: e.key[0])
+            first = bisect_right(self._entries, after_ns - about_ns, key=lambda e: e.key[0])
             while first < len(self._entries) and self._entries[first].told_ns <= after_ns:
                 first += 1
         if self._entries[0].key[0] < self._oldest_ns:

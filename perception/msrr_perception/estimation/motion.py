@@ -117,7 +117,7 @@ class DriveMotion:
         drawn: What the drawing and its tolerances say of everything in a state but the pose.
         in_motion: Share of the errors of both radii and of the track, as the state has them, that act on the
             motion and not on the readings alone.
-        told_ns: Largest time before and after the stamp of an exposure in which the wheels tell how the unit
+        about_ns: Largest time before and after the stamp of an exposure in which the wheels tell how the unit
             moved about it [ns].
     """
 
@@ -137,7 +137,7 @@ class DriveMotion:
         self._play = 3.0 * target.tolerances.backlash
         self._clock = int(layout.tags.columns[0, CLOCK]) if len(layout.tags.columns) else -1
         self._behind = _CLOCK_SIGMAS * target.tolerances.clock_s
-        self.told_ns = round(self._behind * NS_PER_S) + _RATES_NS
+        self.about_ns = round(self._behind * NS_PER_S) + _RATES_NS
         self._marker, self._pivot = -1 if layout.marker is None else layout.marker, layout.tags.pivot
         self._drive = Drive(
             radius=target.wheel_radius,
