@@ -30,7 +30,7 @@ from msrr_scenes.messages import PoseMeasurement, TagDetection
 _NOISE_SHARE, _LARGEST_SCALE = 0.1, 100.0
 
 #: Largest number of linearisations in an update, and the step at which it ends, in standard deviations.
-_ITERATIONS, _TOLERANCE = 6, 1e-3
+_ITERATIONS, _TOLERANCE = 6, 3e-3
 
 
 class CornerUpdate:

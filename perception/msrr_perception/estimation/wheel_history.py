@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from msrr_scenes.messages import NS_PER_S, WheelOdometry
 
@@ -11,8 +11,7 @@ from msrr_scenes.messages import NS_PER_S, WheelOdometry
 _EXTRAPOLATION_NS = NS_PER_S // 10
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class WheelAngles:
+class WheelAngles(NamedTuple):
     """The angles that the wheels have turned since power-up [rad], at an instant.
 
     ``since_left`` and ``since_right`` say by how much each has turned since it last began to turn the other
@@ -22,8 +21,8 @@ class WheelAngles:
     stamp_ns: int
     left: float
     right: float
-    since_left: float = field(default=0.0, compare=False)
-    since_right: float = field(default=0.0, compare=False)
+    since_left: float = 0.0
+    since_right: float = 0.0
 
 
 #: Last angles other than zero by which the left and the right motor turned between two readings [rad].
@@ -49,7 +48,7 @@ class WheelHistory:
         if later and later[0].stamp_ns == new.stamp_ns:
             return False
         if later and i == 0:  # how far the wheels had turned before the first reading stays as it is known
-            new = replace(new, since_left=later[0].since_left, since_right=later[0].since_right)
+            new = new._replace(since_left=later[0].since_left, since_right=later[0].since_right)
             self._readings.insert(0, new)
             self._ways.insert(0, self._ways[0])
         else:
@@ -89,7 +88,7 @@ class WheelHistory:
         if i < len(readings) and self._stamps[i] == stamp_ns:
             return readings[i]
         if i == 0:
-            return replace(readings[0], stamp_ns=stamp_ns)
+            return readings[0]._replace(stamp_ns=stamp_ns)
         if i == len(readings):
             return self._after_newest(stamp_ns)
         return _interpolated(readings[i - 1], readings[i], stamp_ns, stamp_ns)
@@ -110,7 +109,7 @@ class WheelHistory:
     def _after_newest(self, stamp_ns: int) -> WheelAngles:
         newest = self._readings[-1]
         if len(self._readings) < 2:
-            return replace(newest, stamp_ns=stamp_ns)
+            return newest._replace(stamp_ns=stamp_ns)
         until = min(stamp_ns, newest.stamp_ns + _EXTRAPOLATION_NS)
         return _interpolated(self._readings[-2], newest, until, stamp_ns)
 

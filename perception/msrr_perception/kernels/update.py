@@ -21,6 +21,10 @@ from msrr_perception.kernels.project import Optics
 from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
 from msrr_scenes.arrays import Array
 
+#: Rise of the cost with a step that counts as none: that of a state 0.1 standard deviations off. Derivatives
+#: are to first order in the errors of calibration, so that steps end this near to the minimum and not in it.
+_NO_RISE = 0.01
+
 
 class Rules(NamedTuple):
     """The rules of an update."""
@@ -164,7 +168,7 @@ def update(
         relate(tags, seen.which, covariance, J, JP, S)
         chi2, before = np.dot(r, r), cost
         cost = chi2 + np.dot(d, u)
-        fell = cost <= before
+        fell = cost <= before + _NO_RISE
     P = covariance.copy()
     if fell and cholesky(S, L):
         reduce(P, L, JP)

@@ -18,14 +18,14 @@ def _history(*readings: tuple[int, float, float]) -> WheelHistory:
 
 def test_angles_between_readings_are_interpolated() -> None:
     history = _history((0, 1.0, 2.0), (10, 2.0, 2.5), (20, 4.0, 2.5))
-    assert history.angles_at(5 * MS) == WheelAngles(5 * MS, 1.5, 2.25)
-    assert history.angles_at(10 * MS) == WheelAngles(10 * MS, 2.0, 2.5)
-    assert history.angles_at(15 * MS) == WheelAngles(15 * MS, 3.0, 2.5)
+    assert history.angles_at(5 * MS) == WheelAngles(5 * MS, 1.5, 2.25, 1.0, 0.5)
+    assert history.angles_at(10 * MS) == WheelAngles(10 * MS, 2.0, 2.5, 1.0, 0.5)
+    assert history.angles_at(15 * MS) == WheelAngles(15 * MS, 3.0, 2.5, 3.0, 0.5)
 
 
 def test_beyond_the_newest_reading_speed_is_kept_for_a_tenth_of_a_second() -> None:
     history = _history((0, 0.0, 0.0), (10, 0.1, -0.1))
-    assert history.angles_at(20 * MS) == WheelAngles(20 * MS, 0.2, -0.2)
+    assert history.angles_at(20 * MS) == WheelAngles(20 * MS, 0.2, -0.2, 0.1, 0.1)
     late, later = history.angles_at(110 * MS), history.angles_at(5000 * MS)
     assert late is not None
     assert later is not None

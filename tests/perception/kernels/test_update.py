@@ -65,13 +65,13 @@ def _by_numpy(
     for _ in range(6):
         H = information + J.T @ J
         step = np.linalg.solve(H, J.T @ r - information @ (x - m))
-        if step @ H @ step < 1e-6 * len(m):
+        if step @ H @ step < 9e-6 * len(m):
             break
         x = x + step
         r, J = derivatives(target.optics, layout.tags, seen, x)
         before, chi = cost, r @ r
         cost = chi + (x - m) @ information @ (x - m)
-        if cost > before:
+        if cost > before + 0.01:
             return prior, False
     scale = 0.9 * prior.noise_scale + 0.1 * prior.noise_scale * chi / corners[inside].size
     covariance = np.linalg.inv(information + J.T @ J)
