@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.compiler import subroutine
+from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
 from msrr_bullet.render.raster.kernels.lens_floor import floor_grey_at
 from msrr_bullet.render.raster.kernels.lens_simple_pixels import mean_cells_of_pixel, pulled_back
-from msrr_bullet.render.raster.kernels.mixed_pixels import GREATEST_KEY, LEAST_IDENTITY, sample_key
+from msrr_bullet.render.raster.kernels.mixed_pixels import (
+    GREATEST_KEY,
+    LEAST_IDENTITY,
+    first_pixel,
+    sample_key,
+)
 from msrr_bullet.render.raster.kernels.records import (
     CELLS,
     FLOOR,
@@ -47,27 +52,23 @@ def cover_lens_samples(
     start, column, key, farthest = samples.start, samples.column, samples.key, samples.farthest
     inverse_depth, edge_start, edges, box = faces.inverse_depth, faces.edge_start, faces.edges, faces.box
     nearest, spans = faces.nearest, faces.spans
-    reach = np.empty(SAMPLES, np.float32)  # how far inside all edges each sample is
+    # How far inside the edges that cross the pixel, but for the last of them, each sample is.
+    reach = np.full(SAMPLES, np.inf, np.float32)
     for p in range(start[height]):
         a, b, c = pulled_back(floor[0], floor[1], floor[2], maps, p)
-        farthest[p] = GREATEST_KEY
+        least = GREATEST_KEY
         for s in range(SAMPLES):
             w = max(np.float32(a * positions[0, s] + (b * positions[1, s] + c)), np.float32(0.0))
             key[p, s] = sample_key(w, FLOOR if w > np.float32(0.0) else WALL)
-            farthest[p] = min(farthest[p], key[p, s])
+            least = min(least, key[p, s])
+        farthest[p] = least
     for f in range(count):
         first, end = edge_start[f], edge_start[f + 1]
         name = np.int32(f << REGION_BITS)
         left, right, greatest = box[f, 0], box[f, 1], sample_key(np.float32(nearest[f] * 1.000001), name)
         fa, fb, fc = inverse_depth[f, 0], inverse_depth[f, 1], inverse_depth[f, 2]
         for j in range(spans[f, 0], spans[f, 1]):
-            begin, last = start[j], start[j + 1]
-            while begin < last:  # the first pixel that may reach to the face
-                middle = (begin + last) >> 1
-                if column[middle] < spans[f, 2]:
-                    begin = middle + 1
-                else:
-                    last = middle
+            begin = first_pixel(column, start[j], start[j + 1], spans[f, 2])
             for p in range(begin, start[j + 1]):
                 if column[p] >= spans[f, 3]:
                     break
@@ -81,28 +82,38 @@ def cover_lens_samples(
                 bound = np.float32(max((c + max(a, 0.0) + max(b, 0.0)) * 1.000001, 0.0))
                 if sample_key(bound, name) <= farthest[p]:
                     continue
-                crossed, outside = False, False
+                crossed, outside = 0, False
+                ea32, eb32, ec32 = np.float32(0.0), np.float32(0.0), np.float32(0.0)
                 for e in range(first, end):
                     ea, eb, ec = pulled_back(edges[e, 0], edges[e, 1], edges[e, 2], maps, p)
                     if ec + max(ea, 0.0) + max(eb, 0.0) < 0.0:
                         outside = True
                         break
                     if ec + min(ea, 0.0) + min(eb, 0.0) < 0.0:  # this edge crosses the pixel
+                        if crossed > 0:
+                            for s in range(SAMPLES):
+                                inside = ec32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
+                                reach[s] = min(reach[s], inside)
                         ea32, eb32, ec32 = np.float32(ea), np.float32(eb), np.float32(ec)
-                        for s in range(SAMPLES):
-                            inside = ec32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
-                            reach[s] = min(reach[s], inside) if crossed else inside
-                        crossed = True
-                if outside:
-                    continue
-                a32, b32, c32, least = np.float32(a), np.float32(b), np.float32(c), GREATEST_KEY
-                for s in range(SAMPLES):
-                    w = max(c32 + (a32 * positions[0, s] + b32 * positions[1, s]), np.float32(0.0))
-                    if crossed and reach[s] < np.float32(0.0):
-                        w = np.float32(0.0)
-                    key[p, s] = max(key[p, s], sample_key(w, name if w > np.float32(0.0) else WALL))
-                    least = min(least, key[p, s])
-                farthest[p] = least
+                        crossed += 1
+                if not outside:
+                    a32, b32, c32, least = np.float32(a), np.float32(b), np.float32(c), GREATEST_KEY
+                    for s in range(SAMPLES):
+                        w = max(c32 + (a32 * positions[0, s] + b32 * positions[1, s]), np.float32(0.0))
+                        inside = ec32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
+                        w = w if min(inside, reach[s]) >= np.float32(0.0) else np.float32(0.0)
+                        key[p, s] = max(key[p, s], sample_key(w, name if w > np.float32(0.0) else WALL))
+                        least = min(least, key[p, s])
+                    farthest[p] = least
+                if crossed > 1:
+                    reach[:] = np.float32(np.inf)
+
+
+@inlined
+def sample_place(maps: Array, p: int, positions: Floats, s: int) -> tuple[float, float]:
+    """Return where sample s of mixed pixel p lies in the image of the ideal lens."""
+    x, y = positions[0, s], positions[1, s]
+    return maps[p, 0] + (maps[p, 2] * x + maps[p, 4] * y), maps[p, 1] + (maps[p, 3] * x + maps[p, 5] * y)
 
 
 @subroutine
@@ -143,6 +154,7 @@ def shade_lens_mixed_pixels(
                 middle_v = maps[p, 1] + 0.5 * (maps[p, 3] + maps[p, 5])
                 # Most samples show what the one before showed; ``steady``: its grey level is constant.
                 last, steady, value, reflectance = np.int32(WALL), True, floor_texture.wall, 0.0
+                bitmap = -1  # the face with cells that ``texel`` is filled for
                 for s in range(SAMPLES):
                     name = identity[s]
                     f = name >> REGION_BITS
@@ -155,20 +167,27 @@ def shade_lens_mixed_pixels(
                             value = floor_texture.wall
                         elif steady:
                             value = grey[f]
-                        elif kind[f] & TEXTURED and not kind[f] & CELLS:
+                        elif kind[f] & CELLS:
+                            if f != bitmap:  # for all samples at once, which becomes vector code
+                                bitmap = f
+                                a, b, c = inverse_depth[f, 0], inverse_depth[f, 1], inverse_depth[f, 2]
+                                for n in range(SAMPLES):
+                                    u, v = sample_place(maps, p, positions, n)
+                                    w = a * u + (b * v + c)
+                                    texel[n] = cell_index(uv, cells, f, u, v, w)
+                        elif kind[f] & TEXTURED:
                             # The filter is as wide as a pixel: one lookup serves all samples of a face.
                             reflectance = filtered_reflectance(
                                 inverse_depth, uv, texture, level_start, levels, texels, f, middle_u, middle_v
                             )
                     if not steady:
-                        u = maps[p, 0] + (maps[p, 2] * positions[0, s] + maps[p, 4] * positions[1, s])
-                        v = maps[p, 1] + (maps[p, 3] * positions[0, s] + maps[p, 5] * positions[1, s])
-                        w = inverse_depth[f, 0] * u + (inverse_depth[f, 1] * v + inverse_depth[f, 2])
                         value = grey[f]
                         if kind[f] & SMOOTH:
+                            u, v = sample_place(maps, p, positions, s)
+                            w = inverse_depth[f, 0] * u + (inverse_depth[f, 1] * v + inverse_depth[f, 2])
                             value = (shade[f, 0] * u + (shade[f, 1] * v + shade[f, 2])) / w
                         if kind[f] & CELLS:
-                            value *= texels[cell_index(uv, cells, f, u, v, w)]
+                            value *= texels[texel[s]]
                         elif kind[f] & TEXTURED:
                             value *= reflectance
                     total += value

@@ -23,6 +23,7 @@ from msrr_bullet.render.raster.kernels.records import (
     Floats,
     FloorTexture,
     FloorView,
+    Identities,
     ProjectedFaces,
     Samples,
     Textures,
@@ -72,6 +73,18 @@ def clear_samples(view: View, floor: Array, positions: Floats, samples: Samples)
             farthest[p] = least
 
 
+@inlined
+def first_pixel(column: Identities, start: int, end: int, left: int) -> int:
+    """Return the first of a row's mixed pixels, ``start`` to ``end``, that is not left of column ``left``."""
+    while start < end:
+        middle = (start + end) >> 1
+        if column[middle] < left:
+            start = middle + 1
+        else:
+            end = middle
+    return start
+
+
 @subroutine
 def cover_samples(view: View, faces: ProjectedFaces, count: int, positions: Floats, samples: Samples) -> None:
     """Draw all faces on the samples of the mixed pixels."""
@@ -79,7 +92,8 @@ def cover_samples(view: View, faces: ProjectedFaces, count: int, positions: Floa
     inverse_depth, edge_start, edges, box = faces.inverse_depth, faces.edge_start, faces.edges, faces.box
     nearest = faces.nearest
     rise = np.empty(SAMPLES, np.float32)  # of 1 / z from a pixel's upper left corner to each sample
-    reach = np.empty(SAMPLES, np.float32)  # how far inside the edges that cross the pixel each sample is
+    # How far inside the edges that cross the pixel, but for the last of them, each sample is.
+    reach = np.full(SAMPLES, np.inf, np.float32)
     for f in range(count):
         top = int(max(np.floor(box[f, 2]), float(view.y)))
         bottom = int(min(np.floor(box[f, 3]), view.y + view.height - 1.0))
@@ -96,43 +110,38 @@ def cover_samples(view: View, faces: ProjectedFaces, count: int, positions: Floa
             p, stop = start[y - view.y], start[y - view.y + 1]
             if p == stop or column[p] > right or column[stop - 1] < left:
                 continue
-            p += np.searchsorted(column[p:stop], left)
+            p = first_pixel(column, p, stop, left)
             while p < stop and column[p] <= right:
                 x = view.x + column[p]
                 corner = a * x + (b * y + c)
                 bound = np.float32(max(min(corner + highest, nearest[f]), 0.0))
                 if sample_key(bound, name) > farthest[p]:  # not behind every sample
-                    crossed = 0
+                    crossed, outside = 0, False
+                    ea32, eb32, value32 = np.float32(0.0), np.float32(0.0), np.float32(0.0)
                     for e in range(first, end):
                         ea, eb = edges[e, 0], edges[e, 1]
                         value = ea * x + (eb * y + edges[e, 2])
                         if value + max(ea, 0.0) + max(eb, 0.0) < 0.0:
-                            crossed = -1
+                            outside = True
                             break
                         if value + min(ea, 0.0) + min(eb, 0.0) < 0.0:  # this edge crosses the pixel
-                            ea32, eb32, value32 = np.float32(ea), np.float32(eb), np.float32(value)
-                            if crossed == 0:
-                                for s in range(SAMPLES):
-                                    reach[s] = value32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
-                            else:
+                            if crossed > 0:
                                 for s in range(SAMPLES):
                                     inside = value32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
                                     reach[s] = min(reach[s], inside)
+                            ea32, eb32, value32 = np.float32(ea), np.float32(eb), np.float32(value)
                             crossed += 1
-                    corner32, least = np.float32(corner), GREATEST_KEY
-                    if crossed == 0:
+                    if not outside:
+                        corner32, least = np.float32(corner), GREATEST_KEY
                         for s in range(SAMPLES):
                             w = max(corner32 + rise[s], np.float32(0.0))
-                            key[p, s] = max(key[p, s], sample_key(w, name))
-                            least = min(least, key[p, s])
-                        farthest[p] = least
-                    elif crossed > 0:
-                        for s in range(SAMPLES):
-                            w = max(corner32 + rise[s], np.float32(0.0))
-                            w = w if reach[s] >= np.float32(0.0) else np.float32(0.0)
+                            inside = value32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
+                            w = w if min(inside, reach[s]) >= np.float32(0.0) else np.float32(0.0)
                             key[p, s] = max(key[p, s], sample_key(w, name if w > np.float32(0.0) else WALL))
                             least = min(least, key[p, s])
                         farthest[p] = least
+                    if crossed > 1:
+                        reach[:] = np.float32(np.inf)
                 p += 1
 
 
@@ -171,6 +180,7 @@ def shade_mixed_pixels(
             else:
                 # Most samples show what the one before showed; ``steady``: its grey level is constant.
                 last, steady, value, reflectance = np.int32(WALL), True, floor_texture.wall, 0.0
+                bitmap = -1  # the face with cells that ``texel`` is filled for
                 for s in range(SAMPLES):
                     name = identity[s]
                     f = name >> REGION_BITS
@@ -183,19 +193,27 @@ def shade_mixed_pixels(
                             value = floor_texture.wall
                         elif steady:
                             value = grey[f]
-                        elif kind[f] & TEXTURED and not kind[f] & CELLS:
+                        elif kind[f] & CELLS:
+                            if f != bitmap:  # for all samples at once, which becomes vector code
+                                bitmap = f
+                                a, b, c = inverse_depth[f, 0], inverse_depth[f, 1], inverse_depth[f, 2]
+                                for n in range(SAMPLES):
+                                    u, v = x + positions[0, n], y + positions[1, n]
+                                    w = a * u + (b * v + c)
+                                    texel[n] = cell_index(uv, cells, f, u, v, w)
+                        elif kind[f] & TEXTURED:
                             # The filter is as wide as a pixel: one lookup serves all samples of a face.
                             reflectance = filtered_reflectance(
                                 inverse_depth, uv, texture, level_start, levels, texels, f, x + 0.5, y + 0.5
                             )
                     if not steady:
-                        u, v = x + positions[0, s], y + positions[1, s]
-                        w = inverse_depth[f, 0] * u + (inverse_depth[f, 1] * v + inverse_depth[f, 2])
                         value = grey[f]
                         if kind[f] & SMOOTH:
+                            u, v = x + positions[0, s], y + positions[1, s]
+                            w = inverse_depth[f, 0] * u + (inverse_depth[f, 1] * v + inverse_depth[f, 2])
                             value = (shade[f, 0] * u + (shade[f, 1] * v + shade[f, 2])) / w
                         if kind[f] & CELLS:
-                            value *= texels[cell_index(uv, cells, f, u, v, w)]
+                            value *= texels[texel[s]]
                         elif kind[f] & TEXTURED:
                             value *= reflectance
                     total += value
