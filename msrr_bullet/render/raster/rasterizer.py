@@ -183,7 +183,7 @@ def _workspace(geometry: Geometry, frame_count: int, width: int) -> Workspace:
         ),
         row=RowBuffers(
             flags=np.zeros(8 * (width // 8 + 1), dtype=np.uint8),
-            texel=np.empty(max(width + 1, CELL_SAMPLES), dtype=np.int32),
+            texel=np.empty(max(width + 1, CELL_SAMPLES), dtype=np.uint32),
             x=np.empty(width, dtype=np.float32),
             y=np.empty(width, dtype=np.float32),
         ),

@@ -136,7 +136,7 @@ def shade_lens_mixed_pixels(
     kind, grey, shade, inverse_depth = faces.kind, faces.grey, faces.shade, faces.inverse_depth
     cells, uv, texture = faces.cells, faces.uv, faces.texture
     level_start, levels, texels = textures.level_start, textures.levels, textures.texels
-    texel, identity = np.empty(CELL_SAMPLES, np.int32), np.empty(SAMPLES, np.int32)
+    texel, identity = np.empty(CELL_SAMPLES, np.uint32), np.empty(SAMPLES, np.int32)
     for j in range(height):
         for p in range(start[j], start[j + 1]):
             differs = np.int32(0)

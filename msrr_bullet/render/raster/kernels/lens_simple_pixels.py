@@ -26,6 +26,7 @@ from msrr_bullet.render.raster.kernels.records import (
     ProjectedFaces,
     RowBuffers,
     Samples,
+    TexelNumbers,
     Textures,
 )
 from msrr_bullet.render.raster.kernels.simple_pixels import REGION_MASK, flag_row, quantised
@@ -84,7 +85,7 @@ def mean_cells_of_pixel(
     maps: Array,
     p: int,
     positions: Floats,
-    index: Identities,
+    index: TexelNumbers,
 ) -> float:
     """Return the mean reflectance of face f's bitmap over mixed pixel p, which shows nothing else."""
     s_form = pulled_back(uv[f, 0, 0], uv[f, 0, 1], uv[f, 0, 2], maps, p)

@@ -17,10 +17,10 @@ from msrr_bullet.render.raster.kernels.records import (
     REGION_BITS,
     WALL,
     Corners,
-    Identities,
     Indices,
     LensView,
     ProjectedFaces,
+    TexelNumbers,
 )
 from msrr_bullet.render.raster.kernels.textures import cell_index
 from msrr_bullet.render.raster.kernels.visibility import is_hidden
@@ -66,7 +66,7 @@ def cover_lens_corners(
     count: int,
     regions: Indices,
     corners: Corners,
-    texel: Identities,
+    texel: TexelNumbers,
 ) -> None:
     """Draw all faces on the corners of a band of rows and mark the pixels that their edges cross.
 
@@ -154,19 +154,19 @@ def cover_lens_corners(
                         i1 = i0
                     elif side == 0:
                         flats += 1
-                        for i in range(i0, i1):
+                        for i in range(np.uint32(i0), np.uint32(i1)):
                             outside[i] |= np.uint8(ea * u[k, i] + (eb * v[k, i] + ec) < 0.0)
             if has_cells:
-                for i in range(i0, i1):
+                for i in range(np.uint32(i0), np.uint32(i1)):
                     w = a * u[k, i] + (b * v[k, i] + c)
                     texel[i] = cell_index(uv, cells, f, u[k, i], v[k, i], w)
-                for i in range(i0, i1):
+                for i in range(np.uint32(i0), np.uint32(i1)):
                     w = np.float32(a * u[k, i] + (b * v[k, i] + c))
                     if outside[i] == 0 and w > depth[j, i]:
                         depth[j, i] = w
                         identity[j, i] = name | regions[texel[i]]
             else:
-                for i in range(i0, i1):
+                for i in range(np.uint32(i0), np.uint32(i1)):
                     w = np.float32(a * u[k, i] + (b * v[k, i] + c))
                     if outside[i] == 0 and w > depth[j, i]:
                         depth[j, i] = w

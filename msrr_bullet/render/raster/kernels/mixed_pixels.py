@@ -161,7 +161,7 @@ def shade_mixed_pixels(
     start, column, key = samples.start, samples.column, samples.key
     kind, grey, cells, uv = faces.kind, faces.grey, faces.cells, faces.uv
     inverse_depth, shade, texels = faces.inverse_depth, faces.shade, textures.texels
-    texel, identity = np.empty(CELL_SAMPLES, np.int32), np.empty(SAMPLES, np.int32)
+    texel, identity = np.empty(CELL_SAMPLES, np.uint32), np.empty(SAMPLES, np.int32)
     texture, level_start, levels = faces.texture, textures.level_start, textures.levels
     for j in range(view.height):
         y = view.y + j

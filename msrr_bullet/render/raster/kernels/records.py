@@ -19,6 +19,10 @@ Indices = NDArray[np.int64]
 Identities = NDArray[np.int32]
 Texels = NDArray[np.uint32]
 
+#: Numbers of texels. In numba a negative index counts from the end of an array, so a loop over a signed index
+#: becomes poor vector code, or none: these numbers, and the columns that long loops go through, are unsigned.
+TexelNumbers = NDArray[np.uint32]
+
 #: Bits of ``kind``: what the grey level of a face depends on. Without any bit it is constant.
 SMOOTH, TEXTURED, CELLS = 1, 2, 4
 
@@ -171,7 +175,7 @@ class RowBuffers(NamedTuple):
     """Memory for one row of pixels."""
 
     flags: Pixels  # a multiple of 8 of them, which are looked at together
-    texel: Identities  # index of a texel
+    texel: TexelNumbers
     x: Floats  # offset from that texel
     y: Floats
 

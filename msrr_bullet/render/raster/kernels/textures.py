@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
-from msrr_bullet.render.raster.kernels.records import Floats, Identities, Indices, View
+from msrr_bullet.render.raster.kernels.records import Floats, Indices, TexelNumbers, View
 from msrr_bullet.render.raster.kernels.sample_positions import CELL_SAMPLES
 from msrr_scenes.arrays import Array
 
@@ -83,9 +83,9 @@ def write_cell_indices(
     a: float,
     row: float,
     k: int,
-    i0: int,
-    i1: int,
-    out: Identities,
+    i0: np.uint32,
+    i1: np.uint32,
+    out: TexelNumbers,
 ) -> None:
     """Write the indices of the texels of face f's bitmap at corners i0 to i1 of row k.
 
@@ -93,6 +93,7 @@ def write_cell_indices(
     vector code.
     """
     start, rows, columns = np.int32(cells[f, 0]), np.int32(cells[f, 1]), np.int32(cells[f, 2])
+    last_row, last_column = np.int32(rows - 1), np.int32(columns - 1)
     s_rise, s_row = uv[f, 0, 0], uv[f, 0, 1] * k + uv[f, 0, 2]
     t_rise, t_row = uv[f, 1, 0], uv[f, 1, 1] * k + uv[f, 1, 2]
     for i in range(i0, i1):
@@ -100,8 +101,8 @@ def write_cell_indices(
         z = 1.0 / (a * u + row)
         column = np.int32((s_rise * u + s_row) * z * columns)
         line = np.int32((1.0 - (t_rise * u + t_row) * z) * rows)
-        column = min(max(column, np.int32(0)), columns - np.int32(1))
-        line = min(max(line, np.int32(0)), rows - np.int32(1))
+        column = min(max(column, np.int32(0)), last_column)
+        line = min(max(line, np.int32(0)), last_row)
         out[i] = start + line * columns + column
 
 
@@ -115,7 +116,7 @@ def mean_cell_reflectance(
     x: int,
     y: int,
     positions: Floats,
-    index: Identities,
+    index: TexelNumbers,
 ) -> float:
     """Return the mean reflectance of face f's bitmap over a pixel that shows nothing else.
 
@@ -137,7 +138,7 @@ def mean_of_cells(
     t_form: tuple[float, float, float],
     w_form: tuple[float, float, float],
     positions: Floats,
-    index: Identities,
+    index: TexelNumbers,
 ) -> float:
     """Return the mean reflectance of face f's bitmap over a pixel, given by forms over its unit square.
 
@@ -147,13 +148,14 @@ def mean_of_cells(
     ta, tb, t0 = np.float32(t_form[0]), np.float32(t_form[1]), np.float32(t_form[2])
     wa, wb, w0 = np.float32(w_form[0]), np.float32(w_form[1]), np.float32(w_form[2])
     start, rows, columns = np.int32(cells[f, 0]), np.int32(cells[f, 1]), np.int32(cells[f, 2])
+    last_row, last_column = np.int32(rows - 1), np.int32(columns - 1)
     for s in range(CELL_SAMPLES):
         px, py = positions[0, s], positions[1, s]
         z = np.float32(1.0) / (w0 + (wa * px + wb * py))
         column = np.int32((s0 + (sa * px + sb * py)) * z * np.float32(columns))
         row = np.int32((np.float32(1.0) - (t0 + (ta * px + tb * py)) * z) * np.float32(rows))
-        column = min(max(column, np.int32(0)), columns - np.int32(1))
-        row = min(max(row, np.int32(0)), rows - np.int32(1))
+        column = min(max(column, np.int32(0)), last_column)
+        row = min(max(row, np.int32(0)), last_row)
         index[s] = start + row * columns + column
     total = np.float32(0.0)
     for s in range(CELL_SAMPLES):

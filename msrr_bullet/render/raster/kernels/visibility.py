@@ -24,9 +24,9 @@ from msrr_bullet.render.raster.kernels.records import (
     WALL,
     Corners,
     Floats,
-    Identities,
     Indices,
     ProjectedFaces,
+    TexelNumbers,
     View,
 )
 from msrr_bullet.render.raster.kernels.textures import write_cell_indices
@@ -51,20 +51,26 @@ def clear_corners(view: View, floor: Array, corners: Corners) -> None:
 
 
 @inlined
-def row_span(edges: Array, first: int, end: int, v: float) -> tuple[float, float]:
-    """Return the part of row v of the image inside a face: lower bound inclusive, upper bound exclusive."""
-    low, high = -np.inf, np.inf
+def row_spans(edges: Array, first: int, end: int, k: int) -> tuple[float, float, float, float]:
+    """Return bounds of a face on line k of the image, and bounds of what it may reach of the pixel row below.
+
+    Of the line, the lower bound is inside the face and the upper one is not.
+    """
+    low, high, left, right = -np.inf, np.inf, -np.inf, np.inf
     for e in range(first, end):
-        bound = edges[e, 3] * v + edges[e, 4]
+        above = edges[e, 3] * k + edges[e, 4]
+        below = above + edges[e, 3]
         if edges[e, 0] > 0.0:
-            low = max(low, bound)
+            low, left = max(low, above), max(left, min(above, below))
         elif edges[e, 0] < 0.0:
-            high = min(high, bound)
-        elif edges[e, 1] * v + edges[e, 2] < 0.0 or (
-            edges[e, 1] * v + edges[e, 2] == 0.0 and edges[e, 1] < 0.0
-        ):
-            high = -np.inf
-    return low, high
+            high, right = min(high, above), min(right, max(above, below))
+        else:
+            value = edges[e, 1] * k + edges[e, 2]
+            if value < 0.0 or (value == 0.0 and edges[e, 1] < 0.0):
+                high = -np.inf
+            if value + max(edges[e, 1], 0.0) < 0.0:
+                right = -np.inf
+    return low, high, left, right
 
 
 @inlined
@@ -74,8 +80,8 @@ def mark_edges(
     inner: NDArray[np.bool_],
     first: int,
     end: int,
-    u0: float,
-    u1: float,
+    low: float,
+    high: float,
     a: float,
     b: float,
     c: float,
@@ -85,35 +91,24 @@ def mark_edges(
 ) -> None:
     """Raise ``edge_depth``, where edges of a face cross pixel row k, to the largest 1 / z of the face there.
 
-    The face reaches from u0 to u1; its 1 / z has the form (a, b, c) and is at most ``nearest``.
+    It reaches from low to high in that row; its 1 / z has the form (a, b, c) and is at most ``nearest``.
     """
-    low, high = max(u0, float(view.x)), min(u1, view.x + view.width - 0.5)
+    reach = b * (k + 0.5) + c + 0.5 * (abs(a) + abs(b))
     for e in range(first, end):
-        above = edges[e, 3] * k + edges[e, 4]
-        below = above + edges[e, 3]
-        if edges[e, 0] > 0.0:
-            low = max(low, min(above, below))
-        elif edges[e, 0] < 0.0:
-            high = min(high, max(above, below))
-        elif edges[e, 1] * k + edges[e, 2] + max(edges[e, 1], 0.0) < 0.0:
-            high = -np.inf
-    if low <= high:
-        reach = b * (k + 0.5) + c + 0.5 * (abs(a) + abs(b))
-        for e in range(first, end):
-            if not inner[e]:
-                start, stop = low, high
-                if edges[e, 0] != 0.0:
-                    above = edges[e, 3] * k + edges[e, 4]
-                    below = above + edges[e, 3]
-                    start, stop = max(low, min(above, below)), min(high, max(above, below))
-                elif (edges[e, 1] * k + edges[e, 2]) * (edges[e, 1] * (k + 1) + edges[e, 2]) > 0.0:
-                    stop = -np.inf  # a level edge in another row
-                if start <= stop:
-                    for i in range(int(np.floor(start)), int(np.floor(stop)) + 1):
-                        w = min(a * (i + 0.5) + reach, nearest)
-                        # Rounded to single precision it must not fall below what it bounds.
-                        bound = np.float32(w * 1.000001)
-                        edge_depth[k - view.y, i - view.x] = max(edge_depth[k - view.y, i - view.x], bound)
+        if not inner[e]:
+            start, stop = low, high
+            if edges[e, 0] != 0.0:
+                above = edges[e, 3] * k + edges[e, 4]
+                below = above + edges[e, 3]
+                start, stop = max(low, min(above, below)), min(high, max(above, below))
+            elif (edges[e, 1] * k + edges[e, 2]) * (edges[e, 1] * (k + 1) + edges[e, 2]) > 0.0:
+                stop = -np.inf  # a level edge in another row
+            if start <= stop:
+                for i in range(int(np.floor(start)), int(np.floor(stop)) + 1):
+                    w = min(a * (i + 0.5) + reach, nearest)
+                    # Rounded to single precision it must not fall below what it bounds.
+                    bound = np.float32(w * 1.000001)
+                    edge_depth[k - view.y, i - view.x] = max(edge_depth[k - view.y, i - view.x], bound)
 
 
 @inlined
@@ -126,7 +121,7 @@ def is_hidden(depth: Floats, j0: int, j1: int, i0: int, i1: int, nearest: float)
     bound = np.float32(nearest * 1.000001)  # not below any 1 / z of the face in single precision
     for j in range(j0, j1):
         farther = 0
-        for i in range(i0, i1):
+        for i in range(np.uint32(i0), np.uint32(i1)):
             farther += depth[j, i] < bound
         if farther > 0:
             return False
@@ -135,7 +130,7 @@ def is_hidden(depth: Floats, j0: int, j1: int, i0: int, i1: int, nearest: float)
 
 @subroutine
 def cover_corners(
-    view: View, faces: ProjectedFaces, count: int, regions: Indices, corners: Corners, texel: Identities
+    view: View, faces: ProjectedFaces, count: int, regions: Indices, corners: Corners, texel: TexelNumbers
 ) -> None:
     """Draw all faces on the pixels' corners and mark the pixels that their edges cross.
 
@@ -157,18 +152,19 @@ def cover_corners(
         right = int(min(np.floor(box[f, 1]) + 1.0, float(view.x + view.width))) - view.x
         if is_hidden(depth, top - view.y, bottom - view.y + 1, left, right + 1, nearest[f]):
             continue
+        leftmost = max(box[f, 0], float(view.x))
+        rightmost = min(box[f, 1], view.x + view.width - 0.5)
         for k in range(top, bottom + 1):
             j = k - view.y
-            if k < bottom:
-                mark_edges(
-                    view, edges, inner, first, end, box[f, 0], box[f, 1], a, b, c, nearest[f], k, edge_depth
-                )
-            low, high = row_span(edges, first, end, float(k))
+            low, high, u0, u1 = row_spans(edges, first, end, k)
+            u0, u1 = max(u0, leftmost), min(u1, rightmost)
+            if k < bottom and u0 <= u1:
+                mark_edges(view, edges, inner, first, end, u0, u1, a, b, c, nearest[f], k, edge_depth)
             if not np.ceil(low) < high:
                 continue
             row = b * k + c
-            i0 = int(max(np.ceil(low), float(view.x))) - view.x
-            i1 = int(min(np.ceil(high), view.x + view.width + 1.0)) - view.x
+            i0 = np.uint32(min(max(np.ceil(low) - view.x, 0.0), view.width + 1.0))
+            i1 = np.uint32(min(max(np.ceil(high) - view.x, 0.0), view.width + 1.0))
             if has_cells:
                 write_cell_indices(view, uv, cells, f, a, row, k, i0, i1, texel)
                 for i in range(i0, i1):
