@@ -30,14 +30,13 @@ def edge_bearings(target: TargetModel, X_DU: SE2) -> tuple[float, float]:
     """
     (r00, r01, r02, p0), (r20, r21, r22, p2) = target.lateral_and_depth_rows
     c, s = math.cos(X_DU.yaw), math.sin(X_DU.yaw)
-
-    def bearing(point: list[float]) -> float:
-        dx, dy, z = point[0] - X_DU.x, point[1] - X_DU.y, point[2]
+    bearings = []
+    for x_D, y_D, z in target.edge_points_D:
+        dx, dy = x_D - X_DU.x, y_D - X_DU.y
         x, y = c * dx + s * dy, c * dy - s * dx  # in U
-        return math.atan2(-(r00 * x + r01 * y + r02 * z + p0), r20 * x + r21 * y + r22 * z + p2)
-
-    left, right = target.edge_points_D
-    return bearing(left), bearing(right)
+        bearings.append(math.atan2(-(r00 * x + r01 * y + r02 * z + p0), r20 * x + r21 * y + r22 * z + p2))
+    left, right = bearings
+    return left, right
 
 
 def measured_bearings(target: TargetModel, detections: Detections) -> tuple[float | None, float | None]:
@@ -101,12 +100,16 @@ class LosEstimator:
             return LosObservation(now_ns, math.nan, math.nan, math.nan, LosStatus.LOST)
         predicted = edge_bearings(self.target, estimate.X_DU)
         bearings = {estimate.stamp_ns: predicted}
-        seen = [self._advanced(side, now_ns, estimate.stamp_ns, bearings, estimator) for side in (0, 1)]
-        left, right = (p if s is None else s for s, p in zip(seen, predicted, strict=True))
+        seen_left = self._advanced(0, now_ns, estimate.stamp_ns, bearings, estimator)
+        seen_right = self._advanced(1, now_ns, estimate.stamp_ns, bearings, estimator)
+        left = predicted[0] if seen_left is None else seen_left
+        right = predicted[1] if seen_right is None else seen_right
         if now_ns - estimate.last_seen_ns > _TRUSTED_NS:
             status = LosStatus.LOST
+        elif seen_left is None or seen_right is None:
+            status = LosStatus.PREDICTED
         else:
-            status = LosStatus.PREDICTED if None in seen else LosStatus.SEEN
+            status = LosStatus.SEEN
         to_left, to_right = self.target.lens.field_of_view
         margin = min(to_left - max(left, right), to_right + min(left, right))
         return LosObservation(estimate.stamp_ns, left, right, margin, status)

@@ -156,6 +156,7 @@ class DriveMotion:
             tilt=noise.tilt_sigma**2,
             tilt_time=noise.tilt_time,
         )
+        self._packed_drive = self._drive.packed()
 
     def rates(self, state: FilterState, history: WheelHistory) -> Rates:
         """Return how the unit moves about an exposure with the time of a state as its stamp, by the wheels.
@@ -193,7 +194,7 @@ class DriveMotion:
         if stamp_ns <= state.stamp_ns:
             return state
         steps, wheels = self._steps(state, history, stamp_ns)
-        mean, P = propagate(state.mean, state.covariance, steps, self._drive)
+        mean, P = propagate(state.mean, state.covariance, steps, self._packed_drive)
         return FilterState(stamp_ns, mean, P, wheels, state.last_seen_ns, state.rejected, state.noise_scale)
 
     def to_measurement(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
@@ -221,7 +222,7 @@ class DriveMotion:
         if stamp_ns > state.stamp_ns:
             steps, _ = self._steps(state, history, stamp_ns)
         pose, covariance = predict(
-            state.mean, state.covariance, steps, self._drive, self._marker, self._pivot
+            state.mean, state.covariance, steps, self._packed_drive, self._marker, self._pivot
         )
         at_ns = max(stamp_ns, state.stamp_ns)
         return PoseEstimate(at_ns, SE2(*pose.tolist()), covariance, state.last_seen_ns)
@@ -237,7 +238,8 @@ class DriveMotion:
         wheels = state.wheels or history.angles_at(state.stamp_ns)
         if wheels is None:
             return np.array([[0.0, 0.0, seconds(stamp_ns - state.stamp_ns), 0.0, 0.0]]), None
-        steps, before_ns, play = list[float](), state.stamp_ns, self._play
+        steps: list[float] = []
+        before_ns, play = state.stamp_ns, self._play
         for angles in history.angles_between(state.stamp_ns, stamp_ns):
             dt = seconds(angles.stamp_ns - before_ns)
             left, right = angles.left - wheels.left, angles.right - wheels.right

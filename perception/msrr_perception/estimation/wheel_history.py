@@ -42,26 +42,32 @@ class WheelHistory:
 
     def add(self, reading: WheelOdometry) -> bool:
         """Store a reading and return whether it is newer than all others. A repeated one is ignored."""
-        new = WheelAngles(reading.stamp_ns, reading.left, reading.right)
-        i = bisect_left(self._stamps, new.stamp_ns)
+        stamp_ns = reading.stamp_ns
+        if not self._stamps or stamp_ns > self._stamps[-1]:
+            self._stamps.append(stamp_ns)
+            self._append(reading)
+            return True
+        i = bisect_left(self._stamps, stamp_ns)
         later = self._readings[i:]
-        if later and later[0].stamp_ns == new.stamp_ns:
+        if later[0].stamp_ns == stamp_ns:
             return False
-        if later and i == 0:  # how far the wheels had turned before the first reading stays as it is known
-            new = new._replace(since_left=later[0].since_left, since_right=later[0].since_right)
+        self._stamps.insert(i, stamp_ns)
+        if i == 0:  # how far the wheels had turned before the first reading stays as it is known
+            first = later[0]
+            new = WheelAngles(stamp_ns, reading.left, reading.right, first.since_left, first.since_right)
             self._readings.insert(0, new)
             self._ways.insert(0, self._ways[0])
         else:
             del self._readings[i:], self._ways[i:]
-            for angles in (new, *later):
+            self._append(reading)
+            for angles in later:
                 self._append(angles)
-        self._stamps.insert(i, new.stamp_ns)
-        return not later
+        return False
 
-    def _append(self, new: WheelAngles) -> None:
+    def _append(self, new: WheelOdometry | WheelAngles) -> None:
         """Append the newest angles, with those since both wheels began to turn the way they do."""
         if not self._readings:
-            self._readings.append(new)
+            self._readings.append(WheelAngles(new.stamp_ns, new.left, new.right))
             self._ways.append((0.0, 0.0))
             return
         last, (way_left, way_right) = self._readings[-1], self._ways[-1]

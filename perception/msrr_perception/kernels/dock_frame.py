@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msrr_perception.kernels.compiled import kernel
-from msrr_perception.kernels.drive import Drive, propagate
+from msrr_perception.kernels.drive import propagate
 from msrr_scenes.arrays import Array
 
 #: Entries of a state on which the pose in the dock frame depends: the pose against the marker of the port,
@@ -44,7 +45,7 @@ def pose_by_marker(mean: Array, marker: int, pivot: Array) -> tuple[Array, Array
 
 @kernel
 def predict(
-    mean: Array, covariance: Array, steps: Array, drive: Drive, marker: int, pivot: Array
+    mean: Array, covariance: Array, steps: Array, packed: NDArray[np.void], marker: int, pivot: Array
 ) -> tuple[Array, Array]:
     """Return the pose in the dock frame after K steps, shape (3,), and its covariance, shape (3, 3).
 
@@ -52,12 +53,12 @@ def predict(
         mean: State, shape (n,).
         covariance: Covariance of the state, shape (n, n).
         steps: Steps of :func:`msrr_perception.kernels.drive.propagate`, shape (K, 5).
-        drive: Drive and its noise.
+        packed: Drive and its noise, :meth:`msrr_perception.kernels.drive.Drive.packed`.
         marker: See :func:`pose_by_marker`.
         pivot: See :func:`pose_by_marker`.
     """
     if len(steps):
-        mean, covariance = propagate(mean, covariance, steps, drive)
+        mean, covariance = propagate(mean, covariance, steps, packed)
     pose, J = pose_by_marker(mean, marker, pivot)
     out = np.zeros((3, 3))
     shares = _SHARES if marker >= 0 else 3

@@ -6,13 +6,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msrr_perception.kernels.compiled import inlined, kernel
 from msrr_scenes.arrays import Array
 
 
 class Drive(NamedTuple):
-    """A drive and its noise in the form that kernels take; see ``MotionNoise``."""
+    """A drive and its noise; see ``MotionNoise``."""
 
     radius: float  # radius of the wheels [m]
     track: float  # distance between the wheels [m]
@@ -27,6 +28,13 @@ class Drive(NamedTuple):
     turn_drift: float  # variance per second
     tilt: float  # variance
     tilt_time: float  # [s]
+
+    def packed(self) -> NDArray[np.void]:
+        """Return the drive in the form that kernels take, a record of the same fields, shape (1,).
+
+        To take its numbers out of a tuple, a call of a kernel would need a microsecond.
+        """
+        return np.array([tuple(self)], dtype=[(field, np.float64) for field in self._fields])
 
 
 @inlined
@@ -80,7 +88,7 @@ def add_slip(
 
 
 @kernel
-def propagate(state: Array, covariance: Array, steps: Array, drive: Drive) -> tuple[Array, Array]:
+def propagate(state: Array, covariance: Array, steps: Array, packed: NDArray[np.void]) -> tuple[Array, Array]:
     """Return mean and covariance of the state after K steps.
 
     Args:
@@ -89,9 +97,9 @@ def propagate(state: Array, covariance: Array, steps: Array, drive: Drive) -> tu
         covariance: Covariance of the state, shape (n, n).
         steps: Angles turned by the left and the right motor [rad], duration [s], and 1 for each side whose
             play is taken up, shape (K, 5).
-        drive: Drive and its noise.
+        packed: Drive and its noise, :meth:`Drive.packed`.
     """
-    n = state.shape[0]
+    drive, n = packed[0], state.shape[0]
     mean, P, rows = state.copy(), covariance.copy(), np.empty((3, n))
     F = np.zeros((3, 8))  # first three rows of the transition matrix; the others are diagonal
     for k in range(steps.shape[0]):
