@@ -6,7 +6,6 @@ imports nothing of the simulator, and a replay runs it again from a log.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from msrr_bullet.profiler import NullProfiler, Profiler
@@ -53,13 +52,13 @@ from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 #: Phases in which the unit is localised by the overhead camera.
-_FAR_PHASES = frozenset({Phase.ASSEMBLE, Phase.HAND_OVER})
+_FAR_PHASES = (Phase.ASSEMBLE, Phase.HAND_OVER)
 
 #: Phases that use every frame of the overhead camera: also the retreat, which the onboard camera cannot see.
-_OVERHEAD_PHASES = _FAR_PHASES | {Phase.RETREAT}
+_OVERHEAD_PHASES = (*_FAR_PHASES, Phase.RETREAT)
 
 #: Phases in which the overhead camera only checks the surroundings, now and then.
-_CHECKED_PHASES = frozenset({Phase.CALIBRATE, Phase.DOCK})
+_CHECKED_PHASES = (Phase.CALIBRATE, Phase.DOCK)
 
 
 class Autonomy:
@@ -270,4 +269,4 @@ class Autonomy:
         with self._profiler("collision monitor"):
             decision = self.guard.limit(action.twist, self.arena, action.stamp_ns, docking, self.estimate)
         self.monitor, self._passed = decision.message(self._unit, action.stamp_ns), decision.twist
-        return action if decision.twist is action.twist else replace(action, twist=decision.twist)
+        return action if decision.twist is action.twist else action.with_twist(decision.twist)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.estimator import Estimator
 from msrr_scenes.messages import Action, Twist
@@ -28,7 +26,7 @@ class DriveFeedForward:
         if self._filter is None:
             return action
         errors = self._filter.drive_errors()
-        return replace(action, twist=self.command(action.twist, *errors)) if any(errors) else action
+        return action.with_twist(self.command(action.twist, *errors)) if any(errors) else action
 
     def command(self, wanted: Twist, left: float, right: float, track: float) -> Twist:
         """Return the command that moves a drive with these relative errors of radii and track as wanted."""

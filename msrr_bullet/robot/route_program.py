@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from msrr_bullet.profiler import NullProfiler, Profiler
@@ -100,4 +99,4 @@ class RouteProgram:
             limited = self.guard.limit(twist, self.arena, now_ns)
         self.monitor, self._passed = limited.message(self._unit, now_ns), limited.twist
         action = Action(now_ns, self.phase, 1, twist, reason=reason)
-        return action if limited.twist is twist else replace(action, twist=limited.twist)
+        return action if limited.twist is twist else action.with_twist(limited.twist)

@@ -81,9 +81,9 @@ class BarrierLaw:
         params, setup, limits = self.params, self.setup, self.setup.limits
         visibility = number(inputs.visibility)
         x, y, yaw = split(inputs.pose)
-        tip = join(x + setup.offset * cos(yaw), y + setup.offset * sin(yaw))
+        tip_x, tip_y = x + setup.offset * cos(yaw), y + setup.offset * sin(yaw)
+        tip = join(tip_x, tip_y)
         guidance = guidance_step(state.guidance, tip, visibility, params.guidance, setup.pin_reach, dt)
-        tip_x, tip_y = split(tip)
         velocity_x = -params.k_n_per_s * position_error(tip_x, number(guidance.x)) + number(guidance.speed)
         velocity_y = -params.k_n_per_s * position_error(tip_y, 0.0)
         v, across = rotate_components(velocity_x, velocity_y, -yaw)

@@ -72,18 +72,19 @@ Factory = Callable[..., Controller]
 
 
 class LawController(Generic[State]):
-    """Runs an array law on one robot."""
+    """Runs an array law on one robot.
+
+    Attributes:
+        law: The law.
+        approach_mps: Speed of the guidance trajectory of the law [m/s]; None for a law without one.
+    """
 
     def __init__(self, law: DockingLaw[State]) -> None:
         """Wrap ``law``; the controller has no state before the first :meth:`reset`."""
         self.law = law
+        guidance = getattr(getattr(law, "params", None), "guidance", None)
+        self.approach_mps = guidance.speed_mps if isinstance(guidance, GuidanceSpec) else None
         self._state: State | None = None
-
-    @property
-    def approach_mps(self) -> float | None:
-        """Speed of the guidance trajectory of the law [m/s]; None for a law without one."""
-        guidance = getattr(getattr(self.law, "params", None), "guidance", None)
-        return guidance.speed_mps if isinstance(guidance, GuidanceSpec) else None
 
     def reset(self, inputs: ControlInputs) -> None:
         """Begin an approach from here."""
@@ -95,29 +96,29 @@ class LawController(Generic[State]):
         if self._state is None:
             self._state = self.law.start(arrays)
         command, self._state = self.law.step(self._state, arrays, inputs.dt)
-        if np.shape(command) != (2,):
-            name, shape = type(self.law).__name__, np.shape(command)
+        if command.shape != (2,):
+            name, shape = type(self.law).__name__, command.shape
             raise ProgramFailedError(f"{name}.step returned a command of shape {shape}; expected (2,)")
-        return Twist(float(command[0]), float(command[1]))
+        return Twist(*command.tolist())
 
 
 def promised_speed(controller: Controller) -> float:
     """Return the speed [m/s] at which a controller promises to approach; 0 if it promises none."""
     promised = getattr(controller, "approach_mps", None)
-    return float(promised) if isinstance(promised, int | float) else 0.0
+    return 0.0 if promised is None else float(promised)
 
 
 def law_inputs(inputs: ControlInputs) -> LawInputs:
     """Return one robot's inputs as the arrays of a law, without a leading shape."""
     los = inputs.los
     visibility = 0.0 if los is None else _VISIBILITY[los.status]
-    edges = (0.0, 0.0) if los is None else (los.left, los.right)
-    if not all(math.isfinite(a) for a in edges):
-        edges, visibility = (0.0, 0.0), 0.0
+    left, right = (0.0, 0.0) if los is None else (los.left, los.right)
+    if not (math.isfinite(left) and math.isfinite(right)):
+        left = right = visibility = 0.0
     X_DU = inputs.pose.X_DU
     return LawInputs(
         pose=np.array([X_DU.x, X_DU.y, X_DU.yaw]),
-        edges=np.array(edges),
+        edges=np.array([left, right]),
         visibility=np.array(visibility),
         twist=np.array([inputs.twist.v, inputs.twist.w]),
         age=np.array(seconds(inputs.now_ns - inputs.pose.stamp_ns)),

@@ -24,6 +24,8 @@ from msrr_scenes.arrays import Array
 #: A float, or an array with one element for each trial.
 Number = TypeVar("Number", float, Array)
 
+_NUMPY = (np.ndarray, np.generic)
+
 #: Keeps tan below its pole; tanh of it is 1 to all digits.
 _BELOW_ONE = 1.0 - 1e-6
 
@@ -76,7 +78,7 @@ def join(*components: Any) -> Array:
 
 def number(scalars: NDArray[Any] | float) -> Any:
     """Return an array of shape () as a plain number, anything else as it is."""
-    return scalars.item() if isinstance(scalars, np.ndarray | np.generic) and scalars.ndim == 0 else scalars
+    return scalars.item() if isinstance(scalars, _NUMPY) and scalars.ndim == 0 else scalars
 
 
 def limit(value: Number, low: Number | float, high: Number | float) -> Number:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 from msrr_scenes.messages import (
     ArenaEstimate,
@@ -19,8 +19,7 @@ from msrr_scenes.messages import (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Observation:
+class Observation(NamedTuple):
     """All that is known at one control instant, from estimates and the unit's own sensors.
 
     Attributes:
@@ -41,7 +40,7 @@ class Observation:
     los: LosObservation | None = None
     switches: SeatSwitches | None = None
     lock: LockFeedback | None = None
-    twist: Twist = field(default_factory=Twist)
+    twist: Twist = Twist()
     arena: ArenaEstimate | None = None
     overhead_exposed_ns: int | None = None
     monitor: CollisionMonitorState | None = None

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from msrr_control.docking.law import DockSetup
 from msrr_scenes.geometry.se2 import wrap_angle
 from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, seconds
 
 
-@dataclass(frozen=True, slots=True)
-class PortView:
+class PortView(NamedTuple):
     """The estimated place of the docking unit before its target.
 
     Attributes:

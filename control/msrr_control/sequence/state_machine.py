@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from msrr_control.docking.controller import Controller
 from msrr_control.docking.law import DockSetup
+from msrr_control.kinematics.elementwise import limit
 from msrr_control.sequence import states
 from msrr_control.sequence.context import DockingContext, StateMemory, Transition
 from msrr_control.sequence.observation import Assembler, Observation
@@ -197,4 +198,4 @@ class PhaseMachine:
         limits = self._context.setup.limits
         v = limits.v_max_mps if self._phase is Phase.ASSEMBLE else limits.v_close_mps
         w = limits.w_max_radps
-        return Twist(min(max(float(twist.v), -v), v), min(max(float(twist.w), -w), w))
+        return Twist(limit(float(twist.v), -v, v), limit(float(twist.w), -w, w))

@@ -158,6 +158,10 @@ class Action:
     lock: bool = False
     reason: str = ""
 
+    def with_twist(self, twist: Twist) -> Action:
+        """Return the same decision with another velocity command."""
+        return Action(self.stamp_ns, self.phase, self.attempt, twist, self.lock, self.reason)
+
 
 class Conviction(Enum):
     """The robot's verdict on a docking step."""
