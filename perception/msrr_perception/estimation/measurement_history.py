@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
+from bisect import bisect_left
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
@@ -102,7 +102,9 @@ class MeasurementHistory:
         """
         first = 0
         if after_ns is not None:
-            first = bisect_right(self._entries, after_ns - about_ns, key=lambda e: e.key[0])
+            first = len(self._entries)
+            while first > 0 and self._entries[first - 1].key[0] > after_ns - about_ns:  # few are that new
+                first -= 1
             while first < len(self._entries) and self._entries[first].told_ns <= after_ns:
                 first += 1
         if self._entries[0].key[0] < self._oldest_ns:

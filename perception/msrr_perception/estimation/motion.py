@@ -194,7 +194,8 @@ class DriveMotion:
         if stamp_ns <= state.stamp_ns:
             return state
         steps, wheels = self._steps(state, history, stamp_ns)
-        mean, P = propagate(state.mean, state.covariance, steps, self._packed_drive)
+        mean, P = state.mean.copy(), state.covariance.copy()
+        propagate(mean, P, steps, self._packed_drive)
         return FilterState(stamp_ns, mean, P, wheels, state.last_seen_ns, state.rejected, state.noise_scale)
 
     def to_measurement(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
@@ -221,11 +222,11 @@ class DriveMotion:
         steps = _NO_STEPS
         if stamp_ns > state.stamp_ns:
             steps, _ = self._steps(state, history, stamp_ns)
-        pose, covariance = predict(
+        x, y, yaw, covariance = predict(
             state.mean, state.covariance, steps, self._packed_drive, self._marker, self._pivot
         )
         at_ns = max(stamp_ns, state.stamp_ns)
-        return PoseEstimate(at_ns, SE2(*pose.tolist()), covariance, state.last_seen_ns)
+        return PoseEstimate(at_ns, SE2(x, y, yaw), covariance, state.last_seen_ns)
 
     def _steps(
         self, state: FilterState, history: WheelHistory, stamp_ns: int

@@ -46,8 +46,8 @@ def pose_by_marker(mean: Array, marker: int, pivot: Array) -> tuple[Array, Array
 @kernel
 def predict(
     mean: Array, covariance: Array, steps: Array, packed: NDArray[np.void], marker: int, pivot: Array
-) -> tuple[Array, Array]:
-    """Return the pose in the dock frame after K steps, shape (3,), and its covariance, shape (3, 3).
+) -> tuple[float, float, float, Array]:
+    """Return the pose (x, y, yaw) in the dock frame after K steps, and its covariance, shape (3, 3).
 
     Args:
         mean: State, shape (n,).
@@ -58,7 +58,8 @@ def predict(
         pivot: See :func:`pose_by_marker`.
     """
     if len(steps):
-        mean, covariance = propagate(mean, covariance, steps, packed)
+        mean, covariance = mean.copy(), covariance.copy()
+        propagate(mean, covariance, steps, packed)
     pose, J = pose_by_marker(mean, marker, pivot)
     out = np.zeros((3, 3))
     shares = _SHARES if marker >= 0 else 3
@@ -71,4 +72,4 @@ def predict(
     for i in range(3):
         for j in range(i):
             out[j, i] = out[i, j]
-    return pose, out
+    return pose[0], pose[1], pose[2], out

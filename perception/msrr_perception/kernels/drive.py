@@ -88,19 +88,19 @@ def add_slip(
 
 
 @kernel
-def propagate(state: Array, covariance: Array, steps: Array, packed: NDArray[np.void]) -> tuple[Array, Array]:
-    """Return mean and covariance of the state after K steps.
+def propagate(mean: Array, P: Array, steps: Array, packed: NDArray[np.void]) -> None:
+    """Move mean and covariance of the state by K steps, in place.
 
     Args:
-        state: Pose with tilt, relative errors of both radii and of the track, and anything that does not
+        mean: Pose with tilt, relative errors of both radii and of the track, and anything that does not
             move, shape (n,).
-        covariance: Covariance of the state, shape (n, n).
+        P: Covariance of the state, shape (n, n).
         steps: Angles turned by the left and the right motor [rad], duration [s], and 1 for each side whose
             play is taken up, shape (K, 5).
         packed: Drive and its noise, :meth:`Drive.packed`.
     """
-    drive, n = packed[0], state.shape[0]
-    mean, P, rows = state.copy(), covariance.copy(), np.empty((3, n))
+    drive, n = packed[0], mean.shape[0]
+    rows = np.empty((3, n))
     F = np.zeros((3, 8))  # first three rows of the transition matrix; the others are diagonal
     for k in range(steps.shape[0]):
         d_left, d_right, dt = drive.radius * steps[k, 0], drive.radius * steps[k, 1], steps[k, 2]
@@ -145,4 +145,3 @@ def propagate(state: Array, covariance: Array, steps: Array, packed: NDArray[np.
         mean[2] = turned - 2.0 * math.pi * np.rint(turned / (2.0 * math.pi))
         mean[3] *= keep
         mean[4] *= keep
-    return mean, P

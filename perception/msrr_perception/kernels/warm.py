@@ -50,7 +50,7 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     derivatives(optics, tags, seen, state)
     fit(optics, tags, seen, state, state, np.eye(8), 2, 1e-3)
     steps, drive = np.zeros((1, 5)), Drive(*[1.0] * 13).packed()
-    propagate(state, np.eye(8), steps, drive)
+    propagate(state.copy(), np.eye(8), steps, drive)
     predict(state, np.eye(8), steps, drive, -1, still)
     pose_by_marker(state, -1, still)
     undistort(NO_LENS, pixels)
