@@ -10,7 +10,7 @@ from pydantic import Field
 from msrr_control.docking.edge_barrier import Arc, EdgeBarrier, Sighting
 from msrr_control.docking.guidance import GuidanceSpec, GuidanceState, guidance_start, guidance_step
 from msrr_control.docking.law import DockSetup, LawInputs
-from msrr_control.kinematics.controlled_point import offset_point, position_error, rotate_components
+from msrr_control.kinematics.controlled_point import offset_point, position_error
 from msrr_control.kinematics.elementwise import cos, hypot, join, limit, number, sin, split, where
 from msrr_control.kinematics.motion_history import MotionHistory, coast, under_way
 from msrr_scenes.arrays import Array
@@ -81,13 +81,14 @@ class BarrierLaw:
         params, setup, limits = self.params, self.setup, self.setup.limits
         visibility = number(inputs.visibility)
         x, y, yaw = split(inputs.pose)
-        tip_x, tip_y = x + setup.offset * cos(yaw), y + setup.offset * sin(yaw)
+        c, s = cos(yaw), sin(yaw)
+        tip_x, tip_y = x + setup.offset * c, y + setup.offset * s
         tip = join(tip_x, tip_y)
         guidance = guidance_step(state.guidance, tip, visibility, params.guidance, setup.pin_reach, dt)
         velocity_x = -params.k_n_per_s * position_error(tip_x, number(guidance.x)) + number(guidance.speed)
         velocity_y = -params.k_n_per_s * position_error(tip_y, 0.0)
-        v, across = rotate_components(velocity_x, velocity_y, -yaw)
-        v = limit(v, -limits.v_close_mps, limits.v_close_mps)
+        ahead, across = c * velocity_x + s * velocity_y, c * velocity_y - s * velocity_x
+        v = limit(ahead, -limits.v_close_mps, limits.v_close_mps)
         w = limit(across / setup.offset, -limits.w_max_radps, limits.w_max_radps)
         motion = state.motion.advanced(self._possible(inputs.twist), dt, inputs.age)
         v, w = self.kept_in_view((v, w), motion, state.sent, inputs)

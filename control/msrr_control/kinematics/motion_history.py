@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from msrr_control.kinematics.elementwise import limit, number
 from msrr_control.kinematics.unicycle import drive_components
 from msrr_scenes.arrays import Array
@@ -49,10 +47,11 @@ class MotionHistory(NamedTuple):
             dt: Time since the last instant [s].
             age: Age of the measurement in use, shape (...) [s]; its time of exposure never goes back.
         """
-        v, w = (0.5 * before + 0.5 * now for before, now in zip(self.twist, twist, strict=True))
+        (v_before, w_before), (v, w) = self.twist, twist
+        mean = MotionInterval(dt, 0.5 * v_before + 0.5 * v, 0.5 * w_before + 0.5 * w)
         kept: list[MotionInterval] = []
-        missing = float(np.max(age)) if np.ndim(age) else float(age)
-        for interval in (MotionInterval(dt, v, w), *self.past):
+        missing = float(age.max() if age.ndim else age)
+        for interval in (mean, *self.past):
             if missing <= 0.0:
                 break
             kept.append(interval)

@@ -105,7 +105,7 @@ def calibrate(c: DockingContext) -> Twist | Transition:
 def dock(c: DockingContext) -> Twist | Transition:
     """Follow the controller to the port, then press until the pins are at the bottom of the holes."""
     view, pose, switches = c.view, c.observation.pose, c.observation.switches
-    spec, tuning = c.spec, c.tuning
+    spec, tuning, now_ns = c.spec, c.tuning, c.now_ns
     if view is None or pose is None or view.age > spec.lost_time_s:
         return _fail(f"target lost for {spec.lost_time_s:.2f} s", FailureReason.TARGET_LOST)
     at_port = view.gap <= c.setup.pin_reach + tuning.contact_m
@@ -114,14 +114,14 @@ def dock(c: DockingContext) -> Twist | Transition:
     closed = switches is not None and switches.both
     near = with_doubt(tuning.near_m, view.sigma_gap)
     agrees = in_seat_range(view.gap - tuning.seated_gap_m, near) or not spec.verify.by_sight
-    if c.memory.switches.update(closed and at_port and agrees, c.now_ns) >= tuning.debounce_s:
+    if c.memory.switches.update(closed and at_port and agrees, now_ns) >= tuning.debounce_s:
         return Transition(Phase.LOCK, f"both seat switches closed at {view}")
     # If any progress counted, the unit could creep for minutes: it has to keep a share of the promised speed,
     # or near the seat to halve what is left.
     way = tuning.progress_share * promised_speed(c.controller) * spec.stall_time_s
-    idle = c.memory.without_progress(view.off_seat(tuning.seated_gap_m), tuning.progress_m, way, c.now_ns)
+    idle = c.memory.without_progress(view.off_seat(tuning.seated_gap_m), tuning.progress_m, way, now_ns)
     monitor = c.observation.monitor
-    limited_s = c.memory.limited.update(monitor is not None and monitor.limits, c.now_ns)
+    limited_s = c.memory.limited.update(monitor is not None and monitor.limits, now_ns)
     pressed = at_port and (monitor is None or monitor.state is not MonitorState.STOP)
     if idle > spec.stall_time_s:
         # The first decision of the monitor comes with the next instant.
@@ -142,7 +142,7 @@ def dock(c: DockingContext) -> Twist | Transition:
             return _fail(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
     turn = min(max(twist.w, -tuning.press_turn_radps), tuning.press_turn_radps)
     one_closed = switches is not None and switches.left != switches.right
-    if c.memory.askew.update(one_closed, c.now_ns) > tuning.askew_s and switches is not None:
+    if c.memory.askew.update(one_closed, now_ns) > tuning.askew_s and switches is not None:
         # One pin is at the bottom of its hole, and friction holds the other one: sight cannot tell so small
         # an angle, but the switches do.
         turn = math.copysign(tuning.press_turn_radps, 1.0 if switches.left else -1.0)
