@@ -253,5 +253,7 @@ class DriveMotion:
 
 def _weighted(angles: Sequence[WheelAngles], weights: Sequence[float]) -> tuple[float, float]:
     """Return the weighted sums of the angles of the left and of the right wheel."""
-    left = sum(a.left * weight for a, weight in zip(angles, weights, strict=True))
-    return left, sum(a.right * weight for a, weight in zip(angles, weights, strict=True))
+    left = right = 0.0
+    for a, weight in zip(angles, weights, strict=True):
+        left, right = left + a.left * weight, right + a.right * weight
+    return left, right
