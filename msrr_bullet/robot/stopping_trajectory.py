@@ -136,7 +136,8 @@ class StoppingTrajectory:
         before_ns = now_ns if self._now_ns is None else self._now_ns
         while self._link and self._link[0][0] <= now_ns:
             arrival_ns, command = self._link.popleft()
-            self._velocity = self._follow(self._velocity, self._command, seconds(arrival_ns - before_ns))
+            if arrival_ns > before_ns:
+                self._velocity = self._follow(self._velocity, self._command, seconds(arrival_ns - before_ns))
             before_ns, self._command = arrival_ns, command
         self._velocity = self._follow(self._velocity, self._command, seconds(now_ns - before_ns))
         self._now_ns = now_ns

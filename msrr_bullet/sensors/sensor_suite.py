@@ -115,12 +115,14 @@ class SensorSuite:
                 robot.receive(self._encoders.read(self._plant.motor_angles(self._unit), now_ns))
             # Switches and lock are polled at the rate of the encoders and report changes only.
             self._report_mechanism(now_ns, robot)
+        next_ns: float = self._encoder_timer.next_ns
         for camera in self._cameras:
             for message in camera.tick(now_ns, robot):
                 self.ever_detected |= self._shows_target(message)
                 with self._profiler("perception"):
                     robot.receive(message)
-        self.next_ns = min([self._encoder_timer.next_ns, *[camera.next_ns for camera in self._cameras]])
+            next_ns = min(next_ns, camera.next_ns)
+        self.next_ns = next_ns
 
     def _shows_target(self, message: SensorMessage) -> bool:
         if isinstance(message, Detections):
