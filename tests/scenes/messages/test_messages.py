@@ -6,7 +6,7 @@ import inspect
 import pytest
 
 from msrr_scenes import messages
-from msrr_scenes.messages import NS_PER_S, SeatSwitches, Twist, seconds
+from msrr_scenes.messages import NS_PER_S, Action, Phase, SeatSwitches, Twist, seconds
 
 
 def test_every_message_is_frozen() -> None:
@@ -26,3 +26,10 @@ def test_times_are_whole_nanoseconds() -> None:
 @pytest.mark.parametrize(("left", "right"), [(True, True), (True, False), (False, True), (False, False)])
 def test_a_unit_is_seated_when_both_switches_say_so(left: bool, right: bool) -> None:
     assert SeatSwitches("b", 0, left, right).both is (left and right)
+
+
+def test_another_twist_changes_nothing_else_of_an_action() -> None:
+    action = Action(5, Phase.DOCK, 2, Twist(0.1, 0.2), lock=True, reason="seen")
+    told = [f.name for f in dataclasses.fields(action) if getattr(action, f.name) != f.default]
+    assert len(told) == len(dataclasses.fields(action))  # a field left at its default would not be missed
+    assert action.with_twist(Twist(0.3, 0.0)) == dataclasses.replace(action, twist=Twist(0.3, 0.0))
