@@ -97,10 +97,10 @@ class ImageNoise:
             window.y,
             self._shading is not None,
             self._shading or _NO_SHADING,
-            _noise_tile(),
+            _noise_tiles()[digest[8] >> 1 & 1],
             (int.from_bytes(digest[:4], "little") + window.x) % TILE,
             (int.from_bytes(digest[4:8], "little") + window.y) % TILE,
-            digest[8] & 3,
+            digest[8] & 1 != 0,
             *self._variance,
             self._per_grey,
             self._tone,
@@ -126,8 +126,13 @@ def blur_kernel(sigma: float) -> NDArray[np.float32]:
 
 
 @cache
-def _noise_tile() -> NDArray[np.float32]:
-    """Return standard normal numbers, shape (TILE, TILE); the same for all cameras and trials."""
+def _noise_tiles() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return standard normal numbers, shape (TILE, TILE), and the same with their columns in reverse order.
+
+    They are the same for all cameras and trials. To go through a row from its end is half as fast.
+    """
     tile = np.random.Generator(np.random.PCG64(_TILE_SEED)).standard_normal((TILE, TILE), dtype=np.float32)
-    tile.setflags(write=False)
-    return tile
+    tiles = tile, np.ascontiguousarray(tile[:, ::-1])
+    for each in tiles:
+        each.setflags(write=False)
+    return tiles

@@ -96,16 +96,17 @@ class LawController(Generic[State]):
         if self._state is None:
             self._state = self.law.start(arrays)
         command, self._state = self.law.step(self._state, arrays, inputs.dt)
-        if command.shape != (2,):
-            name, shape = type(self.law).__name__, command.shape
+        shape = np.shape(command)
+        if shape != (2,):
+            name = type(self.law).__name__
             raise ProgramFailedError(f"{name}.step returned a command of shape {shape}; expected (2,)")
-        return Twist(*command.tolist())
+        return Twist(float(command[0]), float(command[1]))
 
 
 def promised_speed(controller: Controller) -> float:
     """Return the speed [m/s] at which a controller promises to approach; 0 if it promises none."""
     promised = getattr(controller, "approach_mps", None)
-    return 0.0 if promised is None else float(promised)
+    return float(promised) if isinstance(promised, (int, float)) else 0.0
 
 
 def law_inputs(inputs: ControlInputs) -> LawInputs:

@@ -46,7 +46,7 @@ def convert_light(
     tile: NDArray[np.float32],
     column: int,
     row: int,
-    mirror: int,
+    turned: bool,
     read: float,
     shot: float,
     per_grey: float,
@@ -66,9 +66,9 @@ def convert_light(
         shades: Whether less light arrives at some pixels than at others.
         shading: How much less.
         tile: Periodic standard normal noise, shape (TILE, TILE).
-        column: Column of the tile, as it is mirrored, on which the first column of the window lies.
-        row: Row of the tile, likewise.
-        mirror: Mirror image of the tile: 1 turns rows and 2 columns round.
+        column: Column of the tile on which the first column of the window lies.
+        row: Row of the tile on which its first row lies.
+        turned: Whether the rows of the tile are counted from its last one.
         read: Variance of the read noise [grey levels squared].
         shot: Variance of the shot noise for each grey level of light.
         per_grey: Numbers of the converter for each grey level of light.
@@ -77,7 +77,7 @@ def convert_light(
     """
     height, width = out.shape
     size = len(taps)
-    flip_row, flip_column = (_LAST if mirror & 1 else 0), mirror & 2
+    flip_row = _LAST if turned else 0
     total = np.float32(0.0)
     for t in range(size):
         total += taps[t]
@@ -115,7 +115,7 @@ def convert_light(
             first = (column + i) & _LAST
             part = min(TILE - first, width - i)
             for k in range(part):
-                normal[i + k] = noise[_LAST - first - k] if flip_column else noise[first + k]
+                normal[i + k] = noise[first + k]
             i += part
         for i in range(width):
             value = level * light[i]
