@@ -110,6 +110,9 @@ class BulletWorld:
         """Close the client; a second call does nothing."""
         if self.client >= 0:
             with suppress(pybullet.error):  # at the end of the process the client may be gone already
+                # What PyBullet has read of mesh files stays for the whole process, until it is told not to.
+                for caching in (0, 1):
+                    pybullet.setPhysicsEngineParameter(enableFileCaching=caching, physicsClientId=self.client)
                 pybullet.disconnect(physicsClientId=self.client)
             self.client = -1
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import sys
 from collections import deque
@@ -51,7 +52,11 @@ def one_trial(scene: Scene, seed: int, wall_limit_s: float | None = None) -> Tri
     # A process that only starts trials elsewhere does not load the simulator.
     from msrr_bullet.trial.trial import Trial
 
-    return Trial(scene, seed).run(wall_limit_s)
+    result = Trial(scene, seed).run(wall_limit_s)
+    # Cameras, programs and world refer to each other. Left to itself, the collector would come for the memory
+    # of several trials at a time, by which a worker would grow by a fifth.
+    gc.collect(1)
+    return result
 
 
 def _check(scene: Scene) -> None:

@@ -1,5 +1,6 @@
 """Sweeps: resumed, interrupted, and with trials that fail."""
 
+import gc
 import json
 import os
 import signal
@@ -14,10 +15,11 @@ from typing import Any
 
 import pytest
 
+from msrr_bullet.simulation.world import BulletWorld
 from msrr_bullet.sweep.summary import SweepSummary, TrialFailure
 from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.sweep.trial_store import TrialStore
-from msrr_bullet.sweep.trials import run_trials
+from msrr_bullet.sweep.trials import one_trial, run_trials
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes import load_scene, scene_hash
@@ -52,6 +54,17 @@ def test_a_second_sweep_runs_only_what_is_missing(
     assert sorted(calls) == [(seed, seed < 5) for seed in range(8)]
     fresh = sweep(scene, range(8), executor=inline, trial=made_up)
     assert second == fresh.model_copy(update={"reused": 5})  # whether stored or run makes no difference
+
+
+def test_a_trial_of_a_sweep_leaves_no_world_in_memory() -> None:
+    before = {id(thing) for thing in gc.get_objects() if isinstance(thing, BulletWorld)}
+    gc.disable()  # whether the collector comes by itself, is a matter of chance
+    try:
+        one_trial(load_scene("close_range", {"time_limit_s": 1}), 0)
+        left = [thing for thing in gc.get_objects() if isinstance(thing, BulletWorld)]
+    finally:
+        gc.enable()
+    assert not [thing for thing in left if id(thing) not in before]
 
 
 def test_a_trial_that_two_batches_ask_for_is_run_once(
