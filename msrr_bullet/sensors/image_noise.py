@@ -129,7 +129,7 @@ def blur_kernel(sigma: float) -> NDArray[np.float32]:
 def _noise_tiles() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return standard normal numbers, shape (TILE, TILE), and the same with their columns in reverse order.
 
-    They are the same for all cameras and trials. To go through a row from its end is half as fast.
+    They are the same for all cameras and trials. To go through a row from its end would take longer.
     """
     tile = np.random.Generator(np.random.PCG64(_TILE_SEED)).standard_normal((TILE, TILE), dtype=np.float32)
     tiles = tile, np.ascontiguousarray(tile[:, ::-1])

@@ -54,7 +54,7 @@ def one_trial(scene: Scene, seed: int, wall_limit_s: float | None = None) -> Tri
 
     result = Trial(scene, seed).run(wall_limit_s)
     # Cameras, programs and world refer to each other. Left to itself, the collector would come for the memory
-    # of several trials at a time, by which a worker would grow by a fifth.
+    # of several trials at a time, by which a worker would grow by a sixth.
     gc.collect(1)
     return result
 

@@ -136,6 +136,20 @@ def test_a_law_that_commands_more_than_one_robot_is_named() -> None:
         LawController(_TwoRows()).step(_inputs())
 
 
+class _Pair:
+    """An array law that returns its command as a pair of numbers."""
+
+    def start(self, inputs: object) -> None:
+        return None
+
+    def step(self, state: None, inputs: object, dt: float) -> tuple[tuple[float, float], None]:
+        return (0.1, -0.2), None
+
+
+def test_a_law_may_return_a_pair_of_numbers() -> None:
+    assert LawController(_Pair()).step(_inputs()) == Twist(0.1, -0.2)
+
+
 @pytest.mark.parametrize(
     "result", [None, (0.1, 0.0), Twist(math.inf, 0.0), Twist(0.1, math.nan), Twist("fast", 0.0), Twist(1j, 0)]
 )
