@@ -9,7 +9,7 @@ import gc
 import json
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -132,6 +132,8 @@ def check(
         typer.echo(
             f"{file}: ok ({bodies}; {_task(loaded)}; as built: {loaded.as_built}; {scene_hash(loaded)})"
         )
+        for line in _robots(loaded):
+            typer.echo(f"  {line}")
     raise typer.Exit(code)
 
 
@@ -163,6 +165,28 @@ def _task(scene: Scene) -> str:
     if scene.shape is not None:
         return "shape " + ", then ".join(map(str, scene.shape))
     return ", then ".join(str(step) for step in scene.plan)
+
+
+def _robots(scene: Scene) -> Iterator[str]:
+    """Yield what each kind of robot measures, so that a mistaken unit is seen."""
+    import numpy as np
+
+    from msrr_scenes.geometry.inertial import whole_inertial
+    from msrr_scenes.geometry.urdf_tree import LinkTree
+
+    kinds: dict[tuple[object, ...], list[str]] = {}
+    for name in scene.units:
+        kinds.setdefault((scene.geometry(name).urdf, scene.geometry(name).frame_map), []).append(name)
+    for names in kinds.values():
+        geometry = scene.geometry(names[0])
+        points = np.concatenate([solid.points() for solid in geometry.solids])
+        length, width, height = 1e3 * np.ptp(points, axis=0)
+        mass = whole_inertial(LinkTree(geometry.urdf, geometry.tree().getroot())).mass
+        wheels = f", wheels {2e3 * geometry.wheel_radius:.0f} mm across, track {1e3 * geometry.track:.0f} mm"
+        yield (
+            f"{geometry.urdf.name}: {length:.0f} x {width:.0f} x {height:.0f} mm, {mass:.2f} kg"
+            f"{wheels if geometry.drives else ''} ({', '.join(names)})"
+        )
 
 
 app.command()(merge_command.merge)

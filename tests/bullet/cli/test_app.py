@@ -98,6 +98,8 @@ def test_check(capsys: Capture, tmp_path: Path) -> None:
     assert shown.format("careful") in capsys.readouterr().out
     assert run(["check", "close_range", "--set", "as_built=perfect"]) == 0
     assert shown.format("perfect") in capsys.readouterr().out
+    assert run(["check", "round_robots"]) == 0  # wheels of 40 mm in radius, 75 mm to each side
+    assert ", wheels 80 mm across, track 150 mm (b, a)\n" in capsys.readouterr().out
     (tmp_path / "bad.yaml").write_text("units: {}\n")
     assert run(["check", "bad.yaml", "close_range"]) == 2  # one is bad, the other is still checked
     out, err = capsys.readouterr()
