@@ -14,10 +14,10 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 import numpy as np
 
-from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.inertial import INERTIA, Inertial
-from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.urdf_tree import set_origin, urdf_origin
+from msrr_scenes.geometry.urdf_tree import carry_over, urdf_origin
+
+_UPPER, _LOWER = np.triu_indices(3), np.tril_indices(3, -1)
 
 
 def weld(tree: ElementTree[Element], separate: Collection[str]) -> None:
@@ -35,30 +35,35 @@ def weld(tree: ElementTree[Element], separate: Collection[str]) -> None:
     robot = tree.getroot()
     links = {e.attrib["name"]: e for e in robot.findall("link")}
     joints = {_end(joint, "child").attrib["link"]: joint for joint in robot.findall("joint")}
+    parents = {name: _end(joint, "parent") for name, joint in joints.items()}
+    masses: dict[str, Inertial] = {}  # of links into which others have been merged
     # A carrier without shapes gets the contact properties of the first link merged into it: the largest one.
     order = sorted(joints, key=lambda name: -len(links[name].findall("collision")))
     for name in (*(n for n in order if links[n].find("collision") is None), *order):
         if name not in joints:
             continue
         joint, link = joints[name], links[name]
-        carrier = links[_end(joint, "parent").attrib["link"]]
+        up = parents[name].attrib["link"]
+        carrier = links[up]
         if joint.get("type") != "fixed" or name in separate or not _may_join(link, carrier):
             continue
-        X_CL = urdf_origin(joint.find("origin"))
-        _add_mass(carrier, link, X_CL)
+        carrier_mass = masses.get(up) or Inertial.of(carrier.find("inertial"))
+        mass = masses.pop(name, None) or Inertial.of(link.find("inertial"))
+        masses[up] = _joined(carrier_mass, mass.in_frame(urdf_origin(joint.find("origin"))))
         if link.find("collision") is not None and carrier.find("collision") is None:
             _copy_contact(carrier, link)
         for shape in (*link.findall("visual"), *link.findall("collision")):
-            set_origin(shape, X_CL @ urdf_origin(shape.find("origin")))
+            carry_over(shape, joint)
             carrier.append(shape)
-        for other in joints.values():
-            parent = _end(other, "parent")
+        for child, parent in parents.items():
             if parent.attrib["link"] == name:
                 parent.set("link", carrier.attrib["name"])
-                set_origin(other, X_CL @ urdf_origin(other.find("origin")))
+                carry_over(joints[child], joint)
         robot.remove(link)
         robot.remove(joint)
-        del joints[name]
+        del joints[name], parents[name]
+    for name, mass in masses.items():
+        _set_inertial(links[name], mass)
 
 
 def write_welded(tree: ElementTree[Element], path: Path) -> None:
@@ -93,22 +98,23 @@ def _copy_contact(carrier: Element, link: Element) -> None:
     carrier.extend(link.findall("contact"))
 
 
-def _add_mass(carrier: Element, link: Element, X_CL: SE3) -> None:
-    inertial = carrier.find("inertial")
-    total = Inertial.of(inertial) + Inertial.of(link.find("inertial")).in_frame(X_CL)
-    if inertial is not None:
-        carrier.remove(inertial)
-    inertial = SubElement(carrier, "inertial")
-    SubElement(inertial, "origin", xyz=_numbers(total.centre), rpy="0 0 0")
-    SubElement(inertial, "mass", value=repr(float(total.mass)))
-    upper = total.inertia[np.triu_indices(3)]
-    SubElement(inertial, "inertia", {name: repr(float(j)) for name, j in zip(INERTIA, upper, strict=True)})
+def _joined(one: Inertial, other: Inertial) -> Inertial:
+    total = one + other
+    # As if it had been written and read again: a URDF has the upper triangle alone.
+    total.inertia[_LOWER] = total.inertia.T[_LOWER]
+    return total
+
+
+def _set_inertial(link: Element, mass: Inertial) -> None:
+    for old in link.findall("inertial"):
+        link.remove(old)
+    inertial = SubElement(link, "inertial")
+    SubElement(inertial, "origin", xyz=" ".join(map(repr, mass.centre.tolist())), rpy="0 0 0")
+    SubElement(inertial, "mass", value=repr(mass.mass))
+    upper = mass.inertia[_UPPER].tolist()
+    SubElement(inertial, "inertia", dict(zip(INERTIA, map(repr, upper), strict=True)))
 
 
 def joint_of(robot: Element, link: str) -> Element:
     """Return the joint that carries a link, given the root of a URDF that has one."""
     return next(joint for joint in robot.findall("joint") if _end(joint, "child").attrib["link"] == link)
-
-
-def _numbers(values: Array) -> str:
-    return " ".join(repr(float(v)) for v in values)

@@ -18,6 +18,7 @@ import difflib
 import math
 import re
 from collections.abc import Collection
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -104,7 +105,11 @@ class UnitGeometry:
     frame_map: FrameMap = ()
 
     def tree(self) -> ElementTree[Element]:
-        """Return the URDF anew, its links by the names of this project, its wheels turning forward."""
+        """Return a copy of the URDF, its links by the names of this project, its wheels turning forward."""
+        return deepcopy(self._tree)
+
+    @cached_property
+    def _tree(self) -> ElementTree[Element]:
         return read_urdf(self.urdf, self.frame_map)
 
     def frame(self, name: str) -> SE3:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
+
+#: Attributes xyz and rpy of an ``<origin>`` of a URDF; None if there is none.
+_Origin = tuple[str, str] | None
 
 
 def urdf_origin(element: Element | None) -> SE3:
@@ -17,9 +20,23 @@ def urdf_origin(element: Element | None) -> SE3:
     Raises:
         GeometryError: It has something else than three finite numbers.
     """
-    if element is None:
+    return _pose(_origin(element))
+
+
+def _origin(element: Element | None) -> _Origin:
+    return None if element is None else (element.get("xyz", "0 0 0"), element.get("rpy", "0 0 0"))
+
+
+# Units are alike, and so are trials: nearly all origins have been read before, and been carried over before.
+@lru_cache(maxsize=4096)
+def _pose(origin: _Origin) -> SE3:
+    if origin is None:
         return SE3()
-    return SE3.from_xyz_rpy(three_numbers(element, "xyz"), three_numbers(element, "rpy"))
+    xyz, rpy = (
+        _floats("origin", key, text, 3, "three numbers")
+        for key, text in zip(("xyz", "rpy"), origin, strict=True)
+    )
+    return SE3.from_xyz_rpy(xyz, rpy)
 
 
 def three_numbers(element: Element, key: str) -> list[float]:
@@ -41,21 +58,42 @@ def one_number(element: Element, key: str) -> float:
 
 
 def _numbers(element: Element, key: str, count: int, wanted: str) -> list[float]:
-    text = element.get(key, " ".join(count * "0"))
+    return _floats(element.tag, key, element.get(key, " ".join(count * "0")), count, wanted)
+
+
+def _floats(tag: str, key: str, text: str, count: int, wanted: str) -> list[float]:
     try:
         numbers = [float(word) for word in text.split()]
     except ValueError:
         numbers = []
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise GeometryError(f"the {key} of <{element.tag}> has to be {wanted}, found {text!r}")
+        raise GeometryError(f"the {key} of <{tag}> has to be {wanted}, found {text!r}")
     return numbers
 
 
 def set_origin(element: Element, X: SE3) -> None:
     """Set the pose of a joint, a shape or an inertia of a URDF."""
+    _put_origin(element, *_written(X))
+
+
+def carry_over(element: Element, joint: Element) -> None:
+    """Express the pose of a joint or a shape of a URDF in the link that carries its own link by ``joint``."""
+    _put_origin(element, *_carried(_origin(joint.find("origin")), _origin(element.find("origin"))))
+
+
+@lru_cache(maxsize=4096)
+def _carried(joint: _Origin, part: _Origin) -> tuple[str, str]:
+    return _written(_pose(joint) @ _pose(part))
+
+
+def _written(X: SE3) -> tuple[str, str]:
+    xyz, rpy = (" ".join(map(repr, part.tolist())) for part in (X.p, X.rpy()))
+    return xyz, rpy
+
+
+def _put_origin(element: Element, xyz: str, rpy: str) -> None:
     for old in element.findall("origin"):
         element.remove(old)
-    xyz, rpy = (" ".join(repr(float(value)) for value in part) for part in (X.p, X.rpy()))
     element.insert(0, Element("origin", xyz=xyz, rpy=rpy))
 
 
