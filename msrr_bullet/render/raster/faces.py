@@ -7,6 +7,7 @@ of a tag.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -26,6 +27,9 @@ _FLAT = 1e-3
 
 #: The largest polygon; the cost of a row grows with the number of edges.
 _MOST_CORNERS = 128
+
+#: Vertices around a polygon, counter-clockwise from outside.
+_Outline = tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,17 +103,17 @@ def _compute_faces(mesh: Mesh) -> MeshFaces:
     smooth = np.abs(normals - normal[:, None]).max(axis=(1, 2)) > _FLAT
     offset = np.einsum("ta,ta->t", normal, p[:, 0])
 
-    pairs = _neighbours(triangles)
-    groups = _coplanar_groups(
-        pairs, normal, offset, np.concatenate([maps, _maps(normals, weights)], axis=1), extent
-    )
-    polygons: list[tuple[int, list[int]]] = []
-    for group in groups:
-        outline = _convex_outline(triangles[group], vertices, normal[group[0]]) if len(group) > 1 else None
-        if outline is None:
-            polygons += [(t, [int(v) for v in triangles[t]]) for t in group]
-        else:
+    named = triangles.tobytes()
+    pairs = _neighbours(named)
+    planar = _coplanar(pairs, normal, offset, np.concatenate([maps, _maps(normals, weights)], axis=1), extent)
+    groups = _outlined(named, planar.tobytes())
+    convex = _are_convex(groups, vertices, normal)
+    polygons: list[tuple[int, _Outline]] = []
+    for i, (group, outline) in enumerate(groups):
+        if outline is not None and i in convex:
             polygons.append((group[0], outline))
+        else:
+            polygons += [(t, tuple(triangles[t].tolist())) for t in group]
     of = np.array([t for t, _ in polygons], dtype=np.int64)
     start = np.cumsum([0, *(len(corners) for _, corners in polygons)])
     surface = _surfaces(pairs, normals, smooth)[of]
@@ -123,7 +127,7 @@ def _compute_faces(mesh: Mesh) -> MeshFaces:
         weights[of],
         maps[of],
         surface,
-        _across([corners for _, corners in polygons], surface),
+        _across(tuple(corners for _, corners in polygons), surface.tobytes()),
     )
 
 
@@ -147,10 +151,16 @@ def _maps(values: Array, weights: Array) -> Array:
     return maps
 
 
-def _coplanar_groups(
-    pairs: Indices, normal: Array, offset: Array, maps: Array, extent: float
-) -> list[list[int]]:
-    """Return sets of triangles that lie in one plane and have the same affine maps, joined by ``pairs``."""
+def _coplanar(pairs: Indices, normal: Array, offset: Array, maps: Array, extent: float) -> Indices:
+    """Return the number of each triangle's group, which hangs together, lies in one plane, has equal maps.
+
+    Args:
+        pairs: Triangles that share an edge, from :func:`_neighbours`.
+        normal: Normal of each triangle, shape (T, 3).
+        offset: Offset of its plane, shape (T,) [m].
+        maps: Its affine maps, shape (T, k, 4).
+        extent: Size of the mesh [m].
+    """
     t, other = pairs[:, :, 0].T
     joined = (
         (np.abs(normal[t] - normal[other]).max(axis=1) < _COPLANAR)
@@ -160,9 +170,7 @@ def _coplanar_groups(
             < _COPLANAR * (1.0 + np.abs(maps[t]).max(axis=(1, 2)))
         )
     )
-    labels = _components(len(normal), t[joined], other[joined])
-    order = np.argsort(labels, kind="stable")
-    return [g.tolist() for g in np.split(order, np.flatnonzero(np.diff(labels[order])) + 1) if len(g)]
+    return _components(len(normal), t[joined].tobytes(), other[joined].tobytes())
 
 
 def _surfaces(pairs: Indices, normals: Array, smooth: NDArray[np.bool_]) -> Indices:
@@ -172,11 +180,15 @@ def _surfaces(pairs: Indices, normals: Array, smooth: NDArray[np.bool_]) -> Indi
     start = np.abs(normals[t, i] - normals[other, (j + 1) % 3]).max(axis=1)
     end = np.abs(normals[t, (i + 1) % 3] - normals[other, j]).max(axis=1)
     joined = (np.maximum(start, end) < _FLAT) & smooth[t] & smooth[other]
-    return np.where(smooth, _components(len(normals), t[joined], other[joined]), -1)
+    return np.where(smooth, _components(len(normals), t[joined].tobytes(), other[joined].tobytes()), -1)
 
 
-def _across(polygons: list[list[int]], surface: Indices) -> Indices:
+# What follows from the numbers of corners and triangles alone is the same for meshes that differ in size, as
+# the boxes and wheels of robots do from trial to trial.
+@lru_cache(maxsize=256)
+def _across(polygons: tuple[_Outline, ...], surfaces: bytes) -> Indices:
     """Return the face of the same surface across the edge that ends at each corner, or -1."""
+    surface = np.frombuffer(surfaces, np.int64)
     sides = {
         (corners[i - 1], corners[i]): face
         for face, corners in enumerate(polygons)
@@ -192,33 +204,50 @@ def _across(polygons: list[list[int]], surface: Indices) -> Indices:
     return np.array(across, dtype=np.int64)
 
 
-def _neighbours(triangles: Indices) -> Indices:
+@lru_cache(maxsize=256)
+def _neighbours(triangles: bytes) -> Indices:
     """Return pairs of (triangle, edge) that share an edge, each once, shape (N, 2, 2)."""
     sides = {
         (a, b): (t, i)
-        for t, corners in enumerate(triangles.tolist())
+        for t, corners in enumerate(np.frombuffer(triangles, np.int64).reshape(-1, 3).tolist())
         for i, (a, b) in enumerate(zip(corners, corners[1:] + corners[:1], strict=True))
     }
     pairs = [(side, sides[b, a]) for (a, b), side in sides.items() if a < b and (b, a) in sides]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2, 2)
 
 
-def _components(count: int, a: Indices, b: Indices) -> Indices:
-    """Return the number of the connected component that each of ``count`` triangles belongs to."""
+@lru_cache(maxsize=256)
+def _components(count: int, one: bytes, other: bytes) -> Indices:
+    """Return the connected component of each of ``count`` triangles, given the two triangles of each link."""
     from scipy.sparse import coo_array  # slow to import, and a check of a scene draws nothing
     from scipy.sparse.csgraph import connected_components
 
+    a, b = np.frombuffer(one, np.int64), np.frombuffer(other, np.int64)
     graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Return the cross products of two sets of vectors, (N, 3); np.cross takes longer for small sets."""
-    return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
+    """Return the cross products of two sets of vectors, (..., 3); np.cross takes longer for small sets."""
+    return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
 
 
-def _convex_outline(triangles: Indices, vertices: Array, normal: Array) -> list[int] | None:
-    """Return the outline of coplanar triangles, counter-clockwise, or None unless it is one convex loop.
+@lru_cache(maxsize=256)
+def _outlined(triangles: bytes, groups: bytes) -> tuple[tuple[list[int], _Outline | None], ...]:
+    """Return the triangles of each group, and their outline if there are several and it is one loop.
+
+    Args:
+        triangles: Vertex indices, shape (T, 3).
+        groups: Number of each triangle's group, shape (T,).
+    """
+    corners, labels = np.frombuffer(triangles, np.int64).reshape(-1, 3), np.frombuffer(groups, np.int64)
+    order = np.argsort(labels, kind="stable")
+    members = [g.tolist() for g in np.split(order, np.flatnonzero(np.diff(labels[order])) + 1) if len(g)]
+    return tuple((group, _outline(corners[group]) if len(group) > 1 else None) for group in members)
+
+
+def _outline(triangles: Indices) -> _Outline | None:
+    """Return the outline of triangles, counter-clockwise, or None unless it is one loop.
 
     Vertices in the middle of a straight side stay: a neighbour may have its corner there, and edges that are
     shared must be the same edges.
@@ -234,11 +263,30 @@ def _convex_outline(triangles: Indices, vertices: Array, normal: Array) -> list[
         if following is None or len(outline) > len(border):
             return None
         outline.append(following)
-    if len(outline) != len(border):
-        return None
-    p = vertices[outline]
-    step = np.concatenate([p[1:], p[:1]]) - p
-    ahead = np.concatenate([step[1:], step[:1]])
-    turn = _cross(step, ahead) @ normal
-    straight = 1e-9 * float((step * step).sum(axis=1).max())
-    return outline if bool((turn >= -straight).all()) else None
+    return tuple(outline) if len(outline) == len(border) else None
+
+
+def _are_convex(
+    groups: Sequence[tuple[list[int], _Outline | None]], vertices: Array, normal: Array
+) -> set[int]:
+    """Return the numbers of the groups of coplanar triangles whose outline is convex.
+
+    Args:
+        groups: Triangles and outlines, from :func:`_outlined`.
+        vertices: Shape (V, 3) [m].
+        normal: Normal of each triangle, shape (T, 3).
+    """
+    alike: dict[int, list[tuple[int, int, _Outline]]] = {}  # number, first triangle, outline; by corners
+    for i, (group, outline) in enumerate(groups):
+        if outline is not None:
+            alike.setdefault(len(outline), []).append((i, group[0], outline))
+    convex: set[int] = set()
+    for several in alike.values():
+        numbers, first, outlines = zip(*several, strict=True)
+        p = vertices[np.array(outlines)]
+        step = np.roll(p, -1, axis=1) - p
+        turn = np.einsum("gka,ga->gk", _cross(step, np.roll(step, -1, axis=1)), normal[list(first)])
+        straight = 1e-9 * (step * step).sum(axis=2).max(axis=1)
+        turns_left = (turn >= -straight[:, None]).all(axis=1)
+        convex.update(i for i, left in zip(numbers, turns_left.tolist(), strict=True) if left)
+    return convex

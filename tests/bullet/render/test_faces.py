@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -55,6 +56,19 @@ def test_coplanar_triangles_become_one_face_where_that_is_convex() -> None:
     assert len(polygons(corner)) == 6
     row = Mesh(points, np.concatenate([quads[:2][:, [0, 1, 2]], quads[:2][:, [0, 2, 3]]]))
     assert [len(p) for p in polygons(row)] == [6], "vertices within a side stay: a neighbour may end there"
+
+
+def test_meshes_of_the_same_triangles_have_faces_of_their_own() -> None:
+    """A convex quad is one face, a dart is not convex, a folded sheet is not flat; any may come first."""
+    triangles = np.array([[0, 1, 3], [0, 3, 2]])
+    corners = {  # in the same order along x, by which vertices are sorted
+        "quad": [[0.0, 0.0, 0.0], [3.0, -1.0, 0.0], [1.0, 2.0, 0.0], [2.0, 1.0, 0.0]],
+        "dart": [[0.0, 0.0, 0.0], [3.0, -1.0, 0.0], [1.0, 2.0, 0.0], [1.5, 0.2, 0.0]],
+        "folded": [[0.0, 0.0, 0.0], [3.0, -1.0, 0.3], [1.0, 2.0, 0.3], [2.0, 1.0, 0.0]],
+    }
+    for size, names in enumerate(itertools.permutations(corners), start=1):
+        found = {name: len(polygons(Mesh(size * np.array(corners[name]), triangles))) for name in names}
+        assert found == {"quad": 1, "dart": 2, "folded": 2}
 
 
 def test_shading_normals_are_interpolated_over_a_face() -> None:
