@@ -64,7 +64,10 @@ def open_simulation(scene: Scene, placement: Placement, built: AsBuilt | None = 
             tags = None
             if scene.perception == "images":
                 folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="msrr-"))
-                tags = TagVisuals(scene, Path(folder), built)
+                cameras = (scene.cameras.onboard, scene.cameras.overhead)
+                # Any other renderer may draw what PyBullet holds.
+                others = any(spec is not None and spec.renderer.name != "raster" for spec in cameras)
+                tags = TagVisuals(scene, Path(folder), built, pybullet_draws=others)
             world = stack.enter_context(BulletWorld(scene, placement, tags=tags, built=built))
         plant: Plant
         if scene.plant == "bullet":

@@ -2,11 +2,16 @@
 
 A plate is the whole print of a tag. Of the default family it is 1.25 times as large as the tag: the black
 square and a white border one module wide. PyBullet caches meshes and textures by file name, and bodies that
-share a mesh share a texture; so every plate has its own files, in a folder that belongs to one trial.
+share a mesh share a texture; so every tag has its own files, which plates of all sizes and all trials of a
+process share.
 """
 
 from __future__ import annotations
 
+import atexit
+import os
+import shutil
+import tempfile
 from functools import lru_cache
 from pathlib import Path
 
@@ -17,60 +22,89 @@ from msrr_bullet.tag_print import plate_texture
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.tag_families import TAG36H11, TagFamily
 
+#: A square from -1 to 1.
+_SQUARE = (
+    b"v -1 1 0\nv 1 1 0\nv 1 -1 0\nv -1 -1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 -1\n"
+    b"f 1/1/1 2/2/1 3/3/1\nf 1/1/1 3/3/1 4/4/1\n"
+)
 
-def write_plate(
-    folder: Path, name: str, size: float, tag_id: int | None, family: TagFamily = TAG36H11
-) -> tuple[Path, Path]:
-    """Write a plate's mesh ``<name>.obj`` and texture ``<name>.png`` into ``folder``.
+
+@lru_cache(maxsize=1)
+def plate_folder() -> Path:
+    """Return the folder for plates of this process, which is deleted when the process ends."""
+    folder = tempfile.mkdtemp(prefix="msrr-plates-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder).resolve()
+
+
+def write_plate(folder: Path, tag_id: int | None, family: TagFamily = TAG36H11) -> tuple[Path, Path]:
+    """Write the mesh and the texture of a plate into ``folder``, unless they are there.
 
     Args:
-        folder: Existing folder that belongs to one trial.
-        name: Name of the plate, unique within the folder.
-        size: Size of the tag [m]; the edge of the quad is the ``plate_ratio`` of the family times that.
+        folder: Folder, which is made if it is not there.
         tag_id: The tag to show; None for a blank plate.
         family: Family of the tag.
 
     Returns:
         The paths of mesh and texture. The quad lies in the plane z = 0 of the tag frame T (x right, y down, z
-        into the tag) and is visible from z < 0 only.
+        into the tag) and is visible from z < 0 only. Its edges are 2 m long before :func:`plate_scale`.
     """
-    h = 0.5 * family.plate_ratio * size
+    name = f"{family.name}_{'blank' if tag_id is None else tag_id}"
     mesh, texture = folder / f"{name}.obj", folder / f"{name}.png"
-    mesh.write_text(
-        f"v {-h:.9f} {h:.9f} 0\nv {h:.9f} {h:.9f} 0\nv {h:.9f} {-h:.9f} 0\nv {-h:.9f} {-h:.9f} 0\n"
-        "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 -1\n"
-        "f 1/1/1 2/2/1 3/3/1\nf 1/1/1 3/3/1 4/4/1\n"
-    )
-    texture.write_bytes(_texture_file(tag_id, family))
+    if not (mesh.is_file() and texture.is_file()):
+        folder.mkdir(parents=True, exist_ok=True)  # systems clear temporary files that are days old
+        # The image is encoded in memory, because imwrite does not report why it fails.
+        encoded, data = cv2.imencode(".png", plate_texture(tag_id, family))
+        assert encoded
+        _put(texture, data.tobytes())
+        _put(mesh, _SQUARE)
     return mesh, texture
 
 
-@lru_cache(maxsize=1024)
-def _texture_file(tag_id: int | None, family: TagFamily) -> bytes:
-    """Return the texture of a plate as a PNG file; every trial writes those of its tags."""
-    # The image is encoded in memory, because imwrite does not report why it fails.
-    encoded, data = cv2.imencode(".png", plate_texture(tag_id, family))
-    assert encoded
-    return data.tobytes()
+def _put(path: Path, content: bytes) -> None:
+    """Write a file that other threads see whole or not at all."""
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
+        part.write(content)
+    os.replace(part.name, path)
+
+
+def plate_scale(size: float, family: TagFamily = TAG36H11) -> tuple[float, float, float]:
+    """Return the scale of the mesh of :func:`write_plate` for a tag of this size [m], in whole nanometres.
+
+    The edge of the plate is the ``plate_ratio`` of the family times the size of the tag.
+    """
+    half = round(0.5 * family.plate_ratio * size, 9)
+    return half, half, 1.0
 
 
 def load_tag_plate(
-    client: int, folder: Path, tag_id: int, size: float, X_WT: SE3, family: TagFamily = TAG36H11
+    client: int,
+    folder: Path,
+    tag_id: int,
+    size: float,
+    X_WT: SE3,
+    family: TagFamily = TAG36H11,
+    *,
+    textured: bool = True,
 ) -> int:
     """Load a free-standing, massless plate without collision shape and return the body id.
 
     Args:
         client: PyBullet client.
-        folder: Existing folder that belongs to one trial.
+        folder: Folder for the files of the plate.
         tag_id: The tag to show.
         size: Size of the tag [m].
         X_WT: Pose of the tag frame (z into the tag).
         family: Family of the tag.
+        textured: Whether PyBullet is given the texture.
     """
-    name = f"tag_{tag_id}_{round(1e6 * size)}um"
-    mesh, texture = write_plate(folder, name, size, tag_id, family)
+    mesh, texture = write_plate(folder, tag_id, family)
     shape = pybullet.createVisualShape(
-        pybullet.GEOM_MESH, fileName=str(mesh.resolve()), rgbaColor=[1, 1, 1, 1], physicsClientId=client
+        pybullet.GEOM_MESH,
+        fileName=str(mesh.resolve()),
+        meshScale=plate_scale(size, family),
+        rgbaColor=[1, 1, 1, 1],
+        physicsClientId=client,
     )
     body: int = pybullet.createMultiBody(
         baseMass=0.0,
@@ -79,7 +113,8 @@ def load_tag_plate(
         baseOrientation=X_WT.quaternion_xyzw().tolist(),
         physicsClientId=client,
     )
-    set_texture(client, body, -1, 0, texture)
+    if textured:
+        set_texture(client, body, -1, 0, texture)
     return body
 
 

@@ -1,4 +1,4 @@
-"""The tags on the units and obstacles of a scene, as visual shapes in a folder that belongs to one trial."""
+"""The tags on the units and obstacles of a scene, as visual shapes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,13 @@ from xml.etree.ElementTree import Element, SubElement
 from msrr_bullet.built_poses import obstacle_tag_pose
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.built_urdf import build
-from msrr_bullet.simulation.tag_plates import load_tag_plate, set_texture, write_plate
+from msrr_bullet.simulation.tag_plates import (
+    load_tag_plate,
+    plate_folder,
+    plate_scale,
+    set_texture,
+    write_plate,
+)
 from msrr_bullet.simulation.urdf_welding import weld, write_welded
 from msrr_scenes.as_built import AsBuilt, as_drawn
 from msrr_scenes.errors import GeometryError
@@ -23,20 +29,25 @@ from msrr_scenes.specs.scene import Scene
 class TagVisuals:
     """Adds tags to the visual shapes of units and obstacles.
 
-    The folder holds meshes, textures and URDFs; it has to exist for as long as the world.
+    The folder holds the URDFs of one trial, until they are loaded.
     """
 
-    def __init__(self, scene: Scene, folder: Path, built: AsBuilt | None = None) -> None:
+    def __init__(
+        self, scene: Scene, folder: Path, built: AsBuilt | None = None, *, pybullet_draws: bool = True
+    ) -> None:
         """Use the tags of ``scene``; units with the fault ``marker_hidden`` get blank plates.
 
         Args:
             scene: A checked scene.
             folder: Existing folder for the files.
             built: True sizes and places of the tags; None if all are as drawn.
+            pybullet_draws: Whether PyBullet is given the textures. The raster renderer needs none of its
+                textures: it reads the image that lies beside the mesh of a plate.
         """
         self._scene, self._family = scene, scene.tags.tag_family
         self._built = built or as_drawn(scene)
-        self._folder = folder
+        self._folder = folder.resolve()
+        self._pybullet_draws = pybullet_draws
         self._hidden = {f.unit for f in scene.faults if isinstance(f, MarkerHidden)}
 
     def unit_urdf(self, unit: str) -> Path:
@@ -54,10 +65,10 @@ class TagVisuals:
                 raise GeometryError(
                     f"{geometry.urdf}: no link for tag {tag_id} at {slot!r}; tag links: {geometry.tag_slots}"
                 )
-            shown = None if unit in self._hidden else tag_id
+            shown = self._shown(unit, tag_id)
             size = built.print_scale * scene.tag_size(unit, slot)
-            mesh, _ = write_plate(self._folder, f"{unit}_{slot}", size, shown, self._family)
-            _add_visual(links[slot], mesh)
+            mesh, _ = write_plate(plate_folder(), shown, self._family)
+            _add_visual(links[slot], mesh, plate_scale(size, self._family))
             plates[slot] = self._family.plate_ratio * size
         build(tree, read_unit(geometry.urdf, geometry.frame_map), built, plates)
         weld(tree, geometry.pins)
@@ -65,24 +76,29 @@ class TagVisuals:
         write_welded(tree, path)
         return path
 
+    def _shown(self, unit: str, tag_id: int) -> int | None:
+        """Return the tag that a plate of a unit shows; None for a blank one."""
+        return None if unit in self._hidden else tag_id
+
     def add_to_unit(self, client: int, body: int, unit: str) -> None:
         """Set the textures of the plates of a body that was loaded from the file of :meth:`unit_urdf`.
 
         Raises:
             GeometryError: The body has no plate for a tag, because it was loaded from another file.
         """
-        plates: dict[str, tuple[int, int]] = {}
+        if not self._pybullet_draws:
+            return
+        plates: dict[str, list[tuple[int, int]]] = {}  # a unit whose marker is hidden has blank ones alone
         shapes: Counter[int] = Counter()
         for shape in pybullet.getVisualShapeData(body, physicsClientId=client):
             link, mesh = shape[1], shape[4].decode()
-            plates[mesh] = (link, shapes[link])
+            plates.setdefault(mesh, []).append((link, shapes[link]))
             shapes[link] += 1
-        for slot in self._scene.tag_ids(unit):
-            file = self._folder / f"{unit}_{slot}.obj"
-            plate = plates.get(str(file.resolve()))
-            if plate is None:
+        for slot, tag_id in self._scene.tag_ids(unit).items():
+            file, texture = write_plate(plate_folder(), self._shown(unit, tag_id), self._family)
+            if not plates.get(str(file)):
                 raise GeometryError(f"body {body} of unit {unit!r} has no plate for {slot!r}")
-            set_texture(client, body, *plate, file.with_suffix(".png"))
+            set_texture(client, body, *plates[str(file)].pop(), texture)
 
     def add_to_obstacle(self, client: int, obstacle: str, X_WO: SE2) -> None:
         """Put the tag of an obstacle, if it has one, on the lid of the obstacle that stands at ``X_WO``."""
@@ -91,12 +107,14 @@ class TagVisuals:
             built = self._built.obstacle_tags[obstacle]
             X_WT = SE3.from_se2(X_WO) @ obstacle_tag_pose(spec.height_m, built)
             size = built.print_scale * spec.tag_m
-            load_tag_plate(client, self._folder, spec.tag_id, size, X_WT, self._family)
+            load_tag_plate(
+                client, plate_folder(), spec.tag_id, size, X_WT, self._family, textured=self._pybullet_draws
+            )
 
 
-def _add_visual(link: Element, mesh: Path) -> None:
+def _add_visual(link: Element, mesh: Path, scale: tuple[float, float, float]) -> None:
     visual = SubElement(link, "visual")
     SubElement(visual, "origin", xyz="0 0 0", rpy="0 0 0")
-    SubElement(SubElement(visual, "geometry"), "mesh", filename=str(mesh.resolve()))
+    SubElement(SubElement(visual, "geometry"), "mesh", filename=str(mesh), scale=" ".join(map(repr, scale)))
     material = SubElement(visual, "material", name=f"plate_{mesh.stem}")
     SubElement(material, "color", rgba="1 1 1 1")

@@ -16,7 +16,7 @@ from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.raster.bodies import LoadedBodies
 from msrr_bullet.render.raster_renderer import RasterRenderer
 from msrr_bullet.render.tiny_renderer import TinyRenderer
-from msrr_bullet.simulation.tag_plates import write_plate
+from msrr_bullet.simulation.tag_plates import plate_scale, write_plate
 from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
@@ -97,11 +97,15 @@ def test_a_shape_that_cannot_be_drawn_is_an_error(client: int, tmp_path: Path) -
 
 
 def test_a_plate_written_anew_is_read_anew(client: int, tmp_path: Path, place: Place) -> None:
-    """Files are cached by name, time and size; two worlds of one process may write two tags to one name."""
+    """Files are cached by name, time and size; two trials of one process may read two meshes of one name."""
     for tag in (3, 4):
-        mesh, _ = write_plate(tmp_path, "plate", 0.1, tag)
+        for file in write_plate(tmp_path, tag):
+            file.replace(tmp_path / f"plate{file.suffix}")
+        mesh = tmp_path / "plate.obj"
         os.utime(mesh, ns=(tag, tag))
-        shape = pybullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(mesh), rgbaColor=[1, 1, 1, 1])
+        shape = pybullet.createVisualShape(
+            pybullet.GEOM_MESH, fileName=str(mesh), meshScale=plate_scale(0.1), rgbaColor=[1, 1, 1, 1]
+        )
         body = pybullet.createMultiBody(0.0, baseVisualShapeIndex=shape)
         place(body, SE3.from_xyz_rpy([0.0, 0.0, 1.5], [math.pi, 0.0, 0.0]))
         image = RasterRenderer(RenderContext(client)).render(CAMERA, X_OVERHEAD, CAMERA.frame)

@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 
 from msrr_bullet.render.raster.mesh_file import read_mesh
-from msrr_bullet.simulation.tag_plates import write_plate
+from msrr_bullet.simulation.tag_plates import plate_scale, write_plate
 from msrr_scenes.errors import GeometryError
 
 
 def test_a_plate_has_the_texture_beside_it(tmp_path: Path) -> None:
-    mesh, image = write_plate(tmp_path, "plate", 0.08, 7)
+    mesh, image = write_plate(tmp_path, 7)
     (part,) = read_mesh(mesh)
     assert part.texture == image
-    p = part.mesh.vertices[part.mesh.triangles]
+    sized = part.mesh.scaled(np.array(plate_scale(0.08)))
+    p = sized.vertices[sized.triangles]
     np.testing.assert_allclose(np.abs(p), np.broadcast_to([0.05, 0.05, 0.0], (2, 3, 3)))
     area = 0.5 * np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
     np.testing.assert_allclose(area, [[0.0, 0.0, -0.005]] * 2, atol=1e-12)

@@ -13,7 +13,7 @@ import pytest
 from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.tiny_renderer import TinyRenderer, rotated_grid
-from msrr_bullet.simulation.tag_plates import write_plate
+from msrr_bullet.simulation.tag_plates import plate_scale, write_plate
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se3 import SE3
@@ -59,8 +59,10 @@ def test_pixels_lie_where_the_pinhole_model_says(
     Over 60 views the mean's standard error is about 0.0025 px (1 sample) and 0.0008 px (2 samples): 5
     sigma.
     """
-    mesh, _ = write_plate(tmp_path, "blank", 0.08, None)
-    shape = pybullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(mesh), rgbaColor=[1, 1, 1, 1])
+    mesh, _ = write_plate(tmp_path, None)
+    shape = pybullet.createVisualShape(
+        pybullet.GEOM_MESH, fileName=str(mesh), meshScale=plate_scale(0.08), rgbaColor=[1, 1, 1, 1]
+    )
     body = pybullet.createMultiBody(0.0, baseVisualShapeIndex=shape)
     renderer = TinyRenderer(RenderContext(client, samples, plain_floor(0.0)))
     rng = np.random.default_rng(1)

@@ -11,11 +11,17 @@ import pytest
 
 from msrr_bullet.built_poses import camera_pose
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
+from msrr_bullet.render import RenderContext
+from msrr_bullet.render.tiny_renderer import TinyRenderer
 from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.simulation import open_simulation
+from msrr_bullet.simulation.tag_plates import plate_folder
+from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.as_built import as_drawn
+from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.scene import Scene
@@ -49,15 +55,31 @@ KINDS = list(itertools.product(("bullet", "unicycle"), ("images", "parametric"))
 def test_a_scene_gets_its_plant_and_a_world_only_if_it_needs_one(
     plant: str, perception: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    plate_folder()  # that of the process, which stays
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with open_simulation(scene(plant, perception), PLACEMENT) as simulation:
         assert type(simulation.plant) is (BulletPlant if plant == "bullet" else KinematicPlant)
         assert (simulation.world is None) is (plant == "unicycle" and perception == "parametric")
         client = None if simulation.world is None else simulation.world.client
         files = {path.suffix for folder in tmp_path.iterdir() for path in folder.iterdir()}
-        assert files == ({".urdf", ".obj", ".png"} if perception == "images" else set())
+        assert files == ({".urdf"} if perception == "images" else set())
     assert client is None or not pybullet.isConnected(client)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("camera", ["onboard", "overhead"])
+def test_pybullet_is_given_the_tags_if_any_camera_lets_it_draw(camera: str) -> None:
+    drawn = load_scene("close_range", {"as_built": "perfect", f"cameras.{camera}.renderer": "tiny"})
+    placement = Placement({"a": SE2(-0.5, 0.0, 0.0), "b": SE2(0.5, 0.0, 0.0)}, {})
+    X_UT = drawn.geometry("a").frame("tag_top")
+    view = PinholeCamera(320, 240, 300.0)
+    with open_simulation(drawn, placement) as simulation:
+        assert simulation.world is not None
+        X_WT = simulation.plant.pose3("a") @ X_UT
+        X_WC = X_WT @ SE3.from_xyz_rpy([0.0, 0.0, -0.4], [0.0, 0.0, 0.0])
+        image = TinyRenderer(RenderContext(simulation.world.client)).render(view, X_WC, view.frame)
+    found = [tag.tag_id for tag in PupilDetector().detect(image, view.frame)]
+    assert found == [drawn.tag_ids("a")["tag_top"]]
 
 
 @pytest.mark.parametrize(("plant", "perception"), KINDS)

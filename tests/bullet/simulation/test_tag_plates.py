@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -11,7 +13,7 @@ import pytest
 from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.renderer import RenderContext
 from msrr_bullet.render.tiny_renderer import TinyRenderer
-from msrr_bullet.simulation.tag_plates import load_tag_plate, write_plate
+from msrr_bullet.simulation.tag_plates import load_tag_plate, plate_scale, write_plate
 from msrr_bullet.tag_print import plate_texture
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.detection.native_apriltag import DetectorError, tag_bitmap
@@ -82,12 +84,34 @@ def test_every_family_is_rendered_and_detected(name: str, client: int, tmp_path:
 
 
 def test_plate_is_a_quarter_larger_than_its_black_square(tmp_path: Path) -> None:
-    mesh, texture = write_plate(tmp_path, "p", 0.08, 7)
-    corners = obj_vertices(mesh)
+    mesh, texture = write_plate(tmp_path, 7)
+    corners = obj_vertices(mesh) * plate_scale(0.08)
     np.testing.assert_allclose(corners, TAG36H11.plate_ratio * tag_corners(0.08), atol=1e-9)
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[1])
     assert normal[2] < 0.0  # the front faces z < 0
     assert texture.is_file()
+
+
+def test_files_of_a_plate_that_were_cleared_are_written_again(tmp_path: Path) -> None:
+    """A system clears temporary files that nobody has read for days, and a process may run for longer."""
+    files = write_plate(tmp_path / "plates", 7)
+    contents = [file.read_bytes() for file in files]
+    for cleared in ([files[0]], [files[1]], files):
+        for file in cleared:
+            file.unlink()
+        if cleared is files:
+            (tmp_path / "plates").rmdir()
+        assert write_plate(tmp_path / "plates", 7) == files
+        assert [file.read_bytes() for file in files] == contents
+    assert sorted((tmp_path / "plates").iterdir()) == sorted(files)
+
+
+def test_the_plates_of_a_process_go_with_it() -> None:
+    program = "from msrr_bullet.simulation.tag_plates import *; print(write_plate(plate_folder(), 7)[0])"
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    mesh = Path(ran.stdout.strip())
+    assert mesh.name == "tag36h11_7.obj"
+    assert not mesh.parent.exists()
 
 
 def test_a_free_plate_is_visible_from_the_front_only(client: int, tmp_path: Path) -> None:

@@ -107,7 +107,8 @@ def test_files_named_relative_to_the_urdf_are_still_found(scene: Scene, tmp_path
     home, folder = tmp_path / "home", tmp_path / "trial"
     home.mkdir()
     folder.mkdir()
-    write_plate(home, "shell", 0.1, None)
+    for file in write_plate(home, None):
+        file.replace(home / f"shell{file.suffix}")
     tree = ElementTree.parse(scene.geometry("a").urdf)
     visual = ElementTree.SubElement(tree.getroot().find("link"), "visual")
     ElementTree.SubElement(ElementTree.SubElement(visual, "geometry"), "mesh", filename="shell.obj")
