@@ -27,7 +27,6 @@ from msrr_bullet.timeline.palette import (
 from msrr_bullet.timeline.series import TrialSeries, phase_spans
 from msrr_bullet.timeline.snapshot import phase_name
 from msrr_scenes.arrays import Array
-from msrr_scenes.specs.control import GuardSpec, JudgeSpec
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -147,12 +146,13 @@ def _motion(axes: Axes, series: TrialSeries, column: int, label: str, limit: flo
     add_grid(axes)
 
 
-def clearance(axes: Axes, series: TrialSeries, guard: GuardSpec, judge: JudgeSpec) -> None:
-    """Draw the smallest clearance, and the limits of the collision monitor and of the judge."""
+def clearance(axes: Axes, series: TrialSeries, scene: Scene) -> None:
+    """Draw the smallest clearance, and the limits of the judge and of a collision monitor if there is one."""
+    guard = scene.control.guard
     label = "smallest clearance (truth)"
     axes.plot(series.time, series.clearance, color=css(CLEARANCE), linewidth=2.0, label=label)
-    bounds = [(judge.min_clearance_m, "-", "judge")]
-    if guard.enabled:
+    bounds = [(scene.judge.min_clearance_m, "-", "judge")]
+    if guard.enabled and scene.cameras.overhead is not None:  # it judges by what that camera shows
         bounds += [
             (guard.slow_m, "--", "collision monitor slows"),
             (guard.stop_m, "-.", "collision monitor stops"),

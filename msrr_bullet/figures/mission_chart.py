@@ -98,7 +98,7 @@ def draw_mission(figure: Figure, region: SubplotSpec, scene: Scene, snapshots: S
     draw_mission_chart(chart, scene, snapshots)
     chart.tick_params(labelbottom=False)
     series = TrialSeries.of(scene, snapshots)
-    curves.clearance(lower, series, scene.control.guard, scene.judge)
+    curves.clearance(lower, series, scene)
     lower.set_xlabel("time [s]")
 
 

@@ -63,7 +63,7 @@ def write_plot(
         right = [
             lambda axes: curves.speed(axes, series, scene.limits),
             lambda axes: curves.turn_rate(axes, series, scene.limits),
-            lambda axes: curves.clearance(axes, series, scene.control.guard, scene.judge),
+            lambda axes: curves.clearance(axes, series, scene),
             *right,
         ]
     figure = Figure(figsize=(WIDTH, ROW * max(len(left), len(right)) + 0.6), dpi=DPI, layout="constrained")

@@ -65,17 +65,18 @@ def find_scene(name_or_path: str) -> Path:
         UnknownNameError: No shipped scene has this name.
     """
     path = Path(name_or_path)
-    if path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
-        try:
+    if name_or_path in shipped_scenes():
+        return LIBRARY / f"{name_or_path}.yaml"
+    try:
+        if path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
             if not path.is_file():
                 raise SceneError(f"{name_or_path}: no such scene file")
-        except OSError as error:  # such as a name that is too long, or a folder that may not be entered
-            raise SceneError(f"{name_or_path}: cannot be read: {error.strerror}") from None
-        return path
-    if name_or_path not in shipped_scenes():
-        hint = "A file of your own is named by its path."
-        raise UnknownNameError("scene", name_or_path, shipped_scenes(), hint)
-    return LIBRARY / f"{name_or_path}.yaml"
+            return path
+        meant = f", such as {name_or_path}.yaml" if Path(f"{name_or_path}.yaml").is_file() else ""
+    except OSError as error:  # such as a name that is too long, or a folder that may not be entered
+        raise SceneError(f"{name_or_path}: cannot be read: {error.strerror}") from None
+    hint = f"A file of your own is named by its path{meant}."
+    raise UnknownNameError("scene", name_or_path, shipped_scenes(), hint)
 
 
 def load_scene(name_or_path: str | Path, overrides: Mapping[str, object] = _NONE) -> Scene:

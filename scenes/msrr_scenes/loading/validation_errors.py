@@ -104,13 +104,14 @@ def _written_path(loc: tuple[int | str, ...], data: Any) -> KeyPath:
     """Return a pydantic location without the tags of unions, which are not part of the document.
 
     A tag may be a key there, too: the step ``{move: a, pose: {}}`` has the tag ``move``. It is a key where it
-    leads on or is the last part.
+    leads on or is the last part. Any other key counts with a text as well, which is short for a mapping:
+    ``as_built: careful`` has the location ``("as_built", "grade")``.
     """
     path: KeyPath = ()
     for k, part in enumerate(loc):
         in_list = isinstance(data, list) and isinstance(part, int) and part < len(data)
         in_dict = isinstance(data, dict) and part in data
-        if in_dict and k + 1 < len(loc):
+        if in_dict and part in _TAGS.values() and k + 1 < len(loc):
             in_dict = isinstance(data[part], (dict, list))
         if in_dict or in_list:
             data = data[part]

@@ -62,12 +62,19 @@ def test_the_clearance_names_the_limits_of_judge_and_collision_monitor(drive):
     """The text said "guard", which no other text and no glossary knows."""
     series = TrialSeries.of(drive.scene, drive.snapshots)
     axes = Figure().add_subplot()
-    curves.clearance(axes, series, drive.scene.control.guard, drive.scene.judge)
+    curves.clearance(axes, series, drive.scene)
     limits = "collision monitor slows 50 mm, collision monitor stops 30 mm, judge 20 mm"
     assert axes.get_title(loc="right") == limits
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["smallest clearance (truth)"]
     drawn = np.asarray(axes.lines[0].get_ydata())
     assert np.nanmin(drawn) == np.nanmin(series.clearance) > 0.0, "the docking pair is left out"
+
+
+def test_limits_of_a_collision_monitor_that_a_scene_does_not_have_are_not_drawn(drive, shipped):
+    """The plot of close_range, which has no overhead camera, told of one that slows at 50 mm."""
+    axes = Figure().add_subplot()
+    curves.clearance(axes, TrialSeries.of(drive.scene, drive.snapshots), shipped("close_range"))
+    assert axes.get_title(loc="right") == "judge 20 mm"
 
 
 def test_a_scale_of_the_clearance_names_values_about_the_largest(drive):
@@ -76,7 +83,7 @@ def test_a_scale_of_the_clearance_names_values_about_the_largest(drive):
     for largest in (0.05, 0.25, 0.35, 0.7, 1.4, 6.0):
         axes = Figure().add_subplot()
         shown = replace(series, clearance=np.full(len(series.time), largest))
-        curves.clearance(axes, shown, drive.scene.control.guard, drive.scene.judge)
+        curves.clearance(axes, shown, drive.scene)
         low, high = axes.get_ylim()
         named = [float(tick) for tick in axes.get_yticks() if low <= tick <= high]
         assert max(named) >= largest / 2.5

@@ -168,6 +168,9 @@ def test_the_issues_start_sets_and_limits() -> None:
             "- [a, b]",
             ["scene.yaml:21:5: plan.0: expected keys with values, found a list"],
         ),
+        ("plan:", "as_built: carefull\nplan:", ["scene.yaml:20:1: as_built: ", "did you mean 'careful'?"]),
+        ("plan:", "shape: cross\nplan:", ["scene.yaml:20:1: shape: ", "found 'cross'"]),
+        ("plan:", "control: {docking: ''}\nplan:", ["scene.yaml:20:11: control.docking: "]),
         ("plan:", "plam:", ["scene.yaml:20:1: plam: unknown key; did you mean 'plan'?"]),
         ("plan:", "plan: {", ["not valid YAML"]),
         ("{x_m: 0.4}", "{x_m: !!python/name:os.system }", ["scene.yaml:6", "not allowed"]),
@@ -215,7 +218,7 @@ def test_a_bomb_of_aliases_is_refused_quickly(tmp_path: Path) -> None:
     assert "aliases" in message(tmp_path, "\n".join(lines))
 
 
-def test_other_ways_not_to_be_a_scene(tmp_path: Path) -> None:
+def test_other_ways_not_to_be_a_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(SceneError, match="not UTF-8"):
         load_scene(tmp_path / "binary.yaml")
@@ -225,6 +228,10 @@ def test_other_ways_not_to_be_a_scene(tmp_path: Path) -> None:
         load_scene(write(tmp_path, "# " + "x" * 1_000_001))
     with pytest.raises(UnknownNameError, match="did you mean 'close_range'"):
         load_scene("close_rnge")
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path, GOOD)
+    with pytest.raises(UnknownNameError, match=r"named by its path, such as scene\.yaml\."):
+        load_scene("scene")
     for name in ("x" * 5000, f"{'x' * 5000}.yaml"):
         with pytest.raises((UnknownNameError, SceneError), match=r"unknown scene|File name too long"):
             load_scene(name)
@@ -332,6 +339,7 @@ def test_overrides_reach_below_a_grade_that_is_given_by_its_name_alone(tmp_path:
         ("plan.first.unit", "a", "is a list; expected an index"),
         ("plan.0.unit.name", "a", "plan.0.unit is a plain value and has no key 'name'"),
         ("limits.setting", "fast", "expected 'normal' or 'tight'"),
+        ("as_built", "carefull", "as_built: expected 'perfect', 'careful', 'workshop' or 'rough'"),
         ("cameras", "[", "not valid YAML"),
         ("cameras..onboard", "1", "expected a dotted key"),
         ("units.a.number", "1", "has the number 1 already; 0 is free"),
