@@ -19,11 +19,13 @@ _HEAD = f"""\
 | code | meaning |
 | --- | --- |
 | 0 | The command did what was asked; a trial ended `docked` or `complete`. |
-| {exit_codes.NOT_DOCKED} | A trial ended with another outcome; a replay differs from its log. |
+| {exit_codes.NOT_DOCKED} | A trial ended with another outcome; a replay differs from its log, \
+or the log ends early. |
 | {exit_codes.BAD_INPUT} | Arguments are wrong, a scene or a file cannot be used, a class of your own \
 failed, or a trial took too long on the wall clock. |
 | {exit_codes.PROGRAM_ERROR} | There is an error in the program itself. |
 | {exit_codes.INTERRUPTED} | The command was interrupted by Ctrl-C. |
+| 143 | It was ended by SIGTERM; by another signal, 128 and the number of the signal. |
 """
 
 #: Width of the help [characters].

@@ -81,7 +81,9 @@ class TrialStore:
                 if not known:
                     self._db.executescript(_CREATION)
         except (*_ERRORS, OSError) as error:
-            raise StoreError(f"{path}: cannot be opened as a store of trials: {error}") from None
+            reason = error.strerror if isinstance(error, OSError) else error
+            text = f"{path}: cannot be opened as a store of trials ({reason}); name another file"
+            raise StoreError(text) from None
 
     def __enter__(self) -> TrialStore:
         return self

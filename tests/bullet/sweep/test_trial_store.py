@@ -208,6 +208,16 @@ def test_a_store_with_a_damaged_layout_is_one_error(tmp_path: Path) -> None:
         TrialStore(path)
 
 
+def test_a_place_that_cannot_hold_a_store_is_named_with_the_mend(tmp_path: Path) -> None:
+    """Below a file, as in a folder that is read-only; the message had the number of the system's error."""
+    (tmp_path / "notes.txt").write_text("")
+    for place, reason in (("notes.txt/trials.sqlite", "File exists"), (".", "unable to open database file")):
+        with pytest.raises(StoreError) as caught:
+            TrialStore(tmp_path / place)
+        said = f"{tmp_path / place}: cannot be opened as a store of trials ({reason}); name another file"
+        assert str(caught.value) == said
+
+
 def test_a_full_disk_is_one_error(
     scene: Scene,
     inline: SupportsSubmit,
