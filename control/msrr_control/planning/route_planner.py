@@ -107,12 +107,18 @@ class RoutePlanner:
         return None
 
     def obstruction(self, arena: ArenaMap, end: str = "the place in front of the port") -> str:
-        """Return what most probably leaves no route: a body before its end, or the border of the arena.
+        """Return what most probably leaves no route: the border of the arena, or a body before its end.
+
+        It is the border if there would be no route either if nothing but the target stood in the arena.
 
         Args:
             arena: What is known.
             end: Where the route is to end, in words.
         """
+        X_WD = arena.X_WD
+        target = tuple(u for u in arena.units if math.hypot(u.x - X_WD.x, u.y - X_WD.y) <= u.radius)
+        if self.plan(arena._replace(units=target, obstacles=())) is None:
+            return f"the border of the arena leaves no room to turn before {end}"
         space = self._free_space(arena, map(self.obstacle_disc, arena.obstacles))
         place = self.spec.handover(arena.X_WD).translation
         for points, where in (
@@ -122,7 +128,7 @@ class RoutePlanner:
             disc = space.deepest_disc(points)
             if disc is not None:
                 return f"{disc.name} stands {where}"
-        return f"the border of the arena leaves no room to turn before {end}"
+        return f"what stands in the arena leaves no room to turn before {end}"
 
     def unit_disc(self, disc: Disc) -> Disc:
         """Return the disc that the controlled point keeps out of because of another unit."""

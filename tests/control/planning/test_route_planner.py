@@ -160,13 +160,18 @@ def test_where_it_turned_near_the_border_a_unit_may_stand_beside_the_axis(y: flo
 
 
 def test_what_leaves_no_route_is_named() -> None:
-    def why(*obstacles: ObstacleEstimate, low: float = -2.0) -> str:
+    def why(start: SE2, *obstacles: ObstacleEstimate, low: float = -2.0) -> str:
         planner = RoutePlanner(RouteSpec(), WallSpec(), PaceSpec(), (low, 2.0, -1.5, 1.5), 0.1, 0.1)
-        return planner.obstruction(_arena(SE2(-0.5, 0.0, 0.0), *obstacles))
+        arena = _arena(start, *obstacles)
+        assert planner.plan(arena) is None
+        return planner.obstruction(arena)
 
-    assert "o stands on the place in front" in why(_obstacle("o", 0.4, 0.1))
-    assert "o stands on the line" in why(_obstacle("o", 0.0, 0.0))
-    assert "border" in why(low=-0.6)
+    ahead, behind = SE2(-0.5, 0.0, 0.0), SE2(1.7, 0.6, 0.0)
+    fence = [_obstacle(f"f{k}", -0.3, y, 0.1) for k, y in enumerate(np.arange(-1.4, 1.45, 0.28))]
+    assert "o stands on the place in front" in why(ahead, _obstacle("o", 0.4, 0.1))
+    assert "f5 stands on the line" in why(SE2(-1.4, 0.0, 0.0), *fence)
+    assert "border" in why(behind, low=0.3)
+    assert "border" in why(behind, _obstacle("o", 0.8, 0.4), low=0.3)  # without it there is no route either
 
 
 def test_where_there_is_no_way_there_is_no_route() -> None:
