@@ -171,11 +171,12 @@ class Dispatcher:
 
     def _request(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None) -> RouteRequest:
         """Return what a route has to be for a unit that is to end at a pose, or to leave its port."""
-        others = [u for u in self._units.values() if u.name != unit.name and u.X_WU is not None]
+        units = self._units.values()
+        others = [u for u in units if u.name != unit.name and u.X_WU is not None and not _on(u, unit)]
         return RouteRequest(
             unit.pose,
             X_WE,
-            [other.standing(end=True) for other in others if other.holder is None or not _on(other, unit)],
+            [other.standing(units, end=True) for other in others],
             self.obstacles,
             dock=enters is not None,
             leaves=None if unit.holder is None else unit.holder[0],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class Interlock:
         """Drop what was computed for a unit's earlier routes."""
         self._needed = {key: value for key, value in self._needed.items() if name not in (key[0], key[2])}
 
-    def extend(self, unit: UnitRecord, units: Iterable[UnitRecord], parent_holds: bool) -> None:
+    def extend(self, unit: UnitRecord, units: Collection[UnitRecord], parent_holds: bool) -> None:
         """Extend the limit of a unit as far as the others allow; it never shrinks.
 
         Args:
@@ -48,7 +48,7 @@ class Interlock:
         for other in units:
             if other.name == unit.name:
                 continue
-            limit = self._limit_by(other, unit, track)
+            limit = self._limit_by(other, unit, track, units)
             if limit < free:
                 free, blocker = limit, other.name
         if unit.enters is not None and free >= track.dock_start and (free < track.length or not parent_holds):
@@ -58,7 +58,9 @@ class Interlock:
         unit.limit = max(unit.limit, free)
         unit.blocked_by = blocker if unit.limit < track.length else None
 
-    def _limit_by(self, other: UnitRecord, unit: UnitRecord, track: Track) -> float:
+    def _limit_by(
+        self, other: UnitRecord, unit: UnitRecord, track: Track, units: Collection[UnitRecord]
+    ) -> float:
         """Return the limit that another unit imposes [m]."""
         if unit.unlocks and other.holder is not None and other.holder[0] == unit.name:
             return -1.0
@@ -70,7 +72,7 @@ class Interlock:
             # It stopped where this route was not planned around it.
             key = (other.name, -other.still_ns, unit.name, unit.route)
             if key not in self._needed:
-                body = other.standing(end=False)
+                body = other.standing(units, end=False)
                 self._needed[key] = needed(standing(body.X_WB, body.at_port), track, self._body)
             clear = np.isneginf(self._needed[key])
             if unit.enters is not None and unit.enters[0] == other.name:

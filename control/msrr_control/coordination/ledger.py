@@ -158,11 +158,29 @@ class UnitRecord:
         self.route, self.track, self.enters = self.route + 1, standing(self.pose, at_port=False), None
         self.limit, self.progress = 0.0, 0.0
 
-    def standing(self, end: bool) -> Standing:
-        """Return the body for the planning of others: at the end of its route, or where it is."""
-        if end and self.under_way and self.track is not None:
-            return Standing(self.name, self.track.end, self.enters is not None)
-        return Standing(self.name, self.pose, self.holder is not None or self.state is UnitState.DOCKED)
+    @property
+    def destination(self) -> SE2:
+        """Where the unit stands at the end of its route; where it is without one."""
+        return self.track.end if self.under_way and self.track is not None else self.pose
+
+    def standing(self, units: Iterable[UnitRecord], end: bool) -> Standing:
+        """Return the body for the planning of others: at the end of its route, or where it is.
+
+        Args:
+            units: All units, of which some may be docked to this one, or be on the way there.
+            end: Whether the body stands at the end of its route.
+        """
+        if end and self.under_way:
+            return Standing(self.name, self.destination, self.enters is not None)
+        holds = any(self.name == port[0] for other in units for port in other.docks)
+        docked = self.holder is not None or self.state is UnitState.DOCKED
+        return Standing(self.name, self.pose, holds or docked)
+
+    @property
+    def docks(self) -> tuple[tuple[str, str], ...]:
+        """Unit and port that the unit is locked to, and those at which its route ends."""
+        ports = dict.fromkeys((self.holder, self.enters if self.under_way else None))
+        return tuple(port for port in ports if port is not None)
 
     def authority(self, units: Iterable[UnitRecord], now_ns: int, expires_ns: int) -> Authority:
         """Return the next authority of a unit that has a track.
@@ -188,8 +206,7 @@ class UnitRecord:
                 (f"{other.name}.{ACTIVE_PORT}", ".".join(port))
                 for other in units
                 if other.name != self.name
-                for port in dict.fromkeys((other.holder, other.enters if other.under_way else None))
-                if port is not None
+                for port in other.docks
             ),
             intents=tuple(other.intent for other in units if self._goes_after(other) if other.intent),
         )

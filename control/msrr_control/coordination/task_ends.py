@@ -30,7 +30,7 @@ class TaskEnds:
         body = self._lanes.body
         if task.parent_unit is not None:
             parent = self._units[task.parent_unit]
-            return None if parent.X_WU is None else body.docked(parent.standing(end=True).X_WB, task.port)
+            return None if parent.X_WU is None else body.docked(parent.destination, task.port)
         assert task.parent is not None
         holder = self.unit_of(task.parent)
         if holder is not None and tasks.state(task.parent) is TaskState.DONE and holder.X_WU is not None:
@@ -55,7 +55,7 @@ class TaskEnds:
     def closing(self, X_WE: SE2, unit: str, holder: str) -> list[str]:
         """Return who stands or will stand in the lane of a docked pose."""
         others = [u for u in self._units.values() if u.X_WU is not None and u.name not in (unit, holder)]
-        bodies = np.array([other.standing(end=True).X_WB.as_array() for other in others]).reshape(-1, 3)
+        bodies = np.array([other.destination.as_array() for other in others]).reshape(-1, 3)
         closes = self._lanes.closes(X_WE, bodies)
         return [other.name for other, does in zip(others, closes, strict=True) if does]
 
@@ -86,6 +86,8 @@ class TaskEnds:
             return f"carries {', '.join(carried)}, and only a unit that carries no other one drives"
         if enters is None:
             return None
+        if self._units[enters[0]].state is UnitState.FAILED:
+            return f"cannot dock: {enters[0]} has failed"  # nobody is allowed into its port
         port = ".".join(enters)
         for other in self._units.values():
             if other.holder == enters and other.name != unit.name:

@@ -242,6 +242,29 @@ def test_of_two_that_want_one_port_one_is_refused_with_the_reason(rig: type[Rig]
     assert "c cannot dock: b.rear is taken by a" in status.reason
 
 
+def test_a_unit_docks_beside_one_that_holds_its_target_and_has_no_step(rig: type[Rig]) -> None:
+    """The root of a plan stands as near to it in its seat as neighbours in a shape do."""
+    steps = [DockStep(unit="b", to="a.rear"), DockStep(unit="c", to="b.left")]
+    starts = {"a": SE2(0.9, 0.0, 0.0), "b": SE2(-0.6, -0.4, 0.3), "c": SE2(-0.9, 0.9, 0.0)}
+    run = rig(Mission(tasks=tuple(plan_tasks(steps))), starts)
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.joints == {"b": "a.rear", "c": "b.left"}
+
+
+def test_nobody_sets_out_for_the_port_of_a_unit_that_has_failed(rig: type[Rig]) -> None:
+    steps = [
+        MoveStep(move="b", name="away", pose=PoseSpec(x_m=0.9), after=()),
+        DockStep(unit="a", to="b.rear", after=()),
+    ]
+    starts = {"a": SE2(-1.4, 0.0, 0.0), "b": SE2(-0.2, 0.6, 0.0)}
+    run = rig(Mission(tasks=tuple(plan_tasks(steps))), starts, dies={"b": (2.0, False)})
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert "a cannot dock: b has failed" in status.reason
+    assert status.replans <= 1  # that of the route which it may have had by then
+
+
 def test_one_behind_a_unit_that_undocks_makes_way(rig: type[Rig]) -> None:
     body = rig(Mission(), {}).knowledge.lanes.body
     X_WA = SE2(0.5, 0.0, 0.0)
