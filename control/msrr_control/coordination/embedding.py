@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -104,10 +104,7 @@ def fits(shape: Shape, lanes: Lanes, box: tuple[float, float, float, float]) -> 
         lanes: Lanes of the units.
         box: Where the axle may be and is seen: x low, x high, y low, y high [m].
     """
-    relative = shape.poses(SE2(), lanes.body)
-    places = _compose(
-        _root_candidates(np.zeros((0, 3)), box), np.array([X.as_array() for X in relative.values()])
-    )
+    places = _places(shape, _root_candidates(np.zeros((0, 3)), box), lanes)
     return bool(_fit(places, lanes, box, ()).any())
 
 
@@ -120,8 +117,11 @@ def embedding(
     *,
     named: bool = False,
     keep_out: Sequence[tuple[float, float, float]] = (),
+    later: Iterable[Shape] = (),
 ) -> Embedding | None:
     """Return the best place in the arena for a shape; None if it does not fit.
+
+    Where there is such a place, shapes that are built from this one fit there, too.
 
     Args:
         shape: The shape, with at most as many places as there are units.
@@ -131,13 +131,16 @@ def embedding(
         travel: Assumed speeds.
         named: Whether the places are named by the units that have to take them.
         keep_out: Bodies that will not move: x, y and the radius of each [m].
+        later: Shapes that are built from this one, with the same root.
     """
     names = list(units)
     poses = np.array([X.as_array() for X in units.values()])
     roots = _root_candidates(poses, box)
-    relative = shape.poses(SE2(), lanes.body)
-    places = _compose(roots, np.array([relative[p.name].as_array() for p in shape.places]))
+    places = _places(shape, roots, lanes)
     fits = _fit(places, lanes, box, keep_out)
+    for other in later:
+        both = fits & _fit(_places(other, roots, lanes), lanes, box, keep_out)
+        fits = both if both.any() else fits
     roots, places = roots[fits], places[fits]
     if not len(roots):
         return None
@@ -183,8 +186,10 @@ def _grid(low: float, high: float) -> Array:
     return np.linspace(middle - half, middle + half, count)
 
 
-def _compose(roots: Array, places: Array) -> Array:
-    """Return the poses of places relative to each root, shape (C, P, 3)."""
+def _places(shape: Shape, roots: Array, lanes: Lanes) -> Array:
+    """Return the poses of the places of a shape for each pose of its root, shape (C, P, 3)."""
+    relative = shape.poses(SE2(), lanes.body)
+    places = np.array([relative[place.name].as_array() for place in shape.places])
     c, s = np.cos(roots[:, 2])[:, None], np.sin(roots[:, 2])[:, None]
     x = roots[:, 0, None] + c * places[:, 0] - s * places[:, 1]
     y = roots[:, 1, None] + s * places[:, 0] + c * places[:, 1]

@@ -74,3 +74,10 @@ class Mission:
     holders: Mapping[str, str] = field(default_factory=dict)
     name: str = ""
     then: Mission | None = None
+
+    @property
+    def later_shapes(self) -> list[Shape]:
+        """The shapes that are built from this one, in their order."""
+        if self.then is None or self.then.shape is None:
+            return []
+        return [self.then.shape, *self.then.later_shapes]

@@ -97,6 +97,11 @@ class Reconfiguration:
             SceneError: No way was found.
         """
         first, wanted = frozenset(start.items()), frozenset(goal.items())
+        if not all(self._fits(place) for place, _ in wanted - first):
+            raise SceneError(
+                "the shape and the lanes to it do not fit into the arena from where the root of the assembly "
+                "stands"
+            )
         count = itertools.count()
         left = len(wanted - first)
         queue = [(left, left, next(count), 0, first)]
@@ -144,6 +149,10 @@ class Reconfiguration:
 
     def _may_enter(self, place: Ports, others: set[Ports]) -> bool:
         """Return whether a unit fits into a place and can come there."""
+        return self._fits(place) and not any(self._blocks(place, p)[1] for p in others if p != place[:-1])
+
+    def _fits(self, place: Ports) -> bool:
+        """Return whether a place and the lane to it lie in the box."""
         if place not in self._inside:
             X, room = self.pose(place), self._lanes.spec.border_m + self._lanes.body.offset
             x0, x1, y0, y1 = self._box
@@ -151,7 +160,7 @@ class Reconfiguration:
                 x0 + room <= pose.x <= x1 - room and y0 + room <= pose.y <= y1 - room
                 for pose in (X, self._lanes.end(X))
             )
-        return self._inside[place] and not any(self._blocks(place, p)[1] for p in others if p != place[:-1])
+        return self._inside[place]
 
     def _blocks(self, place: Ports, other: Ports) -> tuple[bool, bool]:
         """Return whether a unit in another place blocks the way out of a place, and the way in."""

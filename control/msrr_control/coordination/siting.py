@@ -73,7 +73,16 @@ class Siting:
         ]
         keep_out += [(o.X_WB.x, o.X_WB.y, o.radius) for o in obstacles]
         part = _part(shape, self._before, there, mission.named)
-        found = embedding(part, there, lanes, box, self._know.travel, named=mission.named, keep_out=keep_out)
+        found = embedding(
+            part,
+            there,
+            lanes,
+            box,
+            self._know.travel,
+            named=mission.named,
+            keep_out=keep_out,
+            later=mission.later_shapes,
+        )
         if found is None:
             raise SceneError("the shape and the lanes to it do not fit into the arena")
         return shape_tasks(shape, self._before, found.X_WR, mission.named), dict(found.units)

@@ -169,6 +169,30 @@ def test_shapes_are_built_one_after_the_other_from_what_the_units_report(
     assert len(status.done) == 4 + 2 * (len(set(shape_ports(tee).values()) - set(shape_ports(line).values())))
 
 
+def test_a_shape_is_built_where_there_is_room_for_those_after_it(rig: type[Rig]) -> None:
+    line, comb = build_pattern("line", 4), build_pattern("comb", 4)
+    starts = {
+        "u0": SE2(1.15, -0.07, -1.97),
+        "u1": SE2(-0.20, -1.0, 2.45),
+        "u2": SE2(0.51, 0.27, -0.29),
+        "u3": SE2(0.91, 0.42, 2.08),
+    }
+    run = rig(Mission(line, name="line", then=Mission(comb, name="comb")), starts)
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.is_built(comb)
+
+
+def test_an_assembly_without_room_for_the_shape_says_so(rig: type[Rig]) -> None:
+    body = rig(Mission(), {}).knowledge.lanes.body
+    X_WA = SE2(0.9, 0.9, 0.0)
+    starts = {"a": X_WA, "b": body.docked(X_WA, "rear")}
+    tree = Shape.from_tree({"a": "root", "b": "a.left"})
+    status = rig(Mission(shape=tree, holders={"b": "a.rear"}), starts).run()
+    assert status.state is MissionState.INCOMPLETE
+    assert "do not fit into the arena from where the root" in status.reason
+
+
 def test_a_shape_that_is_not_built_ends_the_mission(rig: type[Rig], starts: Starts) -> None:
     line = Mission(build_pattern("line", 4), name="line", then=Mission(build_pattern("tee", 4), name="tee"))
     run = rig(line, starts(1, 4), dies={"u3": (3.0, False)})

@@ -104,5 +104,5 @@ def test_what_cannot_be_is_refused(knowledge: Knowledge) -> None:
     with pytest.raises(SceneError, match="3 units, the shape 4"):
         reconfiguration_tasks(holders, build_pattern("line", 4), knowledge.lanes, SE2(), WIDE)
     narrow = (-2.0, 0.4, -0.4, 0.4)
-    with pytest.raises(SceneError, match="no order"):
+    with pytest.raises(SceneError, match="do not fit into the arena from where the root"):
         reconfiguration_tasks(holders, build_pattern("zigzag", 3), knowledge.lanes, SE2(), narrow)
