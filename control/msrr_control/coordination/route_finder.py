@@ -101,21 +101,27 @@ class RouteFinder:
             if X_WE is not None and not self._plan(builder, X_WE, request):
                 continue
             track = builder.track()
-            if self.contact(track, request.others) is None:
+            if self._contact(track, request) is None:
                 if leaves is not None or self._begins_freely(track, obstacles):
                     return track
                 tight = tight or track
         return tight
 
     def _straight_first(self, request: RouteRequest) -> list[float]:
-        """Return the straight ways that are tried before a route is planned: ahead > 0, back < 0 [m]."""
+        """Return the straight ways that are tried before a route is planned: ahead > 0, back < 0 [m].
+
+        The last ones lead to where there is room to turn, beside obstacles or, back, beside units.
+        """
         X_WU, obstacles = request.X_WU, request.obstacles
         ways = [0.0]
         if any(self._is_beside(X_WU, other) for other in request.others):
             may_drive = partial(self._planner.may_drive_ahead, X_WU, obstacles)
             ways += takewhile(may_drive, _AHEAD_M)
-        way = self._planner.way_to_turn(ArenaMap(X_WU, X_WU, (), obstacles), self.body.radius)
-        return ways if way is None or way in ways else [*ways, way]
+        for discs in ((), self._discs(request)):
+            way = self._planner.way_to_turn(ArenaMap(X_WU, X_WU, discs, obstacles), self.body.radius)
+            if way is not None and way not in ways and (way < 0.0 or not discs):
+                ways.append(way)
+        return ways
 
     def _begins_freely(self, track: Track, obstacles: tuple[ObstacleEstimate, ...]) -> bool:
         """Return whether no turn on the spot at the start brings the unit too near to an obstacle."""
@@ -163,7 +169,7 @@ class RouteFinder:
             end = "the place in front of the port" if request.dock else "the end of its way"
             arena = self._arena(builder, request.X_WE, request)
             return f"finds no route: {self._planner.obstruction(arena, end)}"
-        contact = self.contact(builder.track(), request.others)
+        contact = self._contact(builder.track(), request)
         return "finds no route" if contact is None else f"finds no route past {contact[1]}"
 
     def _closed_by(self, request: RouteRequest) -> str | None:
@@ -195,6 +201,19 @@ class RouteFinder:
         """Return whether a unit comes nearer to an obstacle than it is, and than it may."""
         gaps = self.body.gaps_to_disc(poses, obstacle.X_WB.x, obstacle.X_WB.y, obstacle.radius)
         return bool(gaps.min() < min(float(gaps[0]), _BESIDE_GAP_M) - _LOSS_M)
+
+    def _contact(self, track: Track, request: RouteRequest) -> tuple[float, str] | None:
+        """Return where a track comes too near to what stands there, as :meth:`contact` does.
+
+        The units of the ports that are left and entered count as well, but not in the legs out of and into
+        a port.
+        """
+        partners = [s for s in request.standing if s.name in (request.leaves, request.enters)]
+        between = ~track.at_port
+        open_part = Track(track.legs, track.s[between], track.poses[between], track.at_port[between])
+        return self.contact(track, request.others) or (
+            self.contact(open_part, partners) if between.any() else None
+        )
 
     def contact(self, track: Track, standing: Sequence[Standing]) -> tuple[float, str] | None:
         """Return where a track first comes too near to a standing body [m], and to which; None if never.
@@ -264,8 +283,11 @@ class RouteFinder:
     def _arena(self, builder: TrackBuilder, X_WE: SE2, request: RouteRequest) -> ArenaMap:
         """Return what the planner is told of a route from where the builder stands."""
         X_WD = X_WE @ SE2(self.body.offset + (0.0 if request.dock else self.spec.handover_m), 0.0, 0.0)
-        discs = tuple(Disc(s.name, s.X_WB.x, s.X_WB.y, self.body.radius) for s in request.standing)
-        return ArenaMap(builder.pose, X_WD, discs, request.obstacles)
+        return ArenaMap(builder.pose, X_WD, self._discs(request), request.obstacles)
+
+    def _discs(self, request: RouteRequest) -> tuple[Disc, ...]:
+        """Return the circles about the units that stand there."""
+        return tuple(Disc(s.name, s.X_WB.x, s.X_WB.y, self.body.radius) for s in request.standing)
 
 
 def _backwards(X_WU: SE2, distance: float) -> Array:

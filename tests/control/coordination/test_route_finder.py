@@ -150,6 +150,19 @@ def test_straight_ahead_is_tried_only_inside_the_box_and_clear_of_obstacles(know
             assert not obstacles or float(np.hypot(*(tips - [0.35, 0.0]).T).min()) > 0.18
 
 
+def test_a_unit_that_was_held_beside_its_target_drives_away_before_it_turns(knowledge: Knowledge) -> None:
+    """It stands 40 mm from a corner of the unit that it docks to; a turn on the spot brings it nearer."""
+    body, finder = knowledge.lanes.body, knowledge.finder
+    X_WT, X_WU = SE2(0.69, 0.175, 1.77), SE2(0.946, 0.24, -2.36)
+    standing = [Standing("target", X_WT, True)]
+    request = RouteRequest(X_WU, body.docked(X_WT, "left"), standing, dock=True, enters="target")
+    track = finder.find(request)
+    assert track is not None
+    gaps = body.gaps(track.poses[~track.at_port], X_WT.as_array())
+    assert gaps.min() > gaps[0] - 0.002
+    assert track.legs[0].kind is LegKind.REVERSE
+
+
 def test_what_leaves_no_route_is_told(knowledge: Knowledge) -> None:
     finder, body = knowledge.finder, knowledge.lanes.body
     hub = SE2(0.4, 0.0, 0.0)
