@@ -12,6 +12,7 @@ import atexit
 import os
 import shutil
 import tempfile
+import threading
 from functools import lru_cache
 from pathlib import Path
 
@@ -22,6 +23,8 @@ from msrr_bullet.tag_print import plate_texture
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.tag_families import TAG36H11, TagFamily
 
+_LOCK = threading.Lock()
+
 #: A square from -1 to 1.
 _SQUARE = (
     b"v -1 1 0\nv 1 1 0\nv 1 -1 0\nv -1 -1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 -1\n"
@@ -29,9 +32,14 @@ _SQUARE = (
 )
 
 
-@lru_cache(maxsize=1)
 def plate_folder() -> Path:
     """Return the folder for plates of this process, which is deleted when the process ends."""
+    with _LOCK:  # trials in threads that begin together need the same folder
+        return _plate_folder()
+
+
+@lru_cache(maxsize=1)
+def _plate_folder() -> Path:
     folder = tempfile.mkdtemp(prefix="msrr-plates-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder).resolve()

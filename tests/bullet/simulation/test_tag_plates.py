@@ -125,3 +125,16 @@ def test_a_free_plate_is_visible_from_the_front_only(client: int, tmp_path: Path
     np.testing.assert_allclose(tag.corners, expected, atol=0.3)
     behind = X_WT @ SE3.from_xyz_rpy([0.0, 0.0, 0.4], [0.0, np.pi, 0.0])
     assert PupilDetector().detect(renderer.render(CAMERA, behind, CAMERA.frame), CAMERA.frame) == ()
+
+
+def test_threads_that_begin_together_have_one_folder() -> None:
+    program = """
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+from msrr_bullet.simulation.tag_plates import plate_folder
+barrier = Barrier(8)
+with ThreadPoolExecutor(8) as threads:
+    print(len(set(threads.map(lambda _: barrier.wait() and None or plate_folder(), range(8)))))
+"""
+    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert said == "1\n"
