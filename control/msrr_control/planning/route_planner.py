@@ -107,9 +107,7 @@ class RoutePlanner:
         return None
 
     def obstruction(self, arena: ArenaMap, end: str = "the place in front of the port") -> str:
-        """Return what most probably leaves no route: the border of the arena, or a body before its end.
-
-        It is the border if there would be no route either if nothing but the target stood in the arena.
+        """Return what most probably leaves no route: the border, if it alone leaves none, or a body.
 
         Args:
             arena: What is known.
@@ -125,8 +123,7 @@ class RoutePlanner:
             (place[None], f"on {end}"),
             (np.linspace(arena.X_WU.translation, place, 40), f"on the line to {end}"),
         ):
-            disc = space.deepest_disc(points)
-            if disc is not None:
+            if (disc := space.deepest_disc(points)) is not None:
                 return f"{disc.name} stands {where}"
         return f"what stands in the arena leaves no room to turn before {end}"
 
